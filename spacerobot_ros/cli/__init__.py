@@ -1,0 +1,1 @@
+"""The spacerobot command line."""

@@ -1,0 +1,1 @@
+"""References and model-based control laws."""

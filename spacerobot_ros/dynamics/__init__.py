@@ -1,0 +1,1 @@
+"""Momentum, equations of motion, wheels and integration."""

@@ -1,0 +1,208 @@
+r"""Equations of motion of a tree of bodies with spinning wheels, on top of Pinocchio.
+
+A gyrostat on body b carries the relative momentum h_b, constant in the body's frame. It changes neither the mass
+matrix nor the kinetic energy of the locked system; it adds the angular momentum R_Wb h_b and the torque
+-omega_b x h_b on its body (docs/equations.md, section 2). That torque loads every joint between the body and the base:
+the term that the printed joint equations of the identification paper lack,
+
+    Dq^T w0' + Dqq q'' + c2 + F_b^T (w_b x R_0b h_b) = tau
+
+True rotors are joints of the tree like any other and need no such term.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from ..model.robot import Robot
+from ..types import Array, Matrix3, Vector3, Vector6
+from .rotation import cross, quaternion_rate, rotation_matrix
+from .state import State
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedEquation:
+    """Joint equation with the base eliminated: H(q) q'' + c = tau.
+
+    Args:
+        H: (n, n) reduced inertia [kg m^2].
+        c: (n,) velocity-dependent and gravity torques [N m].
+    """
+
+    H: Array
+    c: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InertiaBlocks:
+    """Angular momentum map of the free-floating system about its centre of mass, in base coordinates.
+
+        h = D omega_WB_B + Dq q'                      # eqs. (3), (19) of the identification paper
+        H = Dqq - Dq^T D^-1 Dq
+
+    Args:
+        D: (3, 3). Dq: (3, n). Dqq: (n, n), all [kg m^2].
+    """
+
+    D: Matrix3
+    Dq: Array
+    Dqq: Array
+
+
+class Dynamics:
+    """Forward and inverse dynamics, momentum and energy of one robot.
+
+    Joint vectors are in the order of `robot.joints`; the base force and torque act at the base origin in base
+    coordinates. Keeps scratch memory, so one object serves one thread.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self._model = robot.pin_model
+        self._data = self._model.createData()
+        self._n = robot.n_joints
+        self._base_dim = 6 if robot.is_free else 0
+        self._order = robot.velocity_indices
+        self._in_order = bool(np.array_equal(self._order, np.arange(self._n)))
+        self._external = pin.StdVec_Force([pin.Force.Zero() for _ in range(self._model.njoints)])
+        self._wheels = [
+            (robot.pin_joint_ids[g.body], g.body_momentum)
+            for g in robot.gyrostats
+            if g.momentum.any() and (robot.is_free or g.body > 0)
+        ]
+
+    def rate(self, x: Array, tau: Array, base_wrench: Vector6 | None = None) -> Array:
+        """Time derivative of the state vector.
+
+        Args:
+            x: (13 + 2 n,) state as `State.to_vector`; the quaternion is normalised before use.
+            tau: (n,) joint torques [N m].
+            base_wrench: (6,) [force; torque] on the base in base coordinates [N, N m]; ignored for a fixed base.
+
+        Returns:
+            (13 + 2 n,) rate; the quaternion is integrated by its own rate, which keeps momentum to the order of the
+            integrator.
+        """
+        n = self._n
+        q_pin, v_pin = self._to_pin(x)
+        tau_pin = np.zeros(self._base_dim + n)
+        tau_pin[self._base_dim + self._order] = tau
+        if base_wrench is not None and self._base_dim:
+            tau_pin[:6] = base_wrench
+        a = pin.aba(self._model, self._data, q_pin, v_pin, tau_pin, self._wheel_forces(q_pin, v_pin))
+        out = np.zeros_like(x)
+        if self._base_dim:
+            out[:3] = rotation_matrix(x[3:7]) @ x[7 + n : 10 + n]
+            out[3:7] = quaternion_rate(x[3:7], x[10 + n : 13 + n])
+            out[7 + n : 13 + n] = a[:6]
+        out[7 : 7 + n] = x[13 + n :]
+        out[13 + n :] = a[self._base_dim + self._order]
+        return out
+
+    def inverse(self, state: State, base_acceleration: Vector6, qdd: Array) -> tuple[Vector6, Array]:
+        """Base wrench and joint torques that produce an acceleration.
+
+        Args:
+            state: Configuration and velocity.
+            base_acceleration: (6,) time derivative of [v_WB_B; omega_WB_B]; ignored for a fixed base.
+            qdd: (n,) joint accelerations [rad/s^2].
+
+        Returns:
+            (6,) [force; torque] on the base in base coordinates (zero for a fixed base), and (n,) joint torques.
+        """
+        q_pin, v_pin = self._to_pin(state.to_vector())
+        a_pin = np.zeros(self._base_dim + self._n)
+        a_pin[: self._base_dim] = base_acceleration[: self._base_dim]
+        a_pin[self._base_dim + self._order] = qdd
+        force = pin.rnea(self._model, self._data, q_pin, v_pin, a_pin, self._wheel_forces(q_pin, v_pin))
+        base = force[:6].copy() if self._base_dim else np.zeros(6)
+        return base, force[self._base_dim + self._order]
+
+    def mass_matrix(self, q: Array) -> Array:
+        """(6 + n, 6 + n) joint-space inertia, base [linear; angular] first ((n, n) for a fixed base)."""
+        state = State(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), q, np.zeros(3), np.zeros(3), np.zeros(self._n))
+        q_pin, _ = self._to_pin(state.to_vector())
+        M = pin.crba(self._model, self._data, q_pin)
+        M = np.triu(M) + np.triu(M, 1).T
+        order = np.concatenate([np.arange(self._base_dim), self._base_dim + self._order])
+        return M[np.ix_(order, order)]
+
+    def reduced(self, state: State) -> ReducedEquation:
+        """Joint equation with the unactuated base eliminated, eqs. (18)-(20) of the identification paper, corrected."""
+        M = self.mass_matrix(state.q)
+        base_bias, joint_bias = self.inverse(state, np.zeros(6), np.zeros(self._n))
+        if not self._base_dim:
+            return ReducedEquation(M, joint_bias)
+        coupling = np.linalg.solve(M[:6, :6], np.column_stack([M[:6, 6:], base_bias]))
+        return ReducedEquation(
+            M[6:, 6:] - M[6:, :6] @ coupling[:, :-1], joint_bias - M[6:, :6] @ coupling[:, -1]
+        )
+
+    def inertia_blocks(self, q: Array) -> InertiaBlocks:
+        """D, Dq and Dqq at joint positions q; only for a free base."""
+        M = self.mass_matrix(q)
+        rest = M[3:, 3:] - M[3:, :3] @ np.linalg.solve(M[:3, :3], M[:3, 3:])
+        return InertiaBlocks(rest[:3, :3], rest[:3, 3:], rest[3:, 3:])
+
+    def momentum(self, state: State) -> Vector6:
+        """Total momentum, wheels included.
+
+        Returns:
+            (6,) [linear (N s); angular about the system's centre of mass (N m s)] in the inertial frame.
+        """
+        q_pin, v_pin = self._to_pin(state.to_vector())
+        total = np.array(pin.computeCentroidalMomentum(self._model, self._data, q_pin, v_pin).vector)
+        for joint, momentum in self._wheels:
+            total[3:] += self._data.oMi[joint].rotation @ momentum
+        return total
+
+    def energy(self, state: State) -> tuple[float, float]:
+        """Kinetic energy without the gyrostats' constant part, and potential energy [J]."""
+        q_pin, v_pin = self._to_pin(state.to_vector())
+        kinetic = pin.computeKineticEnergy(self._model, self._data, q_pin, v_pin)
+        return float(kinetic), float(pin.computePotentialEnergy(self._model, self._data))
+
+    def link_angular_velocity(self, state: State, body: int) -> Vector3:
+        """(3,) angular velocity of a body in its own frame [rad/s]."""
+        q_pin, v_pin = self._to_pin(state.to_vector())
+        pin.forwardKinematics(self._model, self._data, q_pin, v_pin)
+        return np.array(self._data.v[self.robot.pin_joint_ids[body]].angular)
+
+    def body_position(self, state: State, body: int, point: Vector3) -> Vector3:
+        """(3,) position in the base frame of a point given in a body's frame [m]."""
+        q_pin, _ = self._to_pin(state.to_vector())
+        pin.forwardKinematics(self._model, self._data, q_pin)
+        base, link = (self._data.oMi[self.robot.pin_joint_ids[b]] for b in (0, body))
+        return np.array(base.actInv(link).act(np.asarray(point, dtype=float)))
+
+    def at_rest_centre(self, state: State) -> State:
+        """The same state with the base velocity that keeps the system's centre of mass at rest."""
+        if not self._base_dim:
+            return state
+        M = self.mass_matrix(state.q)
+        v = -np.linalg.solve(M[:3, :3], M[:3, 3:] @ np.concatenate([state.omega_WB_B, state.qd]))
+        return State(state.p_WB, state.q_WB_xyzw, state.q, v, state.omega_WB_B, state.qd)
+
+    def _to_pin(self, x: Array) -> tuple[Array, Array]:
+        n = self._n
+        q, qd = x[7 : 7 + n], x[13 + n :]
+        if not self._in_order:
+            q_sorted, qd_sorted = np.empty(n), np.empty(n)
+            q_sorted[self._order], qd_sorted[self._order] = q, qd
+            q, qd = q_sorted, qd_sorted
+        if not self._base_dim:
+            return q, qd
+        attitude = x[3:7] / np.sqrt(x[3:7] @ x[3:7])
+        return np.concatenate([x[:3], attitude, q]), np.concatenate([x[7 + n : 13 + n], qd])
+
+    def _wheel_forces(self, q_pin: Array, v_pin: Array) -> pin.StdVec_Force:
+        if self._wheels:
+            pin.forwardKinematics(self._model, self._data, q_pin, v_pin)
+        for joint, momentum in self._wheels:
+            self._external[joint].angular = np.zeros(3)
+        for joint, momentum in self._wheels:
+            self._external[joint].angular -= cross(self._data.v[joint].angular, momentum)
+        return self._external

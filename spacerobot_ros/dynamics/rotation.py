@@ -1,0 +1,74 @@
+"""Rotations: quaternions are Hamilton, xyzw, and take base coordinates to inertial ones (`q_WB_xyzw`).
+
+Single rotations in a tight loop use these few lines; stacks of rotations use `scipy.spatial.transform.Rotation`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from ..types import Array, Matrix3, Quaternion, Vector3
+
+
+def skew(v: Vector3) -> Matrix3:
+    """Cross-product matrix: `skew(v) @ u == cross(v, u)`."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def cross(a: Vector3, b: Vector3) -> Vector3:
+    """Cross product of two (3,) vectors; ten times faster than `np.cross` on single vectors."""
+    a0, a1, a2 = a
+    b0, b1, b2 = b
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
+def rotation_matrix(q_xyzw: Quaternion) -> Matrix3:
+    """Rotation matrix of a quaternion, which is normalised first.
+
+    Args:
+        q_xyzw: (4,) quaternion, not zero.
+
+    Returns:
+        (3, 3) `R_WB` with `v_W = R_WB @ v_B`.
+    """
+    x, y, z, w = q_xyzw
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    return np.array(
+        [
+            [1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+            [s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)],
+            [s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_rate(q_xyzw: Quaternion, omega_B: Vector3) -> Quaternion:
+    """Time derivative of the attitude quaternion, 1/2 q * [omega_B, 0].
+
+    Args:
+        q_xyzw: (4,) attitude.
+        omega_B: (3,) angular velocity of the base in base coordinates [rad/s].
+    """
+    x, y, z, w = q_xyzw
+    a, b, c = omega_B
+    return 0.5 * np.array(
+        [w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a, -x * a - y * b - z * c]
+    )
+
+
+def quaternion_of(rotation: Matrix3) -> Quaternion:
+    """Quaternion xyzw of a rotation matrix."""
+    return np.asarray(pin.Quaternion(rotation).coeffs())
+
+
+def rotation_error(q_a_xyzw: Array, q_b_xyzw: Array) -> float:
+    """Angle between two attitudes [rad], whatever the quaternions' signs.
+
+    Uses the vector part of the relative quaternion, which keeps full precision for small angles.
+    """
+    a = q_a_xyzw / np.linalg.norm(q_a_xyzw)
+    b = q_b_xyzw / np.linalg.norm(q_b_xyzw)
+    vector = a[3] * b[:3] - b[3] * a[:3] - cross(a[:3], b[:3])
+    return float(2.0 * np.arctan2(np.linalg.norm(vector), abs(a @ b)))

@@ -1,0 +1,77 @@
+"""The state of a simulated robot, as a named object and as the flat vector that integrators advance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ConfigurationError
+from ..model.robot import Robot
+from ..model.settings import InitialSettings
+from ..types import Array, Quaternion, Vector3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Configuration and velocity of the robot.
+
+    Args:
+        p_WB: (3,) base origin in the inertial frame [m].
+        q_WB_xyzw: (4,) attitude, Hamilton, takes base to inertial coordinates.
+        q: (n,) joint positions [rad].
+        v_WB_B: (3,) velocity of the base origin, in base coordinates [m/s].
+        omega_WB_B: (3,) angular velocity of the base, in base coordinates [rad/s].
+        qd: (n,) joint rates [rad/s].
+    """
+
+    p_WB: Vector3
+    q_WB_xyzw: Quaternion
+    q: Array
+    v_WB_B: Vector3
+    omega_WB_B: Vector3
+    qd: Array
+
+    def to_vector(self) -> Array:
+        """(13 + 2 n,) in the order of the fields."""
+        return np.concatenate([self.p_WB, self.q_WB_xyzw, self.q, self.v_WB_B, self.omega_WB_B, self.qd])
+
+    @classmethod
+    def from_vector(cls, x: Array) -> State:
+        """Inverse of `to_vector`."""
+        n = (len(x) - 13) // 2
+        return cls(x[:3], x[3:7], x[7 : 7 + n], x[7 + n : 10 + n], x[10 + n : 13 + n], x[13 + n :])
+
+
+def initial_state(robot: Robot, initial: InitialSettings) -> State:
+    """State at the start of a run; the system's centre of mass is at rest where the base is free.
+
+    Rotors start at their own rates, the manipulator joints at `initial`.
+
+    Raises:
+        ConfigurationError: wrong lengths, or a quaternion that is not normalised within 1e-3.
+    """
+    n_arm = robot.n_joints - robot.rotor_count
+    q = _joint_values(initial.joint_position, n_arm, 'initial.joint_position')
+    qd = _joint_values(initial.joint_velocity, n_arm, 'initial.joint_velocity')
+    attitude = np.array(initial.attitude_xyzw)
+    norm = float(np.linalg.norm(attitude))
+    if abs(norm - 1.0) > 1e-3:
+        raise ConfigurationError('initial.attitude_xyzw', f'must be a unit quaternion, its norm is {norm:g}')
+    if not robot.is_free and any(initial.angular_velocity):
+        raise ConfigurationError('initial.angular_velocity', 'must be zero for a fixed base')
+    zeros = np.zeros(3)
+    return State(
+        zeros,
+        attitude / norm,
+        np.concatenate([q, np.zeros(robot.rotor_count)]),
+        zeros,
+        np.array(initial.angular_velocity),
+        np.concatenate([qd, robot.rotor_rates]),
+    )
+
+
+def _joint_values(values: tuple[float, ...], n: int, place: str) -> Array:
+    if values and len(values) != n:
+        raise ConfigurationError(place, f'expected {n} numbers (one a joint), got {len(values)}')
+    return np.array(values) if values else np.zeros(n)

@@ -1,0 +1,60 @@
+"""The family of errors that the project raises on purpose.
+
+Each carries what a user needs to mend the input: the place, the reason and, where it helps, what to do. Command line
+and nodes print `str(error)` as one line and exit with status 2.
+"""
+
+from __future__ import annotations
+
+
+class SpaceRobotError(Exception):
+    """Base of every error raised on purpose by this project."""
+
+
+class ConfigurationError(SpaceRobotError, ValueError):
+    """A robot file, parameter or option that can't be used.
+
+    Args:
+        place: Where: file, parameter name, link or joint, such as `robot.joints[1]`.
+        reason: What is wrong there and what would be right.
+    """
+
+    def __init__(self, place: str, reason: str) -> None:
+        super().__init__(f'{place}: {reason}')
+        self.place = place
+        self.reason = reason
+
+
+class ModelError(ConfigurationError):
+    """A URDF that doesn't describe a physical robot that this project can handle."""
+
+
+class RecordingError(SpaceRobotError, ValueError):
+    """A recording that can't be read, or that lacks what the task needs."""
+
+    def __init__(self, place: str, reason: str) -> None:
+        super().__init__(f'{place}: {reason}')
+        self.place = place
+        self.reason = reason
+
+
+class MessageRejectedError(SpaceRobotError, ValueError):
+    """One message or sample that must not be used; the loop goes on without it."""
+
+
+class IdentificationError(SpaceRobotError, ValueError):
+    """Data and model from which nothing can be identified, with the reason."""
+
+
+class SimulationDivergedError(SpaceRobotError, ArithmeticError):
+    """The integration produced a non-finite state.
+
+    Args:
+        time: Simulated time of the failing step [s].
+        reason: What became non-finite and the last finite magnitude.
+    """
+
+    def __init__(self, time: float, reason: str) -> None:
+        super().__init__(f'the simulation diverged at t = {time:.6g} s: {reason}')
+        self.time = time
+        self.reason = reason

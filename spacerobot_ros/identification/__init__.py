@@ -1,0 +1,1 @@
+"""Momentum-based estimation of wheel momentum and inertial parameters."""

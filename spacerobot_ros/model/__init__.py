@@ -1,0 +1,1 @@
+"""URDF and YAML to an immutable, validated robot; no ROS, no plotting."""

@@ -1,0 +1,301 @@
+"""Every parameter of a robot file, once: type, unit, bounds and meaning.
+
+A robot file is a ROS 2 parameter file (`/**: ros__parameters:`) shared by all nodes and by the command line, so one
+schema serves all of them: each section below is a frozen dataclass whose fields carry their unit, bounds and
+documentation as metadata. `parse_settings` turns a nested mapping into a `Settings`, refusing unknown keys, wrong
+types, wrong lengths and non-finite or out-of-bound numbers with the parameter named.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any
+
+from ..errors import ConfigurationError
+
+FloatList = tuple[float, ...]
+TextList = tuple[str, ...]
+
+
+def param(
+    default: Any = MISSING,
+    *,
+    doc: str,
+    unit: str = '',
+    minimum: float | None = None,
+    above: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+    length: int | None = None,
+) -> Any:
+    """A dataclass field with what a user must know of the parameter.
+
+    Args:
+        default: Value where the file is silent; without one the parameter is required.
+        doc: One sentence.
+        unit: SI unit; empty for a pure number or text.
+        minimum: Smallest allowed value (inclusive), also of each entry of a list.
+        above: Exclusive lower bound, also of each entry of a list.
+        maximum: Largest allowed value (inclusive), also of each entry of a list.
+        choices: Allowed texts.
+        length: Required number of entries of a list.
+    """
+    metadata = {
+        'doc': doc,
+        'unit': unit,
+        'minimum': minimum,
+        'above': above,
+        'maximum': maximum,
+        'choices': choices,
+        'length': length,
+    }
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WheelSettings:
+    """Wheels of the servicer or of the captured body, as gyrostats or as true rotors.
+
+    Gyrostat: `momentum` relative to the host link, three numbers a link in that link's frame. True rotors: `joints`
+    names continuous joints of the URDF and `rates` their initial relative rates; the rotors are then bodies of their
+    own, taken out of the host's inertia by whoever wrote the URDF.
+    """
+
+    links: TextList = param((), doc='Links that carry gyrostat wheels.')
+    momentum: FloatList = param((), unit='N m s', doc='Relative wheel momentum, three a link, in the link frame.')
+    joints: TextList = param((), doc='URDF joints that are true wheel rotors.')
+    rates: FloatList = param((), unit='rad/s', doc='Initial relative rate of each rotor in `joints`.')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotSettings:
+    """The robot: its URDF and what a URDF can't say."""
+
+    urdf: str = param('', doc='package:// URL, absolute path, or path beside the robot file.')
+    base: str = param('free', choices=('free', 'fixed'), doc='Free-floating base, or fixed for a ground test.')
+    base_link: str = param('base_link', doc='Root link of the URDF.')
+    gravity: FloatList = param((0.0, 0.0, 0.0), unit='m/s^2', length=3, doc='Gravity in the inertial frame.')
+    joints: TextList = param(doc='Manipulator joints in the order of every vector and message.')
+    servicer_wheels: WheelSettings = field(default_factory=WheelSettings)
+    target_wheels: WheelSettings = field(default_factory=WheelSettings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSettings:
+    """Standard deviation of one sample of each sensor; where missing it is estimated from the data."""
+
+    joint_position_std: float | None = param(None, unit='rad', above=0.0, doc='Encoder noise.')
+    joint_velocity_std: float | None = param(None, unit='rad/s', above=0.0, doc='Joint rate noise.')
+    joint_effort_std: float | None = param(None, unit='N m', above=0.0, doc='Torque sensor noise.')
+    gyro_std: float | None = param(None, unit='rad/s', above=0.0, doc='Gyro noise a sample and axis.')
+    attitude_std: float | None = param(None, unit='rad', above=0.0, doc='Star tracker noise an axis.')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceSettings:
+    """The motion that the controller follows."""
+
+    kind: str = param('hold', choices=('hold', 'fourier', 'set_point', 'topic'), doc='Where the reference comes from.')
+    duration: float = param(20.0, unit='s', above=0.0, doc='Duration of one pass of the Fourier motion or of the move.')
+    harmonics: int = param(3, minimum=1, maximum=20, doc='Number of Fourier harmonics.')
+    sine: FloatList = param((), unit='rad/s', doc='Coefficients a of sin/(w l), joint by joint, harmonics inside.')
+    cosine: FloatList = param((), unit='rad/s', doc='Coefficients b of -cos/(w l), joint by joint, harmonics inside.')
+    set_point: FloatList = param((), unit='rad', doc='Goal of `set_point`, one a joint.')
+    repeat: bool = param(False, doc='Start the Fourier motion again when it ends, instead of holding.')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InitialSettings:
+    """State at the start of a simulation."""
+
+    attitude_xyzw: FloatList = param((0.0, 0.0, 0.0, 1.0), length=4, doc='q_WB, normalised within 1e-3.')
+    angular_velocity: FloatList = param((0.0, 0.0, 0.0), unit='rad/s', length=3, doc='omega_WB_B.')
+    joint_position: FloatList = param((), unit='rad', doc='Joint positions; zero where empty.')
+    joint_velocity: FloatList = param((), unit='rad/s', doc='Joint rates; zero where empty.')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruthSettings:
+    """What the simulated plant really is, where it differs from the model in `robot`."""
+
+    target_momentum: FloatList = param((), unit='N m s', doc='True wheel momentum of the captured body, as in robot.')
+    servicer_momentum: FloatList = param((), unit='N m s', doc="True momentum of the servicer's wheels.")
+    links: TextList = param((), doc='Links whose inertial parameters differ from the URDF.')
+    inertial_parameters: FloatList = param(
+        (), doc='Ten a link: m, m c (3), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link origin (kg, kg m, kg m^2).'
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatorSettings:
+    """The simulator: steps, sensors' rates, pacing."""
+
+    period: float = param(0.01, unit='s', above=0.0, maximum=1.0, doc='Control period; torques are held over it.')
+    substeps: int = param(2, minimum=1, maximum=1000, doc='RK4 steps in one control period.')
+    joint_rate: float = param(100.0, unit='Hz', above=0.0, doc='Rate of /joint_states; divides 1/period.')
+    imu_rate: float = param(100.0, unit='Hz', above=0.0, doc='Rate of /imu/data; divides 1/period.')
+    attitude_rate: float = param(10.0, unit='Hz', above=0.0, doc='Rate of /attitude; divides 1/period.')
+    noise: bool = param(True, doc='Add the noise of `sensors`.')
+    seed: int = param(1, minimum=0, doc='Seed of every random stream.')
+    lockstep: bool = param(False, doc='Wait for the command of step k before step k+1 (deterministic).')
+    lockstep_timeout: float = param(5.0, unit='s', above=0.0, doc='Wall time after which a missing command is reported.')
+    real_time_factor: float = param(1.0, above=0.0, doc='Pace outside lockstep.')
+    command_timeout: float = param(0.5, unit='s', above=0.0, doc='Age after which a held torque falls to zero.')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifierSettings:
+    """The identifier: what is estimated, and when it counts as known."""
+
+    structure: str = param(
+        'symmetric',
+        choices=('symmetric', 'generic'),
+        doc='symmetric: zeros of the URDF in link centres of mass and products of inertia are taken as known.',
+    )
+    solve_period: float = param(1.0, unit='s', above=0.0, doc='Period of /estimate.')
+    prior_std: float = param(1.0, above=0.0, doc='Relative standard deviation of the prior on inertial parameters.')
+    momentum_prior_std: float = param(1000.0, unit='N m s', above=0.0, doc='Prior on the wheel momentum, each axis.')
+    valid_std: float = param(0.05, above=0.0, doc='Valid once the std of the AAM is below this fraction of its scale.')
+    buffer: float = param(120.0, unit='s', above=0.0, doc='Length of the raw-sample buffer used to re-linearise.')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerSettings:
+    """The controller: law, gains, limits and time-outs."""
+
+    law: str = param(
+        'computed_torque',
+        choices=('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper', 'computed_torque_paper_no_aam'),
+        doc='Control law.',
+    )
+    bandwidth: float = param(1.0, unit='rad/s', above=0.0, maximum=100.0, doc='Double pole of the error dynamics.')
+    use_estimate: bool = param(True, doc='Use the latest valid /estimate; otherwise the model of the robot file.')
+    torque_limit: FloatList = param((), unit='N m', above=0.0, doc="One a joint; empty: the URDF's effort limits.")
+    damping: float = param(1.0, unit='1/s', above=0.0, doc='Decay of the joint rates while damping to zero.')
+    state_timeout: float = param(0.1, unit='s', above=0.0, doc='Age of the joint states or gyro that ends tracking.')
+    hold_compensation: bool = param(True, doc='Evaluate the law at the middle of the interval that holds its torque.')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """All sections of a robot file."""
+
+    robot: RobotSettings
+    sensors: SensorSettings = field(default_factory=SensorSettings)
+    reference: ReferenceSettings = field(default_factory=ReferenceSettings)
+    initial: InitialSettings = field(default_factory=InitialSettings)
+    truth: TruthSettings = field(default_factory=TruthSettings)
+    simulator: SimulatorSettings = field(default_factory=SimulatorSettings)
+    identifier: IdentifierSettings = field(default_factory=IdentifierSettings)
+    controller: ControllerSettings = field(default_factory=ControllerSettings)
+
+
+def parse_settings(values: Mapping[str, Any], place: str = '') -> Settings:
+    """Validate a nested mapping (the content of `ros__parameters`) against the schema.
+
+    Args:
+        values: Nested mapping of sections.
+        place: Prefix for error messages, such as the file's name.
+
+    Returns:
+        The typed, validated settings.
+
+    Raises:
+        ConfigurationError: on an unknown key, wrong type, wrong length, or non-finite or out-of-bound number.
+    """
+    return typing.cast(Settings, _parse_section(Settings, values, place))
+
+
+def _parse_section(cls: type, values: Any, place: str) -> Any:
+    if not isinstance(values, Mapping):
+        raise ConfigurationError(place or 'parameters', f'expected a map of parameters, got {values!r}')
+    known = {f.name: f for f in fields(cls)}
+    for key in values:
+        if key not in known:
+            raise ConfigurationError(_join(place, str(key)), f'unknown parameter{_suggest(str(key), list(known))}')
+    hints = typing.get_type_hints(cls)
+    parsed = {}
+    for name, f in known.items():
+        where = _join(place, name)
+        if name in values:
+            parsed[name] = _parse_value(f, hints[name], values[name], where)
+        elif f.default is MISSING and f.default_factory is MISSING:
+            raise ConfigurationError(where, f'required parameter is missing ({f.metadata.get("doc", f.type)})')
+    return cls(**parsed)
+
+
+def _parse_value(f: Field[Any], hint: Any, value: Any, place: str) -> Any:
+    if hasattr(hint, '__dataclass_fields__'):
+        return _parse_section(hint, value, place)
+    if isinstance(hint, types.UnionType):
+        hint = next(a for a in typing.get_args(hint) if a is not type(None))
+    if hint == FloatList:
+        parsed = tuple(_number(v, f'{place}[{i}]', float) for i, v in enumerate(_list(value, place)))
+    elif hint == TextList:
+        parsed = tuple(_text(v, f'{place}[{i}]') for i, v in enumerate(_list(value, place)))
+    elif hint is bool:
+        if not isinstance(value, bool):
+            raise ConfigurationError(place, f'expected true or false, got {value!r}')
+        parsed = value
+    elif hint is str:
+        parsed = _text(value, place)
+    else:
+        parsed = _number(value, place, hint)
+    _check_bounds(f, parsed, place)
+    return parsed
+
+
+def _list(value: Any, place: str) -> list[Any]:
+    if isinstance(value, str) or not hasattr(value, '__iter__'):
+        raise ConfigurationError(place, f'expected a list, got {value!r}')
+    return list(value)
+
+
+def _text(value: Any, place: str) -> str:
+    if not isinstance(value, str):
+        raise ConfigurationError(place, f'expected text, got {value!r}')
+    return value
+
+
+def _number(value: Any, place: str, kind: type) -> Any:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ConfigurationError(place, f'expected a number, got {value!r}')
+    if not math.isfinite(value):
+        raise ConfigurationError(place, f'{value} is not finite')
+    if kind is int and value != int(value):
+        raise ConfigurationError(place, f'expected a whole number, got {value}')
+    return kind(value)
+
+
+def _check_bounds(f: Field[Any], value: Any, place: str) -> None:
+    meta = f.metadata
+    if meta.get('choices') and value not in meta['choices']:
+        raise ConfigurationError(place, f'{value!r} is not one of {", ".join(meta["choices"])}')
+    if meta.get('length') is not None and len(value) != meta['length']:
+        raise ConfigurationError(place, f'expected {meta["length"]} numbers, got {len(value)}')
+    entries = list(enumerate(value)) if isinstance(value, tuple) else [(None, value)]
+    for index, entry in entries:
+        if isinstance(entry, (str, bool)):
+            continue
+        where = place if index is None else f'{place}[{index}]'
+        unit = f' {meta["unit"]}' if meta.get('unit') else ''
+        if meta.get('minimum') is not None and entry < meta['minimum']:
+            raise ConfigurationError(where, f'{entry}{unit} is below the smallest allowed value {meta["minimum"]}')
+        if meta.get('above') is not None and entry <= meta['above']:
+            raise ConfigurationError(where, f'{entry}{unit} must be above {meta["above"]}')
+        if meta.get('maximum') is not None and entry > meta['maximum']:
+            raise ConfigurationError(where, f'{entry}{unit} is above the largest allowed value {meta["maximum"]}')
+
+
+def _join(place: str, key: str) -> str:
+    return f'{place}.{key}' if place and not place.endswith(': ') else f'{place}{key}'
+
+
+def _suggest(key: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(key, known, n=1)
+    return f' (did you mean {close[0]!r}?)' if close else f' (known: {", ".join(sorted(known))})'

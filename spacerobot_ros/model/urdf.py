@@ -1,0 +1,243 @@
+"""URDF text to checked links and joints, before any dynamics library sees them.
+
+Only what a rigid tree needs is read: links with inertials, joints with origin, axis and limits. Everything unphysical
+or unsupported is refused here with the link or joint named, because dynamics libraries accept most of it in silence.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..errors import ModelError
+from ..types import Matrix3, Vector3
+
+MOVING = ('revolute', 'continuous', 'prismatic')
+_INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+# Relative slack of the triangle inequality: URDFs print inertias with about six digits, and a flat plate sits on the bound.
+_TRIANGLE_SLACK = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """One link with its inertia about its own centre of mass, in the link frame.
+
+    Args:
+        name: Link name.
+        mass: Mass [kg]; zero for a massless frame.
+        com: (3,) centre of mass in the link frame [m].
+        inertia: (3, 3) about the centre of mass, axes of the link frame [kg m^2].
+    """
+
+    name: str
+    mass: float
+    com: Vector3
+    inertia: Matrix3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """One joint: child frame in parent frame at zero, unit axis in the child frame, limits (infinite where absent)."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    rotation: Matrix3
+    translation: Vector3
+    axis: Vector3
+    effort_limit: float
+    position_limit: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tree:
+    """A checked tree of links; `joints` in URDF order, `root` the only link without a parent."""
+
+    name: str
+    root: str
+    links: dict[str, Link]
+    joints: dict[str, Joint]
+
+
+def parse_urdf(text: str, place: str = 'URDF') -> Tree:
+    """Parse and check a URDF.
+
+    Args:
+        text: The XML.
+        place: What to call it in error messages.
+
+    Returns:
+        The checked tree.
+
+    Raises:
+        ModelError: malformed XML or numbers, unphysical inertia, unsupported joint, or not one tree.
+    """
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ModelError(place, f'not well-formed XML: {error}') from error
+    if root.tag != 'robot':
+        raise ModelError(place, f'the root element is <{root.tag}>, expected <robot>')
+    links = _unique([_parse_link(e, place) for e in root.findall('link')], 'link', place)
+    joints = _unique([_parse_joint(e, place) for e in root.findall('joint')], 'joint', place)
+    return Tree(root.get('name', 'robot'), _check_tree(links, joints, place), links, joints)
+
+
+def _unique(items: list, kind: str, place: str) -> dict:  # type: ignore[type-arg]
+    named: dict = {}  # type: ignore[type-arg]
+    for item in items:
+        if item.name in named:
+            raise ModelError(f'{place}: {kind} {item.name!r}', 'this name is used twice')
+        named[item.name] = item
+    return named
+
+
+def _parse_link(element: ElementTree.Element, place: str) -> Link:
+    name = element.get('name', '')
+    where = f'{place}: link {name!r}'
+    if not name:
+        raise ModelError(f'{place}: <link>', 'has no name')
+    inertial = element.find('inertial')
+    if inertial is None:
+        return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)))
+    com, rotation = _parse_origin(inertial.find('origin'), where)
+    mass_element, inertia_element = inertial.find('mass'), inertial.find('inertia')
+    if mass_element is None or inertia_element is None:
+        raise ModelError(where, '<inertial> needs both <mass> and <inertia>')
+    mass = _parse_numbers(mass_element.get('value', ''), 1, f'{where} mass')[0]
+    inertia = rotation @ _parse_inertia(inertia_element, where) @ rotation.T
+    check_inertia(mass, inertia, where)
+    return Link(name, mass, com, inertia)
+
+
+def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:
+    extra = set(element.keys()) - set(_INERTIA)
+    values = {k: _parse_numbers(v, 1, f'{where} inertia {k}')[0] for k, v in element.items()}
+    for key in extra:
+        mirrored = f'i{key[2:]}{key[1:2]}'
+        if mirrored not in values:
+            raise ModelError(f'{where} inertia', f'unknown attribute {key!r}')
+        if values[key] != values[mirrored]:
+            raise ModelError(f'{where} inertia', f'asymmetric: {key} = {values[key]} but {mirrored} = {values[mirrored]}')
+    missing = [k for k in _INERTIA if k not in values]
+    if missing:
+        raise ModelError(f'{where} inertia', f'missing {", ".join(missing)}')
+    xx, xy, xz, yy, yz, zz = (values[k] for k in _INERTIA)
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
+    """Refuse a mass and an inertia about the centre of mass that no rigid body has.
+
+    Args:
+        mass: Mass [kg].
+        inertia: (3, 3) about the centre of mass [kg m^2].
+        where: Place for the error message.
+
+    Raises:
+        ModelError: negative mass, inertia without mass, asymmetric or indefinite tensor, triangle inequality violated.
+    """
+    if not np.all(np.isfinite(inertia)) or not math.isfinite(mass):
+        raise ModelError(where, 'mass or inertia is not finite')
+    if mass < 0.0:
+        raise ModelError(where, f'negative mass {mass:g} kg')
+    scale = float(np.max(np.abs(inertia)))
+    if np.max(np.abs(inertia - inertia.T)) > 1e-9 * scale:
+        raise ModelError(where, 'inertia tensor is not symmetric')
+    if mass == 0.0 and scale > 0.0:
+        raise ModelError(where, 'has inertia but no mass')
+    a, b, c = np.linalg.eigvalsh(inertia)
+    if a < -_TRIANGLE_SLACK * scale:
+        raise ModelError(where, f'inertia is not positive: principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2')
+    if c > (a + b) * (1.0 + _TRIANGLE_SLACK):
+        raise ModelError(
+            where,
+            f'no rigid body has these principal moments: {c:.6g} > {a:.6g} + {b:.6g} kg m^2 (triangle inequality)',
+        )
+
+
+def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
+    name, kind = element.get('name', ''), element.get('type', '')
+    where = f'{place}: joint {name!r}'
+    if not name:
+        raise ModelError(f'{place}: <joint>', 'has no name')
+    if kind not in (*MOVING, 'fixed'):
+        raise ModelError(where, f'joint type {kind!r} is not supported (use {", ".join(MOVING)} or fixed)')
+    if element.find('mimic') is not None:
+        raise ModelError(where, 'mimic joints are not supported: list the joint or make it fixed')
+    parent, child = element.find('parent'), element.find('child')
+    if parent is None or child is None:
+        raise ModelError(where, 'needs <parent> and <child>')
+    translation, rotation = _parse_origin(element.find('origin'), where)
+    limit = element.find('limit')
+    effort, low, high = math.inf, -math.inf, math.inf
+    if limit is not None:
+        effort = _parse_numbers(limit.get('effort', '0'), 1, f'{where} effort limit')[0] or math.inf
+        if kind != 'continuous' and limit.get('upper') is not None:
+            low = _parse_numbers(limit.get('lower', '0'), 1, f'{where} lower limit')[0]
+            high = _parse_numbers(limit.get('upper', '0'), 1, f'{where} upper limit')[0]
+    if effort < 0.0 or low > high:
+        raise ModelError(where, f'limits make no sense: effort {effort:g}, range [{low:g}, {high:g}]')
+    axis = _parse_axis(element.find('axis'), where) if kind != 'fixed' else np.array([1.0, 0.0, 0.0])
+    return Joint(
+        name, kind, parent.get('link', ''), child.get('link', ''), rotation, translation, axis, effort, (low, high)
+    )
+
+
+def _parse_axis(element: ElementTree.Element | None, where: str) -> Vector3:
+    axis = np.array([1.0, 0.0, 0.0] if element is None else _parse_numbers(element.get('xyz', ''), 3, f'{where} axis'))
+    norm = float(np.linalg.norm(axis))
+    if abs(norm - 1.0) > 1e-3:
+        raise ModelError(f'{where} axis', f'must be a unit vector, its length is {norm:g}')
+    return axis / norm
+
+
+def _parse_origin(element: ElementTree.Element | None, where: str) -> tuple[Vector3, Matrix3]:
+    if element is None:
+        return np.zeros(3), np.eye(3)
+    translation = np.array(_parse_numbers(element.get('xyz', '0 0 0'), 3, f'{where} origin xyz'))
+    rpy = _parse_numbers(element.get('rpy', '0 0 0'), 3, f'{where} origin rpy')
+    # URDF: fixed-axis roll, pitch, yaw.
+    return translation, Rotation.from_euler('xyz', rpy).as_matrix() if any(rpy) else np.eye(3)
+
+
+def _parse_numbers(text: str, count: int, where: str) -> list[float]:
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError as error:
+        raise ModelError(where, f'expected {count} number(s), got {text!r}') from error
+    if len(numbers) != count or not all(math.isfinite(n) for n in numbers):
+        raise ModelError(where, f'expected {count} finite number(s), got {text!r}')
+    return numbers
+
+
+def _check_tree(links: dict[str, Link], joints: dict[str, Joint], place: str) -> str:
+    parents: dict[str, Joint] = {}
+    for joint in joints.values():
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise ModelError(f'{place}: joint {joint.name!r}', f'names the link {end!r}, which does not exist')
+        if joint.child in parents:
+            raise ModelError(
+                f'{place}: link {joint.child!r}',
+                f'has two parents (joints {parents[joint.child].name!r} and {joint.name!r}): closed loops '
+                'are not supported',
+            )
+        parents[joint.child] = joint
+    roots = [name for name in links if name not in parents]
+    if len(roots) != 1:
+        raise ModelError(place, f'must be one tree, but its links without a parent are: {", ".join(roots) or "none"}')
+    reached, frontier = {roots[0]}, [roots[0]]
+    while frontier:
+        link = frontier.pop()
+        children = [j.child for j in joints.values() if j.parent == link]
+        reached.update(children)
+        frontier.extend(children)
+    if len(reached) != len(links):
+        raise ModelError(place, f'links form a loop: {", ".join(sorted(set(links) - reached))}')
+    return roots[0]

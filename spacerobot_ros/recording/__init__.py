@@ -1,0 +1,1 @@
+"""Immutable records of measured or simulated runs, in and out of bags."""

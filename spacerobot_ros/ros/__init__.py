@@ -1,0 +1,1 @@
+"""Conversions, parameters and quality of service shared by the nodes."""

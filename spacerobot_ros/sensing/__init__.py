@@ -1,0 +1,1 @@
+"""Simulated sensors: noise, rates and stamps."""
