@@ -57,10 +57,16 @@ class Dynamics:
 
     Joint vectors are in the order of `robot.joints`; the base force and torque act at the base origin in base
     coordinates. Keeps scratch memory, so one object serves one thread.
+
+    Args:
+        robot: The robot.
+        joint_reaction: False drops the wheels' torque from the joint equations and keeps it in the base's: eqs. (16)
+            to (20) as the identification paper prints them. For comparison only; no such machine exists.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, *, joint_reaction: bool = True) -> None:
         self.robot = robot
+        self._joint_reaction = joint_reaction
         self._model = robot.pin_model
         self._data = self._model.createData()
         self._n = robot.n_joints
@@ -201,8 +207,14 @@ class Dynamics:
     def _wheel_forces(self, q_pin: Array, v_pin: Array) -> pin.StdVec_Force:
         if self._wheels:
             pin.forwardKinematics(self._model, self._data, q_pin, v_pin)
-        for joint, momentum in self._wheels:
+            self._external[self.robot.pin_joint_ids[0]].angular = np.zeros(3)
+        for joint, _ in self._wheels:
             self._external[joint].angular = np.zeros(3)
         for joint, momentum in self._wheels:
-            self._external[joint].angular -= cross(self._data.v[joint].angular, momentum)
+            torque = -cross(self._data.v[joint].angular, momentum)
+            if not self._joint_reaction:
+                base = self.robot.pin_joint_ids[0]
+                torque = self._data.oMi[base].rotation.T @ (self._data.oMi[joint].rotation @ torque)
+                joint = base
+            self._external[joint].angular += torque
         return self._external

@@ -170,7 +170,7 @@ class ControllerSettings:
 
     law: str = param(
         'computed_torque',
-        choices=('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper', 'computed_torque_paper_no_aam'),
+        choices=('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper'),
         doc='Control law.',
     )
     bandwidth: float = param(1.0, unit='rad/s', above=0.0, maximum=100.0, doc='Double pole of the error dynamics.')
