@@ -1,0 +1,43 @@
+# Every target sets up what it needs and starts in seconds when nothing changed.
+# PYTHON=python3.12 chooses the interpreter, ARGS="..." goes to the tool that a target runs.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+ENTER := source ./env.sh &&
+export PYTHON
+
+.PHONY: help setup demo test lint fmt check build msgs lock clean
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+
+setup:  ## .venv from locked requirements, messages and package built; nothing when current
+	@scripts/set_up.sh
+
+demo: setup  ## identify the wheels' momentum and track with it, on real nodes; results in out/demo
+	@$(ENTER) spacerobot demo $(ARGS)
+
+test: setup  ## all tests
+	@$(ENTER) PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 python -m pytest $(ARGS)
+
+lint: setup  ## ruff, mypy, codespell
+	@$(ENTER) ruff check . && ruff format --check . && mypy && codespell
+
+fmt: setup  ## format the code and mend what ruff can
+	@$(ENTER) ruff format . && ruff check --fix .
+
+check: lint test  ## what CI runs
+
+build:  ## build messages and package again with colcon, changed or not
+	@scripts/set_up.sh --rebuild
+
+msgs: setup  ## build the messages if they changed, and show what they hold
+	@for file in msg_defs/msg/*.msg; do echo "== $$file"; cat "$$file"; echo; done
+
+lock:  ## regenerate the lock files from requirements/*.in
+	@test -x .venv/bin/uv || scripts/set_up.sh
+	@scripts/lock.sh
+
+clean:  ## remove everything that the set-up, builds, tests and runs made
+	rm -rf .venv build install log out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,34 @@
+"""Package spacerobot_ros: nodes, command line, and the files they share."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'spacerobot_ros'
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={PACKAGE: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/config', sorted(glob('config/*.urdf') + glob('config/*.yaml'))),
+        (f'share/{PACKAGE}/launch', sorted(glob('launch/*.py'))),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=True,
+    maintainer='spacerobot_ros maintainers',
+    maintainer_email='maintainers@spacerobot.invalid',
+    description='Onboard estimation and control of a free-floating space robot.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'simulator = spacerobot_ros.nodes.simulator:main',
+            'identifier = spacerobot_ros.nodes.identifier:main',
+            'controller = spacerobot_ros.nodes.controller:main',
+            'spacerobot = spacerobot_ros.cli.main:main',
+        ],
+    },
+)
