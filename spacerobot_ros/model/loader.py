@@ -9,13 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import yaml
 
 from ..errors import ConfigurationError
 from ..types import Array
-from .robot import Gyrostat, Robot, merge_bodies
-from .settings import RobotSettings, SensorSettings, Settings, WheelSettings, parse_settings
+from .merge import merge_bodies
+from .robot import Body, Robot, Rotor, effective_inertia
+from .settings import RobotSettings, SensorSettings, Settings, TruthSettings, parse_settings
 from .urdf import MOVING, Tree, check_inertia, parse_urdf
+from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +90,7 @@ def package_folder(package: str) -> Path:
 
 
 def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot:
-    """Build the robot that the model believes in.
+    """Build the robot that the model believes in: the gyrostat view, true rotors locked.
 
     Args:
         settings: Parsed settings.
@@ -102,45 +105,66 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
     options = settings.robot
     if tree.root != options.base_link:
         raise ConfigurationError('robot.base_link', f'{options.base_link!r} is not the root link {tree.root!r} of the URDF')
-    rotors = (*options.servicer_wheels.joints, *options.target_wheels.joints)
-    joints = (*options.joints, *rotors)
-    _check_joints(options, tree, rotors)
-    bodies, frames = merge_bodies(tree, joints)
-    if options.base == 'free' and bodies[0].mass <= 0.0:
-        raise ConfigurationError(f'{urdf_name}: link {tree.root!r}', 'a free base needs a mass and an inertia')
-    _check_leaf_inertias(joints, bodies, urdf_name)
-    rates = (*_rates(options.servicer_wheels, 'robot.servicer_wheels'), *_rates(options.target_wheels, 'robot.target_wheels'))
+    _check_joints(options, tree)
+    bodies, frames = merge_bodies(lock_rotors(options, tree), options.joints)
+    rotors = build_rotors(options, tree, frames)
+    _check_bodies(options, bodies, rotors, urdf_name)
     return Robot(
         name=tree.name,
         urdf=urdf,
         is_free=options.base == 'free',
         gravity=np.array(options.gravity),
-        joints=joints,
+        joints=options.joints,
         bodies=bodies,
-        servicer_wheels=_servicer_gyrostat(options, tree, frames),
-        target_wheels=_target_gyrostats(options, frames),
-        effort_limits=np.array([tree.joints[name].effort_limit for name in joints]),
-        position_limits=np.array([tree.joints[name].position_limit for name in joints]).reshape(-1, 2),
+        servicer_wheels=servicer_gyrostat(options, tree, rotors),
+        target_wheels=target_gyrostats(options, frames, rotors),
+        effort_limits=np.array([tree.joints[name].effort_limit for name in options.joints]),
+        position_limits=np.array([tree.joints[name].position_limit for name in options.joints]).reshape(-1, 2),
         sensors=settings.sensors,
-        rotor_count=len(rotors),
-        rotor_rates=np.array(rates, dtype=float),
-        target_rotors=options.target_wheels.joints,
+        rotors=rotors,
     )
 
 
 def true_robot(robot: Robot, settings: Settings) -> Robot:
-    """The plant: the model's robot with what `truth` says is different.
+    """The plant: the model's robot with free rotors, and with what `truth` says is different.
+
+    `truth.inertial_parameters` replace those of plant bodies, true rotors excluded.
+
+    Args:
+        robot: The model's robot, in the gyrostat view.
+        settings: Parsed settings.
 
     Raises:
-        ConfigurationError: unknown link, wrong number of entries, or unphysical inertia.
+        ConfigurationError: unknown link, wrong number of entries, momentum where rotors need rates, or unphysical
+            inertia.
     """
     truth = settings.truth
+    plant = robot.with_free_rotors(_true_rates(robot, truth))
+    for side, momentum in (('target', truth.target_momentum), ('servicer', truth.servicer_momentum)):
+        if momentum and any(rotor.is_target == (side == 'target') for rotor in robot.rotors):
+            raise ConfigurationError(f'truth.{side}_momentum', f'the wheels are rotors: give truth.{side}_rates')
     if truth.target_momentum:
-        robot = robot.with_target_momentum(np.array(truth.target_momentum))
+        plant = plant.with_target_momentum(np.array(truth.target_momentum))
     if truth.servicer_momentum:
-        robot = robot.with_servicer_momentum(np.array(truth.servicer_momentum))
-    if not truth.links:
-        return robot
+        plant = plant.with_servicer_momentum(np.array(truth.servicer_momentum))
+    return _with_true_inertia(plant, truth)
+
+
+def _true_rates(robot: Robot, truth: TruthSettings) -> Array:
+    rates = np.array([rotor.rate for rotor in robot.rotors])
+    for name, is_target, given in (
+        ('truth.servicer_rates', False, truth.servicer_rates),
+        ('truth.target_rates', True, truth.target_rates),
+    ):
+        chosen = [i for i, rotor in enumerate(robot.rotors) if rotor.is_target == is_target]
+        if given and len(given) != len(chosen):
+            raise ConfigurationError(name, f'expected {len(chosen)} (one a rotor), got {len(given)}')
+        if given:
+            rates[chosen] = given
+    return rates
+
+
+def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
     if len(truth.inertial_parameters) != 10 * len(truth.links):
         raise ConfigurationError(
             'truth.inertial_parameters', f'expected 10 a link in truth.links, got {len(truth.inertial_parameters)}'
@@ -150,12 +174,16 @@ def true_robot(robot: Robot, settings: Settings) -> Robot:
     for i, link in enumerate(truth.links):
         if link not in names:
             raise ConfigurationError(f'truth.links[{i}]', f'no body {link!r} (bodies: {", ".join(names)})')
-        parameters[names.index(link)] = truth.inertial_parameters[10 * i : 10 * i + 10]
-    changed = robot.with_inertial_parameters(parameters)
-    for i, link in enumerate(truth.links):
-        body = changed.bodies[names.index(link)]
-        check_inertia(body.mass, body.inertia, f'truth.inertial_parameters of {link!r}')
-    return changed
+        if link in truth.links[:i]:
+            raise ConfigurationError(f'truth.links[{i}]', f'{link!r} is named twice')
+        row = np.array(truth.inertial_parameters[10 * i : 10 * i + 10])
+        where = f'truth.inertial_parameters of {link!r}'
+        if row[0] <= 0.0:
+            raise ConfigurationError(where, f'mass {row[0]:g} kg must be above zero')
+        inertia = pin.Inertia.FromDynamicParameters(row)
+        check_inertia(inertia.mass, inertia.inertia, where)
+        parameters[names.index(link)] = row
+    return robot.with_inertial_parameters(parameters) if truth.links else robot
 
 
 def _read_parameters(path: Path) -> Mapping[str, Any]:
@@ -178,19 +206,20 @@ def _read_text(path: Path, what: str) -> str:
         raise ConfigurationError(str(path), f'{what} can not be read: {error}') from error
 
 
-def _check_joints(options: RobotSettings, tree: Tree, rotors: tuple[str, ...]) -> None:
+def _check_joints(options: RobotSettings, tree: Tree) -> None:
     moving = [j.name for j in tree.joints.values() if j.kind in MOVING]
-    named = [(f'robot.joints[{i}]', name) for i, name in enumerate(options.joints)]
-    named += [('robot.*_wheels.joints', name) for name in rotors]
     if not options.joints:
         raise ConfigurationError('robot.joints', 'is empty: name the manipulator joints')
-    seen: set[str] = set()
+    named = [(f'robot.joints[{i}]', name) for i, name in enumerate(options.joints)]
+    for section, wheels in (('servicer_wheels', options.servicer_wheels), ('target_wheels', options.target_wheels)):
+        named += [(f'robot.{section}.joints[{i}]', name) for i, name in enumerate(wheels.joints)]
+    seen: dict[str, str] = {}
     for place, name in named:
         if name not in moving:
             raise ConfigurationError(place, f'the URDF has no moving joint {name!r} (it has {", ".join(moving)})')
         if name in seen:
-            raise ConfigurationError(place, f'joint {name!r} is named twice')
-        seen.add(name)
+            raise ConfigurationError(place, f'joint {name!r} is named twice, first as {seen[name]}')
+        seen[name] = place
     for name in moving:
         if name not in seen:
             raise ConfigurationError(
@@ -198,51 +227,24 @@ def _check_joints(options: RobotSettings, tree: Tree, rotors: tuple[str, ...]) -
             )
 
 
-def _check_leaf_inertias(joints: tuple[str, ...], bodies: tuple[Any, ...], urdf_name: str) -> None:
+def _check_bodies(options: RobotSettings, bodies: tuple[Body, ...], rotors: tuple[Rotor, ...], urdf_name: str) -> None:
+    """Refuse a tree whose mass matrix would be singular: a massless base or end, or a carrier that is all rotor."""
+    base = bodies[0]
+    if options.base == 'free' and (base.mass <= 0.0 or np.linalg.eigvalsh(base.inertia)[0] <= 0.0):
+        raise ConfigurationError(f'{urdf_name}: link {base.name!r}', 'a free base needs a mass and an inertia about every axis')
     parents = {body.parent for body in bodies}
     for index, body in enumerate(bodies[1:], start=1):
-        if index not in parents and body.mass <= 0.0:
+        if index not in parents and effective_inertia(body) <= 0.0:
             raise ConfigurationError(
-                f'{urdf_name}: link {body.name!r}', f'joint {joints[index - 1]!r} moves it, so it needs mass and inertia'
+                f'{urdf_name}: link {body.name!r}',
+                f'joint {options.joints[index - 1]!r} moves it, so it needs mass and inertia',
             )
-
-
-def _rates(wheels: WheelSettings, place: str) -> tuple[float, ...]:
-    if wheels.joints and wheels.momentum:
-        raise ConfigurationError(place, 'give either momentum (gyrostat) or joints and rates (true rotors), not both')
-    if len(wheels.rates) != len(wheels.joints):
-        raise ConfigurationError(f'{place}.rates', f'expected {len(wheels.joints)} (one a joint), got {len(wheels.rates)}')
-    return wheels.rates
-
-
-Frames = dict[str, tuple[int, Array, Array]]
-
-
-def _servicer_gyrostat(options: RobotSettings, tree: Tree, frames: Frames) -> Gyrostat:
-    wheels = options.servicer_wheels
-    if wheels.links not in ((), (tree.root,)):
-        raise ConfigurationError('robot.servicer_wheels.links', f"the servicer's wheels are on {tree.root!r}")
-    momentum = wheels.momentum or (0.0, 0.0, 0.0)
-    if len(momentum) != 3:
-        raise ConfigurationError('robot.servicer_wheels.momentum', f'expected 3 numbers, got {len(momentum)}')
-    body, rotation, _ = frames[tree.root]
-    return Gyrostat(tree.root, body, rotation, np.array(momentum))
-
-
-def _target_gyrostats(options: RobotSettings, frames: Frames) -> tuple[Gyrostat, ...]:
-    wheels = options.target_wheels
-    momentum = wheels.momentum or (0.0,) * (3 * len(wheels.links))
-    if len(momentum) != 3 * len(wheels.links):
-        raise ConfigurationError(
-            'robot.target_wheels.momentum', f'expected three a link ({3 * len(wheels.links)}), got {len(momentum)}'
-        )
-    gyrostats = []
-    for i, link in enumerate(wheels.links):
-        if link not in frames:
-            raise ConfigurationError(f'robot.target_wheels.links[{i}]', f'the URDF has no link {link!r}')
-        body, rotation, _ = frames[link]
-        gyrostats.append(Gyrostat(link, body, rotation, np.array(momentum[3 * i : 3 * i + 3])))
-    return tuple(gyrostats)
+    for carrier in sorted({rotor.body.parent for rotor in rotors}):
+        rotor_mass = sum(rotor.body.mass for rotor in rotors if rotor.body.parent == carrier)
+        if bodies[carrier].mass <= rotor_mass * (1.0 + 1e-9):
+            raise ConfigurationError(
+                f'{urdf_name}: link {bodies[carrier].name!r}', 'carries rotors, so it needs a mass and an inertia of its own'
+            )
 
 
 __all__ = ['RobotFile', 'SensorSettings', 'build_robot', 'load_robot_file', 'resolve_urdf', 'true_robot']

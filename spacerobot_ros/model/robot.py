@@ -3,11 +3,16 @@
 Bodies are numbered: body 0 is the base, body i (1..n) moves with joint i of `Robot.joints`, in that order everywhere.
 Links joined by fixed joints are one body. A body's frame is the frame of its joint's child link (the base: the frame
 of `base_link`).
+
+Wheels come in two views of one robot. The *gyrostat view*, which controllers and identifiers use, has the wheels
+locked: their mass and inertia belong to the carrying body and their spin is a constant relative momentum. The *plant
+view* (`with_free_rotors`) has rotors as bodies of their own behind the arm joints. In the URDF a link's inertia
+includes its gyrostat wheels, locked, and excludes its true rotors, which are links of their own.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +21,6 @@ import pinocchio as pin
 from ..errors import ConfigurationError
 from ..types import Array, Matrix3, Vector3
 from .settings import SensorSettings
-from .urdf import Joint, Link, Tree
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,9 +72,38 @@ class Gyrostat:
         return self.rotation @ self.momentum
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Rotor:
+    """A true wheel rotor: a balanced body that spins freely about its axis on a carrying body.
+
+    Args:
+        joint: Name of its joint.
+        link: The link that carries it.
+        is_target: Whether it belongs to the captured body (else to the servicer).
+        body: The rotor itself; `body.parent` is the carrying body.
+        rate: Relative rate at the start [rad/s].
+    """
+
+    joint: str
+    link: str
+    is_target: bool
+    body: Body
+    rate: float
+
+    @property
+    def axial_inertia(self) -> float:
+        """Moment of inertia about the axis [kg m^2]."""
+        return float(self.body.axis @ self.body.inertia @ self.body.axis)
+
+    @property
+    def body_momentum(self) -> Vector3:
+        """(3,) momentum relative to the carrier, in the carrying body's frame [N m s]."""
+        return self.axial_inertia * self.rate * (self.body.rotation @ self.body.axis)
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A validated robot. Build one with `load_robot`; vary one with the `with_*` methods.
+    """A validated robot. Build one with `load_robot_file`; vary one with the `with_*` methods.
 
     Args:
         name: Name of the URDF.
@@ -84,9 +117,9 @@ class Robot:
         effort_limits: (n,) [N m], infinite where the URDF has none.
         position_limits: (n, 2) [rad], infinite where the URDF has none.
         sensors: Sensor noise.
-        rotor_count: Number of trailing entries of `joints` that are true wheel rotors.
-        rotor_rates: (rotor_count,) initial relative rates [rad/s].
-        target_rotors: Names of those rotors that belong to the captured body.
+        rotors: True rotors, the servicer's first; locked into `bodies` unless `rotor_count` > 0.
+        rotor_count: Number of trailing entries of `joints` that are free rotors: 0 in the gyrostat view,
+            `len(rotors)` in the plant view.
     """
 
     name: str
@@ -100,9 +133,8 @@ class Robot:
     effort_limits: Array
     position_limits: Array
     sensors: SensorSettings
+    rotors: tuple[Rotor, ...] = ()
     rotor_count: int = 0
-    rotor_rates: Array = field(default_factory=lambda: np.zeros(0))
-    target_rotors: tuple[str, ...] = ()
 
     @property
     def n_joints(self) -> int:
@@ -121,8 +153,18 @@ class Robot:
 
     @property
     def target_momentum(self) -> Array:
-        """(3 n_links,) believed wheel momentum of the captured body, link after link [N m s]."""
-        return np.concatenate([np.zeros(0), *(g.momentum for g in self.target_wheels)])
+        """(3 n_links,) wheel momentum of the captured body, link after link, rotors at their first rates [N m s]."""
+        return np.concatenate([np.zeros(0), *(g.momentum + self._free_momentum(g, True) for g in self.target_wheels)])
+
+    @property
+    def servicer_momentum(self) -> Vector3:
+        """(3,) momentum of the servicer's wheels in the base frame, rotors at their first rates [N m s]."""
+        return self.servicer_wheels.momentum + self._free_momentum(self.servicer_wheels, False)
+
+    @property
+    def rotor_rates(self) -> Array:
+        """(rotor_count,) relative rates of the free rotors at the start [rad/s]."""
+        return np.array([rotor.rate for rotor in self.rotors[: self.rotor_count]])
 
     @cached_property
     def inertial_parameters(self) -> Array:
@@ -180,6 +222,67 @@ class Robot:
         return replace(self, bodies=tuple(bodies))
 
 
+    def with_free_rotors(self, rates: Array) -> Robot:
+        """The plant view: rotors become joints behind the arm's, and leave the carriers' inertia and gyrostats.
+
+        Args:
+            rates: (n_rotors,) relative rates at the start, in the order of `rotors` [rad/s].
+
+        Raises:
+            ConfigurationError: wrong length or not finite.
+        """
+        rates = _finite(rates, (len(self.rotors),), 'rotor rates')
+        if not self.rotors or self.rotor_count:
+            return self
+        bodies = list(self.bodies)
+        for rotor in self.rotors:
+            bodies[rotor.body.parent] = _without(bodies[rotor.body.parent], rotor.body)
+        n = len(self.rotors)
+        unlimited = np.full(n, np.inf)
+        return replace(
+            self,
+            joints=(*self.joints, *(rotor.joint for rotor in self.rotors)),
+            bodies=(*bodies, *(rotor.body for rotor in self.rotors)),
+            servicer_wheels=_emptied(self.servicer_wheels, [r for r in self.rotors if not r.is_target]),
+            target_wheels=tuple(_emptied(g, [r for r in self.rotors if r.is_target]) for g in self.target_wheels),
+            effort_limits=np.concatenate([self.effort_limits, unlimited]),
+            position_limits=np.vstack([self.position_limits, np.column_stack([-unlimited, unlimited])]),
+            rotors=tuple(replace(r, rate=float(rate)) for r, rate in zip(self.rotors, rates, strict=True)),
+            rotor_count=n,
+        )
+
+    def _free_momentum(self, gyrostat: Gyrostat, is_target: bool) -> Vector3:
+        rotors = [r for r in self.rotors[: self.rotor_count] if r.is_target == is_target]
+        if not is_target:
+            return sum((r.body_momentum for r in rotors), np.zeros(3))
+        return gyrostat.rotation.T @ sum((r.body_momentum for r in rotors if r.link == gyrostat.link), np.zeros(3))
+
+
+def effective_inertia(body: Body) -> float:
+    """What a body opposes to its own joint: its mass [kg], or its moment about the joint axis [kg m^2]."""
+    if body.is_prismatic:
+        return body.mass
+    return float(body.axis @ (body.inertia + body.mass * _steiner(body.com)) @ body.axis)
+
+
+def _emptied(gyrostat: Gyrostat, rotors: list[Rotor]) -> Gyrostat:
+    return replace(gyrostat, momentum=np.zeros(3)) if rotors else gyrostat
+
+
+def _without(body: Body, part: Body) -> Body:
+    """The body with a part taken out; `part.rotation` and `part.translation` place it in the body."""
+    mass = body.mass - part.mass
+    part_com = part.translation + part.rotation @ part.com
+    com = (body.mass * body.com - part.mass * part_com) / mass
+    part_inertia = part.rotation @ part.inertia @ part.rotation.T
+    inertia = body.inertia + body.mass * _steiner(body.com - com) - part_inertia - part.mass * _steiner(part_com - com)
+    return replace(body, mass=mass, com=com, inertia=inertia)
+
+
+def _steiner(d: Vector3) -> Matrix3:
+    return d @ d * np.eye(3) - np.outer(d, d)
+
+
 def _finite(values: Array, shape: tuple[int, ...], what: str) -> Array:
     array = np.array(values, dtype=float)
     if array.shape != shape:
@@ -220,70 +323,3 @@ def tree_order(bodies: tuple[Body, ...]) -> list[int]:
         order.extend(ready)
         placed.update(ready)
     return order
-
-
-def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...], dict[str, tuple[int, Matrix3, Vector3]]]:
-    """Merge links joined by fixed joints into bodies.
-
-    Args:
-        tree: Checked URDF.
-        joints: Names of all moving joints, in the robot's order.
-
-    Returns:
-        The bodies, and for every link its body's index with the link frame's rotation and origin in the body frame.
-    """
-    frames: dict[str, tuple[int, Matrix3, Vector3]] = {tree.root: (0, np.eye(3), np.zeros(3))}
-    body_of_joint = {name: i + 1 for i, name in enumerate(joints)}
-    mounts: dict[int, tuple[Joint, int, Matrix3, Vector3]] = {}
-    frontier = [tree.root]
-    while frontier:
-        link = frontier.pop()
-        body, rotation, origin = frames[link]
-        for joint in (j for j in tree.joints.values() if j.parent == link):
-            placed = (rotation @ joint.rotation, origin + rotation @ joint.translation)
-            if joint.kind == 'fixed':
-                frames[joint.child] = (body, *placed)
-            else:
-                index = body_of_joint[joint.name]
-                mounts[index] = (joint, body, *placed)
-                frames[joint.child] = (index, np.eye(3), np.zeros(3))
-            frontier.append(joint.child)
-    bodies = [_merge_body(0, tree.root, -1, np.eye(3), np.zeros(3), None, tree, frames)]
-    for index in range(1, len(joints) + 1):
-        joint, parent, rotation, translation = mounts[index]
-        bodies.append(_merge_body(index, joint.child, parent, rotation, translation, joint, tree, frames))
-    return tuple(bodies), frames
-
-
-def _merge_body(
-    index: int,
-    name: str,
-    parent: int,
-    rotation: Matrix3,
-    translation: Vector3,
-    joint: Joint | None,
-    tree: Tree,
-    frames: dict[str, tuple[int, Matrix3, Vector3]],
-) -> Body:
-    parts = [(link, *frames[link.name][1:]) for link in tree.links.values() if frames[link.name][0] == index]
-    mass, com, inertia = _sum_inertias(parts)
-    axis = np.array([1.0, 0.0, 0.0]) if joint is None else joint.axis
-    is_prismatic = joint is not None and joint.kind == 'prismatic'
-    return Body(name, parent, rotation, translation, axis, is_prismatic, mass, com, inertia)
-
-
-def _sum_inertias(parts: list[tuple[Link, Matrix3, Vector3]]) -> tuple[float, Vector3, Matrix3]:
-    massive = [part for part in parts if part[0].mass > 0.0]
-    if len(massive) == 1 and np.array_equal(massive[0][1], np.eye(3)) and not massive[0][2].any():
-        link = massive[0][0]  # the common case, kept exact: no sum, no rotation
-        return link.mass, link.com, link.inertia
-    mass = sum(link.mass for link, _, _ in massive)
-    if not massive:
-        return 0.0, np.zeros(3), np.zeros((3, 3))
-    coms = [origin + rotation @ link.com for link, rotation, origin in massive]
-    com = sum(link.mass * c for (link, _, _), c in zip(massive, coms, strict=True)) / mass
-    inertia = np.zeros((3, 3))
-    for (link, rotation, _), c in zip(massive, coms, strict=True):
-        d = c - com
-        inertia += rotation @ link.inertia @ rotation.T + link.mass * (d @ d * np.eye(3) - np.outer(d, d))
-    return mass, np.asarray(com), inertia

@@ -61,15 +61,15 @@ def param(
 class WheelSettings:
     """Wheels of the servicer or of the captured body, as gyrostats or as true rotors.
 
-    Gyrostat: `momentum` relative to the host link, three numbers a link in that link's frame. True rotors: `joints`
-    names continuous joints of the URDF and `rates` their initial relative rates; the rotors are then bodies of their
-    own, taken out of the host's inertia by whoever wrote the URDF.
+    Gyrostat: `momentum` relative to the host link, three numbers a link in that link's frame; the link's inertia in
+    the URDF includes the wheels, locked. True rotors: `joints` names continuous joints of the URDF whose child links
+    are the rotors, and `rates` their relative rates at the start; the carrying link's inertia excludes them.
     """
 
     links: TextList = param((), doc='Links that carry gyrostat wheels.')
     momentum: FloatList = param((), unit='N m s', doc='Relative wheel momentum, three a link, in the link frame.')
     joints: TextList = param((), doc='URDF joints that are true wheel rotors.')
-    rates: FloatList = param((), unit='rad/s', doc='Initial relative rate of each rotor in `joints`.')
+    rates: FloatList = param((), unit='rad/s', doc='Relative rate of each rotor at the start; zero where empty.')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +125,8 @@ class TruthSettings:
 
     target_momentum: FloatList = param((), unit='N m s', doc='True wheel momentum of the captured body, as in robot.')
     servicer_momentum: FloatList = param((), unit='N m s', doc="True momentum of the servicer's wheels.")
+    target_rates: FloatList = param((), unit='rad/s', doc="True rates of the captured body's rotors at the start.")
+    servicer_rates: FloatList = param((), unit='rad/s', doc="True rates of the servicer's rotors at the start.")
     links: TextList = param((), doc='Links whose inertial parameters differ from the URDF.')
     inertial_parameters: FloatList = param(
         (), doc='Ten a link: m, m c (3), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link origin (kg, kg m, kg m^2).'
