@@ -1,0 +1,199 @@
+r"""The free-floating dynamics as a linear function of block parameters, for any tree of revolute joints.
+
+With the centre of mass at rest, everything follows from the bodies' rotations. Body k turns with
+w_k = w_0 + F_k q' (base coordinates), and s_i - S = sum_k R_k g_ik with constant g_ik (own centre of mass, or the
+joint towards i), so that with
+
+    psi_k = sum_i m_i g_ik          Q_kl = sum_i m_i g_ik g_il^T - psi_k psi_l^T / M
+    J_k = I_k + tr(Q_kk) 1 - Q_kk   B_kk = R_k J_k R_k^T   B_kl = tr(G) 1 - G^T, G = R_k Q_kl R_l^T
+
+momentum and kinetic energy are h = sum_kl B_kl w_l and T = 1/2 sum_kl w_k^T B_kl w_l (docs/equations.md). Stacking
+w_k = P_k u with u = [w_0; q'] gives the (3+n, 3+n) inertia [[D, Dq], [Dq^T, Dqq]] = P^T B P. All of it is linear in
+pi = {J_k (6 each), Q_kl (9 each, k < l)}; no joint position, base velocity or total mass is needed.
+
+Symbols: N samples, n joints, bodies 0..n, K = 6 (n+1) + 9 n (n+1) / 2 block parameters.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from ..errors import ConfigurationError
+from ..model.robot import Body, Robot, tree_order
+from ..types import Array
+from .rotation import skew
+
+_SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_AXES = 'xyz'
+
+
+class BlockTree:
+    """Kinematics of one robot's tree and the maps that are linear in its block parameters.
+
+    Args:
+        robot: Free-floating robot whose joints all turn.
+
+    Raises:
+        ConfigurationError: fixed base or prismatic joint, for which these maps do not hold.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        if not robot.is_free:
+            raise ConfigurationError('robot.base', 'momentum-based identification needs a free base')
+        for name, body in zip(robot.joints, robot.bodies[1:], strict=True):
+            if body.is_prismatic:
+                raise ConfigurationError(f'joint {name!r}', 'momentum-based identification needs revolute joints')
+        self.n = robot.n_joints
+        self.bodies = robot.bodies
+        self.order = tree_order(robot.bodies)
+        self.pairs = tuple(itertools.combinations(range(self.n + 1), 2))
+        self.moves = _ancestry(robot.bodies)
+        self._turns = [_turn_terms(body) for body in robot.bodies]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the K block parameters: `J2xy` of body 2, `Q0_2xy` of bodies 0 and 2."""
+        blocks = [f'J{k}{_AXES[a]}{_AXES[b]}' for k in range(self.n + 1) for a, b in _SYMMETRIC]
+        return (*blocks, *(f'Q{k}_{m}{a}{b}' for k, m in self.pairs for a in _AXES for b in _AXES))
+
+    def rotations(self, q: Array) -> Array:
+        """(N, n+1, 3, 3) rotations taking body to base coordinates, from q (N, n)."""
+        out = np.empty((len(q), self.n + 1, 3, 3))
+        out[:, 0] = np.eye(3)
+        for k in self.order:
+            still, sine, versine = self._turns[k]
+            angle = q[:, k - 1, None, None]
+            turn = still + np.sin(angle) * sine + (1.0 - np.cos(angle)) * versine
+            out[:, k] = out[:, self.bodies[k].parent] @ turn
+        return out
+
+    def rate_maps(self, rotations: Array) -> Array:
+        """(N, n+1, 3, 3+n) maps P_k with w_k = P_k [w_0; q'] in base coordinates."""
+        maps = np.zeros((len(rotations), self.n + 1, 3, 3 + self.n))
+        maps[..., :3] = np.eye(3)
+        for j in range(self.n):
+            axis = rotations[:, j + 1] @ self.bodies[j + 1].axis
+            maps[..., 3 + j][:, self.moves[j]] = axis[:, None, :]
+        return maps
+
+    def regressor(self, rotations: Array, maps: Array, u: Array) -> Array:
+        """(N, 3, K) angular momentum regressor without wheels: h_B = Y pi.
+
+        Args:
+            rotations: From `rotations`.
+            maps: From `rate_maps`.
+            u: (N, 3+n) body rate omega_WB_B and joint rates [rad/s].
+        """
+        w = np.einsum('nkai,ni->nka', maps, u)
+        local = np.einsum('nkab,nka->nkb', rotations, w)  # w_k in body k's own axes
+        columns = []
+        for k in range(self.n + 1):
+            for a, b in _SYMMETRIC:
+                column = rotations[:, k, :, a] * local[:, k, b, None]
+                if a != b:
+                    column = column + rotations[:, k, :, b] * local[:, k, a, None]
+                columns.append(column)
+        blocks = np.stack(columns, axis=2)
+        if not self.pairs:
+            return blocks
+        return np.concatenate([blocks, *(self._pair_columns(k, m, rotations, w) for k, m in self.pairs)], axis=2)
+
+    def inertia(self, rotations: Array, maps: Array, pi: Array) -> Array:
+        """(N, 3+n, 3+n) inertia [[D, Dq], [Dq^T, Dqq]] of u = [w_0; q'], linear in pi (K,)."""
+        return np.einsum('nkai,nkmab,nmbj->nij', maps, self._blocks(rotations, pi), maps, optimize=True)
+
+    def inertia_gradient(self, rotations: Array, maps: Array, pi: Array) -> tuple[Array, Array]:
+        """Inertia as `inertia` and its (N, n, 3+n, 3+n) derivatives by each joint position."""
+        blocks = self._blocks(rotations, pi)
+        weighted = np.einsum('nkmab,nmbj->nkaj', blocks, maps)
+        value = np.einsum('nkai,nkaj->nij', maps, weighted)
+        # G^T of the module's equations; the same expression serves the diagonal blocks, which turn like tensors.
+        g_t = 0.5 * np.trace(blocks, axis1=3, axis2=4)[..., None, None] * np.eye(3) - blocks
+        gradient = np.empty((len(rotations), self.n, 3 + self.n, 3 + self.n))
+        for j in range(self.n):
+            turn = _skews(maps[:, j + 1, :, 3 + j])
+            moved = self.moves[j].astype(float)
+            left = np.einsum('k,nab,nkmcb->nkmac', moved, turn, g_t) - np.einsum(
+                'm,nkmba,nbc->nkmac', moved, g_t, turn
+            )
+            turned = np.trace(left, axis1=3, axis2=4)[..., None, None] * np.eye(3) - np.swapaxes(left, 3, 4)
+            half = np.einsum('nab,nkbi,nkaj->nij', turn, maps[..., 3:] * moved[1:], weighted, optimize=True)
+            gradient[:, j] = np.einsum('nkai,nkmab,nmbj->nij', maps, turned, maps, optimize=True)
+            gradient[:, j, 3:, :] += half
+            gradient[:, j, :, 3:] += np.swapaxes(half, 1, 2)
+        return value, gradient
+
+    def parameters(self, robot: Robot | None = None) -> Array:
+        """(K,) block parameters of a robot with this tree (default: the one it was made from)."""
+        bodies = self.bodies if robot is None else robot.bodies
+        arms = self._arms(bodies)
+        mass = np.array([b.mass for b in bodies])
+        first = np.einsum('i,ika->ka', mass, arms)
+        q = np.einsum('i,ika,imb->kmab', mass, arms, arms) - np.einsum('ka,mb->kmab', first, first) / mass.sum()
+        pi = []
+        for k, body in enumerate(bodies):
+            block = body.inertia + np.trace(q[k, k]) * np.eye(3) - q[k, k]
+            pi.extend(block[a, b] for a, b in _SYMMETRIC)
+        return np.concatenate([np.array(pi), *(q[k, m].ravel() for k, m in self.pairs)])
+
+    def _arms(self, bodies: tuple[Body, ...]) -> Array:
+        """(n+1, n+1, 3) vectors g_ik of body i along its ancestor k, in k's frame."""
+        arms = np.zeros((len(bodies), len(bodies), 3))
+        for i, body in enumerate(bodies):
+            arms[i, i] = body.com
+            child = i
+            while child:
+                arms[i, bodies[child].parent] = bodies[child].translation
+                child = bodies[child].parent
+        return arms
+
+    def _pair_columns(self, k: int, m: int, rotations: Array, w: Array) -> Array:
+        """(N, 3, 9) columns of Q_km: e_ka x (w_m x e_mb) + e_mb x (w_k x e_ka)."""
+        left, right = rotations[:, k], rotations[:, m]
+        dots = np.einsum('nia,nib->nab', left, right)
+        columns = (w[:, k] + w[:, m])[:, :, None, None] * dots[:, None]
+        columns -= np.einsum('nib,nja,nj->niab', right, left, w[:, m])
+        columns -= np.einsum('nia,njb,nj->niab', left, right, w[:, k])
+        return columns.reshape(len(w), 3, 9)
+
+    def _blocks(self, rotations: Array, pi: Array) -> Array:
+        """(N, n+1, n+1, 3, 3) blocks B_kl."""
+        bodies = self.n + 1
+        out = np.empty((len(rotations), bodies, bodies, 3, 3))
+        for k in range(bodies):
+            block = np.empty((3, 3))
+            for value, (a, b) in zip(pi[6 * k : 6 * k + 6], _SYMMETRIC, strict=True):
+                block[a, b] = block[b, a] = value
+            out[:, k, k] = rotations[:, k] @ block @ np.swapaxes(rotations[:, k], 1, 2)
+        for index, (k, m) in enumerate(self.pairs):
+            start = 6 * bodies + 9 * index
+            g = rotations[:, k] @ pi[start : start + 9].reshape(3, 3) @ np.swapaxes(rotations[:, m], 1, 2)
+            out[:, m, k] = np.trace(g, axis1=1, axis2=2)[:, None, None] * np.eye(3) - g
+            out[:, k, m] = np.swapaxes(out[:, m, k], 1, 2)
+        return out
+
+
+def _ancestry(bodies: tuple[Body, ...]) -> np.ndarray:
+    """(n, n+1) whether joint j moves body k."""
+    moves = np.zeros((len(bodies) - 1, len(bodies)), dtype=bool)
+    for k in range(1, len(bodies)):
+        ancestor = k
+        while ancestor:
+            moves[ancestor - 1, k] = True
+            ancestor = bodies[ancestor].parent
+    return moves
+
+
+def _turn_terms(body: Body) -> tuple[Array, Array, Array]:
+    """Rodrigues' formula of the body's joint: still + sin(q) sine + (1 - cos(q)) versine."""
+    k = skew(body.axis)
+    return body.rotation, body.rotation @ k, body.rotation @ k @ k
+
+
+def _skews(v: Array) -> Array:
+    """(N, 3, 3) cross-product matrices of v (N, 3)."""
+    out = np.zeros((len(v), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    return out - np.swapaxes(out, 1, 2)

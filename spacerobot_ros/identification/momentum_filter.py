@@ -1,0 +1,239 @@
+r"""Error-state filter in momentum mode, with every unknown constant as a column.
+
+State z = [dphi; q, q', q'', q''' a joint]: the attitude error about the reference moves with the rate error of the
+momentum equation (`linearize`), needs no torque and no process noise; each joint follows a quartic driven by white
+snap. The constants [h_W; AAM; x] are not states: the filter's mean is an affine function m + C t of their errors t, and
+so is every innovation. Whitened innovations are therefore rows of a linear least-squares problem in t, collected in
+square-root form by QR: recursive, with bounded memory, and equal to the Kalman filter with augmented state
+(Friedland 1969; Bierman 1977).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..types import Array
+from .linearize import RateErrorModel, Reference, join
+
+_ATTITUDE_START_STD = 0.05  # rad; the reference starts aligned with the tracker far better than this
+_JOINT_START_STD = (1.0, 10.0, 100.0, 1000.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """Standard deviations of one sample, and the joints' smoothness.
+
+    Args:
+        joint_position: [rad]. joint_velocity: [rad/s]. gyro: [rad/s]. attitude: [rad].
+        snap: (n,) power spectral density of the joints' snap [rad^2/s^7].
+    """
+
+    joint_position: float
+    joint_velocity: float
+    gyro: float
+    attitude: float
+    snap: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurements:
+    """What was measured at each of N times; NaN where nothing was.
+
+    Args:
+        q: (N, n). qd: (N, n). gyro: (N, 3) deviation from the reference rate. attitude: (N, 3) deviation
+            log(R_ref^T R_measured).
+    """
+
+    q: Array
+    qd: Array
+    gyro: Array
+    attitude: Array
+
+
+class SquareRootInformation:
+    """Least squares in square-root form: min |R t - z|^2, rows added by QR.
+
+    Args:
+        size: Number of unknowns.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.factor = np.zeros((size, size + 1))
+        self.residual = 0.0
+        self.rows = 0
+
+    def add(self, columns: Array, values: Array) -> None:
+        """Add rows columns @ t = values, of unit variance; (r, p) and (r,)."""
+        size = len(self.factor)
+        stacked = np.vstack([self.factor, np.column_stack([columns, values])])
+        triangle = np.linalg.qr(stacked, mode='r')
+        self.factor = np.zeros((size, size + 1))
+        kept = min(size, len(triangle))
+        self.factor[:kept] = triangle[:kept]
+        if len(triangle) > size:
+            self.residual += float(triangle[size, size] ** 2)
+        self.rows += len(values)
+
+    def shift(self, change: Array) -> None:
+        """Count the unknowns from a new origin: t -> t - change."""
+        self.factor[:, -1] -= self.factor[:, :-1] @ change
+
+    def solve(self) -> tuple[Array, Array]:
+        """Estimate (p,) and covariance (p, p); directions without information are left at zero with zero weight."""
+        R, z = self.factor[:, :-1], self.factor[:, -1]
+        scale = np.linalg.norm(R, axis=0)
+        scale[scale == 0.0] = 1.0
+        left, singular, right = np.linalg.svd(R / scale)
+        known = singular > 1e-13 * singular[0] if singular[0] > 0.0 else np.zeros(len(singular), dtype=bool)
+        inverse = right[known].T / singular[known]
+        estimate = inverse @ (left[:, known].T @ z) / scale
+        covariance = (inverse @ inverse.T) / np.outer(scale, scale)
+        return estimate, covariance
+
+
+class MomentumFilter:
+    """Advances the filter block by block.
+
+    Args:
+        n: Number of joints.
+        size: Number of constants p.
+        noise: Noise levels.
+    """
+
+    def __init__(self, n: int, size: int, noise: Noise) -> None:
+        self.n = n
+        self.noise = noise
+        self.information = SquareRootInformation(size)
+        start = np.concatenate([np.full(3, _ATTITUDE_START_STD), np.repeat(_JOINT_START_STD, n)])
+        self.covariance = np.diag(start**2)
+        self.affine = np.zeros((3 + 4 * n, 1 + size))
+        self.last: tuple[Reference, RateErrorModel] | None = None
+
+    def run(self, reference: Reference, model: RateErrorModel, measured: Measurements) -> None:
+        """Process N times in order; the first continues where the last block ended.
+
+        Args:
+            reference: At the N times, in one piece with that of the last block.
+            model: Rate error about the current constants at the N times.
+            measured: Measurements at the N times.
+        """
+        if self.last is not None:
+            reference, model = join(self.last[0], reference), model.after(self.last[1])
+        drives = model.with_absolute_joints(reference)
+        transition, drive, noise = transitions(reference, model.state, drives, self.noise.snap)
+        skipped = 0 if self.last is None else 1
+        rows = []
+        for k in range(len(reference.time)):
+            if k > 0:
+                self.affine = transition[k - 1] @ self.affine
+                self.affine[:3] += drive[k - 1]
+                self.covariance = transition[k - 1] @ self.covariance @ transition[k - 1].T + noise[k - 1]
+            if k >= skipped:
+                rows.append(self._update(measured, k - skipped, model.state[k], drives[k]))
+        stacked = np.concatenate(rows)
+        if len(stacked):
+            self.information.add(-stacked[:, 1:], stacked[:, 0])
+        self.last = (reference.tail(), model.tail())
+
+    def shift_constants(self, change: Array) -> None:
+        """Count the constants' errors from a new origin."""
+        self.information.shift(change)
+        self.affine[:, 0] += self.affine[:, 1:] @ change
+
+    def take_attitude(self) -> Array:
+        """Return the mean attitude error (3,) at the end and fold it into the reference: it becomes zero."""
+        error = self.affine[:3, 0].copy()
+        self.affine[:3, 0] = 0.0
+        return error
+
+    def _update(self, measured: Measurements, k: int, rate_by_state: Array, drive: Array) -> Array:
+        """Use what was measured at index k; returns the whitened affine innovations (r, 1+p)."""
+        H, values, std = self._rows(measured, k, rate_by_state, drive)
+        if len(std) == 0:
+            return values
+        innovation = values - H @ self.affine
+        gain = H @ self.covariance
+        spread = gain @ H.T
+        spread[np.diag_indices(len(std))] += std**2
+        lower = np.linalg.cholesky(spread)
+        half = np.linalg.solve(lower, np.column_stack([gain, innovation]))
+        whitened = half[:, gain.shape[1] :]
+        half = half[:, : gain.shape[1]]
+        self.affine += half.T @ whitened
+        self.covariance -= half.T @ half
+        return whitened
+
+    def _rows(self, measured: Measurements, k: int, rate_by_state: Array, drive: Array) -> tuple[Array, Array, Array]:
+        """Measurement matrix (r, 3+4n), affine values (r, 1+p) and standard deviations (r,) at index k."""
+        n, noise = self.n, self.noise
+        groups = (
+            (measured.q[k], 3, noise.joint_position),
+            (measured.qd[k], 3 + n, noise.joint_velocity),
+            (measured.attitude[k], 0, noise.attitude),
+            (measured.gyro[k], -1, noise.gyro),
+        )
+        present = [group for group in groups if np.isfinite(group[0][0])]
+        count = sum(len(data) for data, _, _ in present)
+        H, values, std = np.zeros((count, 3 + 4 * n)), np.zeros((count, self.affine.shape[1])), np.empty(count)
+        row = 0
+        for data, first, sigma in present:
+            rows = slice(row, row + len(data))
+            values[rows, 0] = data
+            std[rows] = sigma
+            if first < 0:
+                H[rows, : 3 + 2 * n] = rate_by_state
+                values[rows] -= drive
+            else:
+                H[rows, first : first + len(data)] = np.eye(len(data))
+            row += len(data)
+        return H, values, std
+
+
+def transitions(reference: Reference, rate_by_state: Array, drives: Array, snap: Array) -> tuple[Array, Array, Array]:
+    """Steps between N times: transition (N-1, d, d), drive of dphi (N-1, 3, 1+p), noise (N-1, d, d), d = 3 + 4 n.
+
+    The attitude error obeys dphi' = -w x dphi + dw, carried over exactly by the reference's own rotation and driven by
+    the trapezoid of dw, whose end depends on the new state: solved for it.
+
+    Args:
+        reference: N times.
+        rate_by_state: (N, 3, 3 + 2 n) dw by dphi, q and q'.
+        drives: (N, 3, 1 + p) dw by 1 and by the constants.
+        snap: (n,) power spectral density of the joints' snap.
+    """
+    n = len(snap)
+    half = 0.5 * np.diff(reference.time)[:, None, None]
+    joint, joint_noise = _joint_steps(np.diff(reference.time), snap)
+    back = (reference.rotation[1:].inv() * reference.rotation[:-1]).as_matrix()
+    implicit = np.linalg.inv(np.eye(3) - half * rate_by_state[1:, :, :3])
+    transition = np.zeros((len(half), 3 + 4 * n, 3 + 4 * n))
+    transition[:, 3:, 3:] = joint
+    ahead = half * rate_by_state[1:, :, 3:] @ joint[:, : 2 * n]
+    ahead[:, :, : 2 * n] += half * back @ rate_by_state[:-1, :, 3:]
+    transition[:, :3, 3:] = implicit @ ahead
+    transition[:, :3, :3] = implicit @ (back + half * back @ rate_by_state[:-1, :, :3])
+    drive = implicit @ (half * (back @ drives[:-1] + drives[1:]))
+    spread = np.zeros((len(half), 3 + 4 * n, 4 * n))
+    spread[:, 3:] = np.eye(4 * n)
+    spread[:, :3, : 2 * n] = implicit @ (half * rate_by_state[1:, :, 3:])
+    return transition, drive, spread @ joint_noise @ np.swapaxes(spread, 1, 2)
+
+
+def _joint_steps(dt: Array, snap: Array) -> tuple[Array, Array]:
+    """(M, 4n, 4n) transition and process noise of a joint's position to jerk, driven by white snap."""
+    step, noise = np.zeros((len(dt), 4, 4)), np.zeros((len(dt), 4, 4))
+    for i in range(4):
+        for j in range(i, 4):
+            step[:, i, j] = dt ** (j - i) / math.factorial(j - i)
+        for j in range(4):
+            noise[:, i, j] = dt ** (7 - i - j) / (math.factorial(3 - i) * math.factorial(3 - j) * (7 - i - j))
+    return _kron(step, np.eye(len(snap))), _kron(noise, np.diag(snap))
+
+
+def _kron(stack: Array, matrix: Array) -> Array:
+    """(M, ab, ab) Kronecker products of each of (M, a, a) with (b, b)."""
+    size = stack.shape[1] * len(matrix)
+    return np.einsum('mij,kl->mikjl', stack, matrix).reshape(len(stack), size, size)

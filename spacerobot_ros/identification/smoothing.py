@@ -1,0 +1,126 @@
+"""Reference trajectory from noisy, asynchronous samples: splines for joints and body rate, integrated attitude."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..types import Array
+from .linearize import Reference
+from .spline import Samples, SplineFit, fit_spline
+
+_LONGEST_STEP = 0.02  # s; the filter's trapezoid and the attitude integration stay below the sensors' noise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorData:
+    """Samples of one stretch of a run, times in seconds from a common origin; any of them may be empty.
+
+    Args:
+        joint_time: (Nj,). q: (Nj, n). qd: (Nj, n); NaN where not measured.
+        rate_time: (Ng,). omega: (Ng, 3).
+        attitude_time: (Na,). attitude_xyzw: (Na, 4).
+    """
+
+    joint_time: Array
+    q: Array
+    qd: Array
+    rate_time: Array
+    omega: Array
+    attitude_time: Array
+    attitude_xyzw: Array
+
+    def between(self, start: float, end: float) -> SensorData:
+        """The samples with start < t <= end."""
+        j, r, a = (
+            slice(*np.searchsorted(t, [start, end], side='right'))
+            for t in (self.joint_time, self.rate_time, self.attitude_time)
+        )
+        return SensorData(
+            self.joint_time[j],
+            self.q[j],
+            self.qd[j],
+            self.rate_time[r],
+            self.omega[r],
+            self.attitude_time[a],
+            self.attitude_xyzw[a],
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Smoothed:
+    """Splines of joints and body rate on one stretch."""
+
+    joints: SplineFit
+    rate: SplineFit
+
+    def snap_density(self, times: Array) -> Array:
+        """(n,) power spectral density that a white snap needs to follow the joints as the spline does."""
+        snap = self.joints.derivative(times, 4)
+        return np.mean(snap**2, axis=0) * self.joints.spacing + 1e-12
+
+    def reference(self, times: Array, start: Rotation) -> Reference:
+        """Reference at increasing times; the attitude is integrated from `start` at the first.
+
+        Fourth-order Magnus steps: dt/6 (w0 + 4 wm + w1) + dt^2/12 w0 x w1 with w in body axes.
+        """
+        omega = np.asarray(self.rate.curve(times))
+        middle = np.asarray(self.rate.curve(0.5 * (times[1:] + times[:-1])))
+        dt = np.diff(times)[:, None]
+        turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:]) + dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
+        rotation = _accumulate(start, turns)
+        return Reference(times, np.asarray(self.joints.curve(times)), self.joints.derivative(times), omega, rotation)
+
+
+def smooth(data: SensorData, start: float, end: float, stds: tuple[float, float, float]) -> Smoothed:
+    """Fit the splines on [start, end].
+
+    Args:
+        data: At least a few joint and gyro samples.
+        start: [s]. end: [s].
+        stds: Standard deviations of joint position [rad], joint rate [rad/s] and gyro [rad/s].
+    """
+    joints = [Samples(data.joint_time, data.q, stds[0])]
+    if np.all(np.isfinite(data.qd)):
+        joints.append(Samples(data.joint_time, data.qd, stds[1], derivative=1))
+    return Smoothed(
+        fit_spline(joints, start, end), fit_spline([Samples(data.rate_time, data.omega, stds[2])], start, end)
+    )
+
+
+def time_grid(data: SensorData) -> Array:
+    """All stamps in order, with extra times where a gap would be longer than the filter's step."""
+    stamps = np.unique(np.concatenate([data.joint_time, data.rate_time, data.attitude_time]))
+    gaps = np.diff(stamps)
+    filled = [stamps]
+    for k in np.flatnonzero(gaps > 1.5 * _LONGEST_STEP):
+        filled.append(np.linspace(stamps[k], stamps[k + 1], int(np.ceil(gaps[k] / _LONGEST_STEP)) + 1)[1:-1])
+    return np.sort(np.concatenate(filled))
+
+
+def _accumulate(start: Rotation, turns: Array) -> Rotation:
+    """start, start exp(turns[0]), start exp(turns[0]) exp(turns[1]), ... by pairwise doubling."""
+    product = Rotation.concatenate([start, Rotation.from_rotvec(turns)])
+    step = 1
+    while step < len(product):
+        product = Rotation.concatenate([product[:step], product[:-step] * product[step:]])
+        step *= 2
+    return product
+
+
+def align(reference: Reference, times: Array, attitude_xyzw: Array) -> Rotation:
+    """First attitude that makes an integrated reference agree best with measured attitudes.
+
+    Args:
+        reference: Integrated from any first attitude.
+        times: (Na,) measurement times, each one of `reference.time`.
+        attitude_xyzw: (Na, 4).
+
+    Returns:
+        The rotation that belongs at `reference.time[0]`.
+    """
+    at = reference.rotation[np.searchsorted(reference.time, times)]
+    relative = Rotation.from_quat(attitude_xyzw) * at.inv()
+    return relative.mean() * reference.rotation[0]
