@@ -35,7 +35,10 @@ _spacerobot_enter() {
         _spacerobot_prepend LD_LIBRARY_PATH "$(cat "$_spacerobot_venv/spacerobot-library-path")"
         export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 # the wheels would start Python twice to do the same
     fi
-    . "$_spacerobot_root/install/local_setup.$_spacerobot_shell" || return 1
+    case $- in *u*) _spacerobot_nounset=-u ;; *) _spacerobot_nounset=+u ;; esac
+    set +u # colcon's scripts read variables that may not be set
+    . "$_spacerobot_root/install/local_setup.$_spacerobot_shell"
+    set "$_spacerobot_nounset"
     _spacerobot_prepend PYTHONPATH "$_spacerobot_root" # modules come from here, not through links
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
 }
@@ -43,7 +46,7 @@ _spacerobot_enter() {
 "$_spacerobot_root/scripts/set_up.sh" && _spacerobot_enter
 _spacerobot_status=$?
 unset -f _spacerobot_prepend _spacerobot_enter
-unset _spacerobot_root _spacerobot_shell _spacerobot_value _spacerobot_venv
+unset _spacerobot_root _spacerobot_shell _spacerobot_nounset _spacerobot_value _spacerobot_venv
 if [ "$_spacerobot_status" -ne 0 ]; then
     unset _spacerobot_status
     return 1
