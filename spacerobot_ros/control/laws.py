@@ -1,0 +1,221 @@
+r"""Computed torque of a free-floating robot with wheels, in three variants.
+
+    tau = H(q) (q''_d + Kd e' + Kp e) + c,    Kp = w^2, Kd = 2 w, e = q_d - q
+
+which is eq. (34) of the identification paper (docs/references.md), with three choices of c:
+
+- `computed_torque`: the corrected equations (docs/equations.md), wheels of the captured body
+  included;
+- `computed_torque_paper`: the paper's own c, eq. (35), without the wheels' torque on the joints;
+- `computed_torque_no_aam`: eq. (37), which takes the wheels of the captured body as at rest.
+
+A torque that is held over [t, t + T] is right to second order in T if it is evaluated at t + T/2:
+the joints are predicted there with the acceleration that the law asks for, the base rate with its
+measured slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..dynamics.equations import Dynamics, ReducedEquation
+from ..dynamics.state import State
+from ..errors import ConfigurationError
+from ..identification.estimate import Estimate
+from ..identification.reduced import EstimatedDynamics
+from ..model.robot import Robot
+from ..types import Array, Vector3
+from .reference import Point, Reference
+
+Model = Callable[[Array, Array, Vector3], ReducedEquation]
+"""Arm positions (n,), rates (n,) and omega_WB_B (3,) to the arm's reduced equation."""
+
+LAWS = ('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper')
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """What the law knows of the robot at one time.
+
+    Args:
+        q: (n,) joint positions [rad].
+        qd: (n,) joint rates [rad/s].
+        omega_WB_B: (3,) angular velocity of the base [rad/s].
+        omega_slope: (3,) its time derivative [rad/s^2]; only used to look half a period ahead.
+    """
+
+    q: Array
+    qd: Array
+    omega_WB_B: Vector3
+    omega_slope: Vector3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Torque:
+    """A torque command.
+
+    Args:
+        tau: (n,) torque within the limits [N m].
+        saturated: (n,) bool, where a limit cut it.
+    """
+
+    tau: Array
+    saturated: np.ndarray
+
+
+def robot_model(
+    robot: Robot, *, joint_reaction: bool = True, rotor_rates: Array | None = None
+) -> Model:
+    """Reduced equation of the arm from the robot file.
+
+    Args:
+        robot: The robot as the model believes it to be.
+        joint_reaction: False for the paper's printed equations.
+        rotor_rates: (rotor_count,) rates of true rotors [rad/s]; None: those of the robot file.
+    """
+    dynamics = Dynamics(robot, joint_reaction=joint_reaction)
+    n = robot.n_joints - robot.rotor_count
+    rates = robot.rotor_rates if rotor_rates is None else rotor_rates
+    zeros, angles = np.zeros(3), np.zeros(robot.rotor_count)
+    identity = np.array([0.0, 0.0, 0.0, 1.0])
+
+    def reduced(q: Array, qd: Array, omega_WB_B: Vector3) -> ReducedEquation:
+        # uniform gravity moves base and arm alike: the attitude of a free base does not matter
+        joints, velocities = np.concatenate([q, angles]), np.concatenate([qd, rates])
+        state = State(zeros, identity, joints, zeros, omega_WB_B, velocities)
+        return eliminate_rotors(dynamics.reduced(state), n)
+
+    return reduced
+
+
+def eliminate_rotors(equation: ReducedEquation, n: int) -> ReducedEquation:
+    """Equation of the first n joints where the others carry no torque."""
+    if len(equation.c) == n:
+        return equation
+    H, c = equation.H, equation.c
+    coupling = np.linalg.solve(H[n:, n:], np.column_stack([H[n:, :n], c[n:]]))
+    H_arm, c_arm = coupling[:, :-1], coupling[:, -1]
+    return ReducedEquation(H[:n, :n] - H[:n, n:] @ H_arm, c[:n] - H[:n, n:] @ c_arm)
+
+
+def estimated_model(
+    robot: Robot, structure: str, estimate: Estimate, *, joint_reaction: bool = True
+) -> Model:
+    """Reduced equation of the arm from an estimate.
+
+    Raises:
+        IdentificationError: the estimate's names don't fit the robot.
+    """
+    dynamics = EstimatedDynamics.from_estimate(robot, structure, estimate)
+    n, still = robot.n_joints - robot.rotor_count, np.zeros(robot.rotor_count)
+
+    def reduced(q: Array, qd: Array, omega_WB_B: Vector3) -> ReducedEquation:
+        rates = np.concatenate([qd, robot.rotor_rates])
+        equation = dynamics.reduced(
+            np.concatenate([q, still]), rates, omega_WB_B, joint_reaction=joint_reaction
+        )
+        return eliminate_rotors(equation, n)
+
+    return reduced
+
+
+def law_model(
+    law: str, robot: Robot, structure: str = 'symmetric', estimate: Estimate | None = None
+) -> Model:
+    """The equations that a law uses: from an estimate where there is one and the law takes it.
+
+    Args:
+        law: One of `LAWS`.
+        robot: The robot as the model believes it to be.
+        structure: `identifier.structure`, which names the estimate's parameters.
+        estimate: A valid estimate, or None.
+    """
+    if law not in LAWS:
+        raise ConfigurationError('controller.law', f'{law!r} is not one of {", ".join(LAWS)}')
+    if law == 'computed_torque_no_aam':
+        return robot_model(robot.with_target_momentum(np.zeros(3 * len(robot.target_wheels))))
+    joint_reaction = law != 'computed_torque_paper'
+    if estimate is None:
+        return robot_model(robot, joint_reaction=joint_reaction)
+    return estimated_model(robot, structure, estimate, joint_reaction=joint_reaction)
+
+
+class ComputedTorque:
+    """Computed torque with one double pole, and its damping law for when tracking must end.
+
+    Args:
+        model: Reduced equation of the arm.
+        bandwidth: Double pole w of the error dynamics [rad/s].
+        limits: (n,) torque limits [N m], infinite where there is none.
+        damping: Decay of the joint rates while damping [1/s].
+    """
+
+    def __init__(
+        self, model: Model, bandwidth: float, limits: Array, damping: float = 1.0
+    ) -> None:
+        self.model = model
+        self._kp, self._kd = bandwidth**2, 2.0 * bandwidth
+        self._limits = np.array(limits, dtype=float)
+        self._damping = damping
+
+    def acceleration(self, point: Point, q: Array, qd: Array) -> Array:
+        """(n,) joint acceleration that the law asks for [rad/s^2]."""
+        return point.qdd + self._kd * (point.qd - qd) + self._kp * (point.q - q)
+
+    def track(self, reference: Reference, t: float, sample: Sample, hold: float = 0.0) -> Torque:
+        """Torque that follows the reference.
+
+        Args:
+            reference: The motion to follow.
+            t: Time of the sample since the start of the motion [s].
+            sample: Measured state at t.
+            hold: Time over which the torque will be held [s]; 0 evaluates the law at t.
+        """
+        half = 0.5 * hold
+        v = self.acceleration(reference.at(t), sample.q, sample.qd)
+        q = sample.q + half * sample.qd + 0.5 * half**2 * v
+        qd = sample.qd + half * v
+        if hold:
+            v = self.acceleration(reference.at(t + half), q, qd)
+        return self._limit(self._torque(q, qd, sample.omega_WB_B + half * sample.omega_slope, v))
+
+    def damp(self, sample: Sample, trust: float = 1.0) -> Torque:
+        """Torque under which the joint rates decay, q'' = -damping q'.
+
+        Args:
+            sample: Measured, or, where the joints are not seen any more, extrapolated state.
+            trust: Part of the compensating torque c to apply: 1 where the state is measured,
+                falling to 0 with the age of an extrapolated one, for a torque that rests on a
+                guess must not stay on.
+        """
+        equation = self.model(sample.q, sample.qd, sample.omega_WB_B)
+        return self._limit(equation.H @ (-self._damping * sample.qd) + trust * equation.c)
+
+    def _torque(self, q: Array, qd: Array, omega_WB_B: Vector3, v: Array) -> Array:
+        equation = self.model(q, qd, omega_WB_B)
+        return equation.H @ v + equation.c
+
+    def _limit(self, tau: Array) -> Torque:
+        if not np.all(np.isfinite(tau)):
+            return Torque(np.zeros(len(tau)), np.ones(len(tau), dtype=bool))
+        limited = np.clip(tau, -self._limits, self._limits)
+        return Torque(limited, limited != tau)
+
+
+def torque_limits(robot: Robot, limits: tuple[float, ...]) -> Array:
+    """(n,) torque limits of the arm [N m]: those given, otherwise the URDF's.
+
+    Raises:
+        ConfigurationError: a wrong number of limits.
+    """
+    n = robot.n_joints - robot.rotor_count
+    if not limits:
+        return robot.effort_limits[:n]
+    if len(limits) != n:
+        raise ConfigurationError(
+            'controller.torque_limit', f'expected {n} numbers (one a joint), got {len(limits)}'
+        )
+    return np.array(limits)
