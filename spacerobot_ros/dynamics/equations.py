@@ -98,7 +98,9 @@ class Dynamics:
         tau_pin[self._base_dim + self._order] = tau
         if base_wrench is not None and self._base_dim:
             tau_pin[:6] = base_wrench
-        a = pin.aba(self._model, self._data, q_pin, v_pin, tau_pin, self._wheel_forces(q_pin, v_pin))
+        a = pin.aba(
+            self._model, self._data, q_pin, v_pin, tau_pin, self._wheel_forces(q_pin, v_pin)
+        )
         out = np.zeros_like(x)
         if self._base_dim:
             out[:3] = rotation_matrix(x[3:7]) @ x[7 + n : 10 + n]
@@ -108,7 +110,9 @@ class Dynamics:
         out[13 + n :] = a[self._base_dim + self._order]
         return out
 
-    def inverse(self, state: State, base_acceleration: Vector6, qdd: Array) -> tuple[Vector6, Array]:
+    def inverse(
+        self, state: State, base_acceleration: Vector6, qdd: Array
+    ) -> tuple[Vector6, Array]:
         """Base wrench and joint torques that produce an acceleration.
 
         Args:
@@ -123,13 +127,22 @@ class Dynamics:
         a_pin = np.zeros(self._base_dim + self._n)
         a_pin[: self._base_dim] = base_acceleration[: self._base_dim]
         a_pin[self._base_dim + self._order] = qdd
-        force = pin.rnea(self._model, self._data, q_pin, v_pin, a_pin, self._wheel_forces(q_pin, v_pin))
+        force = pin.rnea(
+            self._model, self._data, q_pin, v_pin, a_pin, self._wheel_forces(q_pin, v_pin)
+        )
         base = force[:6].copy() if self._base_dim else np.zeros(6)
         return base, force[self._base_dim + self._order]
 
     def mass_matrix(self, q: Array) -> Array:
         """(6 + n, 6 + n) joint-space inertia, base [linear; angular] first ((n, n) for a fixed base)."""
-        state = State(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), q, np.zeros(3), np.zeros(3), np.zeros(self._n))
+        state = State(
+            np.zeros(3),
+            np.array([0.0, 0.0, 0.0, 1.0]),
+            q,
+            np.zeros(3),
+            np.zeros(3),
+            np.zeros(self._n),
+        )
         q_pin, _ = self._to_pin(state.to_vector())
         M = pin.crba(self._model, self._data, q_pin)
         M = np.triu(M) + np.triu(M, 1).T
@@ -160,7 +173,9 @@ class Dynamics:
             (6,) [linear (N s); angular about the system's centre of mass (N m s)] in the inertial frame.
         """
         q_pin, v_pin = self._to_pin(state.to_vector())
-        total = np.array(pin.computeCentroidalMomentum(self._model, self._data, q_pin, v_pin).vector)
+        total = np.array(
+            pin.computeCentroidalMomentum(self._model, self._data, q_pin, v_pin).vector
+        )
         for joint, momentum in self._wheels:
             total[3:] += self._data.oMi[joint].rotation @ momentum
         return total
@@ -214,7 +229,9 @@ class Dynamics:
             torque = -cross(self._data.v[joint].angular, momentum)
             if not self._joint_reaction:
                 base = self.robot.pin_joint_ids[0]
-                torque = self._data.oMi[base].rotation.T @ (self._data.oMi[joint].rotation @ torque)
+                torque = self._data.oMi[base].rotation.T @ (
+                    self._data.oMi[joint].rotation @ torque
+                )
                 joint = base
             self._external[joint].angular += torque
         return self._external

@@ -56,12 +56,20 @@ def hold_step(
         x = rk4_step(lambda _, y: dynamics.rate(y, tau, base_wrench), t, x, dt)
         x[3:7] /= np.linalg.norm(x[3:7])
     if not np.all(np.isfinite(x)):
-        raise SimulationDivergedError(t, f'non-finite state after a step of {dt:g} s; largest torque {np.max(np.abs(tau)):g} N m')
+        raise SimulationDivergedError(
+            t,
+            f'non-finite state after a step of {dt:g} s; largest torque {np.max(np.abs(tau)):g} N m',
+        )
     return x
 
 
 def simulate_smooth(
-    dynamics: Dynamics, x: Array, torque: Torque, times: Array, rtol: float = 1e-13, atol: float = 1e-15
+    dynamics: Dynamics,
+    x: Array,
+    torque: Torque,
+    times: Array,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
 ) -> Array:
     """Follow a smooth joint torque with error-controlled DOP853.
 

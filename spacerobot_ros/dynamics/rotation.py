@@ -54,7 +54,12 @@ def quaternion_rate(q_xyzw: Quaternion, omega_B: Vector3) -> Quaternion:
     x, y, z, w = q_xyzw
     a, b, c = omega_B
     return 0.5 * np.array(
-        [w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a, -x * a - y * b - z * c]
+        [
+            w * a + y * c - z * b,
+            w * b + z * a - x * c,
+            w * c + x * b - y * a,
+            -x * a - y * b - z * c,
+        ]
     )
 
 

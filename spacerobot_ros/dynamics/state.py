@@ -34,7 +34,9 @@ class State:
 
     def to_vector(self) -> Array:
         """(13 + 2 n,) in the order of the fields."""
-        return np.concatenate([self.p_WB, self.q_WB_xyzw, self.q, self.v_WB_B, self.omega_WB_B, self.qd])
+        return np.concatenate(
+            [self.p_WB, self.q_WB_xyzw, self.q, self.v_WB_B, self.omega_WB_B, self.qd]
+        )
 
     @classmethod
     def from_vector(cls, x: Array) -> State:
@@ -57,7 +59,9 @@ def initial_state(robot: Robot, initial: InitialSettings) -> State:
     attitude = np.array(initial.attitude_xyzw)
     norm = float(np.linalg.norm(attitude))
     if abs(norm - 1.0) > 1e-3:
-        raise ConfigurationError('initial.attitude_xyzw', f'must be a unit quaternion, its norm is {norm:g}')
+        raise ConfigurationError(
+            'initial.attitude_xyzw', f'must be a unit quaternion, its norm is {norm:g}'
+        )
     if not robot.is_free and any(initial.angular_velocity):
         raise ConfigurationError('initial.angular_velocity', 'must be zero for a fixed base')
     zeros = np.zeros(3)

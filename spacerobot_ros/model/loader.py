@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,11 +45,13 @@ def load_robot_file(path: str | Path) -> RobotFile:
     path = Path(path)
     settings = parse_settings(_read_parameters(path), f'{path}: ')
     urdf_path = resolve_urdf(settings.robot.urdf, beside=path.parent)
-    return RobotFile(build_robot(settings, _read_text(urdf_path, 'robot.urdf'), str(urdf_path)), settings)
+    return RobotFile(
+        build_robot(settings, _read_text(urdf_path, 'robot.urdf'), str(urdf_path)), settings
+    )
 
 
 def resolve_urdf(url: str, beside: Path | None) -> Path:
-    """Find a URDF named by `package://`, an absolute path, or (with `beside`) a relative path.
+    """Find a URDF named by `package://`, `file://`, an absolute path, or (with `beside`) a relative path.
 
     Args:
         url: The value of `robot.urdf`.
@@ -58,12 +61,14 @@ def resolve_urdf(url: str, beside: Path | None) -> Path:
         ConfigurationError: empty, relative without a folder, unknown package, or no such file.
     """
     if not url:
-        raise ConfigurationError('robot.urdf', 'is missing: give package://..., an absolute path, or robot_description')
+        raise ConfigurationError(
+            'robot.urdf', 'is missing: give package://..., an absolute path, or robot_description'
+        )
     if url.startswith('package://'):
         package, _, inside = url.removeprefix('package://').partition('/')
         path = package_folder(package) / inside
     else:
-        path = Path(url)
+        path = Path(url.removeprefix('file://'))
         if not path.is_absolute():
             if beside is None:
                 raise ConfigurationError(
@@ -79,6 +84,8 @@ def resolve_urdf(url: str, beside: Path | None) -> Path:
 
 def package_folder(package: str) -> Path:
     """Share folder of a ROS package; for this one the source checkout serves where it isn't installed."""
+    if not package:
+        raise ConfigurationError('robot.urdf', 'package:// needs a package name')
     for prefix in filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)):
         share = Path(prefix) / 'share' / package
         if share.is_dir():
@@ -104,7 +111,10 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
     tree = parse_urdf(urdf, urdf_name)
     options = settings.robot
     if tree.root != options.base_link:
-        raise ConfigurationError('robot.base_link', f'{options.base_link!r} is not the root link {tree.root!r} of the URDF')
+        raise ConfigurationError(
+            'robot.base_link',
+            f'{options.base_link!r} is not the root link {tree.root!r} of the URDF',
+        )
     _check_joints(options, tree)
     bodies, frames = merge_bodies(lock_rotors(options, tree), options.joints)
     rotors = build_rotors(options, tree, frames)
@@ -119,7 +129,9 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         servicer_wheels=servicer_gyrostat(options, tree, rotors),
         target_wheels=target_gyrostats(options, frames, rotors),
         effort_limits=np.array([tree.joints[name].effort_limit for name in options.joints]),
-        position_limits=np.array([tree.joints[name].position_limit for name in options.joints]).reshape(-1, 2),
+        position_limits=np.array(
+            [tree.joints[name].position_limit for name in options.joints]
+        ).reshape(-1, 2),
         sensors=settings.sensors,
         rotors=rotors,
     )
@@ -140,13 +152,22 @@ def true_robot(robot: Robot, settings: Settings) -> Robot:
     """
     truth = settings.truth
     plant = robot.with_free_rotors(_true_rates(robot, truth))
-    for side, momentum in (('target', truth.target_momentum), ('servicer', truth.servicer_momentum)):
+    for side, momentum in (
+        ('target', truth.target_momentum),
+        ('servicer', truth.servicer_momentum),
+    ):
         if momentum and any(rotor.is_target == (side == 'target') for rotor in robot.rotors):
-            raise ConfigurationError(f'truth.{side}_momentum', f'the wheels are rotors: give truth.{side}_rates')
+            raise ConfigurationError(
+                f'truth.{side}_momentum', f'the wheels are rotors: give truth.{side}_rates'
+            )
     if truth.target_momentum:
-        plant = plant.with_target_momentum(np.array(truth.target_momentum))
+        plant = plant.with_target_momentum(
+            np.array(truth.target_momentum), 'truth.target_momentum'
+        )
     if truth.servicer_momentum:
-        plant = plant.with_servicer_momentum(np.array(truth.servicer_momentum))
+        plant = plant.with_servicer_momentum(
+            np.array(truth.servicer_momentum), 'truth.servicer_momentum'
+        )
     return _with_true_inertia(plant, truth)
 
 
@@ -158,7 +179,9 @@ def _true_rates(robot: Robot, truth: TruthSettings) -> Array:
     ):
         chosen = [i for i, rotor in enumerate(robot.rotors) if rotor.is_target == is_target]
         if given and len(given) != len(chosen):
-            raise ConfigurationError(name, f'expected {len(chosen)} (one a rotor), got {len(given)}')
+            raise ConfigurationError(
+                name, f'expected {len(chosen)} (one a rotor), got {len(given)}'
+            )
         if given:
             rates[chosen] = given
     return rates
@@ -167,13 +190,16 @@ def _true_rates(robot: Robot, truth: TruthSettings) -> Array:
 def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
     if len(truth.inertial_parameters) != 10 * len(truth.links):
         raise ConfigurationError(
-            'truth.inertial_parameters', f'expected 10 a link in truth.links, got {len(truth.inertial_parameters)}'
+            'truth.inertial_parameters',
+            f'expected 10 a link in truth.links, got {len(truth.inertial_parameters)}',
         )
     names = [body.name for body in robot.bodies]
     parameters = robot.inertial_parameters.copy()
     for i, link in enumerate(truth.links):
         if link not in names:
-            raise ConfigurationError(f'truth.links[{i}]', f'no body {link!r} (bodies: {", ".join(names)})')
+            raise ConfigurationError(
+                f'truth.links[{i}]', f'no body {link!r} (bodies: {", ".join(names)})'
+            )
         if link in truth.links[:i]:
             raise ConfigurationError(f'truth.links[{i}]', f'{link!r} is named twice')
         row = np.array(truth.inertial_parameters[10 * i : 10 * i + 10])
@@ -186,17 +212,50 @@ def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
     return robot.with_inertial_parameters(parameters) if truth.links else robot
 
 
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml is untyped
+    """YAML as ROS 2 reads it: `1e-5` is a number; and a key given twice is refused, not overwritten."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Build a map, refusing duplicate keys."""
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                problem = f'key {key!r} is given twice'
+                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float',
+    re.compile(r'^[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$'),
+    list('-+.0123456789'),
+)
+
+
 def _read_parameters(path: Path) -> Mapping[str, Any]:
     try:
-        content = yaml.safe_load(_read_text(path, 'robot file'))
+        content = yaml.load(_read_text(path, 'robot file'), _Loader)  # noqa: S506 (a SafeLoader)
     except yaml.YAMLError as error:
-        raise ConfigurationError(str(path), f'not valid YAML: {" ".join(str(error).split())}') from error
+        raise ConfigurationError(
+            str(path), f'not valid YAML: {" ".join(str(error).split())}'
+        ) from error
     if not isinstance(content, Mapping) or len(content) != 1:
-        raise ConfigurationError(str(path), "expected one entry '/**' with ros__parameters below it")
+        raise ConfigurationError(
+            str(path), "expected one entry '/**' with ros__parameters below it"
+        )
     node, parameters = next(iter(content.items()))
-    if not isinstance(parameters, Mapping) or 'ros__parameters' not in parameters:
-        raise ConfigurationError(f'{path}: {node}', 'expected ros__parameters below it')
-    return dict(parameters['ros__parameters'] or {})
+    if not isinstance(parameters, Mapping) or list(parameters) != ['ros__parameters']:
+        raise ConfigurationError(
+            f'{path}: {node}', 'expected ros__parameters, and nothing else, below it'
+        )
+    values = parameters['ros__parameters']
+    if not isinstance(values, Mapping):
+        raise ConfigurationError(
+            f'{path}: {node}: ros__parameters', f'expected a map of parameters, got {values!r}'
+        )
+    return values
 
 
 def _read_text(path: Path, what: str) -> str:
@@ -211,27 +270,40 @@ def _check_joints(options: RobotSettings, tree: Tree) -> None:
     if not options.joints:
         raise ConfigurationError('robot.joints', 'is empty: name the manipulator joints')
     named = [(f'robot.joints[{i}]', name) for i, name in enumerate(options.joints)]
-    for section, wheels in (('servicer_wheels', options.servicer_wheels), ('target_wheels', options.target_wheels)):
+    for section, wheels in (
+        ('servicer_wheels', options.servicer_wheels),
+        ('target_wheels', options.target_wheels),
+    ):
         named += [(f'robot.{section}.joints[{i}]', name) for i, name in enumerate(wheels.joints)]
     seen: dict[str, str] = {}
     for place, name in named:
         if name not in moving:
-            raise ConfigurationError(place, f'the URDF has no moving joint {name!r} (it has {", ".join(moving)})')
+            raise ConfigurationError(
+                place, f'the URDF has no moving joint {name!r} (it has {", ".join(moving)})'
+            )
         if name in seen:
-            raise ConfigurationError(place, f'joint {name!r} is named twice, first as {seen[name]}')
+            raise ConfigurationError(
+                place, f'joint {name!r} is named twice, first as {seen[name]}'
+            )
         seen[name] = place
     for name in moving:
         if name not in seen:
             raise ConfigurationError(
-                'robot.joints', f'joint {name!r} of the URDF moves but is not named: list it or make it fixed'
+                'robot.joints',
+                f'joint {name!r} of the URDF moves but is not named: list it or make it fixed',
             )
 
 
-def _check_bodies(options: RobotSettings, bodies: tuple[Body, ...], rotors: tuple[Rotor, ...], urdf_name: str) -> None:
+def _check_bodies(
+    options: RobotSettings, bodies: tuple[Body, ...], rotors: tuple[Rotor, ...], urdf_name: str
+) -> None:
     """Refuse a tree whose mass matrix would be singular: a massless base or end, or a carrier that is all rotor."""
     base = bodies[0]
     if options.base == 'free' and (base.mass <= 0.0 or np.linalg.eigvalsh(base.inertia)[0] <= 0.0):
-        raise ConfigurationError(f'{urdf_name}: link {base.name!r}', 'a free base needs a mass and an inertia about every axis')
+        raise ConfigurationError(
+            f'{urdf_name}: link {base.name!r}',
+            'a free base needs a mass and an inertia about every axis',
+        )
     parents = {body.parent for body in bodies}
     for index, body in enumerate(bodies[1:], start=1):
         if index not in parents and effective_inertia(body) <= 0.0:
@@ -243,8 +315,16 @@ def _check_bodies(options: RobotSettings, bodies: tuple[Body, ...], rotors: tupl
         rotor_mass = sum(rotor.body.mass for rotor in rotors if rotor.body.parent == carrier)
         if bodies[carrier].mass <= rotor_mass * (1.0 + 1e-9):
             raise ConfigurationError(
-                f'{urdf_name}: link {bodies[carrier].name!r}', 'carries rotors, so it needs a mass and an inertia of its own'
+                f'{urdf_name}: link {bodies[carrier].name!r}',
+                'carries rotors, so it needs a mass and an inertia of its own',
             )
 
 
-__all__ = ['RobotFile', 'SensorSettings', 'build_robot', 'load_robot_file', 'resolve_urdf', 'true_robot']
+__all__ = [
+    'RobotFile',
+    'SensorSettings',
+    'build_robot',
+    'load_robot_file',
+    'resolve_urdf',
+    'true_robot',
+]

@@ -41,7 +41,9 @@ def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...],
     bodies = [_merge_body(0, tree.root, -1, np.eye(3), np.zeros(3), None, tree, frames)]
     for index in range(1, len(joints) + 1):
         joint, parent, rotation, translation = mounts[index]
-        bodies.append(_merge_body(index, joint.child, parent, rotation, translation, joint, tree, frames))
+        bodies.append(
+            _merge_body(index, joint.child, parent, rotation, translation, joint, tree, frames)
+        )
     return tuple(bodies), frames
 
 
@@ -55,7 +57,11 @@ def _merge_body(
     tree: Tree,
     frames: Frames,
 ) -> Body:
-    parts = [(link, *frames[link.name][1:]) for link in tree.links.values() if frames[link.name][0] == index]
+    parts = [
+        (link, *frames[link.name][1:])
+        for link in tree.links.values()
+        if frames[link.name][0] == index
+    ]
     mass, com, inertia = _sum_inertias(parts)
     axis = np.array([1.0, 0.0, 0.0]) if joint is None else joint.axis
     is_prismatic = joint is not None and joint.kind == 'prismatic'
@@ -75,5 +81,7 @@ def _sum_inertias(parts: list[tuple[Link, Matrix3, Vector3]]) -> tuple[float, Ve
     inertia = np.zeros((3, 3))
     for (link, rotation, _), c in zip(massive, coms, strict=True):
         d = c - com
-        inertia += rotation @ link.inertia @ rotation.T + link.mass * (d @ d * np.eye(3) - np.outer(d, d))
+        inertia += rotation @ link.inertia @ rotation.T + link.mass * (
+            d @ d * np.eye(3) - np.outer(d, d)
+        )
     return mass, np.asarray(com), inertia

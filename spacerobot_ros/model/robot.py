@@ -154,7 +154,9 @@ class Robot:
     @property
     def target_momentum(self) -> Array:
         """(3 n_links,) wheel momentum of the captured body, link after link, rotors at their first rates [N m s]."""
-        return np.concatenate([np.zeros(0), *(g.momentum + self._free_momentum(g, True) for g in self.target_wheels)])
+        return np.concatenate(
+            [np.zeros(0), *(g.momentum + self._free_momentum(g, True) for g in self.target_wheels)]
+        )
 
     @property
     def servicer_momentum(self) -> Vector3:
@@ -186,26 +188,32 @@ class Robot:
     def velocity_indices(self) -> np.ndarray:
         """(n,) position of each joint's rate in Pinocchio's joint velocity, after the base's six."""
         offset = 6 if self.is_free else 0
-        return np.array([self.pin_model.joints[i].idx_v - offset for i in self.pin_joint_ids[1:]], dtype=int)
+        return np.array(
+            [self.pin_model.joints[i].idx_v - offset for i in self.pin_joint_ids[1:]], dtype=int
+        )
 
-    def with_target_momentum(self, momentum: Array) -> Robot:
+    def with_target_momentum(self, momentum: Array, place: str = 'target wheel momentum') -> Robot:
         """The same robot believing another wheel momentum of the captured body.
 
         Args:
             momentum: (3 n_links,) link after link, each in its link frame [N m s].
+            place: What to call it in error messages.
 
         Raises:
             ConfigurationError: wrong length or not finite.
         """
-        momentum = _finite(momentum, (3 * len(self.target_wheels),), 'target wheel momentum')
+        momentum = _finite(momentum, (3 * len(self.target_wheels),), place)
         wheels = tuple(
-            replace(g, momentum=momentum[3 * i : 3 * i + 3].copy()) for i, g in enumerate(self.target_wheels)
+            replace(g, momentum=momentum[3 * i : 3 * i + 3].copy())
+            for i, g in enumerate(self.target_wheels)
         )
         return replace(self, target_wheels=wheels)
 
-    def with_servicer_momentum(self, momentum: Array) -> Robot:
+    def with_servicer_momentum(
+        self, momentum: Array, place: str = 'servicer wheel momentum'
+    ) -> Robot:
         """The same robot with another momentum of its own wheels, (3,) in the base frame [N m s]."""
-        momentum = _finite(momentum, (3,), 'servicer wheel momentum')
+        momentum = _finite(momentum, (3,), place)
         return replace(self, servicer_wheels=replace(self.servicer_wheels, momentum=momentum))
 
     def with_inertial_parameters(self, parameters: Array) -> Robot:
@@ -217,10 +225,19 @@ class Robot:
         parameters = _finite(parameters, (len(self.bodies), 10), 'inertial parameters')
         bodies = []
         for body, row in zip(self.bodies, parameters, strict=True):
+            if row[0] == 0.0:  # a massless frame: its centre of mass would be 0/0
+                bodies.append(replace(body, mass=0.0, com=np.zeros(3), inertia=np.zeros((3, 3))))
+                continue
             inertia = pin.Inertia.FromDynamicParameters(row)
-            bodies.append(replace(body, mass=inertia.mass, com=inertia.lever.copy(), inertia=inertia.inertia.copy()))
+            bodies.append(
+                replace(
+                    body,
+                    mass=inertia.mass,
+                    com=inertia.lever.copy(),
+                    inertia=inertia.inertia.copy(),
+                )
+            )
         return replace(self, bodies=tuple(bodies))
-
 
     def with_free_rotors(self, rates: Array) -> Robot:
         """The plant view: rotors become joints behind the arm's, and leave the carriers' inertia and gyrostats.
@@ -243,11 +260,19 @@ class Robot:
             self,
             joints=(*self.joints, *(rotor.joint for rotor in self.rotors)),
             bodies=(*bodies, *(rotor.body for rotor in self.rotors)),
-            servicer_wheels=_emptied(self.servicer_wheels, [r for r in self.rotors if not r.is_target]),
-            target_wheels=tuple(_emptied(g, [r for r in self.rotors if r.is_target]) for g in self.target_wheels),
+            servicer_wheels=_emptied(
+                self.servicer_wheels, [r for r in self.rotors if not r.is_target]
+            ),
+            target_wheels=tuple(
+                _emptied(g, [r for r in self.rotors if r.is_target]) for g in self.target_wheels
+            ),
             effort_limits=np.concatenate([self.effort_limits, unlimited]),
-            position_limits=np.vstack([self.position_limits, np.column_stack([-unlimited, unlimited])]),
-            rotors=tuple(replace(r, rate=float(rate)) for r, rate in zip(self.rotors, rates, strict=True)),
+            position_limits=np.vstack(
+                [self.position_limits, np.column_stack([-unlimited, unlimited])]
+            ),
+            rotors=tuple(
+                replace(r, rate=float(rate)) for r, rate in zip(self.rotors, rates, strict=True)
+            ),
             rotor_count=n,
         )
 
@@ -255,7 +280,9 @@ class Robot:
         rotors = [r for r in self.rotors[: self.rotor_count] if r.is_target == is_target]
         if not is_target:
             return sum((r.body_momentum for r in rotors), np.zeros(3))
-        return gyrostat.rotation.T @ sum((r.body_momentum for r in rotors if r.link == gyrostat.link), np.zeros(3))
+        return gyrostat.rotation.T @ sum(
+            (r.body_momentum for r in rotors if r.link == gyrostat.link), np.zeros(3)
+        )
 
 
 def effective_inertia(body: Body) -> float:
@@ -275,7 +302,12 @@ def _without(body: Body, part: Body) -> Body:
     part_com = part.translation + part.rotation @ part.com
     com = (body.mass * body.com - part.mass * part_com) / mass
     part_inertia = part.rotation @ part.inertia @ part.rotation.T
-    inertia = body.inertia + body.mass * _steiner(body.com - com) - part_inertia - part.mass * _steiner(part_com - com)
+    inertia = (
+        body.inertia
+        + body.mass * _steiner(body.com - com)
+        - part_inertia
+        - part.mass * _steiner(part_com - com)
+    )
     return replace(body, mass=mass, com=com, inertia=inertia)
 
 
@@ -307,9 +339,15 @@ def _build_pin_model(robot: Robot) -> pin.Model:
     ids += [-1] * robot.n_joints
     for index in tree_order(robot.bodies):
         body = robot.bodies[index]
-        kind = pin.JointModelPrismaticUnaligned if body.is_prismatic else pin.JointModelRevoluteUnaligned
+        kind = (
+            pin.JointModelPrismaticUnaligned
+            if body.is_prismatic
+            else pin.JointModelRevoluteUnaligned
+        )
         placement = pin.SE3(body.rotation, body.translation)
-        ids[index] = model.addJoint(ids[body.parent], kind(body.axis), placement, robot.joints[index - 1])
+        ids[index] = model.addJoint(
+            ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]
+        )
         model.appendBodyToJoint(ids[index], _pin_inertia(body), pin.SE3.Identity())
     return model
 
@@ -319,7 +357,9 @@ def tree_order(bodies: tuple[Body, ...]) -> list[int]:
     order: list[int] = []
     placed = {0}
     while len(order) < len(bodies) - 1:
-        ready = [i for i in range(1, len(bodies)) if i not in placed and bodies[i].parent in placed]
+        ready = [
+            i for i in range(1, len(bodies)) if i not in placed and bodies[i].parent in placed
+        ]
         order.extend(ready)
         placed.update(ready)
     return order

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import sys
 import types
 import typing
 from collections.abc import Mapping
@@ -67,9 +68,13 @@ class WheelSettings:
     """
 
     links: TextList = param((), doc='Links that carry gyrostat wheels.')
-    momentum: FloatList = param((), unit='N m s', doc='Relative wheel momentum, three a link, in the link frame.')
+    momentum: FloatList = param(
+        (), unit='N m s', doc='Relative wheel momentum, three a link, in the link frame.'
+    )
     joints: TextList = param((), doc='URDF joints that are true wheel rotors.')
-    rates: FloatList = param((), unit='rad/s', doc='Relative rate of each rotor at the start; zero where empty.')
+    rates: FloatList = param(
+        (), unit='rad/s', doc='Relative rate of each rotor at the start; zero where empty.'
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,9 +82,13 @@ class RobotSettings:
     """The robot: its URDF and what a URDF can't say."""
 
     urdf: str = param('', doc='package:// URL, absolute path, or path beside the robot file.')
-    base: str = param('free', choices=('free', 'fixed'), doc='Free-floating base, or fixed for a ground test.')
+    base: str = param(
+        'free', choices=('free', 'fixed'), doc='Free-floating base, or fixed for a ground test.'
+    )
     base_link: str = param('base_link', doc='Root link of the URDF.')
-    gravity: FloatList = param((0.0, 0.0, 0.0), unit='m/s^2', length=3, doc='Gravity in the inertial frame.')
+    gravity: FloatList = param(
+        (0.0, 0.0, 0.0), unit='m/s^2', length=3, doc='Gravity in the inertial frame.'
+    )
     joints: TextList = param(doc='Manipulator joints in the order of every vector and message.')
     servicer_wheels: WheelSettings = field(default_factory=WheelSettings)
     target_wheels: WheelSettings = field(default_factory=WheelSettings)
@@ -90,30 +99,50 @@ class SensorSettings:
     """Standard deviation of one sample of each sensor; where missing it is estimated from the data."""
 
     joint_position_std: float | None = param(None, unit='rad', above=0.0, doc='Encoder noise.')
-    joint_velocity_std: float | None = param(None, unit='rad/s', above=0.0, doc='Joint rate noise.')
+    joint_velocity_std: float | None = param(
+        None, unit='rad/s', above=0.0, doc='Joint rate noise.'
+    )
     joint_effort_std: float | None = param(None, unit='N m', above=0.0, doc='Torque sensor noise.')
-    gyro_std: float | None = param(None, unit='rad/s', above=0.0, doc='Gyro noise a sample and axis.')
-    attitude_std: float | None = param(None, unit='rad', above=0.0, doc='Star tracker noise an axis.')
+    gyro_std: float | None = param(
+        None, unit='rad/s', above=0.0, doc='Gyro noise a sample and axis.'
+    )
+    attitude_std: float | None = param(
+        None, unit='rad', above=0.0, doc='Star tracker noise an axis.'
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceSettings:
     """The motion that the controller follows."""
 
-    kind: str = param('hold', choices=('hold', 'fourier', 'set_point', 'topic'), doc='Where the reference comes from.')
-    duration: float = param(20.0, unit='s', above=0.0, doc='Duration of one pass of the Fourier motion or of the move.')
+    kind: str = param(
+        'hold',
+        choices=('hold', 'fourier', 'set_point', 'topic'),
+        doc='Where the reference comes from.',
+    )
+    duration: float = param(
+        20.0, unit='s', above=0.0, doc='Duration of one pass of the Fourier motion or of the move.'
+    )
     harmonics: int = param(3, minimum=1, maximum=20, doc='Number of Fourier harmonics.')
-    sine: FloatList = param((), unit='rad/s', doc='Coefficients a of sin/(w l), joint by joint, harmonics inside.')
-    cosine: FloatList = param((), unit='rad/s', doc='Coefficients b of -cos/(w l), joint by joint, harmonics inside.')
+    sine: FloatList = param(
+        (), unit='rad/s', doc='Coefficients a of sin/(w l), joint by joint, harmonics inside.'
+    )
+    cosine: FloatList = param(
+        (), unit='rad/s', doc='Coefficients b of -cos/(w l), joint by joint, harmonics inside.'
+    )
     set_point: FloatList = param((), unit='rad', doc='Goal of `set_point`, one a joint.')
-    repeat: bool = param(False, doc='Start the Fourier motion again when it ends, instead of holding.')
+    repeat: bool = param(
+        False, doc='Start the Fourier motion again when it ends, instead of holding.'
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InitialSettings:
     """State at the start of a simulation."""
 
-    attitude_xyzw: FloatList = param((0.0, 0.0, 0.0, 1.0), length=4, doc='q_WB, normalised within 1e-3.')
+    attitude_xyzw: FloatList = param(
+        (0.0, 0.0, 0.0, 1.0), length=4, doc='q_WB, normalised within 1e-3.'
+    )
     angular_velocity: FloatList = param((0.0, 0.0, 0.0), unit='rad/s', length=3, doc='omega_WB_B.')
     joint_position: FloatList = param((), unit='rad', doc='Joint positions; zero where empty.')
     joint_velocity: FloatList = param((), unit='rad/s', doc='Joint rates; zero where empty.')
@@ -123,13 +152,22 @@ class InitialSettings:
 class TruthSettings:
     """What the simulated plant really is, where it differs from the model in `robot`."""
 
-    target_momentum: FloatList = param((), unit='N m s', doc='True wheel momentum of the captured body, as in robot.')
-    servicer_momentum: FloatList = param((), unit='N m s', doc="True momentum of the servicer's wheels.")
-    target_rates: FloatList = param((), unit='rad/s', doc="True rates of the captured body's rotors at the start.")
-    servicer_rates: FloatList = param((), unit='rad/s', doc="True rates of the servicer's rotors at the start.")
+    target_momentum: FloatList = param(
+        (), unit='N m s', doc='True wheel momentum of the captured body, as in robot.'
+    )
+    servicer_momentum: FloatList = param(
+        (), unit='N m s', doc="True momentum of the servicer's wheels."
+    )
+    target_rates: FloatList = param(
+        (), unit='rad/s', doc="True rates of the captured body's rotors at the start."
+    )
+    servicer_rates: FloatList = param(
+        (), unit='rad/s', doc="True rates of the servicer's rotors at the start."
+    )
     links: TextList = param((), doc='Links whose inertial parameters differ from the URDF.')
     inertial_parameters: FloatList = param(
-        (), doc='Ten a link: m, m c (3), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link origin (kg, kg m, kg m^2).'
+        (),
+        doc='Ten a link: m, m c (3), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link origin (kg, kg m, kg m^2).',
     )
 
 
@@ -137,17 +175,31 @@ class TruthSettings:
 class SimulatorSettings:
     """The simulator: steps, sensors' rates, pacing."""
 
-    period: float = param(0.01, unit='s', above=0.0, maximum=1.0, doc='Control period; torques are held over it.')
+    period: float = param(
+        0.01, unit='s', above=0.0, maximum=1.0, doc='Control period; torques are held over it.'
+    )
     substeps: int = param(2, minimum=1, maximum=1000, doc='RK4 steps in one control period.')
-    joint_rate: float = param(100.0, unit='Hz', above=0.0, doc='Rate of /joint_states; divides 1/period.')
-    imu_rate: float = param(100.0, unit='Hz', above=0.0, doc='Rate of /imu/data; divides 1/period.')
-    attitude_rate: float = param(10.0, unit='Hz', above=0.0, doc='Rate of /attitude; divides 1/period.')
+    joint_rate: float = param(
+        100.0, unit='Hz', above=0.0, doc='Rate of /joint_states; divides 1/period.'
+    )
+    imu_rate: float = param(
+        100.0, unit='Hz', above=0.0, doc='Rate of /imu/data; divides 1/period.'
+    )
+    attitude_rate: float = param(
+        10.0, unit='Hz', above=0.0, doc='Rate of /attitude; divides 1/period.'
+    )
     noise: bool = param(True, doc='Add the noise of `sensors`.')
     seed: int = param(1, minimum=0, doc='Seed of every random stream.')
-    lockstep: bool = param(False, doc='Wait for the command of step k before step k+1 (deterministic).')
-    lockstep_timeout: float = param(5.0, unit='s', above=0.0, doc='Wall time after which a missing command is reported.')
+    lockstep: bool = param(
+        False, doc='Wait for the command of step k before step k+1 (deterministic).'
+    )
+    lockstep_timeout: float = param(
+        5.0, unit='s', above=0.0, doc='Wall time after which a missing command is reported.'
+    )
     real_time_factor: float = param(1.0, above=0.0, doc='Pace outside lockstep.')
-    command_timeout: float = param(0.5, unit='s', above=0.0, doc='Age after which a held torque falls to zero.')
+    command_timeout: float = param(
+        0.5, unit='s', above=0.0, doc='Age after which a held torque falls to zero.'
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,10 +212,18 @@ class IdentifierSettings:
         doc='symmetric: zeros of the URDF in link centres of mass and products of inertia are taken as known.',
     )
     solve_period: float = param(1.0, unit='s', above=0.0, doc='Period of /estimate.')
-    prior_std: float = param(1.0, above=0.0, doc='Relative standard deviation of the prior on inertial parameters.')
-    momentum_prior_std: float = param(1000.0, unit='N m s', above=0.0, doc='Prior on the wheel momentum, each axis.')
-    valid_std: float = param(0.05, above=0.0, doc='Valid once the std of the AAM is below this fraction of its scale.')
-    buffer: float = param(120.0, unit='s', above=0.0, doc='Length of the raw-sample buffer used to re-linearise.')
+    prior_std: float = param(
+        1.0, above=0.0, doc='Relative standard deviation of the prior on inertial parameters.'
+    )
+    momentum_prior_std: float = param(
+        1000.0, unit='N m s', above=0.0, doc='Prior on the wheel momentum, each axis.'
+    )
+    valid_std: float = param(
+        0.05, above=0.0, doc='Valid once the std of the AAM is below this fraction of its scale.'
+    )
+    buffer: float = param(
+        120.0, unit='s', above=0.0, doc='Length of the raw-sample buffer used to re-linearise.'
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,12 +235,24 @@ class ControllerSettings:
         choices=('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper'),
         doc='Control law.',
     )
-    bandwidth: float = param(1.0, unit='rad/s', above=0.0, maximum=100.0, doc='Double pole of the error dynamics.')
-    use_estimate: bool = param(True, doc='Use the latest valid /estimate; otherwise the model of the robot file.')
-    torque_limit: FloatList = param((), unit='N m', above=0.0, doc="One a joint; empty: the URDF's effort limits.")
-    damping: float = param(1.0, unit='1/s', above=0.0, doc='Decay of the joint rates while damping to zero.')
-    state_timeout: float = param(0.1, unit='s', above=0.0, doc='Age of the joint states or gyro that ends tracking.')
-    hold_compensation: bool = param(True, doc='Evaluate the law at the middle of the interval that holds its torque.')
+    bandwidth: float = param(
+        1.0, unit='rad/s', above=0.0, maximum=100.0, doc='Double pole of the error dynamics.'
+    )
+    use_estimate: bool = param(
+        True, doc='Use the latest valid /estimate; otherwise the model of the robot file.'
+    )
+    torque_limit: FloatList = param(
+        (), unit='N m', above=0.0, doc="One a joint; empty: the URDF's effort limits."
+    )
+    damping: float = param(
+        1.0, unit='1/s', above=0.0, doc='Decay of the joint rates while damping to zero.'
+    )
+    state_timeout: float = param(
+        0.1, unit='s', above=0.0, doc='Age of the joint states or gyro that ends tracking.'
+    )
+    hold_compensation: bool = param(
+        True, doc='Evaluate the law at the middle of the interval that holds its torque.'
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,11 +287,15 @@ def parse_settings(values: Mapping[str, Any], place: str = '') -> Settings:
 
 def _parse_section(cls: type, values: Any, place: str) -> Any:
     if not isinstance(values, Mapping):
-        raise ConfigurationError(place or 'parameters', f'expected a map of parameters, got {values!r}')
+        raise ConfigurationError(
+            place.rstrip(': ') or 'parameters', f'expected a map of parameters, got {values!r}'
+        )
     known = {f.name: f for f in fields(cls)}
     for key in values:
         if key not in known:
-            raise ConfigurationError(_join(place, str(key)), f'unknown parameter{_suggest(str(key), list(known))}')
+            raise ConfigurationError(
+                _join(place, str(key)), f'unknown parameter{_suggest(str(key), list(known))}'
+            )
     hints = typing.get_type_hints(cls)
     parsed = {}
     for name, f in known.items():
@@ -227,7 +303,9 @@ def _parse_section(cls: type, values: Any, place: str) -> Any:
         if name in values:
             parsed[name] = _parse_value(f, hints[name], values[name], where)
         elif f.default is MISSING and f.default_factory is MISSING:
-            raise ConfigurationError(where, f'required parameter is missing ({f.metadata.get("doc", f.type)})')
+            raise ConfigurationError(
+                where, f'required parameter is missing ({f.metadata.get("doc", f.type)})'
+            )
     return cls(**parsed)
 
 
@@ -236,8 +314,11 @@ def _parse_value(f: Field[Any], hint: Any, value: Any, place: str) -> Any:
         return _parse_section(hint, value, place)
     if isinstance(hint, types.UnionType):
         hint = next(a for a in typing.get_args(hint) if a is not type(None))
+    parsed: Any
     if hint == FloatList:
-        parsed = tuple(_number(v, f'{place}[{i}]', float) for i, v in enumerate(_list(value, place)))
+        parsed = tuple(
+            _number(v, f'{place}[{i}]', float) for i, v in enumerate(_list(value, place))
+        )
     elif hint == TextList:
         parsed = tuple(_text(v, f'{place}[{i}]') for i, v in enumerate(_list(value, place)))
     elif hint is bool:
@@ -253,7 +334,7 @@ def _parse_value(f: Field[Any], hint: Any, value: Any, place: str) -> Any:
 
 
 def _list(value: Any, place: str) -> list[Any]:
-    if isinstance(value, str) or not hasattr(value, '__iter__'):
+    if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, '__iter__'):
         raise ConfigurationError(place, f'expected a list, got {value!r}')
     return list(value)
 
@@ -267,8 +348,8 @@ def _text(value: Any, place: str) -> str:
 def _number(value: Any, place: str, kind: type) -> Any:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ConfigurationError(place, f'expected a number, got {value!r}')
-    if not math.isfinite(value):
-        raise ConfigurationError(place, f'{value} is not finite')
+    if abs(value) > sys.float_info.max or not math.isfinite(value):
+        raise ConfigurationError(place, f'{value} is not a finite number in range')
     if kind is int and value != int(value):
         raise ConfigurationError(place, f'expected a whole number, got {value}')
     return kind(value)
@@ -287,11 +368,15 @@ def _check_bounds(f: Field[Any], value: Any, place: str) -> None:
         where = place if index is None else f'{place}[{index}]'
         unit = f' {meta["unit"]}' if meta.get('unit') else ''
         if meta.get('minimum') is not None and entry < meta['minimum']:
-            raise ConfigurationError(where, f'{entry}{unit} is below the smallest allowed value {meta["minimum"]}')
+            raise ConfigurationError(
+                where, f'{entry}{unit} is below the smallest allowed value {meta["minimum"]}'
+            )
         if meta.get('above') is not None and entry <= meta['above']:
             raise ConfigurationError(where, f'{entry}{unit} must be above {meta["above"]}')
         if meta.get('maximum') is not None and entry > meta['maximum']:
-            raise ConfigurationError(where, f'{entry}{unit} is above the largest allowed value {meta["maximum"]}')
+            raise ConfigurationError(
+                where, f'{entry}{unit} is above the largest allowed value {meta["maximum"]}'
+            )
 
 
 def _join(place: str, key: str) -> str:

@@ -119,11 +119,14 @@ def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:
     extra = set(element.keys()) - set(_INERTIA)
     values = {k: _parse_numbers(v, 1, f'{where} inertia {k}')[0] for k, v in element.items()}
     for key in extra:
-        mirrored = f'i{key[2:]}{key[1:2]}'
-        if mirrored not in values:
+        mirrored = f'i{key[2:]}{key[1:2]}'  # iyx of ixy
+        if mirrored not in _INERTIA or mirrored not in values:
             raise ModelError(f'{where} inertia', f'unknown attribute {key!r}')
         if values[key] != values[mirrored]:
-            raise ModelError(f'{where} inertia', f'asymmetric: {key} = {values[key]} but {mirrored} = {values[mirrored]}')
+            raise ModelError(
+                f'{where} inertia',
+                f'asymmetric: {key} = {values[key]} but {mirrored} = {values[mirrored]}',
+            )
     missing = [k for k in _INERTIA if k not in values]
     if missing:
         raise ModelError(f'{where} inertia', f'missing {", ".join(missing)}')
@@ -153,7 +156,9 @@ def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
         raise ModelError(where, 'has inertia but no mass')
     a, b, c = np.linalg.eigvalsh(inertia)
     if a < -_TRIANGLE_SLACK * scale:
-        raise ModelError(where, f'inertia is not positive: principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2')
+        raise ModelError(
+            where, f'inertia is not positive: principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2'
+        )
     if c > (a + b) * (1.0 + _TRIANGLE_SLACK):
         raise ModelError(
             where,
@@ -167,7 +172,9 @@ def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
     if not name:
         raise ModelError(f'{place}: <joint>', 'has no name')
     if kind not in (*MOVING, 'fixed'):
-        raise ModelError(where, f'joint type {kind!r} is not supported (use {", ".join(MOVING)} or fixed)')
+        raise ModelError(
+            where, f'joint type {kind!r} is not supported (use {", ".join(MOVING)} or fixed)'
+        )
     if element.find('mimic') is not None:
         raise ModelError(where, 'mimic joints are not supported: list the joint or make it fixed')
     parent, child = element.find('parent'), element.find('child')
@@ -177,20 +184,38 @@ def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
     limit = element.find('limit')
     effort, low, high = math.inf, -math.inf, math.inf
     if limit is not None:
-        effort = _parse_numbers(limit.get('effort', '0'), 1, f'{where} effort limit')[0] or math.inf
-        if kind != 'continuous' and limit.get('upper') is not None:
+        effort = (
+            _parse_numbers(limit.get('effort', '0'), 1, f'{where} effort limit')[0] or math.inf
+        )
+        if kind != 'continuous' and not {'lower', 'upper'}.isdisjoint(limit.keys()):
             low = _parse_numbers(limit.get('lower', '0'), 1, f'{where} lower limit')[0]
             high = _parse_numbers(limit.get('upper', '0'), 1, f'{where} upper limit')[0]
     if effort < 0.0 or low > high:
-        raise ModelError(where, f'limits make no sense: effort {effort:g}, range [{low:g}, {high:g}]')
-    axis = _parse_axis(element.find('axis'), where) if kind != 'fixed' else np.array([1.0, 0.0, 0.0])
+        raise ModelError(
+            where, f'limits make no sense: effort {effort:g}, range [{low:g}, {high:g}]'
+        )
+    axis = (
+        _parse_axis(element.find('axis'), where) if kind != 'fixed' else np.array([1.0, 0.0, 0.0])
+    )
     return Joint(
-        name, kind, parent.get('link', ''), child.get('link', ''), rotation, translation, axis, effort, (low, high)
+        name,
+        kind,
+        parent.get('link', ''),
+        child.get('link', ''),
+        rotation,
+        translation,
+        axis,
+        effort,
+        (low, high),
     )
 
 
 def _parse_axis(element: ElementTree.Element | None, where: str) -> Vector3:
-    axis = np.array([1.0, 0.0, 0.0] if element is None else _parse_numbers(element.get('xyz', ''), 3, f'{where} axis'))
+    axis = np.array(
+        [1.0, 0.0, 0.0]
+        if element is None
+        else _parse_numbers(element.get('xyz', ''), 3, f'{where} axis')
+    )
     norm = float(np.linalg.norm(axis))
     if abs(norm - 1.0) > 1e-3:
         raise ModelError(f'{where} axis', f'must be a unit vector, its length is {norm:g}')
@@ -221,7 +246,10 @@ def _check_tree(links: dict[str, Link], joints: dict[str, Joint], place: str) ->
     for joint in joints.values():
         for end in (joint.parent, joint.child):
             if end not in links:
-                raise ModelError(f'{place}: joint {joint.name!r}', f'names the link {end!r}, which does not exist')
+                raise ModelError(
+                    f'{place}: joint {joint.name!r}',
+                    f'names the link {end!r}, which does not exist',
+                )
         if joint.child in parents:
             raise ModelError(
                 f'{place}: link {joint.child!r}',
@@ -231,7 +259,10 @@ def _check_tree(links: dict[str, Link], joints: dict[str, Joint], place: str) ->
         parents[joint.child] = joint
     roots = [name for name in links if name not in parents]
     if len(roots) != 1:
-        raise ModelError(place, f'must be one tree, but its links without a parent are: {", ".join(roots) or "none"}')
+        raise ModelError(
+            place,
+            f'must be one tree, but its links without a parent are: {", ".join(roots) or "none"}',
+        )
     reached, frontier = {roots[0]}, [roots[0]]
     while frontier:
         link = frontier.pop()

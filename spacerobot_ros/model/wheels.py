@@ -21,7 +21,9 @@ _BALANCE_TILT = 1e-3
 def lock_rotors(options: RobotSettings, tree: Tree) -> Tree:
     """The same tree with the rotors' joints fixed, as the gyrostat view has them."""
     locked = {*options.servicer_wheels.joints, *options.target_wheels.joints}
-    joints = {name: replace(j, kind='fixed') if name in locked else j for name, j in tree.joints.items()}
+    joints = {
+        name: replace(j, kind='fixed') if name in locked else j for name, j in tree.joints.items()
+    }
     return replace(tree, joints=joints)
 
 
@@ -38,7 +40,10 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
             no leaf or not balanced, or a rotor of the servicer that is not on the base.
     """
     rotors = []
-    for section, wheels in (('servicer_wheels', options.servicer_wheels), ('target_wheels', options.target_wheels)):
+    for section, wheels in (
+        ('servicer_wheels', options.servicer_wheels),
+        ('target_wheels', options.target_wheels),
+    ):
         rates = _rates(wheels, f'robot.{section}')
         for i, name in enumerate(wheels.joints):
             place = f'robot.{section}.joints[{i}]'
@@ -46,9 +51,21 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
             _check_rotor(joint, tree, place)
             body, rotation, origin = frames[joint.child]
             if section == 'servicer_wheels' and body != 0:
-                raise ConfigurationError(place, f"the servicer's wheels are on {tree.root!r}, not on {joint.parent!r}")
+                raise ConfigurationError(
+                    place, f"the servicer's wheels are on {tree.root!r}, not on {joint.parent!r}"
+                )
             link = tree.links[joint.child]
-            part = Body(link.name, body, rotation, origin, joint.axis, False, link.mass, link.com, link.inertia)
+            part = Body(
+                link.name,
+                body,
+                rotation,
+                origin,
+                joint.axis,
+                False,
+                link.mass,
+                link.com,
+                link.inertia,
+            )
             rotors.append(Rotor(name, joint.parent, section == 'target_wheels', part, rates[i]))
     return tuple(rotors)
 
@@ -57,22 +74,29 @@ def servicer_gyrostat(options: RobotSettings, tree: Tree, rotors: tuple[Rotor, .
     """Gyrostat of the base, in the frame of `base_link`."""
     wheels = options.servicer_wheels
     if wheels.links not in ((), (tree.root,)):
-        raise ConfigurationError('robot.servicer_wheels.links', f"the servicer's wheels are on {tree.root!r}")
+        raise ConfigurationError(
+            'robot.servicer_wheels.links', f"the servicer's wheels are on {tree.root!r}"
+        )
     momentum = wheels.momentum or (0.0, 0.0, 0.0)
     if len(momentum) != 3:
-        raise ConfigurationError('robot.servicer_wheels.momentum', f'expected 3 numbers, got {len(momentum)}')
+        raise ConfigurationError(
+            'robot.servicer_wheels.momentum', f'expected 3 numbers, got {len(momentum)}'
+        )
     spin = sum((r.body_momentum for r in rotors if not r.is_target), np.zeros(3))
     return Gyrostat(tree.root, 0, np.eye(3), np.array(momentum) + spin)
 
 
-def target_gyrostats(options: RobotSettings, frames: Frames, rotors: tuple[Rotor, ...]) -> tuple[Gyrostat, ...]:
+def target_gyrostats(
+    options: RobotSettings, frames: Frames, rotors: tuple[Rotor, ...]
+) -> tuple[Gyrostat, ...]:
     """Gyrostats of the captured body, one a link: as listed, or in the order in which the rotors first name them."""
     wheels = options.target_wheels
     links = wheels.links or tuple(dict.fromkeys(r.link for r in rotors if r.is_target))
     momentum = np.array(wheels.momentum or (0.0,) * (3 * len(links)))
     if len(momentum) != 3 * len(links):
         raise ConfigurationError(
-            'robot.target_wheels.momentum', f'expected three a link ({3 * len(links)}), got {len(momentum)}'
+            'robot.target_wheels.momentum',
+            f'expected three a link ({3 * len(links)}), got {len(momentum)}',
         )
     gyrostats = []
     for i, link in enumerate(links):
@@ -82,7 +106,9 @@ def target_gyrostats(options: RobotSettings, frames: Frames, rotors: tuple[Rotor
         if link in links[:i]:
             raise ConfigurationError(place, f'{link!r} is named twice')
         body, rotation, _ = frames[link]
-        spin = rotation.T @ sum((r.body_momentum for r in rotors if r.is_target and r.link == link), np.zeros(3))
+        spin = rotation.T @ sum(
+            (r.body_momentum for r in rotors if r.is_target and r.link == link), np.zeros(3)
+        )
         gyrostats.append(Gyrostat(link, body, rotation, momentum[3 * i : 3 * i + 3] + spin))
     return tuple(gyrostats)
 
@@ -90,10 +116,14 @@ def target_gyrostats(options: RobotSettings, frames: Frames, rotors: tuple[Rotor
 def _rates(wheels: WheelSettings, place: str) -> tuple[float, ...]:
     if wheels.joints and (wheels.momentum or wheels.links):
         raise ConfigurationError(
-            place, 'give either links and momentum (gyrostats) or joints and rates (true rotors), not both'
+            place,
+            'give either links and momentum (gyrostats) or joints and rates (true rotors), not both',
         )
     if wheels.rates and len(wheels.rates) != len(wheels.joints):
-        raise ConfigurationError(f'{place}.rates', f'expected {len(wheels.joints)} (one a joint), got {len(wheels.rates)}')
+        raise ConfigurationError(
+            f'{place}.rates',
+            f'expected {len(wheels.joints)} (one a joint), got {len(wheels.rates)}',
+        )
     return wheels.rates or (0.0,) * len(wheels.joints)
 
 
@@ -103,13 +133,19 @@ def _check_rotor(joint: Joint, tree: Tree, place: str) -> None:
     children = [other.name for other in tree.joints.values() if other.parent == joint.child]
     if children:
         raise ConfigurationError(
-            place, f'rotor link {joint.child!r} must be a leaf of the tree, but carries joint {children[0]!r}'
+            place,
+            f'rotor link {joint.child!r} must be a leaf of the tree, but carries joint {children[0]!r}',
         )
     link = tree.links[joint.child]
     axial = float(joint.axis @ link.inertia @ joint.axis)
     if axial <= 0.0:
-        raise ConfigurationError(place, f'rotor link {joint.child!r} needs a mass and an inertia about its axis')
-    offset, tilt = _off_axis(link.com, joint.axis), _off_axis(link.inertia @ joint.axis, joint.axis)
+        raise ConfigurationError(
+            place, f'rotor link {joint.child!r} needs a mass and an inertia about its axis'
+        )
+    offset, tilt = (
+        _off_axis(link.com, joint.axis),
+        _off_axis(link.inertia @ joint.axis, joint.axis),
+    )
     if offset > _BALANCE_OFFSET or tilt > _BALANCE_TILT * axial:
         raise ConfigurationError(
             place,

@@ -15,7 +15,11 @@ from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.model.settings import Settings, parse_settings
 
-AXIS = {'x': np.array([1.0, 0.0, 0.0]), 'y': np.array([0.0, 1.0, 0.0]), 'z': np.array([0.0, 0.0, 1.0])}
+AXIS = {
+    'x': np.array([1.0, 0.0, 0.0]),
+    'y': np.array([0.0, 1.0, 0.0]),
+    'z': np.array([0.0, 0.0, 1.0]),
+}
 WHEEL_MASS, WHEEL_SPIN, WHEEL_TRANSVERSE = 10.0, 0.1, 0.06  # kg, kg m^2, kg m^2
 H_BASE = np.array([25.0, 27.0, 28.0])  # N m s
 H_TARGET = np.array([42.0, 49.0, 41.0])  # N m s
@@ -45,11 +49,26 @@ class Part:
 def table_one(axes: str = 'zyx') -> list[Part]:
     """The robot of Table I: a base and three links, wheels locked into base and link 3."""
     parts = [Part('base_link', -1, 'base', 2000.0, np.zeros(3), np.diag([1500.0] * 3))]
-    rows = [(50.0, 0.25, (0.1, 11.0, 11.0)), (100.0, 1.0, (0.1, 33.0, 33.0)), (500.0, 1.0, (400.0, 300.0, 350.0))]
+    rows = [
+        (50.0, 0.25, (0.1, 11.0, 11.0)),
+        (100.0, 1.0, (0.1, 33.0, 33.0)),
+        (500.0, 1.0, (400.0, 300.0, 350.0)),
+    ]
     origins = [np.array([0.5, 0.5, 1.0]), np.array([0.5, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])]
     for k, (mass, arm, moments) in enumerate(rows):
         com = np.array([arm, 0.0, 0.0])
-        parts.append(Part(f'link_{k + 1}', k, 'continuous', mass, com, np.diag(moments), AXIS[axes[k]], origins[k]))
+        parts.append(
+            Part(
+                f'link_{k + 1}',
+                k,
+                'continuous',
+                mass,
+                com,
+                np.diag(moments),
+                AXIS[axes[k]],
+                origins[k],
+            )
+        )
     return parts
 
 
@@ -58,13 +77,28 @@ def with_wheels(parts: list[Part], carriers: tuple[int, ...] = (0, 3)) -> list[P
 
     Wheels are named `wheel_<carrier>_<axis>` and stand at the end of the list.
     """
-    wheel = {a: np.diag([WHEEL_SPIN if a == b else WHEEL_TRANSVERSE for b in 'xyz']) for a in 'xyz'}
+    wheel = {
+        a: np.diag([WHEEL_SPIN if a == b else WHEEL_TRANSVERSE for b in 'xyz']) for a in 'xyz'
+    }
     out = list(parts)
     for c in carriers:
         host = parts[c]
-        out[c] = replace(host, mass=host.mass - 3 * WHEEL_MASS, inertia=host.inertia - sum(wheel.values()))
+        out[c] = replace(
+            host, mass=host.mass - 3 * WHEEL_MASS, inertia=host.inertia - sum(wheel.values())
+        )
         for a in 'xyz':
-            out.append(Part(f'wheel_{c}_{a}', c, 'continuous', WHEEL_MASS, np.zeros(3), wheel[a], AXIS[a], host.com))
+            out.append(
+                Part(
+                    f'wheel_{c}_{a}',
+                    c,
+                    'continuous',
+                    WHEEL_MASS,
+                    np.zeros(3),
+                    wheel[a],
+                    AXIS[a],
+                    host.com,
+                )
+            )
     return out
 
 
@@ -75,14 +109,18 @@ def random_inertia(rng: np.random.Generator, scale: float = 1.0) -> np.ndarray:
     return np.trace(S) * np.eye(3) - S
 
 
-def random_tree(rng: np.random.Generator, parents: list[int], prismatic: tuple[int, ...] = ()) -> list[Part]:
+def random_tree(
+    rng: np.random.Generator, parents: list[int], prismatic: tuple[int, ...] = ()
+) -> list[Part]:
     """A tree of random bodies, axes and placements.
 
     Args:
         parents: Parent index of part 1, 2, ...; part 0 is the base.
         prismatic: Indices of the parts that slide.
     """
-    parts = [Part('base_link', -1, 'base', 50.0, rng.uniform(-0.3, 0.3, 3), random_inertia(rng, 5.0))]
+    parts = [
+        Part('base_link', -1, 'base', 50.0, rng.uniform(-0.3, 0.3, 3), random_inertia(rng, 5.0))
+    ]
     for i, parent in enumerate(parents, start=1):
         axis = rng.standard_normal(3)
         parts.append(
@@ -109,7 +147,14 @@ def to_urdf(parts: list[Part]) -> str:
     lines = ['<robot name="test">']
     for part in parts:
         t = part.inertia
-        moments = {'ixx': t[0, 0], 'ixy': t[0, 1], 'ixz': t[0, 2], 'iyy': t[1, 1], 'iyz': t[1, 2], 'izz': t[2, 2]}
+        moments = {
+            'ixx': t[0, 0],
+            'ixy': t[0, 1],
+            'ixz': t[0, 2],
+            'iyy': t[1, 1],
+            'iyz': t[1, 2],
+            'izz': t[2, 2],
+        }
         lines += [
             f'<link name="{part.name}"><inertial><origin xyz="{_text(part.com)}"/><mass value="{float(part.mass)!r}"/>',
             f'<inertia {" ".join(f"{k}={float(v)!r}".replace("=", "=" + chr(34)) + chr(34) for k, v in moments.items())}/>',
@@ -124,7 +169,13 @@ def to_urdf(parts: list[Part]) -> str:
     return '\n'.join([*lines, '</robot>'])
 
 
-def to_mjcf(parts: list[Part], dt: float, *, free: bool = True, gravity: tuple[float, ...] = (0.0, 0.0, 0.0)) -> str:
+def to_mjcf(
+    parts: list[Part],
+    dt: float,
+    *,
+    free: bool = True,
+    gravity: tuple[float, ...] = (0.0, 0.0, 0.0),
+) -> str:
     """MuJoCo model with RK4, contacts off, one motor a joint in the order of the parts."""
 
     def body(index: int) -> str:

@@ -1,0 +1,241 @@
+"""URDF in, checked tree out; every refusal names its place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.errors import ModelError
+from spacerobot_ros.model.urdf import check_inertia, parse_urdf
+
+GOOD = """<robot name="r">
+  <link name="base_link"><inertial><origin xyz="0 0 0.5" rpy="0 0 0"/><mass value="10"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1.5" iyz="0" izz="2"/></inertial></link>
+  <link name="arm"><inertial><mass value="1"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.2"/></inertial></link>
+  <joint name="j1" type="revolute"><parent link="base_link"/><child link="arm"/>
+    <origin xyz="0 0 1" rpy="0 0 0"/><axis xyz="0 0 1"/><limit effort="5" lower="-1" upper="2"/></joint>
+</robot>"""
+EXTRA = '<link name="tip"/><joint name="j2" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint></robot>'
+
+
+def _with(old: str, new: str) -> str:
+    assert old in GOOD
+    return GOOD.replace(old, new)
+
+
+REFUSALS = [
+    ('not XML', GOOD[:-3], 'r.urdf: not well-formed XML'),
+    ('empty', '', 'r.urdf: not well-formed XML'),
+    ('another document', '<sdf/>', 'r.urdf: the root element is <sdf>, expected <robot>'),
+    (
+        'no links',
+        '<robot name="r"/>',
+        'r.urdf: must be one tree, but its links without a parent are: none',
+    ),
+    (
+        'NaN mass',
+        _with('mass value="1"', 'mass value="nan"'),
+        r"link 'arm' mass: expected 1 finite number\(s\), got 'nan'",
+    ),
+    (
+        'infinite inertia',
+        _with('izz="2"', 'izz="inf"'),
+        "link 'base_link' inertia izz: expected 1 finite",
+    ),
+    (
+        'not a number',
+        _with('mass value="1"', 'mass value="one"'),
+        r"link 'arm' mass: expected 1 number\(s\), got 'one'",
+    ),
+    (
+        'negative mass',
+        _with('mass value="1"', 'mass value="-1"'),
+        "link 'arm': negative mass -1 kg",
+    ),
+    (
+        'inertia without mass',
+        _with('mass value="1"', 'mass value="0"'),
+        "link 'arm': has inertia but no mass",
+    ),
+    ('no mass', _with('<mass value="1"/>', ''), "link 'arm': <inertial> needs both"),
+    (
+        'triangle',
+        _with('izz="0.2"', 'izz="0.21"'),
+        r"link 'arm': no rigid body .* 0.21 > 0.1 \+ 0.1",
+    ),
+    ('indefinite', _with('ixx="0.1"', 'ixx="-0.1"'), "link 'arm': inertia is not positive"),
+    (
+        'asymmetric',
+        _with('izz="2"', 'izz="2" iyx="0.1"'),
+        "link 'base_link' inertia: asymmetric: iyx = 0.1 but ixy = 0.0",
+    ),
+    (
+        'unknown moment',
+        _with('izz="2"', 'izz="2" iww="0.1"'),
+        "link 'base_link' inertia: unknown attribute 'iww'",
+    ),
+    (
+        'short attribute',
+        _with('izz="2"', 'izz="2" i="1"'),
+        "link 'base_link' inertia: unknown attribute 'i'",
+    ),
+    ('missing moment', _with(' izz="2"', ''), "link 'base_link' inertia: missing izz"),
+    (
+        'origin of two',
+        _with('xyz="0 0 0.5"', 'xyz="0 0.5"'),
+        r"link 'base_link' origin xyz: expected 3 finite number\(s\)",
+    ),
+    (
+        'NaN origin',
+        _with('xyz="0 0 1" rpy', 'xyz="0 nan 1" rpy'),
+        "joint 'j1' origin xyz: expected 3 finite",
+    ),
+    (
+        'NaN rpy',
+        _with('xyz="0 0 1" rpy="0 0 0"', 'rpy="0 nan 0"'),
+        "joint 'j1' origin rpy: expected 3 finite",
+    ),
+    (
+        'axis not unit',
+        _with('<axis xyz="0 0 1"', '<axis xyz="0 1 1"'),
+        "joint 'j1' axis: must be a unit vector, its length is 1.41421",
+    ),
+    (
+        'axis zero',
+        _with('<axis xyz="0 0 1"', '<axis xyz="0 0 0"'),
+        "joint 'j1' axis: must be a unit vector",
+    ),
+    (
+        'axis of four',
+        _with('<axis xyz="0 0 1"', '<axis xyz="0 0 1 0"'),
+        "joint 'j1' axis: expected 3 finite",
+    ),
+    (
+        'joint type',
+        _with('type="revolute"', 'type="floating"'),
+        "joint 'j1': joint type 'floating' is not supported",
+    ),
+    (
+        'mimic',
+        _with('<axis', '<mimic joint="x"/><axis'),
+        "joint 'j1': mimic joints are not supported",
+    ),
+    (
+        'no parent',
+        _with('<parent link="base_link"/>', ''),
+        "joint 'j1': needs <parent> and <child>",
+    ),
+    (
+        'unknown child',
+        _with('<child link="arm"', '<child link="arn"'),
+        "joint 'j1': names the link 'arn', which does not exist",
+    ),
+    ('limits crossed', _with('upper="2"', 'upper="-2"'), "joint 'j1': limits make no sense"),
+    (
+        'negative effort',
+        _with('effort="5"', 'effort="-5"'),
+        "joint 'j1': limits make no sense: effort -5",
+    ),
+    (
+        'NaN limit',
+        _with('effort="5"', 'effort="nan"'),
+        "joint 'j1' effort limit: expected 1 finite",
+    ),
+    ('nameless link', _with('<link name="arm">', '<link>'), '<link>: has no name'),
+    ('nameless joint', _with('name="j1"', ''), '<joint>: has no name'),
+    (
+        'link twice',
+        _with('</robot>', '<link name="arm"/></robot>'),
+        "link 'arm': this name is used twice",
+    ),
+    (
+        'joint twice',
+        _with('</robot>', EXTRA.format(parent='arm', child='tip').replace('j2', 'j1')),
+        "joint 'j1': this name is used twice",
+    ),
+    (
+        'closed loop',
+        _with('</robot>', EXTRA.format(parent='tip', child='arm')),
+        "link 'arm': has two parents .*'j1' and 'j2'",
+    ),
+    (
+        'two roots',
+        _with('</robot>', '<link name="loose"/></robot>'),
+        'must be one tree, .* base_link, loose',
+    ),
+    (
+        'detached loop',
+        _with(
+            '</robot>',
+            '<link name="a"/>'
+            + EXTRA.format(parent='a', child='tip').replace('</robot>', '')
+            + '<joint name="j3" type="fixed"><parent link="tip"/><child link="a"/></joint></robot>',
+        ),
+        'links form a loop: a, tip',
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ('urdf', 'match'), [case[1:] for case in REFUSALS], ids=[case[0] for case in REFUSALS]
+)
+def test_refusals_name_their_place(urdf, match):
+    with pytest.raises(ModelError, match=match) as caught:
+        parse_urdf(urdf, 'r.urdf')
+    assert str(caught.value).startswith('r.urdf: ')
+    assert '\n' not in str(caught.value)
+
+
+def test_good_urdf():
+    tree = parse_urdf(GOOD)
+    assert tree.root == 'base_link'
+    assert tree.joints['j1'].position_limit == (-1.0, 2.0)
+    assert tree.joints['j1'].effort_limit == 5.0
+    np.testing.assert_array_equal(tree.links['base_link'].com, [0.0, 0.0, 0.5])
+    np.testing.assert_array_equal(tree.links['base_link'].inertia, np.diag([1.0, 1.5, 2.0]))
+
+
+def test_continuous_joint_has_no_range_and_absent_limits_are_infinite():
+    tree = parse_urdf(_with('type="revolute"', 'type="continuous"'))
+    assert tree.joints['j1'].position_limit == (-np.inf, np.inf)
+    tree = parse_urdf(_with('<limit effort="5" lower="-1" upper="2"/>', ''))
+    assert tree.joints['j1'].effort_limit == np.inf
+
+
+def test_half_a_range_ends_at_zero_as_urdf_has_it():
+    assert parse_urdf(_with(' upper="2"', '')).joints['j1'].position_limit == (-1.0, 0.0)
+    assert parse_urdf(_with(' lower="-1"', '')).joints['j1'].position_limit == (0.0, 2.0)
+
+
+def test_inertial_frame_is_turned_into_the_link_frame():
+    # A quarter turn about x puts the tensor's y on the link's z.
+    tree = parse_urdf(
+        _with('xyz="0 0 0.5" rpy="0 0 0"', 'xyz="0 0 0.5" rpy="1.5707963267948966 0 0"')
+    )
+    np.testing.assert_allclose(
+        tree.links['base_link'].inertia, np.diag([1.0, 2.0, 1.5]), rtol=0, atol=1e-15
+    )
+
+
+def test_redundant_but_symmetric_products_are_read():
+    tree = parse_urdf(_with('ixy="0" ixz="0" iyy="1.5"', 'ixy="0.1" iyx="0.1" ixz="0" iyy="1.5"'))
+    assert tree.links['base_link'].inertia[1, 0] == 0.1
+
+
+@pytest.mark.parametrize(
+    ('mass', 'inertia', 'match'),
+    [
+        (np.nan, np.eye(3), 'not finite'),
+        (1.0, np.diag([1.0, 1.0, np.inf]), 'not finite'),
+        (1.0, np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), 'not symmetric'),
+    ],
+)
+def test_check_inertia(mass, inertia, match):
+    with pytest.raises(ModelError, match=match):
+        check_inertia(mass, inertia, 'here')
+
+
+def test_a_flat_plate_and_a_point_mass_are_physical():
+    check_inertia(1.0, np.diag([1.0, 2.0, 3.0]), 'plate')
+    check_inertia(1.0, np.zeros((3, 3)), 'point')
