@@ -41,9 +41,17 @@ class Reference:
     omega: Array
     rotation: Rotation
 
+    def since(self, index: int) -> Reference:
+        """From the time with this index on."""
+        return Reference(self.time[index:], self.q[index:], self.qd[index:], self.omega[index:], self.rotation[index:])
+
     def tail(self) -> Reference:
         """The last time alone."""
-        return Reference(self.time[-1:], self.q[-1:], self.qd[-1:], self.omega[-1:], self.rotation[-1:])
+        return self.since(len(self.time) - 1)
+
+    def turned(self, correction: Rotation) -> Reference:
+        """The same with every attitude R replaced by R times the correction."""
+        return Reference(self.time, self.q, self.qd, self.omega, self.rotation * correction)
 
 
 def join(first: Reference, second: Reference) -> Reference:

@@ -10,60 +10,79 @@ from scipy.spatial.transform import Rotation
 from ..types import Array
 from .linearize import MomentumModel, Reference
 from .momentum_filter import Measurements, MomentumFilter, Noise
-from .smoothing import SensorData, align, smooth, time_grid
+from .prior import Prior
+from .smoothing import SensorData, Smoothed, align, smooth, time_grid
 
-_PASSES = 4
+_PASSES = 5
 _CONVERGED = 0.01  # shift of the constants in standard deviations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
-    """Constants with covariance.
+class Stretch:
+    """One stretch of data made ready for the filter: reference, measurements on its times, noise.
 
     Args:
-        constants: (p,) [h_W; AAM; x].
-        covariance: (p, p).
-        factor: (p, p) square root of the information.
-        chi2_per_dof: Whitened innovations' mean square.
-        passes: Filter passes until converged.
+        reference: At all stamps. measured: On the same times. noise: Noise levels. smoothed: The splines behind them.
     """
 
-    constants: Array
-    covariance: Array
-    factor: Array
-    chi2_per_dof: float
-    passes: int
+    reference: Reference
+    measured: Measurements
+    noise: Noise
+    smoothed: Smoothed
 
 
-def estimate_constants(model: MomentumModel, data: SensorData, levels: dict[str, float]) -> Solution:
-    """Estimate total momentum, AAM and minimal parameters.
+def prepare(data: SensorData, levels: dict[str, float]) -> Stretch:
+    """Smooth a stretch of data into a reference that is aligned with the measured attitudes.
 
     Args:
-        model: Robot and minimal set.
-        data: Samples.
+        data: Samples, at least a second of each sensor.
         levels: Noise levels by name, from `noise_levels`.
     """
     times = time_grid(data)
     stds = (levels['joint_position_std'], levels['joint_velocity_std'], levels['gyro_std'])
     smoothed = smooth(data, times[0], times[-1], stds)
     reference = smoothed.reference(times, Rotation.identity())
-    reference = smoothed.reference(times, align(reference, data.attitude_time, data.attitude_xyzw))
+    if len(data.attitude_time):
+        reference = smoothed.reference(times, align(reference, data.attitude_time, data.attitude_xyzw))
     noise = Noise(*stds, levels['attitude_std'], smoothed.snap_density(times))
-    measured = measurements(data, reference)
-    constants = model.prior()
-    constants[:3] = first_momentum(model, reference, constants)
-    for count in range(1, _PASSES + 1):
-        engine = MomentumFilter(model.n, model.size, noise)
-        engine.run(reference, model.linearize(reference, constants), measured)
+    return Stretch(reference, measurements(data, reference), noise, smoothed)
+
+
+def estimate_constants(
+    model: MomentumModel, stretch: Stretch, prior: Prior, start: Array | None = None
+) -> tuple[Array, MomentumFilter, bool]:
+    """Estimate total momentum, AAM and minimal parameters from one stretch.
+
+    Args:
+        model: Robot and minimal set.
+        stretch: From `prepare`.
+        prior: Weak prior that keeps unexcited directions finite.
+        start: (p,) first point of linearisation; the prior's mean by default.
+
+    Returns:
+        (p,) constants, the filter about them, and whether they moved by less than 0.01 sigma in the last pass.
+    """
+    constants = prior.mean if start is None else start
+    for _ in range(_PASSES):
+        engine = start_filter(stretch, prior, constants)
+        engine.run(stretch.reference, model.linearize(stretch.reference, constants), stretch.measured)
         change, covariance = engine.information.solve()
-        constants = constants + change
-        std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-        if np.max(np.abs(change) / std) < _CONVERGED:
+        proposed = prior.admissible(model, stretch.reference, constants, constants + change)
+        engine.shift_constants(proposed - constants)
+        constants = proposed
+        converged = bool(np.max(np.abs(change) / np.sqrt(np.diag(covariance))) < _CONVERGED)
+        if converged:
             break
-    dof = engine.information.rows - model.size - 3 - 4 * model.n
-    return Solution(
-        constants, covariance, engine.information.factor[:, :-1], engine.information.residual / max(dof, 1), count
-    )
+    return constants, engine, converged
+
+
+def start_filter(stretch: Stretch, prior: Prior, constants: Array) -> MomentumFilter:
+    """A filter at the start of a stretch, its information holding the prior, errors counted from `constants`."""
+    times = stretch.reference.time
+    engine = MomentumFilter(len(prior.mean), stretch.noise, *stretch.smoothed.joint_start(times))
+    engine.information.add(np.diag(1.0 / prior.std), (prior.mean - constants) / prior.std)
+    engine.information.reset_residual()
+    return engine
 
 
 def measurements(data: SensorData, reference: Reference) -> Measurements:
@@ -77,10 +96,3 @@ def measurements(data: SensorData, reference: Reference) -> Measurements:
     if len(a):
         attitude[a] = (reference.rotation[a].inv() * Rotation.from_quat(data.attitude_xyzw)).as_rotvec()
     return Measurements(q, qd, gyro, attitude)
-
-
-def first_momentum(model: MomentumModel, reference: Reference, constants: Array) -> Array:
-    """(3,) total momentum that fits the reference best, the other constants given."""
-    columns, h0 = model.regressor(reference)
-    rest = h0 - columns[..., 3:] @ constants[3:]
-    return np.asarray(np.mean(reference.rotation.apply(rest), axis=0))

@@ -19,7 +19,6 @@ from ..types import Array
 from .linearize import RateErrorModel, Reference, join
 
 _ATTITUDE_START_STD = 0.05  # rad; the reference starts aligned with the tracker far better than this
-_JOINT_START_STD = (1.0, 10.0, 100.0, 1000.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +76,10 @@ class SquareRootInformation:
             self.residual += float(triangle[size, size] ** 2)
         self.rows += len(values)
 
+    def reset_residual(self) -> None:
+        """Count residual and rows from here, so that a prior does not enter the goodness of fit."""
+        self.residual, self.rows = 0.0, 0
+
     def shift(self, change: Array) -> None:
         """Count the unknowns from a new origin: t -> t - change."""
         self.factor[:, -1] -= self.factor[:, :-1] @ change
@@ -98,18 +101,21 @@ class MomentumFilter:
     """Advances the filter block by block.
 
     Args:
-        n: Number of joints.
         size: Number of constants p.
         noise: Noise levels.
+        joint_start: (4, n) joint positions, rates, accelerations and jerks at the first time.
+        joint_start_std: (4, n) their standard deviations: wide against the noise, but no wider than the motion, since a
+            covariance that spans twenty decades loses its sign.
     """
 
-    def __init__(self, n: int, size: int, noise: Noise) -> None:
-        self.n = n
+    def __init__(self, size: int, noise: Noise, joint_start: Array, joint_start_std: Array) -> None:
+        self.n = joint_start.shape[1]
         self.noise = noise
         self.information = SquareRootInformation(size)
-        start = np.concatenate([np.full(3, _ATTITUDE_START_STD), np.repeat(_JOINT_START_STD, n)])
+        start = np.concatenate([np.full(3, _ATTITUDE_START_STD), joint_start_std.ravel()])
         self.covariance = np.diag(start**2)
-        self.affine = np.zeros((3 + 4 * n, 1 + size))
+        self.affine = np.zeros((3 + 4 * self.n, 1 + size))
+        self.affine[3:, 0] = joint_start.ravel()
         self.last: tuple[Reference, RateErrorModel] | None = None
 
     def run(self, reference: Reference, model: RateErrorModel, measured: Measurements) -> None:
@@ -161,9 +167,11 @@ class MomentumFilter:
         lower = np.linalg.cholesky(spread)
         half = np.linalg.solve(lower, np.column_stack([gain, innovation]))
         whitened = half[:, gain.shape[1] :]
-        half = half[:, : gain.shape[1]]
-        self.affine += half.T @ whitened
-        self.covariance -= half.T @ half
+        kalman = np.linalg.solve(lower.T, half[:, : gain.shape[1]]).T
+        self.affine += kalman @ innovation
+        # Joseph's form keeps the covariance positive whatever the spread of its eigenvalues.
+        rest = np.eye(len(self.covariance)) - kalman @ H
+        self.covariance = rest @ self.covariance @ rest.T + (kalman * std**2) @ kalman.T
         return whitened
 
     def _rows(self, measured: Measurements, k: int, rate_by_state: Array, drive: Array) -> tuple[Array, Array, Array]:

@@ -12,7 +12,8 @@ from ..model.settings import SensorSettings
 from ..types import Array
 from .smoothing import SensorData
 
-_FLOOR = {'joint_position_std': 1e-9, 'joint_velocity_std': 1e-9, 'gyro_std': 1e-10, 'attitude_std': 1e-9}
+# Below any real sensor, and far enough above rounding for the filter's covariance.
+_FLOOR = {'joint_position_std': 1e-8, 'joint_velocity_std': 1e-7, 'gyro_std': 1e-8, 'attitude_std': 1e-8}
 
 
 def noise_levels(sensors: SensorSettings, data: SensorData) -> tuple[dict[str, float], tuple[str, ...]]:

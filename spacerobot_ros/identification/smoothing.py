@@ -61,6 +61,12 @@ class Smoothed:
         snap = self.joints.derivative(times, 4)
         return np.mean(snap**2, axis=0) * self.joints.spacing + 1e-12
 
+    def joint_start(self, times: Array) -> tuple[Array, Array]:
+        """(4, n) position, rate, acceleration and jerk at the first time, and (4, n) rms of each over all times."""
+        orders = [np.asarray(self.joints.curve(times)), *(self.joints.derivative(times, k) for k in (1, 2, 3))]
+        spread = [np.std(orders[0], axis=0), *(np.sqrt(np.mean(x**2, axis=0)) for x in orders[1:])]
+        return np.array([x[0] for x in orders]), np.array(spread) + 1e-6
+
     def reference(self, times: Array, start: Rotation) -> Reference:
         """Reference at increasing times; the attitude is integrated from `start` at the first.
 

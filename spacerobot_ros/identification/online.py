@@ -1,0 +1,273 @@
+"""The identifier's core: asynchronous samples in, estimates out, in bounded memory.
+
+Samples are collected a sensor at a time. Each `solve` smooths the newest stretch (with some context before and a lag
+behind it, because a spline is worst at its ends), runs the momentum filter over it and continues the square-root
+information. While the whole run fits into the buffer it is run through again each time its length has doubled, about
+the better constants; later stretches are linearised about constants that no longer move.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..errors import MessageRejectedError
+from ..model.robot import Robot
+from ..model.settings import IdentifierSettings
+from ..types import Array
+from .estimate import Estimate
+from .linearize import MomentumModel
+from .maximum_likelihood import Stretch, estimate_constants, measurements, prepare
+from .minimal import minimal_set
+from .momentum_filter import MomentumFilter, Noise
+from .noise import noise_levels
+from .prior import Prior, weak_prior
+from .smoothing import SensorData, smooth, time_grid
+from .summary import summarize
+
+_LAG = 0.5  # s of data kept back, where the spline is not settled yet
+_CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
+_MOVED = 3.0  # shift of a constant, in its own standard deviations then, that asks for a new run through the buffer
+_FIRST = 4.0  # s of data before the first solution
+
+
+@dataclass(slots=True)
+class _Stream:
+    """Samples of one sensor, stamps increasing."""
+
+    stamps: deque[int] = field(default_factory=deque)
+    values: deque[Array] = field(default_factory=deque)
+
+    def add(self, stamp_ns: int, value: Array, what: str) -> None:
+        if not np.all(np.isfinite(value)):
+            raise MessageRejectedError(f'{what}: not finite')
+        if self.stamps and stamp_ns <= self.stamps[-1]:
+            how = 'duplicated' if stamp_ns == self.stamps[-1] else 'backwards'
+            raise MessageRejectedError(f'{what}: stamp {how}')
+        self.stamps.append(stamp_ns)
+        self.values.append(value)
+
+    def forget(self, before_ns: int) -> None:
+        while self.stamps and self.stamps[0] < before_ns:
+            self.stamps.popleft()
+            self.values.popleft()
+
+    def arrays(self, origin_ns: int, width: int) -> tuple[Array, Array]:
+        time = (np.array(self.stamps, dtype=np.int64) - origin_ns) * 1e-9
+        return time, np.array(self.values).reshape(len(time), width)
+
+
+class OnlineIdentifier:
+    """Recursive estimate of wheel momentum and minimal parameters.
+
+    Args:
+        robot: What the robot file believes.
+        settings: The identifier's settings.
+
+    Raises:
+        ConfigurationError: fixed base or prismatic joints.
+    """
+
+    def __init__(self, robot: Robot, settings: IdentifierSettings) -> None:
+        self._settings = settings
+        self._model = MomentumModel(robot, minimal_set(robot, settings.structure))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything that was measured."""
+        self.rejected = 0
+        self._joints, self._rates, self._attitudes = _Stream(), _Stream(), _Stream()
+        self._origin_ns: int | None = None
+        self._levels: dict[str, float] = {}
+        self._notes: tuple[str, ...] = ()
+        self._engine: MomentumFilter | None = None
+        self._prior: Prior | None = None
+        self._constants = self._model.prior()
+        self._done = 0.0
+        self._next_rerun = 0.0
+        self._is_converged = False
+        self._rerun_constants, self._rerun_std = self._constants, np.zeros(self._model.size)
+        self._samples = 0
+        self._last: Estimate | None = None
+
+    def add_joints(self, stamp_ns: int, q: Array, qd: Array) -> None:
+        """Add a joint sample: q (n,) [rad], qd (n,) [rad/s].
+
+        Raises:
+            MessageRejectedError: not finite, wrong length, or stamp not increasing; the sample is not used.
+        """
+        n = self._model.n
+        if q.shape != (n,) or qd.shape != (n,):
+            self.rejected += 1
+            raise MessageRejectedError(f'joint states: expected {n} joints, got {len(q)} positions and {len(qd)} rates')
+        self._add(self._joints, stamp_ns, np.concatenate([q, qd]), 'joint states')
+
+    def add_rate(self, stamp_ns: int, omega_WB_B: Array) -> None:
+        """Add a gyro sample omega_WB_B (3,) [rad/s]; raises as `add_joints`."""
+        self._add(self._rates, stamp_ns, np.asarray(omega_WB_B, dtype=float), 'gyro')
+
+    def add_attitude(self, stamp_ns: int, q_WB_xyzw: Array) -> None:
+        """Add an attitude sample q_WB_xyzw (4,); raises as `add_joints`, also for a norm off by more than 1e-3."""
+        norm = float(np.linalg.norm(q_WB_xyzw))
+        if not abs(norm - 1.0) <= 1e-3:
+            self.rejected += 1
+            raise MessageRejectedError(f'attitude: quaternion norm is {norm:.6g}')
+        self._add(self._attitudes, stamp_ns, np.asarray(q_WB_xyzw, dtype=float) / norm, 'attitude')
+
+    def solve(self) -> Estimate:
+        """Use all settled samples and return the estimate; not valid, with the reason, while they do not suffice."""
+        data = self._data()
+        end = self._settled(data)
+        if data is None or end - self._done < 1e-3 or (self._engine is None and end < _FIRST):
+            return self._last or self._nothing(self._missing(data))
+        if self._engine is None or (end <= self._settings.buffer and self._is_rerun_due(end)):
+            self._run_all(data.between(-np.inf, end), end)
+        else:
+            self._run_new(data, end)
+        self._forget(end)
+        self._last = self._summary(end)
+        return self._last
+
+    def _add(self, stream: _Stream, stamp_ns: int, value: Array, what: str) -> None:
+        try:
+            if self._origin_ns is not None and (stamp_ns - self._origin_ns) * 1e-9 <= self._done and self._done > 0.0:
+                raise MessageRejectedError(f'{what}: stamp too late, that stretch is already solved')
+            stream.add(stamp_ns, value, what)
+        except MessageRejectedError:
+            self.rejected += 1
+            raise
+        if self._origin_ns is None:
+            self._origin_ns = stamp_ns
+
+    def _data(self) -> SensorData | None:
+        if self._origin_ns is None or not (self._joints.stamps and self._rates.stamps and self._attitudes.stamps):
+            return None
+        joint_time, joints = self._joints.arrays(self._origin_ns, 2 * self._model.n)
+        q, qd = np.hsplit(joints, 2)
+        rates = self._rates.arrays(self._origin_ns, 3)
+        return SensorData(joint_time, q, qd, *rates, *self._attitudes.arrays(self._origin_ns, 4))
+
+    def _settled(self, data: SensorData | None) -> float:
+        if data is None:
+            return 0.0
+        return float(min(data.joint_time[-1], data.rate_time[-1])) - _LAG
+
+    def _run_all(self, data: SensorData, end: float) -> None:
+        self._levels, self._notes = noise_levels(self._model.robot.sensors, data)
+        stretch = prepare(data, self._levels)
+        if self._prior is None:
+            self._prior = weak_prior(self._model, stretch.reference, self._settings)
+        self._constants, self._engine, self._is_converged = estimate_constants(
+            self._model, stretch, self._prior, None if self._engine is None else self._constants
+        )
+        self._rerun_constants = self._constants
+        self._rerun_std = np.sqrt(np.diag(self._engine.information.solve()[1]))
+        self._continue(stretch)
+        self._next_rerun = 2.0 * end
+        self._samples = len(data.joint_time)
+
+    def _run_new(self, data: SensorData, end: float) -> None:
+        engine, prior = self._engine, self._prior
+        if engine is None or engine.last is None or prior is None:
+            return
+        context = data.between(self._done - _CONTEXT, np.inf)
+        new = data.between(self._done, end)
+        stds = (self._levels['joint_position_std'], self._levels['joint_velocity_std'], self._levels['gyro_std'])
+        smoothed = smooth(context, min(context.joint_time[0], self._done), max(end, context.joint_time[-1]), stds)
+        times = np.concatenate([[self._done], time_grid(new)])
+        whole = smoothed.reference(times, engine.last[0].rotation[0])
+        reference = whole.since(1)
+        engine.noise = Noise(*stds, self._levels['attitude_std'], smoothed.snap_density(times))
+        stretch = Stretch(reference, measurements(new, reference), engine.noise, smoothed)
+        engine.run(reference, self._model.linearize(reference, self._constants), stretch.measured)
+        change, _ = engine.information.solve()
+        proposed = prior.admissible(self._model, reference, self._constants, self._constants + change)
+        engine.shift_constants(proposed - self._constants)
+        self._constants = proposed
+        self._continue(stretch)
+        self._samples += len(new.joint_time)
+
+    def _is_rerun_due(self, end: float) -> bool:
+        """Whether the linearisation of what was run through is no longer good enough."""
+        if not self._is_converged or end >= self._next_rerun:
+            return True
+        return bool(np.any(np.abs(self._constants - self._rerun_constants) > _MOVED * self._rerun_std))
+
+    def _continue(self, stretch: Stretch) -> None:
+        """Fold the attitude error into the reference so that the next stretch starts on the truth."""
+        engine = self._engine
+        if engine is None or engine.last is None:
+            return
+        last, model = engine.last
+        correction = Rotation.from_rotvec(engine.take_attitude())
+        engine.last = (last.turned(correction), model)
+        self._done = float(stretch.reference.time[-1])
+
+    def _forget(self, end: float) -> None:
+        if self._origin_ns is None:
+            return
+        keep = end - (self._settings.buffer if end <= self._settings.buffer else _CONTEXT + _LAG)
+        for stream in (self._joints, self._rates, self._attitudes):
+            stream.forget(self._origin_ns + int(keep * 1e9))
+
+    def _summary(self, end: float) -> Estimate:
+        engine, prior = self._engine, self._prior
+        if engine is None or prior is None:
+            return self._nothing('nothing solved yet')
+        # The information's own solution is the best estimate, also where the point of linearisation was held back.
+        change, _ = engine.information.solve()
+        stamp = (self._origin_ns or 0) + round(self._done * 1e9)
+        estimate = summarize(
+            'recursive',
+            self._model,
+            self._settings,
+            self._constants + change,
+            engine.information,
+            prior,
+            self._samples,
+            stamp,
+            self._notes,
+        )
+        if estimate.valid and not self._is_converged:
+            estimate = replace(estimate, valid=False, reason='the estimate still moves when the data are run through again')
+        return estimate
+
+    def _missing(self, data: SensorData | None) -> str:
+        names = {'joint states': self._joints, 'gyro': self._rates, 'attitude': self._attitudes}
+        missing = [name for name, stream in names.items() if not stream.stamps]
+        if missing:
+            return f'no {" and no ".join(missing)} yet'
+        return f'only {max(self._settled(data), 0.0):.1f} s of data yet, {_FIRST:g} s are needed'
+
+    def _nothing(self, reason: str) -> Estimate:
+        """The prior as an estimate that is not valid."""
+        model, settings = self._model, self._settings
+        prior = model.prior()
+        std = np.concatenate(
+            [
+                np.full(model.n_aam, settings.momentum_prior_std),
+                np.full(len(model.minimal), settings.prior_std * np.max(np.abs(prior[3 + model.n_aam :]))),
+            ]
+        )
+        last = [s.stamps[-1] for s in (self._joints, self._rates, self._attitudes) if s.stamps]
+        return Estimate(
+            method='recursive',
+            valid=False,
+            reason=reason,
+            aam_links=tuple(g.link for g in model.robot.target_wheels),
+            aam=prior[3 : 3 + model.n_aam],
+            parameter_names=model.minimal.names,
+            parameters=prior[3 + model.n_aam :],
+            covariance=np.diag(std**2),
+            rank=0,
+            condition=float('inf'),
+            unexcited=('every direction',),
+            total_momentum=np.zeros(3),
+            total_momentum_covariance=np.eye(3) * (10.0 * settings.momentum_prior_std) ** 2,
+            chi2_per_dof=0.0,
+            samples=0,
+            stamp_ns=max(last, default=0),
+        )

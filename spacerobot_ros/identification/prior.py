@@ -1,0 +1,63 @@
+"""A prior weak enough not to bend any result, and strong enough to keep unexcited directions finite."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.settings import IdentifierSettings
+from ..types import Array
+from .linearize import MomentumModel, Reference
+
+_PROBES = 20  # states of the reference at which a proposed inertia must be positive
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """Gaussian prior on the constants [h_W; AAM; x].
+
+    Args:
+        mean: (p,). std: (p,).
+    """
+
+    mean: Array
+    std: Array
+
+    def admissible(self, model: MomentumModel, reference: Reference, current: Array, proposed: Array) -> Array:
+        """The proposed constants, or those between them and the current ones that keep the inertia positive.
+
+        Before the data suffice, the inertia proposed may be indefinite, and no linearisation about it would hold.
+        """
+        probes = reference.q[:: max(1, len(reference.q) // _PROBES)]
+        smallest = _smallest_inertia(model, probes, self.mean)
+        for fraction in (1.0, 0.5, 0.25, 0.1):
+            constants = current + fraction * (proposed - current)
+            if _smallest_inertia(model, probes, constants) > 0.05 * smallest:
+                return constants
+        return current
+
+
+def weak_prior(model: MomentumModel, reference: Reference, settings: IdentifierSettings) -> Prior:
+    """The robot file's values with the identifier's prior standard deviations.
+
+    Every minimal parameter gets `prior_std` times the largest of them, since single ones may be zero or regrouped; the
+    total momentum is centred on what the robot file's values imply and left free.
+    """
+    mean = model.prior()
+    columns, h0 = model.regressor(reference)
+    rest = h0 - np.einsum('nab,b->na', columns[..., 3:], mean[3:])
+    mean[:3] = np.mean(reference.rotation.apply(rest), axis=0)
+    inertia = settings.prior_std * np.max(np.abs(mean[3 + model.n_aam :]))
+    free = 10.0 * (settings.momentum_prior_std + np.linalg.norm(mean[:3]))
+    std = np.full(len(mean), inertia)
+    std[:3] = free
+    std[3 : 3 + model.n_aam] = settings.momentum_prior_std
+    return Prior(mean, std)
+
+
+def _smallest_inertia(model: MomentumModel, q: Array, constants: Array) -> float:
+    rotations = model.tree.rotations(q)
+    pi = model.minimal.lift @ constants[3 + model.n_aam :]
+    inertia = model.tree.inertia(rotations, model.tree.rate_maps(rotations), pi)
+    return float(np.min(np.linalg.eigvalsh(inertia)))

@@ -1,0 +1,106 @@
+"""From the filter's constants and information to an `Estimate`: rank, unexcited directions, validity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..model.settings import IdentifierSettings
+from ..types import Array
+from .estimate import Estimate
+from .linearize import MomentumModel
+from .momentum_filter import SquareRootInformation
+from .prior import Prior
+
+# A direction counts as excited once the data know it this many times better than the prior.
+_EXCITED = 3.0
+
+
+def summarize(
+    method: str,
+    model: MomentumModel,
+    settings: IdentifierSettings,
+    constants: Array,
+    information: SquareRootInformation,
+    prior: Prior,
+    samples: int,
+    stamp_ns: int,
+    notes: tuple[str, ...] = (),
+) -> Estimate:
+    """Build the estimate.
+
+    Args:
+        method: Name of the method.
+        model: Robot and minimal set.
+        settings: Limits of validity.
+        constants: (p,) [h_W; AAM; x].
+        information: Square-root information of their errors, the prior included.
+        prior: That prior.
+        samples: Number of samples used.
+        stamp_ns: Time of the last one.
+        notes: Remarks for the user.
+    """
+    _, covariance = information.solve()
+    factor = information.factor[3:, :-1][:, 3:]  # [AAM; x] with the total momentum eliminated
+    norms = np.linalg.norm(factor, axis=0)
+    singular = np.linalg.svd(factor / norms, compute_uv=False)
+    weak = _weak_directions(factor * prior.std[3:])
+    names = aam_names(model) + model.minimal.names
+    unexcited = tuple(_describe(direction, names) for direction in weak)
+    dof = max(information.rows - len(constants), 1)
+    chi2 = information.residual / dof
+    aam = constants[3 : 3 + model.n_aam]
+    aam_std = np.sqrt(np.diag(covariance)[3 : 3 + model.n_aam])
+    reason = _reason(settings, model, unexcited, aam, aam_std, chi2)
+    return Estimate(
+        method=method,
+        valid=not reason,
+        reason=reason,
+        aam_links=tuple(g.link for g in model.robot.target_wheels),
+        aam=aam,
+        parameter_names=model.minimal.names,
+        parameters=constants[3 + model.n_aam :],
+        covariance=covariance[3:, 3:],
+        rank=len(names) - len(weak),
+        condition=float(singular[0] / singular[-1]),
+        unexcited=unexcited,
+        total_momentum=constants[:3],
+        total_momentum_covariance=covariance[:3, :3],
+        chi2_per_dof=chi2,
+        samples=samples,
+        stamp_ns=stamp_ns,
+        notes=notes,
+    )
+
+
+def aam_names(model: MomentumModel) -> tuple[str, ...]:
+    """Readable names of the wheel-momentum unknowns."""
+    return tuple(f'h_{g.link}_{axis}' for g in model.robot.target_wheels for axis in 'xyz')
+
+
+def _weak_directions(scaled: Array) -> list[Array]:
+    """Unit vectors, in units of the prior's std, that the data hardly know better than the prior."""
+    _, singular, right = np.linalg.svd(scaled)
+    return [right[i] for i in np.flatnonzero(singular < np.hypot(1.0, _EXCITED))]
+
+
+def _describe(direction: Array, names: tuple[str, ...]) -> str:
+    """The direction's largest components, such as `0.71 J0xx + 0.70 J0yy`."""
+    order = np.argsort(-np.abs(direction))
+    chosen = [i for i in order[:4] if abs(direction[i]) > 0.2] or [order[0]]
+    sign = np.sign(direction[chosen[0]])
+    terms = [f'{sign * direction[i]:+.2f} {names[i]}' for i in chosen]
+    return ' '.join(terms).removeprefix('+')
+
+
+def _reason(
+    settings: IdentifierSettings, model: MomentumModel, unexcited: tuple[str, ...], aam: Array, aam_std: Array, chi2: float
+) -> str:
+    if unexcited:
+        total = model.n_aam + len(model.minimal)
+        return f'{len(unexcited)} of {total} directions are not excited yet'
+    limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
+    if len(aam) and np.max(aam_std) > limit:
+        return f'wheel momentum is known to {np.max(aam_std):.3g} N m s only, the limit is {limit:.3g}'
+    if chi2 > 10.0:
+        return f'the model does not explain the data: chi2 per degree of freedom is {chi2:.3g}'
+    return ''
