@@ -19,11 +19,13 @@ def sourced_ros(environ, root):
         for prefix in environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
         if prefix and not os.path.realpath(prefix).startswith(inside)
     ]
-    has_rclpy = any(
-        os.path.exists(os.path.join(prefix, 'share', 'rclpy', 'package.xml'))
-        for prefix in prefixes
-    )
-    return prefixes if environ.get('ROS_DISTRO') and has_rclpy else []
+    is_sourced = environ.get('ROS_DISTRO') and any(has_rclpy(prefix) for prefix in prefixes)
+    return prefixes if is_sourced else []
+
+
+def has_rclpy(prefix):
+    """Return whether an installation prefix is the one that ROS 2's Python library is in."""
+    return os.path.exists(os.path.join(prefix, 'share', 'rclpy', 'package.xml'))
 
 
 def why_unfit(is_sourced):

@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from probe_python import sourced_ros
+from probe_python import has_rclpy, sourced_ros
 
 STALE = 3
 PATH_LIKE = (
@@ -39,6 +39,7 @@ HINTS = (  # what a log says -> what to tell
     ('DO NOT MATCH THE HASHES', 'a downloaded package does not match its locked hash'),
     ('hash mismatch', 'a downloaded package does not match its locked hash'),
 )
+PACKAGES = ('spacerobot_msgs', 'spacerobot_ros')
 EXECUTABLES = ('simulator', 'identifier', 'controller', 'spacerobot')
 
 
@@ -118,7 +119,7 @@ def wanted_venv(work: Workspace) -> dict[str, object]:
     wanted: dict[str, object] = {
         'place': str(work.venv),
         'inputs': digest(work.root, [*locks, mend]),
-        'ros': list(work.ros_prefixes),
+        'ros': [prefix for prefix in work.ros_prefixes if has_rclpy(prefix)],
     }
     if request := work.environ.get('PYTHON'):
         wanted['request'] = os.path.realpath(shutil.which(request) or request)
@@ -128,18 +129,18 @@ def wanted_venv(work: Workspace) -> dict[str, object]:
 def wanted_build(work: Workspace) -> dict[str, object]:
     """Return what the stamp of a current colcon workspace says.
 
-    Python code, configuration and launch files are linked, not copied: only their names count.
+    Python code is linked as a folder and does not count; configuration and launch files are
+    linked one by one, so their names do.
     """
     messages = [path for path in (work.root / 'msg_defs').rglob('*') if path.is_file()]
     package = [work.root / name for name in ('setup.py', 'setup.cfg', 'package.xml')]
     linked = [*work.root.glob('config/*'), *work.root.glob('launch/*.py')]
-    modules = [path.parent for path in work.root.glob('spacerobot_ros/**/__init__.py')]
     venv = read_stamp(work.venv_stamp)
     return {
         'messages': digest(work.root, messages),
         'message_files': sorted(str(path.relative_to(work.root)) for path in messages),
         'package': digest(work.root, package),
-        'linked': sorted(str(path.relative_to(work.root)) for path in linked + modules),
+        'linked': sorted(str(path.relative_to(work.root)) for path in linked),
         'venv': venv.get('made'),
     }
 
@@ -172,7 +173,9 @@ def is_venv_current(work: Workspace) -> bool:
 
 def is_build_current(work: Workspace) -> bool:
     """Return whether the colcon workspace needs nothing."""
-    return agrees(read_stamp(work.build_stamp), wanted_build(work))
+    # the files in install are links into build
+    has_build = all((work.root / 'build' / name).exists() for name in PACKAGES)
+    return has_build and agrees(read_stamp(work.build_stamp), wanted_build(work))
 
 
 # ------------------------------------------------------------------------------------------ tools
@@ -242,7 +245,12 @@ def library_path(work: Workspace) -> str:
 
 
 def require_platform(work: Workspace) -> None:
-    """Refuse a machine that there are no ROS 2 wheels for."""
+    """Refuse a folder that colcon cannot build in, or a machine without ROS 2 wheels."""
+    if any(sign.isspace() or sign in ':;\'"$`\\' for sign in str(work.root)):
+        raise SetupError(
+            f'colcon cannot build under "{work.root}": move the checkout to a path without '
+            'spaces, quotes, colons or dollar signs'
+        )
     machine = (platform.system(), platform.machine())
     if not work.ros_prefixes and machine != ('Linux', 'x86_64'):
         raise SetupError(
