@@ -11,7 +11,7 @@ OLDEST = (3, 10)
 NEWEST_WITH_WHEELS = (3, 13)
 
 
-def sourced_ros(environ, root):
+def sourced_ros(environ: 'dict[str, str]', root: str) -> 'list[str]':
     """Return the prefixes of a sourced ROS 2 installation outside root; empty without one."""
     inside = os.path.join(os.path.realpath(root), '')
     prefixes = [
@@ -23,12 +23,12 @@ def sourced_ros(environ, root):
     return prefixes if is_sourced else []
 
 
-def has_rclpy(prefix):
+def has_rclpy(prefix: str) -> bool:
     """Return whether an installation prefix is the one that ROS 2's Python library is in."""
     return os.path.exists(os.path.join(prefix, 'share', 'rclpy', 'package.xml'))
 
 
-def why_unfit(is_sourced):
+def why_unfit(is_sourced: bool) -> str:
     """Return why this interpreter cannot be used; empty when it can."""
     version = '.'.join(str(part) for part in sys.version_info[:3])
     if sys.implementation.name != 'cpython':
@@ -49,7 +49,7 @@ def why_unfit(is_sourced):
     return why_no_rclpy(version) if is_sourced else ''
 
 
-def why_no_rclpy(version):
+def why_no_rclpy(version: str) -> str:
     """Return why the sourced ROS 2 does not work with this interpreter; empty when it does."""
     try:
         import numpy  # noqa: F401
@@ -61,7 +61,7 @@ def why_no_rclpy(version):
 
 if __name__ == '__main__':
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    reason = why_unfit(bool(sourced_ros(os.environ, root)))
+    reason = why_unfit(bool(sourced_ros(dict(os.environ), root)))
     if reason:
         sys.stdout.write(reason.replace('\n', ' ') + '\n')
         sys.exit(1)

@@ -32,7 +32,7 @@ def in_shell(script, **environ):
 
 def test_messages_and_package_are_found():
     lines = in_shell(
-        'python -c "import rclpy, spacerobot_ros; from spacerobot_msgs.msg import Estimate, Ledger;'
+        'python -c "import rclpy, spacerobot_ros; from spacerobot_msgs.msg import Estimate;'
         ' print(spacerobot_ros.__file__)"; command -v spacerobot'
     )
     assert lines == [f'{ROOT}/spacerobot_ros/__init__.py', f'{ROOT}/.venv/bin/spacerobot']

@@ -27,7 +27,7 @@ def make_export(prefix: Path, package: str, folders: str) -> Path:
     ('folders', 'mended'),
     [
         (f'{PYTHON};{NUMPY}', '/here/py;/here/np'),
-        (f'{PYTHON};${{_IMPORT_PREFIX}}/include;{NUMPY}', '/here/py;${_IMPORT_PREFIX}/include;/here/np'),
+        (f'{PYTHON};${{_X}}/include;{NUMPY}', '/here/py;${_X}/include;/here/np'),
         ('/x/include/python3.13t;/x/numpy/core/include', '/here/py;/here/np'),
         ('/x/include/python3.10', '/here/py'),
         ('/x/include/other', '/x/include/other'),
