@@ -69,9 +69,14 @@ class Plant:
         self.period_ns = round(period * 1e9)
         self.substeps = substeps
         if self.period_ns < 1 or substeps < 1:
-            raise ConfigurationError('simulator', f'period {period:g} s and {substeps} substeps must be positive')
+            raise ConfigurationError(
+                'simulator', f'period {period:g} s and {substeps} substeps must be positive'
+            )
         if initial.q.shape != (robot.n_joints,) or initial.qd.shape != (robot.n_joints,):
-            raise ConfigurationError('initial', f'expected {robot.n_joints} joints, rotors included, got {len(initial.q)}')
+            raise ConfigurationError(
+                'initial',
+                f'expected {robot.n_joints} joints, rotors included, got {len(initial.q)}',
+            )
         self.dynamics = Dynamics(robot)
         self.step_index = 0
         self.effort: Array = np.zeros(self.n_arm)
@@ -117,7 +122,9 @@ class Plant:
         else:
             x = self._step_with_wrench(torque, wrench, t)
         arm = slice(7, 7 + self.n_arm)
-        self._joint_work += float(tau @ (x[arm] - self._x[arm]))  # exact: the torque is constant over the step
+        self._joint_work += float(
+            tau @ (x[arm] - self._x[arm])
+        )  # exact: the torque is constant over the step
         self._x = x
         self.effort = tau
         self.step_index += 1
@@ -130,7 +137,9 @@ class Plant:
         drift = 0.0
         if self.robot.is_free:
             scale = float(np.linalg.norm(self._start_momentum))
-            drift = float(np.linalg.norm(momentum[3:] - self._start_momentum - self._impulse)) / (scale or 1.0)
+            drift = float(np.linalg.norm(momentum[3:] - self._start_momentum - self._impulse)) / (
+                scale or 1.0
+            )
         return MomentumLedger(
             linear=momentum[:3],
             angular=momentum[3:],
@@ -140,7 +149,11 @@ class Plant:
             base_work=self._base_work,
             angular_impulse=self._impulse.copy(),
             momentum_drift=drift,
-            energy_drift=kinetic + potential - self._start_energy - self._joint_work - self._base_work,
+            energy_drift=kinetic
+            + potential
+            - self._start_energy
+            - self._joint_work
+            - self._base_work,
         )
 
     def _step_with_wrench(self, torque: Array, wrench: Vector6, t: float) -> Array:
@@ -148,14 +161,21 @@ class Plant:
         size = len(self._x)
 
         def rate(_: float, y: Array) -> Array:
-            return np.concatenate([self.dynamics.rate(y[:size], torque, wrench), self._external_rates(y[:size], wrench)])
+            return np.concatenate(
+                [
+                    self.dynamics.rate(y[:size], torque, wrench),
+                    self._external_rates(y[:size], wrench),
+                ]
+            )
 
         y = np.concatenate([self._x, np.zeros(4)])
         for _ in range(self.substeps):
             y = rk4_step(rate, t, y, self.period / self.substeps)
             y[3:7] /= np.linalg.norm(y[3:7])
         if not np.all(np.isfinite(y)):
-            raise SimulationDivergedError(t, f'non-finite state under a base wrench of {np.max(np.abs(wrench)):g}')
+            raise SimulationDivergedError(
+                t, f'non-finite state under a base wrench of {np.max(np.abs(wrench)):g}'
+            )
         self._impulse = self._impulse + y[size : size + 3]
         self._base_work += float(y[size + 3])
         return y[:size]

@@ -67,12 +67,18 @@ class SensorSuite:
         ConfigurationError: a rate that doesn't divide the control rate.
     """
 
-    def __init__(self, noise: SensorSettings, settings: SimulatorSettings, n_joints: int, n_wheels: int = 0) -> None:
+    def __init__(
+        self, noise: SensorSettings, settings: SimulatorSettings, n_joints: int, n_wheels: int = 0
+    ) -> None:
         self._n_joints = n_joints
         self._n_wheels = n_wheels
-        self._joint_every = steps_between(settings.joint_rate, settings.period, 'simulator.joint_rate')
+        self._joint_every = steps_between(
+            settings.joint_rate, settings.period, 'simulator.joint_rate'
+        )
         self._imu_every = steps_between(settings.imu_rate, settings.period, 'simulator.imu_rate')
-        self._attitude_every = steps_between(settings.attitude_rate, settings.period, 'simulator.attitude_rate')
+        self._attitude_every = steps_between(
+            settings.attitude_rate, settings.period, 'simulator.attitude_rate'
+        )
         stds = (
             noise.joint_position_std,
             noise.joint_velocity_std,
@@ -81,7 +87,10 @@ class SensorSuite:
             noise.attitude_std,
             noise.joint_velocity_std,
         )
-        self._std = {name: (std or 0.0) if settings.noise else 0.0 for name, std in zip(STREAMS, stds, strict=True)}
+        self._std = {
+            name: (std or 0.0) if settings.noise else 0.0
+            for name, std in zip(STREAMS, stds, strict=True)
+        }
         self._streams = {
             name: np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(place,)))
             for place, name in enumerate(STREAMS)
@@ -98,8 +107,12 @@ class SensorSuite:
         joints = step_index % self._joint_every == 0
         return Measurements(
             joints=self._joints(state, effort) if joints else None,
-            omega=self._noisy('gyro', state.omega_WB_B) if step_index % self._imu_every == 0 else None,
-            attitude_xyzw=self._attitude(state.q_WB_xyzw) if step_index % self._attitude_every == 0 else None,
+            omega=self._noisy('gyro', state.omega_WB_B)
+            if step_index % self._imu_every == 0
+            else None,
+            attitude_xyzw=self._attitude(state.q_WB_xyzw)
+            if step_index % self._attitude_every == 0
+            else None,
             wheel_rates=self._wheels(state) if joints and self._n_wheels else None,
         )
 
@@ -112,7 +125,9 @@ class SensorSuite:
         )
 
     def _wheels(self, state: State) -> Array:
-        return self._noisy('wheel_rate', state.qd[self._n_joints : self._n_joints + self._n_wheels])
+        return self._noisy(
+            'wheel_rate', state.qd[self._n_joints : self._n_joints + self._n_wheels]
+        )
 
     def _attitude(self, q_xyzw: Quaternion) -> Quaternion:
         """The true attitude turned by a small random rotation on the body side: R_meas = R_WB exp(skew(noise_B))."""
@@ -163,6 +178,7 @@ def steps_between(rate: float, period: float, place: str) -> int:
     steps = round(ratio)
     if steps < 1 or abs(ratio - steps) > 1e-9 * ratio:
         raise ConfigurationError(
-            place, f'{rate:g} Hz does not divide the control rate of {1.0 / period:g} Hz (simulator.period = {period:g} s)'
+            place,
+            f'{rate:g} Hz does not divide the control rate of {1.0 / period:g} Hz (simulator.period = {period:g} s)',
         )
     return steps
