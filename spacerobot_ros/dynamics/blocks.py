@@ -102,27 +102,32 @@ class BlockTree:
 
     def inertia(self, rotations: Array, maps: Array, pi: Array) -> Array:
         """(N, 3+n, 3+n) inertia [[D, Dq], [Dq^T, Dqq]] of u = [w_0; q'], linear in pi (K,)."""
-        return np.einsum('nkai,nkmab,nmbj->nij', maps, self._blocks(rotations, pi), maps, optimize=True)
+        stacked = _stack_maps(maps)
+        return np.swapaxes(stacked, 1, 2) @ _stack_blocks(self._blocks(rotations, pi)) @ stacked
 
     def inertia_gradient(self, rotations: Array, maps: Array, pi: Array) -> tuple[Array, Array]:
-        """Inertia as `inertia` and its (N, n, 3+n, 3+n) derivatives by each joint position."""
+        """Inertia as `inertia` and its (N, n, 3+n, 3+n) derivatives by each joint position.
+
+        Turning with joint j, a block obeys B_kl' = tr(G') 1 - G'^T with G'^T = m_l a^x G^T - m_k G^T a^x, where m_k says
+        whether the joint moves body k; an axis obeys a_i' = a_j x a_i where joint j moves joint i's body.
+        """
         blocks = self._blocks(rotations, pi)
-        weighted = np.einsum('nkmab,nmbj->nkaj', blocks, maps)
-        value = np.einsum('nkai,nkaj->nij', maps, weighted)
-        # G^T of the module's equations; the same expression serves the diagonal blocks, which turn like tensors.
-        g_t = 0.5 * np.trace(blocks, axis1=3, axis2=4)[..., None, None] * np.eye(3) - blocks
-        gradient = np.empty((len(rotations), self.n, 3 + self.n, 3 + self.n))
-        for j in range(self.n):
-            turn = _skews(maps[:, j + 1, :, 3 + j])
-            moved = self.moves[j].astype(float)
-            left = np.einsum('k,nab,nkmcb->nkmac', moved, turn, g_t) - np.einsum(
-                'm,nkmba,nbc->nkmac', moved, g_t, turn
-            )
-            turned = np.trace(left, axis1=3, axis2=4)[..., None, None] * np.eye(3) - np.swapaxes(left, 3, 4)
-            half = np.einsum('nab,nkbi,nkaj->nij', turn, maps[..., 3:] * moved[1:], weighted, optimize=True)
-            gradient[:, j] = np.einsum('nkai,nkmab,nmbj->nij', maps, turned, maps, optimize=True)
-            gradient[:, j, 3:, :] += half
-            gradient[:, j, :, 3:] += np.swapaxes(half, 1, 2)
+        stacked = _stack_maps(maps)
+        weighted = _stack_blocks(blocks) @ stacked
+        value = np.swapaxes(stacked, 1, 2) @ weighted
+        # The diagonal blocks turn like tensors, which the same expressions give.
+        g_t = (0.5 * np.trace(blocks, axis1=3, axis2=4)[..., None, None] * np.eye(3) - blocks)[:, None]
+        axes = np.stack([maps[:, j + 1, :, 3 + j] for j in range(self.n)], axis=1)
+        turn = skew(axes)
+        moved = self.moves.astype(float)
+        wide = turn[:, :, None, None]
+        turned = moved[:, None, :, None, None] * (wide @ g_t) - moved[:, :, None, None, None] * (g_t @ wide)
+        turned = np.trace(turned, axis1=4, axis2=5)[..., None, None] * np.eye(3) - turned
+        slipped = (turn[:, :, None] @ maps[:, None, :, :, 3:]) * moved[:, None, None, 1:]
+        half = np.swapaxes(_stack_maps(slipped), -1, -2) @ weighted[:, None]
+        gradient = np.swapaxes(stacked, 1, 2)[:, None] @ _stack_blocks(turned) @ stacked[:, None]
+        gradient[..., 3:, :] += half
+        gradient[..., 3:] += np.swapaxes(half, -1, -2)
         return value, gradient
 
     def parameters(self, robot: Robot | None = None) -> Array:
@@ -161,17 +166,18 @@ class BlockTree:
     def _blocks(self, rotations: Array, pi: Array) -> Array:
         """(N, n+1, n+1, 3, 3) blocks B_kl."""
         bodies = self.n + 1
-        out = np.empty((len(rotations), bodies, bodies, 3, 3))
-        for k in range(bodies):
-            block = np.empty((3, 3))
-            for value, (a, b) in zip(pi[6 * k : 6 * k + 6], _SYMMETRIC, strict=True):
-                block[a, b] = block[b, a] = value
-            out[:, k, k] = rotations[:, k] @ block @ np.swapaxes(rotations[:, k], 1, 2)
+        own = np.zeros((bodies, bodies, 3, 3))
+        diagonal = np.arange(bodies)
+        for index, (a, b) in enumerate(_SYMMETRIC):
+            own[diagonal, diagonal, a, b] = own[diagonal, diagonal, b, a] = pi[index : 6 * bodies : 6]
         for index, (k, m) in enumerate(self.pairs):
             start = 6 * bodies + 9 * index
-            g = rotations[:, k] @ pi[start : start + 9].reshape(3, 3) @ np.swapaxes(rotations[:, m], 1, 2)
-            out[:, m, k] = np.trace(g, axis1=1, axis2=2)[:, None, None] * np.eye(3) - g
-            out[:, k, m] = np.swapaxes(out[:, m, k], 1, 2)
+            own[k, m] = pi[start : start + 9].reshape(3, 3)
+            own[m, k] = own[k, m].T
+        out = rotations[:, :, None] @ own @ np.swapaxes(rotations, 2, 3)[:, None]
+        off = ~np.eye(bodies, dtype=bool)
+        g = out[:, off]
+        out[:, off] = np.trace(g, axis1=2, axis2=3)[..., None, None] * np.eye(3) - np.swapaxes(g, 2, 3)
         return out
 
 
@@ -192,8 +198,12 @@ def _turn_terms(body: Body) -> tuple[Array, Array, Array]:
     return body.rotation, body.rotation @ k, body.rotation @ k @ k
 
 
-def _skews(v: Array) -> Array:
-    """(N, 3, 3) cross-product matrices of v (N, 3)."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return out - np.swapaxes(out, 1, 2)
+def _stack_maps(maps: Array) -> Array:
+    """(..., b, 3, m) maps one below the other: (..., 3 b, m)."""
+    return maps.reshape(*maps.shape[:-3], -1, maps.shape[-1])
+
+
+def _stack_blocks(blocks: Array) -> Array:
+    """(..., b, b, 3, 3) blocks as one matrix (..., 3 b, 3 b)."""
+    size = 3 * blocks.shape[-3]
+    return np.swapaxes(blocks, -3, -2).reshape(*blocks.shape[:-4], size, size)

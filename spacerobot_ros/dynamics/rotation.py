@@ -11,10 +11,11 @@ import pinocchio as pin
 from ..types import Array, Matrix3, Quaternion, Vector3
 
 
-def skew(v: Vector3) -> Matrix3:
-    """Cross-product matrix: `skew(v) @ u == cross(v, u)`."""
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+def skew(v: Array) -> Array:
+    """(..., 3, 3) cross-product matrices of v (..., 3): `skew(v) @ u == cross(v, u)`."""
+    out = np.zeros((*np.shape(v), 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    return out - np.swapaxes(out, -1, -2)
 
 
 def cross(a: Vector3, b: Vector3) -> Vector3:

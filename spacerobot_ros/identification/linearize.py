@@ -19,10 +19,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..dynamics.blocks import BlockTree
+from ..dynamics.rotation import skew
 from ..model.robot import Robot
 from ..types import Array
 from .minimal import MinimalSet
 
+_CHUNK = 512  # times linearised at once; the temporaries take about a kilobyte a time and joint squared
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
@@ -41,13 +43,14 @@ class Reference:
     omega: Array
     rotation: Rotation
 
-    def since(self, index: int) -> Reference:
-        """From the time with this index on."""
-        return Reference(self.time[index:], self.q[index:], self.qd[index:], self.omega[index:], self.rotation[index:])
+    def between(self, start: int, stop: int | None = None) -> Reference:
+        """The times with indices from start to before stop."""
+        part = slice(start, stop)
+        return Reference(self.time[part], self.q[part], self.qd[part], self.omega[part], self.rotation[part])
 
     def tail(self) -> Reference:
         """The last time alone."""
-        return self.since(len(self.time) - 1)
+        return self.between(len(self.time) - 1)
 
     def turned(self, correction: Rotation) -> Reference:
         """The same with every attitude R replaced by R times the correction."""
@@ -134,6 +137,17 @@ class MomentumModel:
 
     def linearize(self, reference: Reference, constants: Array) -> RateErrorModel:
         """Body-rate error of the reference, about given constants (p,)."""
+        parts = [
+            self._linearize(reference.between(start, start + _CHUNK), constants)
+            for start in range(0, len(reference.time), _CHUNK)
+        ]
+        return RateErrorModel(
+            np.concatenate([part.offset for part in parts]),
+            np.concatenate([part.state for part in parts]),
+            np.concatenate([part.constants for part in parts]),
+        )
+
+    def _linearize(self, reference: Reference, constants: Array) -> RateErrorModel:
         rotations = self.tree.rotations(reference.q)
         maps = self.tree.rate_maps(rotations)
         u = np.concatenate([reference.omega, reference.qd], axis=1)
@@ -144,7 +158,7 @@ class MomentumModel:
         offset = columns @ constants - self._h0
         h_B = columns[..., :3] @ constants[:3]
         state = np.empty((len(u), 3, 3 + 2 * self.n))
-        state[..., :3] = _skews(h_B)
+        state[..., :3] = skew(h_B)
         state[..., 3 : 3 + self.n] = -np.einsum('njab,nb->naj', gradient[:, :, :3], u)
         for i, (body, _) in enumerate(self._wheels):
             momentum = -columns[..., 3 + 3 * i : 6 + 3 * i] @ constants[3 + 3 * i : 6 + 3 * i]
@@ -160,10 +174,3 @@ class MomentumModel:
             out[..., 3 + 3 * i : 6 + 3 * i] = -rotations[:, body] @ rotation
         out[..., 3 + self.n_aam :] = -self.tree.regressor(rotations, maps, u) @ self.minimal.lift
         return out
-
-
-def _skews(v: Array) -> Array:
-    """(N, 3, 3) cross-product matrices."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return out - np.swapaxes(out, 1, 2)

@@ -179,7 +179,7 @@ class OnlineIdentifier:
         smoothed = smooth(context, min(context.joint_time[0], self._done), max(end, context.joint_time[-1]), stds)
         times = np.concatenate([[self._done], time_grid(new)])
         whole = smoothed.reference(times, engine.last[0].rotation[0])
-        reference = whole.since(1)
+        reference = whole.between(1)
         engine.noise = Noise(*stds, self._levels['attitude_std'], smoothed.snap_density(times))
         stretch = Stretch(reference, measurements(new, reference), engine.noise, smoothed)
         engine.run(reference, self._model.linearize(reference, self._constants), stretch.measured)
