@@ -353,13 +353,15 @@ def _build_pin_model(robot: Robot) -> pin.Model:
 
 
 def tree_order(bodies: tuple[Body, ...]) -> list[int]:
-    """Indices of the moving bodies, every parent before its children."""
+    """Indices of the moving bodies, depth first: every parent before its children, subtrees whole.
+
+    Pinocchio's `crba` takes the columns of a subtree to be contiguous and is silently wrong if
+    they aren't.
+    """
     order: list[int] = []
-    placed = {0}
-    while len(order) < len(bodies) - 1:
-        ready = [
-            i for i in range(1, len(bodies)) if i not in placed and bodies[i].parent in placed
-        ]
-        order.extend(ready)
-        placed.update(ready)
-    return order
+    stack = [0]
+    while stack:
+        index = stack.pop()
+        order.append(index)
+        stack.extend(i for i in reversed(range(1, len(bodies))) if bodies[i].parent == index)
+    return order[1:]
