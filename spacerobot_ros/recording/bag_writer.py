@@ -1,0 +1,245 @@
+"""Writing rosbag2 folders (mcap) that any ROS 2 tool reads and that are the same to the last bit for the same run."""
+
+from __future__ import annotations
+
+import heapq
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.errors import WriterError
+from rosbags.serde import SerdeError
+
+from ..dynamics.plant import MomentumLedger
+from ..errors import RecordingError
+from ..types import Array, Quaternion, Vector3
+from .message_types import PACKAGE, canonical_cdr, typestore
+
+INERTIAL_FRAME = 'inertial'
+_VERSION = 9  # of the bag's metadata: Jazzy and later
+_REORDER_NS = 1_000_000_000
+_NAME = 'recording'  # of the file inside the folder: the content must not depend on the folder's name
+_FOREVER = QosTime(9223372036, 854775807)
+
+
+def check_target(path: str | Path, overwrite: bool) -> Path:
+    """The folder that a bag may be written to.
+
+    Args:
+        path: Folder to create.
+        overwrite: Whether a bag that is there may be replaced; anything else never is.
+
+    Raises:
+        RecordingError: something is there that must stay.
+    """
+    path = Path(path)
+    if not path.exists() and not path.is_symlink():
+        return path
+    if not overwrite:
+        raise RecordingError(str(path), 'exists already (--force replaces it)')
+    if not (path / 'metadata.yaml').is_file():
+        raise RecordingError(str(path), 'exists and is not a bag, so it is not replaced')
+    return path
+
+
+class BagWriter:
+    """A rosbag2 folder that appears, complete, when the `with` block ends without an error.
+
+    Messages are ordered by stamp, then topic, within a window of one second, so that the order in which threads or
+    executors delivered them doesn't show. Log time is the stamp.
+
+    Args:
+        path: Folder to create.
+        overwrite: Replace a bag that is there.
+        base_link: Frame of the gyro.
+
+    Raises:
+        RecordingError: something is at `path` that must stay, or the folder can't be made.
+    """
+
+    def __init__(self, path: str | Path, *, overwrite: bool = False, base_link: str = 'base_link') -> None:
+        self._path = check_target(path, overwrite)
+        self._base_link = base_link
+        self._store = typestore()
+        self._types = self._store.types
+        self._work = self._path.parent / f'.{self._path.name}.partial'
+        self._queue: list[tuple[int, str, int, str, bytes, bool]] = []
+        self._count = 0
+        self._newest_ns = -(2**63)
+        self._connections: dict[str, tuple[str, Connection]] = {}
+
+    def __enter__(self) -> BagWriter:
+        """Start the recording beside its final place."""
+        try:
+            if self._work.exists():
+                shutil.rmtree(self._work)
+            self._work.mkdir(parents=True)
+            self._writer = Writer(self._work / _NAME, version=_VERSION, storage_plugin=StoragePlugin.MCAP)
+            self._writer.open()
+        except (OSError, WriterError) as error:
+            raise RecordingError(str(self._path), f'can not be written: {error}') from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Finish and move into place; after an error, leave nothing."""
+        try:
+            if kind is None:
+                self._finish()
+            else:
+                self._writer.abort()
+        except OSError as failure:
+            raise RecordingError(str(self._path), f'can not be written: {failure}') from failure
+        finally:
+            shutil.rmtree(self._work, ignore_errors=True)
+
+    @property
+    def message_count(self) -> int:
+        """Messages taken so far."""
+        return self._count
+
+    def joint_states(
+        self,
+        stamp_ns: int,
+        names: Sequence[str],
+        position: Array | None = None,
+        velocity: Array | None = None,
+        effort: Array | None = None,
+        topic: str = '/joint_states',
+    ) -> None:
+        """Write a JointState; `topic` also serves `/joint_commands` (effort) and `/wheel_states` (rates)."""
+        columns = [np.zeros(0) if v is None else np.asarray(v, dtype=float) for v in (position, velocity, effort)]
+        self._add(topic, 'sensor_msgs/msg/JointState', stamp_ns, '', list(names), *columns)
+
+    def imu(self, stamp_ns: int, omega_WB_B: Vector3, std: float = 0.0, topic: str = '/imu/data') -> None:
+        """Write a gyro sample; orientation and acceleration are marked absent (REP 145).
+
+        Args:
+            stamp_ns: Sample time [ns].
+            omega_WB_B: (3,) [rad/s].
+            std: Standard deviation an axis [rad/s]; 0 for unknown.
+            topic: Topic.
+        """
+        absent = np.array([-1.0, *np.zeros(8)])
+        vector, quaternion = self._type('geometry_msgs', 'Vector3'), self._type('geometry_msgs', 'Quaternion')
+        rate = vector(*(float(v) for v in omega_WB_B))
+        covariance = (std * std * np.eye(3)).ravel()
+        self._add(
+            topic,
+            'sensor_msgs/msg/Imu',
+            stamp_ns,
+            self._base_link,
+            quaternion(0.0, 0.0, 0.0, 1.0),
+            absent,
+            rate,
+            covariance,
+            vector(0.0, 0.0, 0.0),
+            absent,
+        )
+
+    def attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion, topic: str = '/attitude') -> None:
+        """Write a star tracker sample, (4,) q_WB xyzw."""
+        quaternion = self._type('geometry_msgs', 'Quaternion')(*(float(v) for v in q_WB_xyzw))
+        self._add(topic, 'geometry_msgs/msg/QuaternionStamped', stamp_ns, INERTIAL_FRAME, quaternion)
+
+    def ledger(self, stamp_ns: int, ledger: MomentumLedger, topic: str = '/simulation/ledger') -> None:
+        """Write the simulated machine's momentum and energy book."""
+        vector = self._type('geometry_msgs', 'Vector3')
+        self._add(
+            topic,
+            f'{PACKAGE}/msg/Ledger',
+            stamp_ns,
+            INERTIAL_FRAME,
+            vector(*ledger.linear.tolist()),
+            vector(*ledger.angular.tolist()),
+            ledger.kinetic,
+            ledger.potential,
+            ledger.joint_work,
+            vector(*ledger.angular_impulse.tolist()),
+            ledger.momentum_drift,
+            ledger.energy_drift,
+        )
+
+    def message(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool = False) -> None:
+        """Write a serialised message of any known type; its padding is zeroed.
+
+        Args:
+            topic: Topic.
+            msgtype: Such as `spacerobot_msgs/msg/Estimate`.
+            stamp_ns: Log time [ns].
+            cdr: The message as the middleware serialised it.
+            latched: Whether `ros2 bag play` shall latch the topic.
+
+        Raises:
+            RecordingError: unknown type, or bytes that are not such a message.
+        """
+        try:
+            clean = canonical_cdr(msgtype, cdr)
+        except (SerdeError, KeyError) as error:
+            raise RecordingError(topic, f'not a {msgtype}: {error}') from error
+        self._push(topic, msgtype, stamp_ns, clean, latched)
+
+    def _add(self, topic: str, msgtype: str, stamp_ns: int, frame_id: str, *fields: Any) -> None:
+        stamp = self._type('builtin_interfaces', 'Time')(*divmod(stamp_ns, 1_000_000_000))
+        header = self._type('std_msgs', 'Header')(stamp, frame_id)
+        message = self._types[msgtype](header, *fields)
+        self._push(topic, msgtype, stamp_ns, bytes(self._store.serialize_cdr(message, msgtype)), False)
+
+    def _type(self, package: str, name: str) -> Any:
+        return self._types[f'{package}/msg/{name}']
+
+    def _push(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool) -> None:
+        heapq.heappush(self._queue, (stamp_ns, topic, self._count, msgtype, cdr, latched))
+        self._count += 1
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        while self._queue[0][0] < self._newest_ns - _REORDER_NS:
+            self._write_oldest()
+
+    def _write_oldest(self) -> None:
+        stamp_ns, topic, _, msgtype, cdr, latched = heapq.heappop(self._queue)
+        if topic not in self._connections:
+            connection = self._writer.add_connection(
+                topic, msgtype, typestore=self._store, offered_qos_profiles=[_qos(latched)]
+            )
+            self._connections[topic] = (msgtype, connection)
+        known, connection = self._connections[topic]
+        if known != msgtype:
+            raise RecordingError(topic, f'carries {known} and {msgtype}')
+        self._writer.write(connection, stamp_ns, cdr)
+
+    def _finish(self) -> None:
+        while self._queue:
+            self._write_oldest()
+        self._writer.close()
+        if self._path.exists():
+            check_target(self._path, overwrite=True)
+            self._path.rename(self._work / 'replaced')
+        (self._work / _NAME).rename(self._path)
+
+
+def _qos(latched: bool) -> Qos:
+    return Qos(
+        QosHistory.KEEP_LAST,
+        1 if latched else 10,
+        QosReliability.RELIABLE,
+        QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        _FOREVER,
+        _FOREVER,
+        QosLiveliness.AUTOMATIC,
+        _FOREVER,
+        False,
+    )
