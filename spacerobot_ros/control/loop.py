@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import MessageRejectedError, SpaceRobotError
+from ..errors import IdentificationError, MessageRejectedError, SpaceRobotError
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import Settings
@@ -153,7 +153,7 @@ class ControlLoop:
         """Use an estimate from now on (None: the robot file's model again).
 
         Raises:
-            MessageRejectedError: not valid, not usable for this robot, or with an inertia that is not positive.
+            MessageRejectedError: not valid, not for this robot, or with an indefinite inertia.
         """
         if estimate is not None:
             if not estimate.valid:
@@ -217,11 +217,13 @@ class ControlLoop:
         t = self._time(stamp_ns)
         if reason:
             self._mode = 'damping'
-            torque = self._law.damp(sample)
         else:
             self._mode = 'hold' if t >= reference.duration else 'tracking'
-            hold = self._hold_ns * NS if self._settings.hold_compensation else 0.0
-            torque = self._law.track(reference, t, sample, hold)
+        try:
+            torque = self._torque(reference, t, sample)
+        except (IdentificationError, np.linalg.LinAlgError):
+            self.set_estimate(None)  # unusable in this state: back to the robot file's model
+            torque = self._torque(reference, t, sample)
         return self._command(stamp_ns, torque, reference.at(t), sample, reason)
 
     def blind(self, elapsed_ns: int) -> Command | None:
@@ -246,6 +248,12 @@ class ControlLoop:
         point = self.reference_point() or rest(q)
         torque = self._law.damp(now, trust=decay)
         return self._command(stamp_ns + elapsed_ns, torque, point, now, 'joint states are stale')
+
+    def _torque(self, reference: Reference, t: float, sample: Sample) -> Torque:
+        if self._mode == 'damping':
+            return self._law.damp(sample)
+        hold = self._hold_ns * NS if self._settings.hold_compensation else 0.0
+        return self._law.track(reference, t, sample, hold)
 
     def _stale_rate(self, stamp_ns: int) -> str:
         if not self.robot.is_free:

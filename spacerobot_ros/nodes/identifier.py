@@ -1,0 +1,204 @@
+"""Identifier node: samples in, wheel momentum and minimal parameters with covariance out.
+
+See docs/nodes/identifier.md.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import QuaternionStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, JointState
+from spacerobot_msgs.msg import Estimate as EstimateMessage
+from std_srvs.srv import Trigger
+
+from ..errors import IdentificationError, MessageRejectedError
+from ..identification.estimate import Estimate
+from ..identification.online import OnlineIdentifier
+from ..model.robot import Robot
+from ..ros import convert
+from ..ros.diagnostics import OK, STALE, WARN, Health, Status
+from ..ros.jumps import STAMP_JUMP_NS, on_backward_jump
+from ..ros.main import run_node
+from ..ros.merge import Merger
+from ..ros.params import declare_settings, open_robot
+from ..ros.qos import LATCHED, SAMPLES
+
+TOPICS = ('/imu/data', '/attitude', '/joint_states')  # in the order in which equal stamps are used
+RATE, ATTITUDE, JOINTS = range(3)
+PATIENCE_NS = 1_000_000_000
+
+
+class IdentifierNode(Node):
+    """Orders the samples by stamp, feeds the online identifier and publishes its estimates."""
+
+    def __init__(self, **node_kwargs: Any) -> None:
+        """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
+        super().__init__('identifier', **node_kwargs)
+        self.settings = declare_settings(self)
+        self.health = Health(self)
+        self.identifier: OnlineIdentifier | None = None
+        self.estimate: Estimate | None = None
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._period_ns = round(self.settings.identifier.solve_period * 1e9)
+        self._publisher = self.create_publisher(EstimateMessage, '/estimate', LATCHED)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.create_service(Trigger, '~/solve', self._on_solve)
+        self._clear()
+        open_robot(self, self.settings, self._open)
+
+    def reset(self, why: str) -> None:
+        """Forget all samples, and say so in an estimate that is not valid."""
+        self._clear()
+        if self.identifier is None:
+            return
+        self.identifier.reset()
+        self.get_logger().info(f'reset: {why}')
+        self._publish(self.identifier.solve())
+
+    def solve(self) -> Estimate | None:
+        """Use what has arrived and publish the estimate; None where nothing can be solved."""
+        if self.identifier is None:
+            return None
+        started = self._steady.now().nanoseconds
+        try:
+            estimate = self.identifier.solve()
+        except IdentificationError as error:
+            self._failure = str(error)
+            self.get_logger().warning(f'no estimate: {error}', throttle_duration_sec=5.0)
+            return None
+        self._failure = ''
+        self._solve_ms = (self._steady.now().nanoseconds - started) * 1e-6
+        self._publish(estimate)
+        return estimate
+
+    # ------------------------------------------------------------ set-up
+
+    def _open(self, robot: Robot) -> None:
+        self.identifier = OnlineIdentifier(robot, self.settings.identifier)
+        self._names = list(robot.joints[: robot.n_joints - robot.rotor_count])
+        self._base_link = robot.base_link
+        self.create_subscription(Imu, '/imu/data', self._on_imu, SAMPLES)
+        self.create_subscription(QuaternionStamped, '/attitude', self._on_attitude, SAMPLES)
+        self.create_subscription(JointState, '/joint_states', self._on_joints, SAMPLES)
+        self._jump = on_backward_jump(self, self._on_clock_jump)
+        self.health.watch(self._input_status, self._estimate_status)
+
+    def _clear(self) -> None:
+        self._merger = Merger(len(TOPICS), PATIENCE_NS)
+        self._next_ns: int | None = None
+        self._solve_ms = 0.0
+        self._failure = ''
+        self.estimate = None
+
+    # ------------------------------------------------------------ samples in
+
+    def _on_imu(self, message: Imu) -> None:
+        self._take(RATE, convert.angular_rate, message, self._base_link)
+
+    def _on_attitude(self, message: QuaternionStamped) -> None:
+        self._take(ATTITUDE, convert.attitude, message)
+
+    def _on_joints(self, message: JointState) -> None:
+        self._take(JOINTS, convert.joint_sample, message, self._names)
+
+    def _take(self, stream: int, to_arrays: Any, message: Any, *args: Any) -> None:
+        try:
+            stamp, *content = to_arrays(message, *args)
+            newest = max((ns for ns in self._merger.newest if ns is not None), default=stamp)
+            if stamp < newest - STAMP_JUMP_NS:
+                self.reset(
+                    f'stamps of {TOPICS[stream]} went back by {(newest - stamp) * 1e-9:.3f} s'
+                )
+            released = self._merger.add(stream, stamp, content)
+        except MessageRejectedError as error:
+            self.health.reject(TOPICS[stream], error)
+            return
+        for sample in released:
+            self._use(*sample)
+
+    def _use(self, stamp: int, stream: int, content: list[np.ndarray]) -> None:
+        if self._next_ns is None:
+            self._next_ns = stamp + self._period_ns
+        if stamp > self._next_ns:
+            self.solve()
+            self._next_ns += self._period_ns * ((stamp - self._next_ns) // self._period_ns + 1)
+        add = (self.identifier.add_rate, self.identifier.add_attitude, self.identifier.add_joints)
+        try:
+            add[stream](stamp, *content)
+        except MessageRejectedError as error:
+            self.health.reject(TOPICS[stream], error)
+
+    def _on_clock_jump(self) -> None:
+        newest = max((ns for ns in self._merger.newest if ns is not None), default=0)
+        if newest > self.get_clock().now().nanoseconds:  # not if the stamps told already
+            self.reset('/clock went back')
+
+    # ------------------------------------------------------------ estimates out
+
+    def _publish(self, estimate: Estimate) -> None:
+        self.estimate = estimate
+        self._publisher.publish(convert.estimate_message(estimate, self.health.count()))
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.reset('as asked for')
+        response.success, response.message = True, 'all samples forgotten'
+        return response
+
+    def _on_solve(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        estimate = self.solve()
+        response.success = estimate is not None and estimate.valid
+        response.message = self._estimate_status().message
+        return response
+
+    # ------------------------------------------------------------ health
+
+    def _input_status(self) -> Status:
+        newest = self._merger.newest
+        latest = max((ns for ns in newest if ns is not None), default=None)
+        if latest is None:
+            return Status('inputs', STALE, 'nothing received yet')
+        values: dict[str, object] = {}
+        late = []
+        for topic, ns in zip(TOPICS, newest, strict=True):
+            values[f'{topic} lag [s]'] = 'never received' if ns is None else (latest - ns) * 1e-9
+            if ns is None or latest - ns > PATIENCE_NS:
+                late.append(topic)
+        if late:
+            return Status('inputs', WARN, f'no samples from {", ".join(late)}', values)
+        return Status('inputs', OK, 'all sensors arrive', values)
+
+    def _estimate_status(self) -> Status:
+        estimate = self.estimate
+        if self._failure:
+            return Status('estimate', WARN, self._failure)
+        if estimate is None:
+            return Status('estimate', STALE, 'none yet')
+        values: dict[str, object] = {
+            'rank': f'{estimate.rank} of {estimate.unknowns}',
+            'condition': float(estimate.condition),
+            'samples': estimate.samples,
+            'squared residuals per degree of freedom': float(estimate.chi2_per_dof),
+            'time to solve [ms]': self._solve_ms,
+        }
+        std = estimate.std[: len(estimate.aam)]
+        for axis, (value, sigma) in enumerate(zip(estimate.aam, std, strict=True)):
+            values[f'aam {axis} [N m s]'] = f'{value:.6g} +- {sigma:.2g}'
+        if estimate.unexcited:
+            values['not excited'] = '; '.join(estimate.unexcited)
+        if estimate.valid:
+            return Status('estimate', OK, 'valid', values)
+        return Status('estimate', WARN, f'not valid: {estimate.reason}', values)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until it is stopped."""
+    return run_node(IdentifierNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,48 @@
+"""Run one node as a process, with errors as one line and an exit status."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+
+from ..errors import ConfigurationError, SpaceRobotError
+
+CONFIGURATION = (ConfigurationError, ParameterException, rclpy_implementation.RCLError)
+
+
+def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> int:
+    """Spin a node until it is stopped.
+
+    Args:
+        factory: Makes the node.
+        args: Command line; None: that of the process.
+
+    Returns:
+        0 when stopped from outside, 1 when the run failed, 2 for a configuration that can't be used.
+    """
+    try:
+        with rclpy.init(args=None if args is None else list(args)):
+            node = factory()
+            try:
+                rclpy.spin(node)
+            finally:
+                node.destroy_node()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    except CONFIGURATION as error:
+        return _fail(error, 2)
+    except SpaceRobotError as error:
+        return _fail(error, 1)
+    return 0
+
+
+def _fail(error: Exception, status: int) -> int:
+    line = ' '.join(str(error).split())
+    sys.stderr.write(f'{line}\n')
+    return status

@@ -1,0 +1,161 @@
+"""ROS parameters of a node, from the one schema in `model.settings`.
+
+All that a parameter file or `-p` sets is validated as a whole, unknown names included; then every
+parameter of the schema is declared, read-only, with its meaning, unit and bounds, so that
+`ros2 param list` and `ros2 param describe` teach what there is.
+"""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import Field, fields, is_dataclass
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+
+from ..errors import ConfigurationError
+from ..model.loader import build_robot, resolve_urdf
+from ..model.robot import Robot
+from ..model.settings import FloatList, Settings, TextList, parse_settings
+from .qos import LATCHED
+
+OWN = {
+    'robot_description': ('', 'URDF text; takes the place of robot.urdf.'),
+    'autostart': (True, 'Controller: configure and activate without a lifecycle manager.'),
+}
+"""Parameters of the nodes that are not part of a robot file: default and meaning."""
+
+_OF_ROS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.', '/')
+
+
+def declare_settings(node: Node) -> Settings:
+    """Validate the parameters given to a node, and declare all there are.
+
+    Args:
+        node: A node without parameters of its own yet.
+
+    Raises:
+        ConfigurationError: an unknown parameter, or a value that the schema refuses.
+    """
+    given = {
+        name: parameter.value
+        for name, parameter in node._parameter_overrides.items()  # no public way to see unknown ones
+        if not name.startswith(_OF_ROS)
+    }
+    own = {name: given.pop(name, default) for name, (default, _) in OWN.items()}
+    settings = parse_settings(nested(given))
+    for name, (default, doc) in OWN.items():
+        if type(own[name]) is not type(default):
+            raise ConfigurationError(name, f'expected {type(default).__name__}, got {own[name]!r}')
+        node.declare_parameter(name, own[name], _descriptor(doc), ignore_override=True)
+    for name, field, kind, value in leaves(settings):
+        _declare(node, name, field, kind, value)
+    return settings
+
+
+def nested(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """Dotted names to a nested mapping.
+
+    Raises:
+        ConfigurationError: a name that is both a value and a section.
+    """
+    tree: dict[str, Any] = {}
+    for name, value in sorted(flat.items()):
+        *sections, leaf = name.split('.')
+        branch = tree
+        for section in sections:
+            branch = branch.setdefault(section, {})
+            if not isinstance(branch, dict):
+                raise ConfigurationError(
+                    name, f'{section!r} is a value, it has no parameters below'
+                )
+        if isinstance(branch.get(leaf), dict):
+            raise ConfigurationError(name, 'is a section, it takes no value')
+        branch[leaf] = value
+    return tree
+
+
+def leaves(section: Any, prefix: str = '') -> Iterator[tuple[str, Field[Any], Any, Any]]:
+    """Dotted name, field, type and value of every parameter below a section."""
+    hints = typing.get_type_hints(type(section))
+    for field in fields(section):
+        value = getattr(section, field.name)
+        if is_dataclass(value):
+            yield from leaves(value, f'{prefix}{field.name}.')
+        else:
+            yield f'{prefix}{field.name}', field, hints[field.name], value
+
+
+def open_robot(node: Node, settings: Settings, use: Callable[[Robot], None]) -> None:
+    """Build the robot and hand it on: now, or when /robot_description says what it is.
+
+    From `robot_description`, otherwise `robot.urdf`, otherwise the latched topic.
+
+    Args:
+        node: Node with `declare_settings` done.
+        settings: Its settings.
+        use: Called once with the robot.
+
+    Raises:
+        ConfigurationError: anything wrong in URDF or settings.
+    """
+    description = node.get_parameter('robot_description').value
+    if description:
+        use(build_robot(settings, description, 'robot_description'))
+    elif settings.robot.urdf:
+        path = resolve_urdf(settings.robot.urdf, beside=None)
+        use(build_robot(settings, path.read_text(encoding='utf-8'), str(path)))
+    else:
+        node.get_logger().info('no robot.urdf: waiting for /robot_description')
+        seen: list[Robot] = []
+
+        def take(message: String) -> None:
+            if not seen:
+                seen.append(build_robot(settings, message.data, '/robot_description'))
+                use(seen[0])
+
+        node.create_subscription(String, '/robot_description', take, LATCHED)
+
+
+def _declare(node: Node, name: str, field: Field[Any], kind: Any, value: Any) -> None:
+    if isinstance(kind, types.UnionType):
+        kind = next(a for a in typing.get_args(kind) if a is not type(None))
+    if value is None or value == ():
+        # typed but without a value; an empty list alone would be declared as one of bytes
+        value = {
+            FloatList: Parameter.Type.DOUBLE_ARRAY,
+            TextList: Parameter.Type.STRING_ARRAY,
+            float: Parameter.Type.DOUBLE,
+        }[kind]
+    elif isinstance(value, tuple):
+        value = list(value)
+    meta = field.metadata
+    descriptor = _descriptor(meta['doc'], meta['unit'], _limits(meta))
+    node.declare_parameter(name, value, descriptor, ignore_override=True)
+
+
+def _descriptor(doc: str, unit: str = '', limits: str = '') -> ParameterDescriptor:
+    description = f'{doc} [{unit}]' if unit else doc
+    return ParameterDescriptor(
+        description=description, additional_constraints=limits, read_only=True
+    )
+
+
+def _limits(meta: Mapping[str, Any]) -> str:
+    parts = []
+    if meta['choices']:
+        parts.append('one of ' + ', '.join(meta['choices']))
+    if meta['length'] is not None:
+        parts.append(f'{meta["length"]} numbers')
+    if meta['minimum'] is not None:
+        parts.append(f'at least {meta["minimum"]:g}')
+    if meta['above'] is not None:
+        parts.append(f'above {meta["above"]:g}')
+    if meta['maximum'] is not None:
+        parts.append(f'at most {meta["maximum"]:g}')
+    return '; '.join(parts)

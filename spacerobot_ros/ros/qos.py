@@ -1,0 +1,24 @@
+"""Quality of service of every topic, once (docs/nodes/ states it for each)."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+
+def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=durability,
+    )
+
+
+STATE = _reliable(10)
+"""States, sensors and commands."""
+
+SAMPLES = _reliable(1000)
+"""The same for who must miss no sample while it computes."""
+
+LATCHED = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
+"""The last one reaches who comes late: model, estimate."""
