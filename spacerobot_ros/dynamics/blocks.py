@@ -1,15 +1,16 @@
-r"""The free-floating dynamics as a linear function of block parameters, for any tree of revolute joints.
+r"""Free-floating dynamics, linear in block parameters, for any tree of revolute joints.
 
 With the centre of mass at rest, everything follows from the bodies' rotations. Body k turns with
-w_k = w_0 + F_k q' (base coordinates), and s_i - S = sum_k R_k g_ik with constant g_ik (own centre of mass, or the
-joint towards i), so that with
+w_k = w_0 + F_k q' (base coordinates), and s_i - S = sum_k R_k g_ik with constant g_ik (own centre
+of mass, or the joint towards i), so that with
 
     psi_k = sum_i m_i g_ik          Q_kl = sum_i m_i g_ik g_il^T - psi_k psi_l^T / M
     J_k = I_k + tr(Q_kk) 1 - Q_kk   B_kk = R_k J_k R_k^T   B_kl = tr(G) 1 - G^T, G = R_k Q_kl R_l^T
 
-momentum and kinetic energy are h = sum_kl B_kl w_l and T = 1/2 sum_kl w_k^T B_kl w_l (docs/equations.md). Stacking
-w_k = P_k u with u = [w_0; q'] gives the (3+n, 3+n) inertia [[D, Dq], [Dq^T, Dqq]] = P^T B P. All of it is linear in
-pi = {J_k (6 each), Q_kl (9 each, k < l)}; no joint position, base velocity or total mass is needed.
+momentum and kinetic energy are h = sum_kl B_kl w_l and T = 1/2 sum_kl w_k^T B_kl w_l
+(docs/equations.md). Stacking w_k = P_k u with u = [w_0; q'] gives the (3+n, 3+n) inertia [[D, Dq],
+[Dq^T, Dqq]] = P^T B P. All of it is linear in pi = {J_k (6 each), Q_kl (9 each, k < l)}; no joint
+position, base velocity or total mass is needed.
 
 Symbols: N samples, n joints, bodies 0..n, K = 6 (n+1) + 9 n (n+1) / 2 block parameters.
 """
@@ -41,10 +42,14 @@ class BlockTree:
 
     def __init__(self, robot: Robot) -> None:
         if not robot.is_free:
-            raise ConfigurationError('robot.base', 'momentum-based identification needs a free base')
+            raise ConfigurationError(
+                'robot.base', 'momentum-based identification needs a free base'
+            )
         for name, body in zip(robot.joints, robot.bodies[1:], strict=True):
             if body.is_prismatic:
-                raise ConfigurationError(f'joint {name!r}', 'momentum-based identification needs revolute joints')
+                raise ConfigurationError(
+                    f'joint {name!r}', 'momentum-based identification needs revolute joints'
+                )
         self.n = robot.n_joints
         self.bodies = robot.bodies
         self.order = tree_order(robot.bodies)
@@ -98,7 +103,9 @@ class BlockTree:
         blocks = np.stack(columns, axis=2)
         if not self.pairs:
             return blocks
-        return np.concatenate([blocks, *(self._pair_columns(k, m, rotations, w) for k, m in self.pairs)], axis=2)
+        return np.concatenate(
+            [blocks, *(self._pair_columns(k, m, rotations, w) for k, m in self.pairs)], axis=2
+        )
 
     def inertia(self, rotations: Array, maps: Array, pi: Array) -> Array:
         """(N, 3+n, 3+n) inertia [[D, Dq], [Dq^T, Dqq]] of u = [w_0; q'], linear in pi (K,)."""
@@ -108,20 +115,25 @@ class BlockTree:
     def inertia_gradient(self, rotations: Array, maps: Array, pi: Array) -> tuple[Array, Array]:
         """Inertia as `inertia` and its (N, n, 3+n, 3+n) derivatives by each joint position.
 
-        Turning with joint j, a block obeys B_kl' = tr(G') 1 - G'^T with G'^T = m_l a^x G^T - m_k G^T a^x, where m_k says
-        whether the joint moves body k; an axis obeys a_i' = a_j x a_i where joint j moves joint i's body.
+        Turning with joint j, a block obeys B_kl' = tr(G') 1 - G'^T with G'^T = m_l a^x G^T - m_k
+        G^T a^x, where m_k says whether the joint moves body k; an axis obeys a_i' = a_j x a_i
+        where joint j moves joint i's body.
         """
         blocks = self._blocks(rotations, pi)
         stacked = _stack_maps(maps)
         weighted = _stack_blocks(blocks) @ stacked
         value = np.swapaxes(stacked, 1, 2) @ weighted
         # The diagonal blocks turn like tensors, which the same expressions give.
-        g_t = (0.5 * np.trace(blocks, axis1=3, axis2=4)[..., None, None] * np.eye(3) - blocks)[:, None]
+        g_t = (0.5 * np.trace(blocks, axis1=3, axis2=4)[..., None, None] * np.eye(3) - blocks)[
+            :, None
+        ]
         axes = np.stack([maps[:, j + 1, :, 3 + j] for j in range(self.n)], axis=1)
         turn = skew(axes)
         moved = self.moves.astype(float)
         wide = turn[:, :, None, None]
-        turned = moved[:, None, :, None, None] * (wide @ g_t) - moved[:, :, None, None, None] * (g_t @ wide)
+        turned = moved[:, None, :, None, None] * (wide @ g_t) - moved[:, :, None, None, None] * (
+            g_t @ wide
+        )
         turned = np.trace(turned, axis1=4, axis2=5)[..., None, None] * np.eye(3) - turned
         slipped = (turn[:, :, None] @ maps[:, None, :, :, 3:]) * moved[:, None, None, 1:]
         half = np.swapaxes(_stack_maps(slipped), -1, -2) @ weighted[:, None]
@@ -136,8 +148,11 @@ class BlockTree:
         arms = self._arms(bodies)
         mass = np.array([b.mass for b in bodies])
         first = np.einsum('i,ika->ka', mass, arms)
-        q = np.einsum('i,ika,imb->kmab', mass, arms, arms) - np.einsum('ka,mb->kmab', first, first) / mass.sum()
-        pi = []
+        q = (
+            np.einsum('i,ika,imb->kmab', mass, arms, arms)
+            - np.einsum('ka,mb->kmab', first, first) / mass.sum()
+        )
+        pi: list[float] = []
         for k, body in enumerate(bodies):
             block = body.inertia + np.trace(q[k, k]) * np.eye(3) - q[k, k]
             pi.extend(block[a, b] for a, b in _SYMMETRIC)
@@ -169,7 +184,9 @@ class BlockTree:
         own = np.zeros((bodies, bodies, 3, 3))
         diagonal = np.arange(bodies)
         for index, (a, b) in enumerate(_SYMMETRIC):
-            own[diagonal, diagonal, a, b] = own[diagonal, diagonal, b, a] = pi[index : 6 * bodies : 6]
+            own[diagonal, diagonal, a, b] = own[diagonal, diagonal, b, a] = pi[
+                index : 6 * bodies : 6
+            ]
         for index, (k, m) in enumerate(self.pairs):
             start = 6 * bodies + 9 * index
             own[k, m] = pi[start : start + 9].reshape(3, 3)
@@ -177,7 +194,9 @@ class BlockTree:
         out = rotations[:, :, None] @ own @ np.swapaxes(rotations, 2, 3)[:, None]
         off = ~np.eye(bodies, dtype=bool)
         g = out[:, off]
-        out[:, off] = np.trace(g, axis1=2, axis2=3)[..., None, None] * np.eye(3) - np.swapaxes(g, 2, 3)
+        out[:, off] = np.trace(g, axis1=2, axis2=3)[..., None, None] * np.eye(3) - np.swapaxes(
+            g, 2, 3
+        )
         return out
 
 

@@ -8,6 +8,7 @@ from ..errors import IdentificationError
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
+from ..types import Array
 from .estimate import Estimate
 from .least_squares import sampled_reference, solve_least_squares
 from .linearize import MomentumModel
@@ -22,15 +23,17 @@ METHODS = ('ml', 'recursive', 'ls')
 _SHORTEST = 2.0  # s
 
 
-def identify(record: Record, robot: Robot, settings: IdentifierSettings, method: str = 'ml') -> Estimate:
+def identify(
+    record: Record, robot: Robot, settings: IdentifierSettings, method: str = 'ml'
+) -> Estimate:
     """Estimate wheel momentum and minimal parameters from a record.
 
     Args:
         record: Joint states, gyro and attitude.
         robot: What the robot file believes.
         settings: The identifier's settings.
-        method: `ml` (maximum likelihood on the momentum filter), `ls` (the paper's least squares) or `recursive` (the
-            same, row by row in square-root form).
+        method: `ml` (maximum likelihood on the momentum filter), `ls` (the paper's least squares)
+            or `recursive` (the same, row by row in square-root form).
 
     Raises:
         IdentificationError: unknown method, or a record without what is needed.
@@ -52,10 +55,20 @@ def identify(record: Record, robot: Robot, settings: IdentifierSettings, method:
     else:
         reference = sampled_reference(data)
         prior = weak_prior(model, reference, settings)
-        constants, information = solve_least_squares(model, reference, levels, recursive=method == 'recursive')
+        constants, information = solve_least_squares(
+            model, reference, levels, recursive=method == 'recursive'
+        )
     stamp_ns = origin_ns + round(float(data.joint_time[-1]) * 1e9)
     return summarize(
-        method, model, settings, constants, information, prior, len(data.joint_time), stamp_ns, notes
+        method,
+        model,
+        settings,
+        constants,
+        information,
+        prior,
+        len(data.joint_time),
+        stamp_ns,
+        notes,
     )
 
 
@@ -78,8 +91,15 @@ def sensor_data(record: Record) -> tuple[SensorData, int]:
         raise IdentificationError(f'{record.source}: has no {", no ".join(missing)}')
     joints, rates, attitudes = record.joints, record.rates, record.attitudes
     origin = int(min(joints.stamp_ns[0], rates.stamp_ns[0], attitudes.stamp_ns[0]))
-    times = [(series.stamp_ns - origin) * 1e-9 for series in (joints, rates, attitudes)]
+    times: list[Array] = [
+        np.asarray((series.stamp_ns - origin) * 1e-9, dtype=float)
+        for series in (joints, rates, attitudes)
+    ]
     if times[0][-1] - times[0][0] < _SHORTEST:
-        raise IdentificationError(f'{record.source}: {times[0][-1] - times[0][0]:.2f} s is too short to identify from')
+        raise IdentificationError(
+            f'{record.source}: {times[0][-1] - times[0][0]:.2f} s is too short to identify from'
+        )
     qd = joints.velocity if joints.velocity is not None else np.full_like(joints.position, np.nan)
-    return SensorData(times[0], joints.position, qd, times[1], rates.omega, times[2], attitudes.q_xyzw), origin
+    return SensorData(
+        times[0], joints.position, qd, times[1], rates.omega, times[2], attitudes.q_xyzw
+    ), origin

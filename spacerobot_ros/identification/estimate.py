@@ -69,10 +69,14 @@ class Estimate:
             IdentificationError: sizes that don't fit, non-finite numbers or a negative variance.
         """
         size = self.unknowns
-        if len(self.aam) != 3 * len(self.aam_links) or len(self.parameters) != len(self.parameter_names):
+        if len(self.aam) != 3 * len(self.aam_links) or len(self.parameters) != len(
+            self.parameter_names
+        ):
             raise IdentificationError('estimate: sizes of values and names do not fit')
         if self.covariance.shape != (size, size):
-            raise IdentificationError(f'estimate: covariance is {self.covariance.shape}, expected {(size, size)}')
+            raise IdentificationError(
+                f'estimate: covariance is {self.covariance.shape}, expected {(size, size)}'
+            )
         values = np.concatenate([self.aam, self.parameters, self.covariance.ravel()])
         if not np.all(np.isfinite(values)):
             raise IdentificationError('estimate: not finite')
@@ -84,10 +88,17 @@ class Estimate:
         std = self.std
         n = len(self.aam)
         return {
-            'aam': {'value': self.aam.tolist(), 'std': std[:n].tolist(), 'unit': 'N m s', 'links': list(self.aam_links)},
+            'aam': {
+                'value': self.aam.tolist(),
+                'std': std[:n].tolist(),
+                'unit': 'N m s',
+                'links': list(self.aam_links),
+            },
             'parameters': [
                 {'name': name, 'value': float(value), 'std': float(s), 'unit': 'kg m^2'}
-                for name, value, s in zip(self.parameter_names, self.parameters, std[n:], strict=True)
+                for name, value, s in zip(
+                    self.parameter_names, self.parameters, std[n:], strict=True
+                )
             ],
             'rank': self.rank,
             'unknowns': self.unknowns,

@@ -1,9 +1,11 @@
 r"""The published method: linear least squares on the momentum equation, sample by sample.
 
-    R_k^T h_W - sum_b R_b h_b - Y(q, q', w) x = h0        # eqs. (22)-(28) of the identification paper
+    R_k^T h_W - sum_b R_b h_b - Y(q, q', w) x = h0        # eqs. (22)-(28) of the identification
+    paper
 
-Rows are taken to the inertial frame, where the total momentum h_W is a constant unknown (never the first sample's).
-Noise in the regressor biases the result towards zero; `method='ml'` is the remedy, this is the comparison.
+Rows are taken to the inertial frame, where the total momentum h_W is a constant unknown (never the
+first sample's). Noise in the regressor biases the result towards zero; `method='ml'` is the
+remedy, this is the comparison.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ def sampled_reference(data: SensorData) -> Reference:
     """Raw samples at the joints' stamps: gyro and attitude interpolated, nothing smoothed.
 
     Raises:
-        IdentificationError: fewer than two gyro or attitude samples, or no stretch that all sensors cover.
+        IdentificationError: fewer than two gyro or attitude samples, or no stretch that all
+            sensors cover.
     """
     if min(len(data.rate_time), len(data.attitude_time)) < 2:
         raise IdentificationError('least squares needs at least two gyro and two attitude samples')
@@ -32,7 +35,9 @@ def sampled_reference(data: SensorData) -> Reference:
     end = min(data.rate_time[-1], data.attitude_time[-1])
     inside = (data.joint_time >= start) & (data.joint_time <= end)
     if not np.any(inside) or not np.all(np.isfinite(data.qd[inside])):
-        raise IdentificationError('least squares needs joint positions and rates while gyro and attitude are measured')
+        raise IdentificationError(
+            'least squares needs joint positions and rates while gyro and attitude are measured'
+        )
     time = data.joint_time[inside]
     omega = np.column_stack([np.interp(time, data.rate_time, data.omega[:, i]) for i in range(3)])
     rotation = Slerp(data.attitude_time, Rotation.from_quat(data.attitude_xyzw))(time)
@@ -49,7 +54,7 @@ def momentum_rows(model: MomentumModel, reference: Reference) -> tuple[Array, Ar
 def solve_least_squares(
     model: MomentumModel, reference: Reference, levels: dict[str, float], recursive: bool
 ) -> tuple[Array, SquareRootInformation]:
-    """Least squares for [h_W; AAM; x], in one piece or recursively in square-root form (the same result).
+    """Least squares for [h_W; AAM; x], at once or recursively in square-root form.
 
     Args:
         model: Robot and minimal set.
@@ -58,7 +63,8 @@ def solve_least_squares(
         recursive: Whether to add rows block by block.
 
     Returns:
-        (p,) constants, and the information of their errors: scaled by the residual's own spread, its residual judged
+        (p,) constants, and the information of their errors: scaled by the residual's own spread,
+            its residual judged
         against the sensors' noise.
     """
     columns, values = momentum_rows(model, reference)
@@ -78,13 +84,20 @@ def solve_least_squares(
     return constants, scaled
 
 
-def _chi2(model: MomentumModel, reference: Reference, constants: Array, levels: dict[str, float]) -> float:
-    """Residual, as a body-rate error, weighted by what the sensors' noise makes of it sample by sample."""
+def _chi2(
+    model: MomentumModel, reference: Reference, constants: Array, levels: dict[str, float]
+) -> float:
+    """Residual as a body-rate error, weighted by the sensors' noise sample by sample."""
     rate = model.linearize(reference, constants)
     variance = np.repeat(
-        np.array([levels['attitude_std'], levels['joint_position_std'], levels['joint_velocity_std']]) ** 2,
+        np.array(
+            [levels['attitude_std'], levels['joint_position_std'], levels['joint_velocity_std']]
+        )
+        ** 2,
         [3, model.n, model.n],
     )
-    covariance = (rate.state * variance) @ np.swapaxes(rate.state, 1, 2) + np.eye(3) * levels['gyro_std'] ** 2
+    covariance = (rate.state * variance) @ np.swapaxes(rate.state, 1, 2) + np.eye(3) * levels[
+        'gyro_std'
+    ] ** 2
     weighted = np.linalg.solve(covariance, rate.offset[..., None])[..., 0]
     return float(np.sum(rate.offset * weighted))

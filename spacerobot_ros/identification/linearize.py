@@ -4,9 +4,10 @@ With the attitude R = R_ref exp(dphi) and u = [w; q'], conservation of the total
 
     R (A(q) u + h0 + sum_b R_b h_b) = h_W          A = [D, Dq]
 
-so a reference that misses by e = R_ref^T h_W - A u_ref - h0 - sum_b R_b h_b has the rate error dw = D^-1 (e + E z + V t)
-to first order in the state errors z = [dphi; dq; dq'] and linear, exactly, in the errors t of the constants
-[h_W; AAM; x]. The reference comes from the data (splines), not from the constants, so wrong constants do not bend it.
+so a reference that misses by e = R_ref^T h_W - A u_ref - h0 - sum_b R_b h_b has the rate error dw
+= D^-1 (e + E z + V t) to first order in the state errors z = [dphi; dq; dq'] and linear, exactly,
+in the errors t of the constants [h_W; AAM; x]. The reference comes from the data (splines), not
+from the constants, so wrong constants do not bend it.
 
 Symbols: N times, n joints, p = 3 + 3 n_links + k constants.
 """
@@ -24,7 +25,10 @@ from ..model.robot import Robot
 from ..types import Array
 from .minimal import MinimalSet
 
-_CHUNK = 512  # times linearised at once; the temporaries take about a kilobyte a time and joint squared
+_CHUNK = (
+    512  # times linearised at once; the temporaries take about a kilobyte a time and joint squared
+)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
@@ -46,7 +50,9 @@ class Reference:
     def between(self, start: int, stop: int | None = None) -> Reference:
         """The times with indices from start to before stop."""
         part = slice(start, stop)
-        return Reference(self.time[part], self.q[part], self.qd[part], self.omega[part], self.rotation[part])
+        return Reference(
+            self.time[part], self.q[part], self.qd[part], self.omega[part], self.rotation[part]
+        )
 
     def tail(self) -> Reference:
         """The last time alone."""
@@ -95,7 +101,7 @@ class RateErrorModel:
         )
 
     def with_absolute_joints(self, reference: Reference) -> Array:
-        """(N, 3, 1 + p) of dw by 1 and the constants, the joint states being absolute instead of about q_ref."""
+        """(N, 3, 1 + p) of dw by 1 and the constants, with absolute joint states."""
         joints = np.concatenate([reference.q, reference.qd], axis=1)
         offset = self.offset - np.einsum('nab,nb->na', self.state[..., 3:], joints)
         return np.concatenate([offset[..., None], self.constants], axis=2)
@@ -120,7 +126,7 @@ class MomentumModel:
         self.size = 3 + self.n_aam + len(minimal)
 
     def prior(self) -> Array:
-        """(p,) constants that the robot file believes in; the total momentum, unknown to it, is zero."""
+        """(p,) constants that the robot file believes in; the total momentum is left zero."""
         x = self.minimal.grouping @ self.tree.parameters()
         return np.concatenate([np.zeros(3), self.robot.target_momentum, x])
 
@@ -128,12 +134,15 @@ class MomentumModel:
         """Rows of b = A [h_W; AAM; x] in the base frame, exact and linear.
 
         Returns:
-            (N, 3, p) coefficients of 0 = R^T h_W - sum R_b h_b - Y x - h0, and (N, 3) right-hand side h0.
+            (N, 3, p) coefficients of 0 = R^T h_W - sum R_b h_b - Y x - h0, and (N, 3) right-hand
+            side h0.
         """
         rotations = self.tree.rotations(reference.q)
         maps = self.tree.rate_maps(rotations)
         u = np.concatenate([reference.omega, reference.qd], axis=1)
-        return self._coefficients(reference, rotations, maps, u), np.broadcast_to(self._h0, (len(u), 3))
+        return self._coefficients(reference, rotations, maps, u), np.broadcast_to(
+            self._h0, (len(u), 3)
+        )
 
     def linearize(self, reference: Reference, constants: Array) -> RateErrorModel:
         """Body-rate error of the reference, about given constants (p,)."""
@@ -162,12 +171,18 @@ class MomentumModel:
         state[..., 3 : 3 + self.n] = -np.einsum('njab,nb->naj', gradient[:, :, :3], u)
         for i, (body, _) in enumerate(self._wheels):
             momentum = -columns[..., 3 + 3 * i : 6 + 3 * i] @ constants[3 + 3 * i : 6 + 3 * i]
-            turned = np.cross(maps[:, body, :, 3:], momentum[:, :, None], axisa=1, axisb=1, axisc=1)
+            turned = np.cross(
+                maps[:, body, :, 3:], momentum[:, :, None], axisa=1, axisb=1, axisc=1
+            )
             state[..., 3 : 3 + self.n] -= turned
         state[..., 3 + self.n :] = -inertia[:, :3, 3:]
-        return RateErrorModel(np.einsum('nab,nb->na', inverse, offset), inverse @ state, inverse @ columns)
+        return RateErrorModel(
+            np.einsum('nab,nb->na', inverse, offset), inverse @ state, inverse @ columns
+        )
 
-    def _coefficients(self, reference: Reference, rotations: Array, maps: Array, u: Array) -> Array:
+    def _coefficients(
+        self, reference: Reference, rotations: Array, maps: Array, u: Array
+    ) -> Array:
         out = np.empty((len(u), 3, self.size))
         out[..., :3] = np.swapaxes(reference.rotation.as_matrix(), 1, 2)
         for i, (body, rotation) in enumerate(self._wheels):

@@ -1,4 +1,4 @@
-"""Maximum-likelihood estimate of the constants from one stretch of data: the filter, iterated about its own result."""
+"""Maximum-likelihood estimate from one stretch of data: the filter, iterated."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ class Stretch:
     """One stretch of data made ready for the filter: reference, measurements on its times, noise.
 
     Args:
-        reference: At all stamps. measured: On the same times. noise: Noise levels. smoothed: The splines behind them.
+        reference: At all stamps. measured: On the same times. noise: Noise levels. smoothed: The
+            splines behind them.
     """
 
     reference: Reference
@@ -43,7 +44,9 @@ def prepare(data: SensorData, levels: dict[str, float]) -> Stretch:
     smoothed = smooth(data, times[0], times[-1], stds)
     reference = smoothed.reference(times, Rotation.identity())
     if len(data.attitude_time):
-        reference = smoothed.reference(times, align(reference, data.attitude_time, data.attitude_xyzw))
+        reference = smoothed.reference(
+            times, align(reference, data.attitude_time, data.attitude_xyzw)
+        )
     noise = Noise(*stds, levels['attitude_std'], smoothed.snap_density(times))
     return Stretch(reference, measurements(data, reference), noise, smoothed)
 
@@ -60,12 +63,15 @@ def estimate_constants(
         start: (p,) first point of linearisation; the prior's mean by default.
 
     Returns:
-        (p,) constants, the filter about them, and whether they moved by less than 0.01 sigma in the last pass.
+        (p,) constants, the filter about them, and whether they moved by less than 0.01 sigma in
+        the last pass.
     """
     constants = prior.mean if start is None else start
     for _ in range(_PASSES):
         engine = start_filter(stretch, prior, constants)
-        engine.run(stretch.reference, model.linearize(stretch.reference, constants), stretch.measured)
+        engine.run(
+            stretch.reference, model.linearize(stretch.reference, constants), stretch.measured
+        )
         change, covariance = engine.information.solve()
         proposed = prior.admissible(model, stretch.reference, constants, constants + change)
         engine.shift_constants(proposed - constants)
@@ -77,7 +83,7 @@ def estimate_constants(
 
 
 def start_filter(stretch: Stretch, prior: Prior, constants: Array) -> MomentumFilter:
-    """A filter at the start of a stretch, its information holding the prior, errors counted from `constants`."""
+    """A filter at the start of a stretch; it holds the prior and counts from `constants`."""
     times = stretch.reference.time
     engine = MomentumFilter(len(prior.mean), stretch.noise, *stretch.smoothed.joint_start(times))
     engine.information.add(np.diag(1.0 / prior.std), (prior.mean - constants) / prior.std)
@@ -90,9 +96,14 @@ def measurements(data: SensorData, reference: Reference) -> Measurements:
     count, n = len(reference.time), data.q.shape[1]
     q, qd = np.full((count, n), np.nan), np.full((count, n), np.nan)
     gyro, attitude = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-    j, r, a = (np.searchsorted(reference.time, t) for t in (data.joint_time, data.rate_time, data.attitude_time))
+    j, r, a = (
+        np.searchsorted(reference.time, t)
+        for t in (data.joint_time, data.rate_time, data.attitude_time)
+    )
     q[j], qd[j] = data.q, data.qd
     gyro[r] = data.omega - reference.omega[r]
     if len(a):
-        attitude[a] = (reference.rotation[a].inv() * Rotation.from_quat(data.attitude_xyzw)).as_rotvec()
+        attitude[a] = (
+            reference.rotation[a].inv() * Rotation.from_quat(data.attitude_xyzw)
+        ).as_rotvec()
     return Measurements(q, qd, gyro, attitude)

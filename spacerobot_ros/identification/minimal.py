@@ -1,12 +1,14 @@
 r"""Minimal (base) parameters: the combinations of block parameters that angular momentum can tell.
 
-The set is found numerically: a regressor at random states spans what any motion can excite; going through its columns
-in order and keeping each one that is not a combination of those kept gives the minimal set, and least squares gives
-how the dropped ones regroup (identification paper, section III; docs/equations.md). Momentum alone reaches the full
-set of the reduced dynamics: adding kinetic-energy rows never raises the rank.
+The set is found numerically: a regressor at random states spans what any motion can excite; going
+through its columns in order and keeping each one that is not a combination of those kept gives the
+minimal set, and least squares gives how the dropped ones regroup (identification paper, section
+III; docs/equations.md). Momentum alone reaches the full set of the reduced dynamics: adding
+kinetic-energy rows never raises the rank.
 
-With `structure='symmetric'` the set is restricted to what robots with the URDF's zeros can have: an inertia product or
-a centre-of-mass coordinate of a link that is exactly zero in the URDF stays zero; the base's centre of mass is free.
+With `structure='symmetric'` the set is restricted to what robots with the URDF's zeros can have:
+an inertia product or a centre-of-mass coordinate of a link that is exactly zero in the URDF stays
+zero; the base's centre of mass is free.
 """
 
 from __future__ import annotations
@@ -61,7 +63,7 @@ def minimal_set(robot: Robot, structure: str) -> MinimalSet:
     if structure == 'symmetric':
         span, chosen = _structured_span(tree, robot, rng)
     else:
-        span, chosen = np.eye(len(tree.names)), np.arange(len(tree.names))
+        span, chosen = np.eye(len(tree.names)), list(range(len(tree.names)))
     regressor = _random_regressor(tree, rng) @ span
     norms = np.linalg.norm(regressor, axis=0)
     unit = regressor / np.where(norms > 0.0, norms, 1.0)
@@ -78,7 +80,7 @@ def minimal_set(robot: Robot, structure: str) -> MinimalSet:
 
 
 def independent_columns(matrix: Array) -> list[int]:
-    """Indices of the first columns, from the left, that span the matrix; columns of unit norm or zero expected."""
+    """Indices of the first columns, from the left, that span a matrix with unit columns."""
     kept: list[int] = []
     basis = np.zeros((len(matrix), 0))
     for index in range(matrix.shape[1]):
@@ -100,7 +102,9 @@ def _random_regressor(tree: BlockTree, rng: np.random.Generator) -> Array:
     return tree.regressor(rotations, tree.rate_maps(rotations), u).reshape(3 * samples, -1)
 
 
-def _structured_span(tree: BlockTree, robot: Robot, rng: np.random.Generator) -> tuple[Array, Array]:
+def _structured_span(
+    tree: BlockTree, robot: Robot, rng: np.random.Generator
+) -> tuple[Array, list[int]]:
     """Map (K, s) from s independent block parameters to all of them, and the indices of the s."""
     count = len(tree.names) + 20
     samples = np.array([tree.parameters(_random_alike(robot, rng)) for _ in range(count)])
@@ -109,12 +113,14 @@ def _structured_span(tree: BlockTree, robot: Robot, rng: np.random.Generator) ->
     chosen = independent_columns(unit)
     span = np.linalg.lstsq(samples[:, chosen], samples, rcond=None)[0].T
     span[np.abs(span) < _RANK_TOLERANCE] = 0.0
-    return span, np.array(chosen)
+    return span, chosen
 
 
 def _random_alike(robot: Robot, rng: np.random.Generator) -> Robot:
-    """A robot with the same tree and the same zeros, but other numbers; the base's centre of mass is free."""
-    bodies = [_random_body(body, rng, is_base=index == 0) for index, body in enumerate(robot.bodies)]
+    """A robot with the same tree and zeros, but other numbers; the base's centre is free."""
+    bodies = [
+        _random_body(body, rng, is_base=index == 0) for index, body in enumerate(robot.bodies)
+    ]
     return replace(robot, bodies=tuple(bodies))
 
 

@@ -1,10 +1,11 @@
 r"""Error-state filter in momentum mode, with every unknown constant as a column.
 
-State z = [dphi; q, q', q'', q''' a joint]: the attitude error about the reference moves with the rate error of the
-momentum equation (`linearize`), needs no torque and no process noise; each joint follows a quartic driven by white
-snap. The constants [h_W; AAM; x] are not states: the filter's mean is an affine function m + C t of their errors t, and
-so is every innovation. Whitened innovations are therefore rows of a linear least-squares problem in t, collected in
-square-root form by QR: recursive, with bounded memory, and equal to the Kalman filter with augmented state
+State z = [dphi; q, q', q'', q''' a joint]: the attitude error about the reference moves with the
+rate error of the momentum equation (`linearize`), needs no torque and no process noise; each joint
+follows a quartic driven by white snap. The constants [h_W; AAM; x] are not states: the filter's
+mean is an affine function m + C t of their errors t, and so is every innovation. Whitened
+innovations are therefore rows of a linear least-squares problem in t, collected in square-root
+form by QR: recursive, with bounded memory, and equal to the Kalman filter with augmented state
 (Friedland 1969; Bierman 1977).
 """
 
@@ -14,11 +15,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from ..types import Array
 from .linearize import RateErrorModel, Reference, join
 
-_ATTITUDE_START_STD = 0.05  # rad; the reference starts aligned with the tracker far better than this
+_ATTITUDE_START_STD = (
+    0.05  # rad; the reference starts aligned with the tracker far better than this
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +46,8 @@ class Measurements:
     """What was measured at each of N times; NaN where nothing was.
 
     Args:
-        q: (N, n). qd: (N, n). gyro: (N, 3) deviation from the reference rate. attitude: (N, 3) deviation
-            log(R_ref^T R_measured).
+        q: (N, n). qd: (N, n). gyro: (N, 3) deviation from the reference rate. attitude: (N, 3)
+            deviation log(R_ref^T R_measured).
     """
 
     q: Array
@@ -68,7 +72,7 @@ class SquareRootInformation:
         """Add rows columns @ t = values, of unit variance; (r, p) and (r,)."""
         size = len(self.factor)
         stacked = np.vstack([self.factor, np.column_stack([columns, values])])
-        triangle = np.linalg.qr(stacked, mode='r')
+        (triangle,) = scipy.linalg.qr(stacked, mode='r', check_finite=False)
         self.factor = np.zeros((size, size + 1))
         kept = min(size, len(triangle))
         self.factor[:kept] = triangle[:kept]
@@ -77,7 +81,7 @@ class SquareRootInformation:
         self.rows += len(values)
 
     def reset_residual(self) -> None:
-        """Count residual and rows from here, so that a prior does not enter the goodness of fit."""
+        """Count residual and rows from here: a prior is no part of the goodness of fit."""
         self.residual, self.rows = 0.0, 0
 
     def shift(self, change: Array) -> None:
@@ -85,12 +89,16 @@ class SquareRootInformation:
         self.factor[:, -1] -= self.factor[:, :-1] @ change
 
     def solve(self) -> tuple[Array, Array]:
-        """Estimate (p,) and covariance (p, p); directions without information are left at zero with zero weight."""
+        """Estimate (p,) and covariance (p, p); directions without information stay at zero."""
         R, z = self.factor[:, :-1], self.factor[:, -1]
         scale = np.linalg.norm(R, axis=0)
         scale[scale == 0.0] = 1.0
         left, singular, right = np.linalg.svd(R / scale)
-        known = singular > 1e-13 * singular[0] if singular[0] > 0.0 else np.zeros(len(singular), dtype=bool)
+        known = (
+            singular > 1e-13 * singular[0]
+            if singular[0] > 0.0
+            else np.zeros(len(singular), dtype=bool)
+        )
         inverse = right[known].T / singular[known]
         estimate = inverse @ (left[:, known].T @ z) / scale
         covariance = (inverse @ inverse.T) / np.outer(scale, scale)
@@ -104,11 +112,13 @@ class MomentumFilter:
         size: Number of constants p.
         noise: Noise levels.
         joint_start: (4, n) joint positions, rates, accelerations and jerks at the first time.
-        joint_start_std: (4, n) their standard deviations: wide against the noise, but no wider than the motion, since a
-            covariance that spans twenty decades loses its sign.
+        joint_start_std: (4, n) their standard deviations: wide against the noise, but no wider
+            than the motion, since a covariance that spans twenty decades loses its sign.
     """
 
-    def __init__(self, size: int, noise: Noise, joint_start: Array, joint_start_std: Array) -> None:
+    def __init__(
+        self, size: int, noise: Noise, joint_start: Array, joint_start_std: Array
+    ) -> None:
         self.n = joint_start.shape[1]
         self.noise = noise
         self.information = SquareRootInformation(size)
@@ -136,7 +146,9 @@ class MomentumFilter:
             if k > 0:
                 self.affine = transition[k - 1] @ self.affine
                 self.affine[:3] += drive[k - 1]
-                self.covariance = transition[k - 1] @ self.covariance @ transition[k - 1].T + noise[k - 1]
+                self.covariance = (
+                    transition[k - 1] @ self.covariance @ transition[k - 1].T + noise[k - 1]
+                )
             if k >= skipped:
                 rows.append(self._update(measured, k - skipped, model.state[k], drives[k]))
         stacked = np.concatenate(rows)
@@ -150,7 +162,7 @@ class MomentumFilter:
         self.affine[:, 0] += self.affine[:, 1:] @ change
 
     def take_attitude(self) -> Array:
-        """Return the mean attitude error (3,) at the end and fold it into the reference: it becomes zero."""
+        """Return the mean attitude error (3,) at the end and set it to zero."""
         error = self.affine[:3, 0].copy()
         self.affine[:3, 0] = 0.0
         return error
@@ -174,8 +186,10 @@ class MomentumFilter:
         self.covariance = rest @ self.covariance @ rest.T + (kalman * std**2) @ kalman.T
         return whitened
 
-    def _rows(self, measured: Measurements, k: int, rate_by_state: Array, drive: Array) -> tuple[Array, Array, Array]:
-        """Measurement matrix (r, 3+4n), affine values (r, 1+p) and standard deviations (r,) at index k."""
+    def _rows(
+        self, measured: Measurements, k: int, rate_by_state: Array, drive: Array
+    ) -> tuple[Array, Array, Array]:
+        """Matrix (r, 3+4n), affine values (r, 1+p) and standard deviations (r,) at index k."""
         n, noise = self.n, self.noise
         groups = (
             (measured.q[k], 3, noise.joint_position),
@@ -185,7 +199,11 @@ class MomentumFilter:
         )
         present = [group for group in groups if np.isfinite(group[0][0])]
         count = sum(len(data) for data, _, _ in present)
-        H, values, std = np.zeros((count, 3 + 4 * n)), np.zeros((count, self.affine.shape[1])), np.empty(count)
+        H, values, std = (
+            np.zeros((count, 3 + 4 * n)),
+            np.zeros((count, self.affine.shape[1])),
+            np.empty(count),
+        )
         row = 0
         for data, first, sigma in present:
             rows = slice(row, row + len(data))
@@ -200,10 +218,15 @@ class MomentumFilter:
         return H, values, std
 
 
-def transitions(reference: Reference, rate_by_state: Array, drives: Array, snap: Array) -> tuple[Array, Array, Array]:
-    """Steps between N times: transition (N-1, d, d), drive of dphi (N-1, 3, 1+p), noise (N-1, d, d), d = 3 + 4 n.
+def transitions(
+    reference: Reference, rate_by_state: Array, drives: Array, snap: Array
+) -> tuple[Array, Array, Array]:
+    """Steps between N times: transition, drive of the attitude error, and noise.
 
-    The attitude error obeys dphi' = -w x dphi + dw, carried over exactly by the reference's own rotation and driven by
+    Shapes (N-1, d, d), (N-1, 3, 1+p) and (N-1, d, d) with d = 3 + 4 n.
+
+    The attitude error obeys dphi' = -w x dphi + dw, carried over exactly by the reference's own
+    rotation and driven by
     the trapezoid of dw, whose end depends on the new state: solved for it.
 
     Args:
@@ -231,13 +254,15 @@ def transitions(reference: Reference, rate_by_state: Array, drives: Array, snap:
 
 
 def _joint_steps(dt: Array, snap: Array) -> tuple[Array, Array]:
-    """(M, 4n, 4n) transition and process noise of a joint's position to jerk, driven by white snap."""
+    """(M, 4n, 4n) transition and noise of joint position to jerk, driven by white snap."""
     step, noise = np.zeros((len(dt), 4, 4)), np.zeros((len(dt), 4, 4))
     for i in range(4):
         for j in range(i, 4):
             step[:, i, j] = dt ** (j - i) / math.factorial(j - i)
         for j in range(4):
-            noise[:, i, j] = dt ** (7 - i - j) / (math.factorial(3 - i) * math.factorial(3 - j) * (7 - i - j))
+            noise[:, i, j] = dt ** (7 - i - j) / (
+                math.factorial(3 - i) * math.factorial(3 - j) * (7 - i - j)
+            )
     return _kron(step, np.eye(len(snap))), _kron(noise, np.diag(snap))
 
 

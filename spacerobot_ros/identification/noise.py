@@ -1,6 +1,7 @@
 """Sensor noise from the data, where the robot file does not state it.
 
-Fourth differences of a smooth signal are noise alone, with variance 70 sigma^2 (1 + 16 + 36 + 16 + 1).
+Fourth differences of a smooth signal are noise alone, with variance 70 sigma^2 (1 + 16 + 36 + 16 +
+1).
 """
 
 from __future__ import annotations
@@ -13,10 +14,17 @@ from ..types import Array
 from .smoothing import SensorData
 
 # Below any real sensor, and far enough above rounding for the filter's covariance.
-_FLOOR = {'joint_position_std': 1e-8, 'joint_velocity_std': 1e-7, 'gyro_std': 1e-8, 'attitude_std': 1e-8}
+_FLOOR = {
+    'joint_position_std': 1e-8,
+    'joint_velocity_std': 1e-7,
+    'gyro_std': 1e-8,
+    'attitude_std': 1e-8,
+}
 
 
-def noise_levels(sensors: SensorSettings, data: SensorData) -> tuple[dict[str, float], tuple[str, ...]]:
+def noise_levels(
+    sensors: SensorSettings, data: SensorData
+) -> tuple[dict[str, float], tuple[str, ...]]:
     """Standard deviations of one sample: as stated, else estimated from fourth differences.
 
     Args:
@@ -24,8 +32,8 @@ def noise_levels(sensors: SensorSettings, data: SensorData) -> tuple[dict[str, f
         data: Samples.
 
     Returns:
-        Standard deviation by name (`joint_position_std`, `joint_velocity_std`, `gyro_std`, `attitude_std`), and a note
-        for each one that was estimated.
+        Standard deviation by name (`joint_position_std`, `joint_velocity_std`, `gyro_std`,
+        `attitude_std`), and a note for each one that was estimated.
     """
     turns = Rotation.from_quat(data.attitude_xyzw) if len(data.attitude_xyzw) else None
     signals = {
@@ -37,14 +45,16 @@ def noise_levels(sensors: SensorSettings, data: SensorData) -> tuple[dict[str, f
     levels, notes = {}, []
     for name, values in signals.items():
         stated = getattr(sensors, name)
-        levels[name] = max(stated if stated is not None else fourth_difference_std(values), _FLOOR[name])
+        levels[name] = max(
+            stated if stated is not None else fourth_difference_std(values), _FLOOR[name]
+        )
         if stated is None:
             notes.append(f'{name} is not stated; estimated from the data: {levels[name]:.3g}')
     return levels, tuple(notes)
 
 
 def fourth_difference_std(values: Array) -> float:
-    """Noise of one sample of a smooth signal (N, m); robust against outliers; zero for fewer than five samples."""
+    """Noise of one sample of a smooth signal (N, m); zero for fewer than five samples."""
     if len(values) < 5 or not np.all(np.isfinite(values)):
         return 0.0
     differences = np.diff(values, n=4, axis=0).ravel()

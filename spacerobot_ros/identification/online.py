@@ -1,9 +1,10 @@
 """The identifier's core: asynchronous samples in, estimates out, in bounded memory.
 
-Samples are collected a sensor at a time. Each `solve` smooths the newest stretch (with some context before and a lag
-behind it, because a spline is worst at its ends), runs the momentum filter over it and continues the square-root
-information. While the whole run fits into the buffer it is run through again each time its length has doubled, about
-the better constants; later stretches are linearised about constants that no longer move.
+Samples are collected a sensor at a time. Each `solve` smooths the newest stretch (with some
+context before and a lag behind it, because a spline is worst at its ends), runs the momentum
+filter over it and continues the square-root information. While the whole run fits into the buffer
+it is run through again each time its length has doubled, about the better constants; later
+stretches are linearised about constants that no longer move.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from .summary import summarize
 
 _LAG = 0.5  # s of data kept back, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
-_MOVED = 3.0  # shift of a constant, in its own standard deviations then, that asks for a new run through the buffer
+_MOVED = 3.0  # sigmas of shift that ask for a new run through the buffer
 _FIRST = 4.0  # s of data before the first solution
 
 
@@ -56,7 +57,7 @@ class _Stream:
             self.values.popleft()
 
     def arrays(self, origin_ns: int, width: int) -> tuple[Array, Array]:
-        time = (np.array(self.stamps, dtype=np.int64) - origin_ns) * 1e-9
+        time = np.asarray((np.array(self.stamps, dtype=np.int64) - origin_ns) * 1e-9, dtype=float)
         return time, np.array(self.values).reshape(len(time), width)
 
 
@@ -97,12 +98,15 @@ class OnlineIdentifier:
         """Add a joint sample: q (n,) [rad], qd (n,) [rad/s].
 
         Raises:
-            MessageRejectedError: not finite, wrong length, or stamp not increasing; the sample is not used.
+            MessageRejectedError: not finite, wrong length, or stamp not increasing; the sample is
+                not used.
         """
         n = self._model.n
         if q.shape != (n,) or qd.shape != (n,):
             self.rejected += 1
-            raise MessageRejectedError(f'joint states: expected {n} joints, got {len(q)} positions and {len(qd)} rates')
+            raise MessageRejectedError(
+                f'joint states: expected {n} joints, got {len(q)} positions and {len(qd)} rates'
+            )
         self._add(self._joints, stamp_ns, np.concatenate([q, qd]), 'joint states')
 
     def add_rate(self, stamp_ns: int, omega_WB_B: Array) -> None:
@@ -110,7 +114,7 @@ class OnlineIdentifier:
         self._add(self._rates, stamp_ns, np.asarray(omega_WB_B, dtype=float), 'gyro')
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Array) -> None:
-        """Add an attitude sample q_WB_xyzw (4,); raises as `add_joints`, also for a norm off by more than 1e-3."""
+        """Add an attitude (4,); raises as `add_joints`, also for a norm off by more than 1e-3."""
         norm = float(np.linalg.norm(q_WB_xyzw))
         if not abs(norm - 1.0) <= 1e-3:
             self.rejected += 1
@@ -118,7 +122,7 @@ class OnlineIdentifier:
         self._add(self._attitudes, stamp_ns, np.asarray(q_WB_xyzw, dtype=float) / norm, 'attitude')
 
     def solve(self) -> Estimate:
-        """Use all settled samples and return the estimate; not valid, with the reason, while they do not suffice."""
+        """Use all settled samples; it says why it isn't valid while they don't suffice."""
         data = self._data()
         end = self._settled(data)
         if data is None or end - self._done < 1e-3 or (self._engine is None and end < _FIRST):
@@ -133,8 +137,14 @@ class OnlineIdentifier:
 
     def _add(self, stream: _Stream, stamp_ns: int, value: Array, what: str) -> None:
         try:
-            if self._origin_ns is not None and (stamp_ns - self._origin_ns) * 1e-9 <= self._done and self._done > 0.0:
-                raise MessageRejectedError(f'{what}: stamp too late, that stretch is already solved')
+            if (
+                self._origin_ns is not None
+                and (stamp_ns - self._origin_ns) * 1e-9 <= self._done
+                and self._done > 0.0
+            ):
+                raise MessageRejectedError(
+                    f'{what}: stamp too late, that stretch is already solved'
+                )
             stream.add(stamp_ns, value, what)
         except MessageRejectedError:
             self.rejected += 1
@@ -143,7 +153,9 @@ class OnlineIdentifier:
             self._origin_ns = stamp_ns
 
     def _data(self) -> SensorData | None:
-        if self._origin_ns is None or not (self._joints.stamps and self._rates.stamps and self._attitudes.stamps):
+        if self._origin_ns is None or not (
+            self._joints.stamps and self._rates.stamps and self._attitudes.stamps
+        ):
             return None
         joint_time, joints = self._joints.arrays(self._origin_ns, 2 * self._model.n)
         q, qd = np.hsplit(joints, 2)
@@ -175,8 +187,14 @@ class OnlineIdentifier:
             return
         context = data.between(self._done - _CONTEXT, np.inf)
         new = data.between(self._done, end)
-        stds = (self._levels['joint_position_std'], self._levels['joint_velocity_std'], self._levels['gyro_std'])
-        smoothed = smooth(context, min(context.joint_time[0], self._done), max(end, context.joint_time[-1]), stds)
+        stds = (
+            self._levels['joint_position_std'],
+            self._levels['joint_velocity_std'],
+            self._levels['gyro_std'],
+        )
+        smoothed = smooth(
+            context, min(context.joint_time[0], self._done), max(end, context.joint_time[-1]), stds
+        )
         times = np.concatenate([[self._done], time_grid(new)])
         whole = smoothed.reference(times, engine.last[0].rotation[0])
         reference = whole.between(1)
@@ -184,7 +202,9 @@ class OnlineIdentifier:
         stretch = Stretch(reference, measurements(new, reference), engine.noise, smoothed)
         engine.run(reference, self._model.linearize(reference, self._constants), stretch.measured)
         change, _ = engine.information.solve()
-        proposed = prior.admissible(self._model, reference, self._constants, self._constants + change)
+        proposed = prior.admissible(
+            self._model, reference, self._constants, self._constants + change
+        )
         engine.shift_constants(proposed - self._constants)
         self._constants = proposed
         self._continue(stretch)
@@ -194,10 +214,12 @@ class OnlineIdentifier:
         """Whether the linearisation of what was run through is no longer good enough."""
         if not self._is_converged or end >= self._next_rerun:
             return True
-        return bool(np.any(np.abs(self._constants - self._rerun_constants) > _MOVED * self._rerun_std))
+        return bool(
+            np.any(np.abs(self._constants - self._rerun_constants) > _MOVED * self._rerun_std)
+        )
 
     def _continue(self, stretch: Stretch) -> None:
-        """Fold the attitude error into the reference so that the next stretch starts on the truth."""
+        """Fold the attitude error into the reference: the next stretch starts from there."""
         engine = self._engine
         if engine is None or engine.last is None:
             return
@@ -217,7 +239,8 @@ class OnlineIdentifier:
         engine, prior = self._engine, self._prior
         if engine is None or prior is None:
             return self._nothing('nothing solved yet')
-        # The information's own solution is the best estimate, also where the point of linearisation was held back.
+        # The information's own solution is the best estimate, also where the point of
+        # linearisation was held back.
         change, _ = engine.information.solve()
         stamp = (self._origin_ns or 0) + round(self._done * 1e9)
         estimate = summarize(
@@ -232,7 +255,11 @@ class OnlineIdentifier:
             self._notes,
         )
         if estimate.valid and not self._is_converged:
-            estimate = replace(estimate, valid=False, reason='the estimate still moves when the data are run through again')
+            estimate = replace(
+                estimate,
+                valid=False,
+                reason='the estimate still moves when the data are run through again',
+            )
         return estimate
 
     def _missing(self, data: SensorData | None) -> str:
@@ -249,7 +276,10 @@ class OnlineIdentifier:
         std = np.concatenate(
             [
                 np.full(model.n_aam, settings.momentum_prior_std),
-                np.full(len(model.minimal), settings.prior_std * np.max(np.abs(prior[3 + model.n_aam :]))),
+                np.full(
+                    len(model.minimal),
+                    settings.prior_std * np.max(np.abs(prior[3 + model.n_aam :])),
+                ),
             ]
         )
         last = [s.stamps[-1] for s in (self._joints, self._rates, self._attitudes) if s.stamps]

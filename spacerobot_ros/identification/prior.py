@@ -1,4 +1,4 @@
-"""A prior weak enough not to bend any result, and strong enough to keep unexcited directions finite."""
+"""A prior too weak to bend a result that keeps unexcited directions finite."""
 
 from __future__ import annotations
 
@@ -24,10 +24,13 @@ class Prior:
     mean: Array
     std: Array
 
-    def admissible(self, model: MomentumModel, reference: Reference, current: Array, proposed: Array) -> Array:
-        """The proposed constants, or those between them and the current ones that keep the inertia positive.
+    def admissible(
+        self, model: MomentumModel, reference: Reference, current: Array, proposed: Array
+    ) -> Array:
+        """The proposed constants, or some between them and the current ones.
 
-        Before the data suffice, the inertia proposed may be indefinite, and no linearisation about it would hold.
+        Before the data suffice, the inertia proposed may be indefinite, and no linearisation about
+        it would hold.
         """
         probes = reference.q[:: max(1, len(reference.q) // _PROBES)]
         smallest = _smallest_inertia(model, probes, self.mean)
@@ -41,8 +44,9 @@ class Prior:
 def weak_prior(model: MomentumModel, reference: Reference, settings: IdentifierSettings) -> Prior:
     """The robot file's values with the identifier's prior standard deviations.
 
-    Every minimal parameter gets `prior_std` times the largest of them, since single ones may be zero or regrouped; the
-    total momentum is centred on what the robot file's values imply and left free.
+    Every minimal parameter gets `prior_std` times the largest of them, since single ones may be
+    zero or regrouped; the total momentum is centred on what the robot file's values imply and left
+    free.
     """
     mean = model.prior()
     columns, h0 = model.regressor(reference)

@@ -1,6 +1,7 @@
 r"""Reduced joint equation H(q) q'' + c = tau from identified minimal parameters.
 
-Lagrange's equations in the quasi-velocities u = [omega_WB_B; q'] with the inertia Mu(q) = [[D, Dq], [Dq^T, Dqq]]:
+Lagrange's equations in the quasi-velocities u = [omega_WB_B; q'] with the inertia Mu(q) = [[D,
+Dq], [Dq^T, Dqq]]:
 
     base bias   n0 = (Mu' u)_0 + w0 x (Mu u)_0 + w0 x h0 + sum_b w_b x R_b h_b
     joint bias  nq = (Mu' u)_q - 1/2 u^T dMu/dq u + sum_b F_b^T (w_b x R_b h_b)
@@ -23,7 +24,7 @@ from .minimal import MinimalSet, minimal_set
 
 
 class EstimatedDynamics:
-    """Reduced equation rebuilt from minimal parameters and wheel momentum; needs no standard parameters.
+    """Reduced equation rebuilt from minimal parameters and wheel momentum.
 
     Args:
         robot: Gives the tree, the servicer's wheels and the links that carry the unknown wheels.
@@ -44,21 +45,26 @@ class EstimatedDynamics:
         """Take the parameters of an estimate made for this robot.
 
         Raises:
-            IdentificationError: the estimate's parameters or links are not this robot's, or can't be used.
+            IdentificationError: the estimate's parameters or links are not this robot's, or can't
+                be used.
         """
         estimate.check()
         minimal = minimal_set(robot, structure)
         if estimate.parameter_names != minimal.names:
             raise IdentificationError(
-                f'estimate: its {len(estimate.parameter_names)} parameters are not the {len(minimal)} of this robot '
-                f'({structure} structure)'
+                f'estimate: its {len(estimate.parameter_names)} parameters are not the '
+                f'{len(minimal)} of this robot ({structure} structure)'
             )
         links = tuple(g.link for g in robot.target_wheels)
         if estimate.aam_links != links:
-            raise IdentificationError(f'estimate: its wheels are on {estimate.aam_links}, the model has them on {links}')
+            raise IdentificationError(
+                f'estimate: its wheels are on {estimate.aam_links}, the model has them on {links}'
+            )
         return cls(robot, minimal, estimate.parameters, estimate.aam)
 
-    def reduced(self, q: Array, qd: Array, omega_WB_B: Vector3, joint_reaction: bool = True) -> ReducedEquation:
+    def reduced(
+        self, q: Array, qd: Array, omega_WB_B: Vector3, joint_reaction: bool = True
+    ) -> ReducedEquation:
         """Reduced equation at one state.
 
         Args:
@@ -71,7 +77,8 @@ class EstimatedDynamics:
             H (n, n) and c (n,).
 
         Raises:
-            IdentificationError: the parameters give a singular or indefinite inertia at this state.
+            IdentificationError: the parameters give a singular or indefinite inertia at this
+                state.
         """
         u = np.concatenate([omega_WB_B, qd])
         rotations = self._tree.rotations(q[None])
@@ -89,6 +96,10 @@ class EstimatedDynamics:
         try:
             np.linalg.cholesky(Mu)
         except np.linalg.LinAlgError as error:
-            raise IdentificationError('estimate: its inertia is not positive definite at this state') from error
+            raise IdentificationError(
+                'estimate: its inertia is not positive definite at this state'
+            ) from error
         eliminated = np.linalg.solve(Mu[:3, :3], np.column_stack([Mu[:3, 3:], bias[:3]]))
-        return ReducedEquation(Mu[3:, 3:] - Mu[3:, :3] @ eliminated[:, :-1], bias[3:] - Mu[3:, :3] @ eliminated[:, -1])
+        return ReducedEquation(
+            Mu[3:, 3:] - Mu[3:, :3] @ eliminated[:, :-1], bias[3:] - Mu[3:, :3] @ eliminated[:, -1]
+        )

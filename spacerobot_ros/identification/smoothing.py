@@ -1,4 +1,4 @@
-"""Reference trajectory from noisy, asynchronous samples: splines for joints and body rate, integrated attitude."""
+"""Reference trajectory from noisy, asynchronous samples: splines and integrated attitude."""
 
 from __future__ import annotations
 
@@ -11,12 +11,18 @@ from ..types import Array
 from .linearize import Reference
 from .spline import Samples, SplineFit, fit_spline
 
-_LONGEST_STEP = 0.02  # s; the filter's trapezoid and the attitude integration stay below the sensors' noise
+# The spline's snap, seen as white noise over its knots' spacing, overstates what the filter needs:
+# with this share the innovations of smooth motions have unit variance. Estimates do not depend on
+# it (factors of 1000 change no digit).
+_SNAP_SHARE = 0.3
+_LONGEST_STEP = (
+    0.02  # s; the filter's trapezoid and the attitude integration stay below the sensors' noise
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorData:
-    """Samples of one stretch of a run, times in seconds from a common origin; any of them may be empty.
+    """Samples of one stretch of a run, times in seconds from a common origin.
 
     Args:
         joint_time: (Nj,). q: (Nj, n). qd: (Nj, n); NaN where not measured.
@@ -57,13 +63,16 @@ class Smoothed:
     rate: SplineFit
 
     def snap_density(self, times: Array) -> Array:
-        """(n,) power spectral density that a white snap needs to follow the joints as the spline does."""
+        """(n,) power spectral density of a white snap that follows the joints as the spline."""
         snap = self.joints.derivative(times, 4)
-        return np.mean(snap**2, axis=0) * self.joints.spacing + 1e-12
+        return _SNAP_SHARE * np.mean(snap**2, axis=0) * self.joints.spacing + 1e-12
 
     def joint_start(self, times: Array) -> tuple[Array, Array]:
-        """(4, n) position, rate, acceleration and jerk at the first time, and (4, n) rms of each over all times."""
-        orders = [np.asarray(self.joints.curve(times)), *(self.joints.derivative(times, k) for k in (1, 2, 3))]
+        """(4, n) position to jerk at the first time, and (4, n) rms of each over all times."""
+        orders = [
+            np.asarray(self.joints.curve(times)),
+            *(self.joints.derivative(times, k) for k in (1, 2, 3)),
+        ]
         spread = [np.std(orders[0], axis=0), *(np.sqrt(np.mean(x**2, axis=0)) for x in orders[1:])]
         return np.array([x[0] for x in orders]), np.array(spread) + 1e-6
 
@@ -75,24 +84,36 @@ class Smoothed:
         omega = np.asarray(self.rate.curve(times))
         middle = np.asarray(self.rate.curve(0.5 * (times[1:] + times[:-1])))
         dt = np.diff(times)[:, None]
-        turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:]) + dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
+        turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:]) + dt**2 / 12.0 * np.cross(
+            omega[:-1], omega[1:]
+        )
         rotation = _accumulate(start, turns)
-        return Reference(times, np.asarray(self.joints.curve(times)), self.joints.derivative(times), omega, rotation)
+        return Reference(
+            times,
+            np.asarray(self.joints.curve(times)),
+            self.joints.derivative(times),
+            omega,
+            rotation,
+        )
 
 
-def smooth(data: SensorData, start: float, end: float, stds: tuple[float, float, float]) -> Smoothed:
+def smooth(
+    data: SensorData, start: float, end: float, stds: tuple[float, float, float]
+) -> Smoothed:
     """Fit the splines on [start, end].
 
     Args:
         data: At least a few joint and gyro samples.
-        start: [s]. end: [s].
+        start: Start of the interval [s].
+        end: End of the interval [s].
         stds: Standard deviations of joint position [rad], joint rate [rad/s] and gyro [rad/s].
     """
     joints = [Samples(data.joint_time, data.q, stds[0])]
     if np.all(np.isfinite(data.qd)):
         joints.append(Samples(data.joint_time, data.qd, stds[1], derivative=1))
     return Smoothed(
-        fit_spline(joints, start, end), fit_spline([Samples(data.rate_time, data.omega, stds[2])], start, end)
+        fit_spline(joints, start, end),
+        fit_spline([Samples(data.rate_time, data.omega, stds[2])], start, end),
     )
 
 
@@ -100,10 +121,14 @@ def time_grid(data: SensorData) -> Array:
     """All stamps in order, with extra times where a gap would be longer than the filter's step."""
     stamps = np.unique(np.concatenate([data.joint_time, data.rate_time, data.attitude_time]))
     gaps = np.diff(stamps)
-    filled = [stamps]
-    for k in np.flatnonzero(gaps > 1.5 * _LONGEST_STEP):
-        filled.append(np.linspace(stamps[k], stamps[k + 1], int(np.ceil(gaps[k] / _LONGEST_STEP)) + 1)[1:-1])
-    return np.sort(np.concatenate(filled))
+    wide = np.flatnonzero(gaps > 1.5 * _LONGEST_STEP)
+    filled = [_inside(stamps[k], stamps[k + 1]) for k in wide]
+    return np.sort(np.concatenate([stamps, *filled]))
+
+
+def _inside(start: float, end: float) -> Array:
+    """Times between two, no farther apart than the filter's step."""
+    return np.linspace(start, end, int(np.ceil((end - start) / _LONGEST_STEP)) + 1)[1:-1]
 
 
 def _accumulate(start: Rotation, turns: Array) -> Rotation:

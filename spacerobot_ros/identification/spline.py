@@ -1,7 +1,8 @@
 """Least-squares B-splines through noisy samples of a signal and, if measured, of its derivative.
 
-They give the reference trajectory about which the momentum filter is linear. SciPy evaluates and differentiates; what
-it lacks is a fit to values and derivatives at once, and the choice of the knots' spacing from the noise level.
+They give the reference trajectory about which the momentum filter is linear. SciPy evaluates and
+differentiates; what it lacks is a fit to values and derivatives at once, and the choice of the
+knots' spacing from the noise level.
 """
 
 from __future__ import annotations
@@ -58,8 +59,8 @@ class SplineFit:
 def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
     """Fit a quintic spline on [start, end], its knots as sparse as the noise allows.
 
-    The spacing minimises Akaike's criterion, chi2 + 2 (number of coefficients): a finer spline must pay for its
-    coefficients with a better fit.
+    The spacing minimises Akaike's criterion, chi2 + 2 (number of coefficients): a finer spline
+    must pay for its coefficients with a better fit.
 
     Args:
         samples: One or more sets of samples of the same m signals.
@@ -77,13 +78,18 @@ def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
     return min(scored, key=lambda pair: pair[0])[1]
 
 
-def _fit(samples: list[Samples], start: float, end: float, intervals: int) -> tuple[BSpline, float, int]:
-    knots = np.concatenate([np.full(DEGREE, start), np.linspace(start, end, intervals + 1), np.full(DEGREE, end)])
+def _fit(
+    samples: list[Samples], start: float, end: float, intervals: int
+) -> tuple[BSpline, float, int]:
+    knots = np.concatenate(
+        [np.full(DEGREE, start), np.linspace(start, end, intervals + 1), np.full(DEGREE, end)]
+    )
     rows = [_design(knots, s) / s.std for s in samples]
     targets = [s.values / s.std for s in samples]
     design, target = sparse.vstack(rows).tocsc(), np.concatenate(targets)
     normal = (design.T @ design).tocsc()
-    # A coefficient without data nearby is held near its neighbours by a ridge far below any measurement's weight.
+    # A coefficient without data nearby is held near its neighbours by a ridge far below any
+    # measurement's weight.
     ridge = 1e-12 * normal.diagonal().max()
     factor = splu(normal + ridge * sparse.identity(normal.shape[0], format='csc'))
     coefficients = factor.solve(design.T @ target)

@@ -1,4 +1,4 @@
-"""From the filter's constants and information to an `Estimate`: rank, unexcited directions, validity."""
+"""From constants and information to an `Estimate`: rank, unexcited directions, validity."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def aam_names(model: MomentumModel) -> tuple[str, ...]:
 
 
 def _weak_directions(scaled: Array) -> list[Array]:
-    """Unit vectors, in units of the prior's std, that the data hardly know better than the prior."""
+    """Unit vectors, in units of the prior's std, that the data hardly improve on."""
     _, singular, right = np.linalg.svd(scaled)
     return [right[i] for i in np.flatnonzero(singular < np.hypot(1.0, _EXCITED))]
 
@@ -93,14 +93,20 @@ def _describe(direction: Array, names: tuple[str, ...]) -> str:
 
 
 def _reason(
-    settings: IdentifierSettings, model: MomentumModel, unexcited: tuple[str, ...], aam: Array, aam_std: Array, chi2: float
+    settings: IdentifierSettings,
+    model: MomentumModel,
+    unexcited: tuple[str, ...],
+    aam: Array,
+    aam_std: Array,
+    chi2: float,
 ) -> str:
     if unexcited:
         total = model.n_aam + len(model.minimal)
         return f'{len(unexcited)} of {total} directions are not excited yet'
     limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
     if len(aam) and np.max(aam_std) > limit:
-        return f'wheel momentum is known to {np.max(aam_std):.3g} N m s only, the limit is {limit:.3g}'
+        known = f'{np.max(aam_std):.3g} N m s'
+        return f'wheel momentum is known to {known} only, the limit is {limit:.3g}'
     if chi2 > 10.0:
         return f'the model does not explain the data: chi2 per degree of freedom is {chi2:.3g}'
     return ''
