@@ -1,4 +1,4 @@
-r"""The simulated machine: state, held torques and the momentum and energy ledger, one control period a step.
+"""The simulated machine: state, held torques, momentum and energy ledger.
 
 Times are whole numbers: `time_ns = step_index * period_ns`, never a sum of floating-point periods.
 """
@@ -24,14 +24,16 @@ class MomentumLedger:
 
     Args:
         linear: (3,) linear momentum in the inertial frame [N s].
-        angular: (3,) angular momentum about the system's centre of mass, wheels included, inertial frame [N m s].
+        angular: (3,) angular momentum about the system's centre of mass, wheels included, inertial
+            frame [N m s].
         kinetic: Kinetic energy without the gyrostats' own constant spin energy [J].
         potential: Energy in the gravity field [J].
         joint_work: Work of the joint torques since the start [J].
         base_work: Work of the base force and torque since the start [J].
-        angular_impulse: (3,) time integral of the external torque about the centre of mass, inertial frame [N m s].
-        momentum_drift: |h - h0 - angular_impulse| / |h0|; absolute [N m s] when h0 is zero. Zero for a fixed base,
-            whose mount takes any torque, so that nothing is kept.
+        angular_impulse: (3,) time integral of the external torque about the centre of mass,
+            inertial frame [N m s].
+        momentum_drift: |h - h0 - angular_impulse| / |h0|; absolute [N m s] when h0 is zero. Zero
+            for a fixed base, whose mount takes any torque, so that nothing is kept.
         energy_drift: Kinetic and potential energy, less those at the start, less all work [J].
     """
 
@@ -49,9 +51,9 @@ class MomentumLedger:
 class Plant:
     """A robot that moves: torques in, state out.
 
-    The torque given to `step` is held over the step, from `step_index` to `step_index + 1`; afterwards `effort` is
-    that torque, so a sensor sampled at stamp k sees the torque applied over the step that ended at k (zero at k = 0).
-    True rotors turn without torque on their axis.
+    The torque given to `step` is held over the step, from `step_index` to `step_index + 1`;
+    afterwards `effort` is that torque, so a sensor sampled at stamp k sees the torque applied over
+    the step that ended at k (zero at k = 0). True rotors turn without torque on their axis.
 
     Args:
         robot: What the machine really is (`model.loader.true_robot`).
@@ -107,10 +109,12 @@ class Plant:
 
         Args:
             tau: (n_arm,) joint torques held over the period [N m].
-            base_wrench: (6,) [force; torque] held on the base, at its origin in base coordinates [N, N m].
+            base_wrench: (6,) [force; torque] held on the base, at its origin in base coordinates
+                [N, N m].
 
         Raises:
-            MessageRejectedError: torques of the wrong shape or not finite; the plant stays as it was.
+            MessageRejectedError: torques of the wrong shape or not finite; the plant stays as it
+                was.
             SimulationDivergedError: the new state is not finite; the plant stays as it was.
         """
         tau = _checked(tau, self.n_arm, 'joint torque')
@@ -157,7 +161,7 @@ class Plant:
         )
 
     def _step_with_wrench(self, torque: Array, wrench: Vector6, t: float) -> Array:
-        """One period with a base wrench; impulse and work are integrated beside the state, to the same order."""
+        """One period with a base wrench; impulse and work are integrated beside the state."""
         size = len(self._x)
 
         def rate(_: float, y: Array) -> Array:
@@ -181,7 +185,7 @@ class Plant:
         return y[:size]
 
     def _external_rates(self, x: Array, wrench: Vector6) -> Array:
-        """(4,) external torque about the centre of mass, inertial frame, and power of the wrench."""
+        """(4,) torque about the centre of mass, inertial frame, and power of the wrench."""
         state = State.from_vector(x)
         torque = wrench[3:]
         if wrench[:3].any():
@@ -190,7 +194,7 @@ class Plant:
         return np.append(rotation_matrix(state.q_WB_xyzw) @ torque, power)
 
     def _centre_of_mass(self, q: Array) -> Vector3:
-        """(3,) centre of mass from the base origin, base coordinates; the mass matrix holds m skew(c)."""
+        """(3,) centre of mass in base coordinates; the mass matrix holds m skew(c)."""
         M = self.dynamics.mass_matrix(q)
         return np.array([M[5, 1], M[3, 2], M[4, 0]]) / M[0, 0]
 

@@ -1,4 +1,4 @@
-"""Writing rosbag2 folders (mcap) that any ROS 2 tool reads and that are the same to the last bit for the same run."""
+"""Writing rosbag2 folders (mcap): any ROS 2 tool reads them, the same run gives the same bytes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ from .message_types import PACKAGE, canonical_cdr, typestore
 INERTIAL_FRAME = 'inertial'
 _VERSION = 9  # of the bag's metadata: Jazzy and later
 _REORDER_NS = 1_000_000_000
-_NAME = 'recording'  # of the file inside the folder: the content must not depend on the folder's name
+_NAME = (
+    'recording'  # of the file inside the folder: the content must not depend on the folder's name
+)
 _FOREVER = QosTime(9223372036, 854775807)
 
 
@@ -58,8 +60,8 @@ def check_target(path: str | Path, overwrite: bool) -> Path:
 class BagWriter:
     """A rosbag2 folder that appears, complete, when the `with` block ends without an error.
 
-    Messages are ordered by stamp, then topic, within a window of one second, so that the order in which threads or
-    executors delivered them doesn't show. Log time is the stamp.
+    Messages are ordered by stamp, then topic, within a window of one second, so that the order in
+    which threads or executors delivered them doesn't show. Log time is the stamp.
 
     Args:
         path: Folder to create.
@@ -70,7 +72,9 @@ class BagWriter:
         RecordingError: something is at `path` that must stay, or the folder can't be made.
     """
 
-    def __init__(self, path: str | Path, *, overwrite: bool = False, base_link: str = 'base_link') -> None:
+    def __init__(
+        self, path: str | Path, *, overwrite: bool = False, base_link: str = 'base_link'
+    ) -> None:
         self._path = check_target(path, overwrite)
         self._base_link = base_link
         self._store = typestore()
@@ -87,14 +91,19 @@ class BagWriter:
             if self._work.exists():
                 shutil.rmtree(self._work)
             self._work.mkdir(parents=True)
-            self._writer = Writer(self._work / _NAME, version=_VERSION, storage_plugin=StoragePlugin.MCAP)
+            self._writer = Writer(
+                self._work / _NAME, version=_VERSION, storage_plugin=StoragePlugin.MCAP
+            )
             self._writer.open()
         except (OSError, WriterError) as error:
             raise RecordingError(str(self._path), f'can not be written: {error}') from error
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         """Finish and move into place; after an error, leave nothing."""
         try:
@@ -121,11 +130,16 @@ class BagWriter:
         effort: Array | None = None,
         topic: str = '/joint_states',
     ) -> None:
-        """Write a JointState; `topic` also serves `/joint_commands` (effort) and `/wheel_states` (rates)."""
-        columns = [np.zeros(0) if v is None else np.asarray(v, dtype=float) for v in (position, velocity, effort)]
+        """Write a JointState; `topic` also serves `/joint_commands` and `/wheel_states`."""
+        columns = [
+            np.zeros(0) if v is None else np.asarray(v, dtype=float)
+            for v in (position, velocity, effort)
+        ]
         self._add(topic, 'sensor_msgs/msg/JointState', stamp_ns, '', list(names), *columns)
 
-    def imu(self, stamp_ns: int, omega_WB_B: Vector3, std: float = 0.0, topic: str = '/imu/data') -> None:
+    def imu(
+        self, stamp_ns: int, omega_WB_B: Vector3, std: float = 0.0, topic: str = '/imu/data'
+    ) -> None:
         """Write a gyro sample; orientation and acceleration are marked absent (REP 145).
 
         Args:
@@ -135,7 +149,10 @@ class BagWriter:
             topic: Topic.
         """
         absent = np.array([-1.0, *np.zeros(8)])
-        vector, quaternion = self._type('geometry_msgs', 'Vector3'), self._type('geometry_msgs', 'Quaternion')
+        vector, quaternion = (
+            self._type('geometry_msgs', 'Vector3'),
+            self._type('geometry_msgs', 'Quaternion'),
+        )
         rate = vector(*(float(v) for v in omega_WB_B))
         covariance = (std * std * np.eye(3)).ravel()
         self._add(
@@ -154,9 +171,13 @@ class BagWriter:
     def attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion, topic: str = '/attitude') -> None:
         """Write a star tracker sample, (4,) q_WB xyzw."""
         quaternion = self._type('geometry_msgs', 'Quaternion')(*(float(v) for v in q_WB_xyzw))
-        self._add(topic, 'geometry_msgs/msg/QuaternionStamped', stamp_ns, INERTIAL_FRAME, quaternion)
+        self._add(
+            topic, 'geometry_msgs/msg/QuaternionStamped', stamp_ns, INERTIAL_FRAME, quaternion
+        )
 
-    def ledger(self, stamp_ns: int, ledger: MomentumLedger, topic: str = '/simulation/ledger') -> None:
+    def ledger(
+        self, stamp_ns: int, ledger: MomentumLedger, topic: str = '/simulation/ledger'
+    ) -> None:
         """Write the simulated machine's momentum and energy book."""
         vector = self._type('geometry_msgs', 'Vector3')
         self._add(
@@ -174,7 +195,9 @@ class BagWriter:
             ledger.energy_drift,
         )
 
-    def message(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool = False) -> None:
+    def message(
+        self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool = False
+    ) -> None:
         """Write a serialised message of any known type; its padding is zeroed.
 
         Args:
@@ -197,7 +220,9 @@ class BagWriter:
         stamp = self._type('builtin_interfaces', 'Time')(*divmod(stamp_ns, 1_000_000_000))
         header = self._type('std_msgs', 'Header')(stamp, frame_id)
         message = self._types[msgtype](header, *fields)
-        self._push(topic, msgtype, stamp_ns, bytes(self._store.serialize_cdr(message, msgtype)), False)
+        self._push(
+            topic, msgtype, stamp_ns, bytes(self._store.serialize_cdr(message, msgtype)), False
+        )
 
     def _type(self, package: str, name: str) -> Any:
         return self._types[f'{package}/msg/{name}']

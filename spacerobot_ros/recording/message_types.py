@@ -1,4 +1,4 @@
-"""Message types for reading and writing bags without ROS: the standard ones and `spacerobot_msgs` from its text."""
+"""Message types without ROS: the standard ones, and `spacerobot_msgs` from its text."""
 
 from __future__ import annotations
 
@@ -26,14 +26,18 @@ def typestore(with_package: bool = True) -> Typestore:
     """
     store = get_typestore(Stores.ROS2_JAZZY)
     if with_package:
-        folder = message_folder()
-        for path in sorted(folder.glob('*.msg')):
-            try:
-                types = get_types_from_msg(path.read_text(encoding='utf-8'), f'{PACKAGE}/msg/{path.stem}')
-                store.register(types)
-            except (OSError, UnicodeDecodeError, TypesysError) as error:
-                raise RecordingError(str(path), f'can not be used: {" ".join(str(error).split())}') from error
+        for path in sorted(message_folder().glob('*.msg')):
+            _register(store, path)
     return store
+
+
+def _register(store: Typestore, path: Path) -> None:
+    try:
+        text = path.read_text(encoding='utf-8')
+        store.register(get_types_from_msg(text, f'{PACKAGE}/msg/{path.stem}'))
+    except (OSError, UnicodeDecodeError, TypesysError) as error:
+        reason = ' '.join(str(error).split())
+        raise RecordingError(str(path), f'can not be used: {reason}') from error
 
 
 def message_folder() -> Path:

@@ -52,13 +52,17 @@ def load_npz(path: str | Path) -> Record:
         with np.load(path, allow_pickle=False) as file:
             content = {key: file[key] for key in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise RecordingError(str(path), f'not a readable npz file: {" ".join(str(error).split())}') from error
+        raise RecordingError(
+            str(path), f'not a readable npz file: {" ".join(str(error).split())}'
+        ) from error
     if str(content.get('format', '')) != FORMAT:
         raise RecordingError(str(path), f'not a record: its format is not {FORMAT!r}')
     try:
         return Record(
             joints=_joints(content, 'joints'),
-            rates=RateSeries(content['rates.stamp_ns'], content['rates.omega']) if 'rates.omega' in content else None,
+            rates=RateSeries(content['rates.stamp_ns'], content['rates.omega'])
+            if 'rates.omega' in content
+            else None,
             attitudes=AttitudeSeries(content['attitudes.stamp_ns'], content['attitudes.q_xyzw'])
             if 'attitudes.q_xyzw' in content
             else None,
@@ -77,4 +81,5 @@ def _joints(content: dict[str, Array], key: str) -> JointSeries | None:
         return None
     names = tuple(json.loads(str(content[f'{key}.names'])))
     velocity, effort = content.get(f'{key}.velocity'), content.get(f'{key}.effort')
-    return JointSeries(names, content[f'{key}.stamp_ns'], content[f'{key}.position'], velocity, effort)
+    stamps: Any = content[f'{key}.stamp_ns']
+    return JointSeries(names, stamps, content[f'{key}.position'], velocity, effort)

@@ -1,8 +1,9 @@
 """The one record type: validated, immutable time series from topics, bags or files.
 
-Each sensor keeps its own stamps; nothing is resampled. What is not finite, not increasing in time, of the wrong shape
-or not a unit quaternion is refused with its place, so that whoever holds a `Record` need not look again. Dropping bad
-samples is the reader's work (`bag.py`), and it says so in `notes`.
+Each sensor keeps its own stamps; nothing is resampled. What is not finite, not increasing in time,
+of the wrong shape or not a unit quaternion is refused with its place, so that whoever holds a
+`Record` need not look again. Dropping bad samples is the reader's work (`bag.py`), and it says so
+in `notes`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ class JointSeries:
         stamp_ns: (N,) sample times, increasing [ns].
         position: (N, n) [rad]; zero where a wheel has no encoder.
         velocity: (N, n) [rad/s]; None where the recording has none.
-        effort: (N, n) motor torque over the step that ended at the stamp [N m]; None where the recording has none.
+        effort: (N, n) motor torque over the step that ended at the stamp [N m]; None where the
+            recording has none.
     """
 
     names: tuple[str, ...]
@@ -40,14 +42,18 @@ class JointSeries:
         """Check and freeze."""
         object.__setattr__(self, 'names', tuple(self.names))
         if len(set(self.names)) != len(self.names) or not self.names:
-            raise RecordingError('joints.names', f'must be distinct and not empty, got {list(self.names)}')
+            raise RecordingError(
+                'joints.names', f'must be distinct and not empty, got {list(self.names)}'
+            )
         stamps = _stamps(self.stamp_ns, 'joints.stamp_ns')
         object.__setattr__(self, 'stamp_ns', stamps)
         shape = (len(stamps), len(self.names))
         for name in ('position', 'velocity', 'effort'):
             values = getattr(self, name)
             if values is not None or name == 'position':
-                object.__setattr__(self, name, _values(values, shape, f'joints.{name}', self.names))
+                object.__setattr__(
+                    self, name, _values(values, shape, f'joints.{name}', self.names)
+                )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +72,9 @@ class RateSeries:
         """Check and freeze."""
         stamps = _stamps(self.stamp_ns, 'rates.stamp_ns')
         object.__setattr__(self, 'stamp_ns', stamps)
-        object.__setattr__(self, 'omega', _values(self.omega, (len(stamps), 3), 'rates.omega', 'xyz'))
+        object.__setattr__(
+            self, 'omega', _values(self.omega, (len(stamps), 3), 'rates.omega', 'xyz')
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +98,10 @@ class AttitudeSeries:
         excess = np.abs(np.linalg.norm(q, axis=1) - 1.0)
         if np.any(excess > UNIT_TOLERANCE):
             row = int(np.argmax(excess > UNIT_TOLERANCE))
-            raise RecordingError(f'{place}[{row}]', f'not a unit quaternion: its norm is {np.linalg.norm(q[row]):.9g}')
+            raise RecordingError(
+                f'{place}[{row}]',
+                f'not a unit quaternion: its norm is {np.linalg.norm(q[row]):.9g}',
+            )
         object.__setattr__(self, 'q_xyzw', q)
 
 
@@ -104,7 +115,8 @@ class Record:
         attitudes: Star tracker.
         wheels: The servicer's own wheels (rates).
         source: Where it came from, for messages.
-        notes: What whoever read it should know: dropped messages, absent topics, which stamps were used.
+        notes: What whoever read it should know: dropped messages, absent topics, which stamps were
+            used.
     """
 
     joints: JointSeries | None
@@ -117,7 +129,11 @@ class Record:
     @property
     def span_ns(self) -> tuple[int, int]:
         """First and last stamp of any sensor [ns]; (0, 0) for an empty record."""
-        present = [s.stamp_ns for s in (self.joints, self.rates, self.attitudes, self.wheels) if s is not None]
+        present = [
+            s.stamp_ns
+            for s in (self.joints, self.rates, self.attitudes, self.wheels)
+            if s is not None
+        ]
         if not present:
             return 0, 0
         return int(min(s[0] for s in present)), int(max(s[-1] for s in present))
@@ -133,7 +149,9 @@ def _stamps(values: IntArray, place: str) -> IntArray:
     steps = np.diff(stamps)
     if np.any(steps <= 0):
         row = int(np.argmax(steps <= 0)) + 1
-        raise RecordingError(f'{place}[{row}]', f'{stamps[row]} ns is not after {stamps[row - 1]} ns')
+        raise RecordingError(
+            f'{place}[{row}]', f'{stamps[row]} ns is not after {stamps[row - 1]} ns'
+        )
     stamps.setflags(write=False)
     return stamps
 
@@ -145,6 +163,8 @@ def _values(values: Array, shape: tuple[int, ...], place: str, columns: Sequence
     bad = ~np.isfinite(array)
     if np.any(bad):
         row, column = (int(i) for i in np.argwhere(bad)[0])
-        raise RecordingError(f'{place}[{row}] ({columns[column]})', f'{array[row, column]} is not finite')
+        raise RecordingError(
+            f'{place}[{row}] ({columns[column]})', f'{array[row, column]} is not finite'
+        )
     array.setflags(write=False)
     return array

@@ -1,7 +1,7 @@
 """Sensors of the simulated robot: rates, and Gaussian noise from one seeded stream a sensor.
 
-A stream is keyed by the seed and by the sensor's place in `STREAMS`, so a sensor that is added, silenced or sampled
-at another rate leaves the noise of all others as it was.
+A stream is keyed by the seed and by the sensor's place in `STREAMS`, so a sensor that is added,
+silenced or sampled at another rate leaves the noise of all others as it was.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ class JointMeasurement:
     Args:
         position: (n,) [rad].
         velocity: (n,) [rad/s].
-        effort: (n,) torque applied over the step that ended at the stamp [N m]; the torque of the step that begins
-            there is not known to any sensor yet. Zero before the first step.
+        effort: (n,) torque applied over the step that ended at the stamp [N m]; the torque of the
+            step that begins there is not known to any sensor yet. Zero before the first step.
     """
 
     position: Array
@@ -43,7 +43,8 @@ class Measurements:
         joints: Manipulator joints.
         omega: (3,) omega_WB_B of the gyro [rad/s].
         attitude_xyzw: (4,) q_WB of the star tracker, normalised.
-        wheel_rates: (n_wheels,) relative rates of the servicer's true rotors [rad/s]; None where it has none.
+        wheel_rates: (n_wheels,) relative rates of the servicer's true rotors [rad/s]; None where
+            it has none.
     """
 
     joints: JointMeasurement | None
@@ -55,13 +56,15 @@ class Measurements:
 class SensorSuite:
     """All sensors of one simulated robot.
 
-    Each noise stream advances once a sample that is due, so `sample` is called once a step, in order.
+    Each noise stream advances once a sample that is due, so `sample` is called once a step, in
+    order.
 
     Args:
         noise: Standard deviations; a missing one means an exact sensor.
         settings: Period, rates, seed, and whether there is noise at all.
         n_joints: Number of manipulator joints.
-        n_wheels: Number of the servicer's true rotors with a tachometer; it shares rate and noise of the joint rates.
+        n_wheels: Number of the servicer's true rotors with a tachometer; it shares rate and noise
+            of the joint rates.
 
     Raises:
         ConfigurationError: a rate that doesn't divide the control rate.
@@ -102,7 +105,8 @@ class SensorSuite:
         Args:
             step_index: Number of control periods since the start.
             state: True state at that time.
-            effort: (n_joints,) torque applied over the step that ended there (`Plant.effort`) [N m].
+            effort: (n_joints,) torque applied over the step that ended there (`Plant.effort`) [N
+                m].
         """
         joints = step_index % self._joint_every == 0
         return Measurements(
@@ -130,7 +134,7 @@ class SensorSuite:
         )
 
     def _attitude(self, q_xyzw: Quaternion) -> Quaternion:
-        """The true attitude turned by a small random rotation on the body side: R_meas = R_WB exp(skew(noise_B))."""
+        """The true attitude, turned on the body side: R_meas = R_WB exp(skew(noise_B))."""
         error = self._noisy('attitude', np.zeros(3))
         return turned(q_xyzw, error)
 
@@ -179,6 +183,7 @@ def steps_between(rate: float, period: float, place: str) -> int:
     if steps < 1 or abs(ratio - steps) > 1e-9 * ratio:
         raise ConfigurationError(
             place,
-            f'{rate:g} Hz does not divide the control rate of {1.0 / period:g} Hz (simulator.period = {period:g} s)',
+            f'{rate:g} Hz does not divide the control rate of {1.0 / period:g} Hz '
+            f'(simulator.period = {period:g} s)',
         )
     return steps
