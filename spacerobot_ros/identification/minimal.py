@@ -22,6 +22,7 @@ from ..model.robot import Body, Robot
 from ..types import Array
 
 _RANK_TOLERANCE = 1e-9  # the gap lies between 1e-3 (kept) and 1e-15 (dropped) for unit columns
+_DISTANCES = (0.3, 0.1, 0.03, 0.01, 1e-3, 1e-7)  # of a column from the span of those before it
 _SEED = 20  # any seed gives the same set; a fixed one gives the same rounding
 
 
@@ -80,18 +81,23 @@ def minimal_set(robot: Robot, structure: str) -> MinimalSet:
 
 
 def independent_columns(matrix: Array) -> list[int]:
-    """Indices of the first columns, from the left, that span a matrix with unit columns."""
+    """Indices of columns that span the matrix, the left ones first; columns of unit norm or zero expected.
+
+    Columns that point clearly out of the span of those before are taken first, so that the chosen ones are well
+    conditioned; taking every column that is merely independent would regroup with factors of thousands.
+    """
     kept: list[int] = []
     basis = np.zeros((len(matrix), 0))
-    for index in range(matrix.shape[1]):
-        column = matrix[:, index]
-        rest = column - basis @ (basis.T @ column)
-        rest -= basis @ (basis.T @ rest)  # twice is enough (Kahan)
-        norm = np.linalg.norm(rest)
-        if norm > 1e-7:
-            kept.append(index)
-            basis = np.column_stack([basis, rest / norm])
-    return kept
+    for distance in _DISTANCES:
+        for index in sorted(set(range(matrix.shape[1])) - set(kept)):
+            column = matrix[:, index]
+            rest = column - basis @ (basis.T @ column)
+            rest -= basis @ (basis.T @ rest)  # twice is enough (Kahan)
+            norm = np.linalg.norm(rest)
+            if norm > distance:
+                kept.append(index)
+                basis = np.column_stack([basis, rest / norm])
+    return sorted(kept)
 
 
 def _random_regressor(tree: BlockTree, rng: np.random.Generator) -> Array:
