@@ -1,0 +1,176 @@
+"""Plots for reports: time series with bands, errors on a log scale; deterministic SVG text.
+
+The same data give the same bytes: no date, fixed identifiers, text kept as text. Curves differ in
+colour (Okabe and Ito's palette, safe for the colour-blind) and in line style (safe in print).
+"""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..types import Array, IntArray
+
+COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
+STYLES: tuple[Any, ...] = ('-', '--', '-.', (0, (4, 1, 1, 1, 1, 1)), (0, (1, 1)))
+MAX_POINTS = 1500  # a curve; more than a screen shows
+
+_RC = {
+    'svg.fonttype': 'none',
+    'svg.hashsalt': 'spacerobot_ros',
+    'font.family': 'sans-serif',
+    'font.size': 9.5,
+    'axes.grid': True,
+    'grid.color': '#dde1e6',
+    'grid.linewidth': 0.6,
+    'axes.edgecolor': '#8a919a',
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.axisbelow': True,
+    'axes.titlelocation': 'left',
+    'axes.titlesize': 10.5,
+    'lines.linewidth': 1.5,
+    'legend.frameon': False,
+    'legend.fontsize': 9,
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """One line of a panel.
+
+    Args:
+        label: Name in the legend; empty for none.
+        t: (N,) abscissa.
+        y: (N,) ordinate; what is not finite leaves a gap.
+        half_band: (N,) half width of a shaded band around it, such as 3 standard deviations.
+        colour: Index into the palette; None takes the curve's place in the panel.
+    """
+
+    label: str
+    t: Array
+    y: Array
+    half_band: Array | None = None
+    colour: int | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """One set of axes.
+
+    Args:
+        title: What is shown.
+        unit: Unit of the ordinate; `1` for none.
+        curves: Lines, drawn in order.
+        log: Magnitudes on a logarithmic scale.
+        levels: Horizontal reference lines: value and label.
+    """
+
+    title: str
+    unit: str
+    curves: Sequence[Curve]
+    log: bool = False
+    levels: Sequence[tuple[float, str]] = ()
+
+
+def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float = 2.3) -> str:
+    """Stacked panels over one abscissa.
+
+    Args:
+        panels: From top to bottom.
+        abscissa: Label below the last panel, with unit.
+        height: Height of a panel where the whole is 8 wide [in].
+
+    Returns:
+        An `<svg>` element that scales to the width of its container.
+    """
+    with mpl.rc_context(_RC):
+        buffer = io.StringIO()
+        _figure(panels, abscissa, height).savefig(
+            buffer, format='svg', metadata={'Date': None, 'Creator': None}
+        )
+    return _inline(buffer.getvalue(), ', '.join(panel.title for panel in panels))
+
+
+def _figure(panels: Sequence[Panel], abscissa: str, height: float) -> Figure:
+    figure = Figure(figsize=(8.0, 0.35 + height * len(panels)), layout='constrained')
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, ax in zip(panels, axes, strict=True):
+        _draw(panel, ax)
+    axes[-1].set_xlabel(abscissa)
+    return figure
+
+
+def _draw(panel: Panel, ax: Any) -> None:
+    for place, curve in enumerate(panel.curves):
+        choice = place if curve.colour is None else curve.colour
+        colour, style = COLOURS[choice % len(COLOURS)], STYLES[place % len(STYLES)]
+        t, y = np.asarray(curve.t, dtype=float), np.asarray(curve.y, dtype=float)
+        if panel.log:
+            y = np.where(y == 0.0, np.nan, np.abs(y))
+        if curve.half_band is not None:
+            _band(ax, t, y, np.asarray(curve.half_band), colour, panel.log)
+        ax.plot(*thinned(t, y), color=colour, linestyle=style, label=curve.label or None)
+    for value, label in panel.levels:
+        ax.axhline(
+            value, color='#5b626b', linewidth=0.9, linestyle=(0, (5, 3)), label=label or None
+        )
+    if panel.log:
+        ax.set_yscale('log')
+    ax.set_title(panel.title)
+    ax.set_ylabel(f'[{panel.unit}]')
+    ax.margins(x=0.01)
+    handles, labels = ax.get_legend_handles_labels()
+    if labels:
+        place = {'loc': 'lower right', 'bbox_to_anchor': (1.0, 0.98), 'borderaxespad': 0.1}
+        ax.legend(handles, labels, ncols=len(labels), **place)  # beside the title, off the curves
+
+
+def _band(ax: Any, t: Array, y: Array, half: Array, colour: str, log: bool) -> None:
+    step = max(1, len(t) // MAX_POINTS)
+    keep = slice(None, None, step)
+    low = y[keep] - half[keep]
+    if log:
+        low = np.where(low > 0.0, low, np.nan)
+    ax.fill_between(t[keep], low, y[keep] + half[keep], color=colour, alpha=0.18, linewidth=0)
+
+
+def thinned(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
+    """At most `limit` points that keep every peak: the smallest and largest of each stretch.
+
+    Args:
+        t: (N,) abscissa.
+        y: (N,) ordinate.
+        limit: Largest number of points.
+    """
+    if len(t) <= limit:
+        return t, y
+    keep = {0, len(t) - 1}
+    for stretch in np.array_split(np.arange(len(t)), limit // 2 - 1):
+        values = y[stretch]
+        keep.update((int(stretch[0]),) if np.isnan(values).all() else _extremes(stretch, values))
+    chosen = np.array(sorted(keep))
+    return t[chosen], y[chosen]
+
+
+def _extremes(stretch: IntArray, values: Array) -> tuple[int, int]:
+    return int(stretch[np.nanargmin(values)]), int(stretch[np.nanargmax(values)])
+
+
+def _inline(svg: str, label: str) -> str:
+    """The bare element: no prolog, width of its container, no identifier that nothing uses."""
+    svg = svg[svg.index('<svg') :].strip()
+    svg = re.sub(r'<metadata>.*?</metadata>\s*', '', svg, flags=re.DOTALL)
+    svg = re.sub(r'<svg ', f'<svg role="img" aria-label="{html.escape(label)}" ', svg, count=1)
+    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r'\1', svg, count=1)
+    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r'\1', svg, count=1)
+    used = set(re.findall(r'(?:url\(|href=")#([^")]+)', svg))
+    return re.sub(r' id="([^"]*)"', lambda m: m.group(0) if m.group(1) in used else '', svg)
