@@ -130,8 +130,8 @@ def _draw(panel: Panel, ax: Any) -> None:
     ax.margins(x=0.01)
     handles, labels = ax.get_legend_handles_labels()
     if labels:
-        place = {'loc': 'lower right', 'bbox_to_anchor': (1.0, 0.98), 'borderaxespad': 0.1}
-        ax.legend(handles, labels, ncols=len(labels), **place)  # beside the title, off the curves
+        corner: Any = {'loc': 'lower right', 'bbox_to_anchor': (1.0, 0.98), 'borderaxespad': 0.1}
+        ax.legend(handles, labels, ncols=len(labels), **corner)  # beside the title, off the curves
 
 
 def _band(ax: Any, t: Array, y: Array, half: Array, colour: str, log: bool) -> None:
