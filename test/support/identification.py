@@ -1,0 +1,256 @@
+"""Simulated runs for the identification tests, from first principles.
+
+The joints follow the motion of Table II exactly; the base follows from the conservation of angular
+momentum, its attitude integrated by DOP853. Nothing here calls the product's dynamics: momentum is
+summed over the bodies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from spacerobot_ros.identification.smoothing import SensorData
+from spacerobot_ros.model.robot import Robot
+from spacerobot_ros.model.settings import SensorSettings
+from support.models import (
+    ATTITUDE_XYZW,
+    H_BASE,
+    H_TARGET,
+    OMEGA,
+    Part,
+    quaternion_matrix,
+    robot_of,
+    table_one,
+    to_rotation,
+    turn,
+)
+
+STDS = {
+    'joint_position_std': 2.0e-5,
+    'joint_velocity_std': 2.0e-4,
+    'gyro_std': 2.0e-5,
+    'attitude_std': 3.0e-5,
+}
+SENSORS = SensorSettings(**STDS)
+SILENT = SensorSettings()
+PERIOD = 20.0  # s, of the motion of Table II
+_SINE = [[0.1234, -0.1867, 0.0005], [0.1306, -0.1222, -0.3760], [0.15486, -0.1269, 0.4030]]
+_COSINE = [[0.1600, -0.3808, 0.0513], [-0.1179, 0.1787, -0.1333], [-0.0458, 0.1346, 0.1389]]
+
+
+def servicer(axes: str = 'zyx', sensors: SensorSettings = SENSORS, *, prior: float = 1.0) -> Robot:
+    """The product's robot of Table I that knows nothing of the captured wheels.
+
+    Args:
+        axes: Joint axes.
+        sensors: What its file says of the noise.
+        prior: Factor on the inertial parameters that it believes in, alternating with its inverse.
+    """
+    robot = robot_of(
+        table_one(axes),
+        servicer_wheels={'momentum': list(H_BASE)},
+        target_wheels={'links': ['link_3'], 'momentum': [0.0, 0.0, 0.0]},
+    )
+    factors = np.array([prior, 1.0 / prior, prior, 1.0 / prior])
+    wrong = robot.with_inertial_parameters(robot.inertial_parameters * factors[:, None])
+    return replace(wrong, sensors=sensors)
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Where the bodies are: positions from the base origin, rotations to base axes, and Jacobians.
+
+    Args:
+        rotations: (b, 3, 3). centres: (b, 3) centres of mass.
+        angular: (b, 3, 3 + n) and linear: (b, 3, 3 + n) of the centres, by [omega_B; q'].
+    """
+
+    rotations: np.ndarray
+    centres: np.ndarray
+    angular: np.ndarray
+    linear: np.ndarray
+
+
+def place(parts: list[Part], order: tuple[str, ...], q: np.ndarray) -> Tree:
+    """Place every body of a tree of revolute joints; `order` names the joints of q."""
+    n, b = len(order), len(parts)
+    R, p = np.zeros((b, 3, 3)), np.zeros((b, 3))
+    Jw, Jp = np.zeros((b, 3, 3 + n)), np.zeros((b, 3, 3 + n))
+    R[0], Jw[0, :, :3] = np.eye(3), np.eye(3)
+    Jc = np.zeros_like(Jp)
+    centres = np.zeros((b, 3))
+    for k, part in enumerate(parts):
+        if k:
+            i, j = part.parent, order.index(part.joint)
+            R[k] = R[i] @ to_rotation(part.rpy) @ turn(part.axis, q[j])
+            arm = R[i] @ part.origin
+            p[k] = p[i] + arm
+            Jp[k] = Jp[i] + np.cross(Jw[i], arm, axisa=0, axisb=0, axisc=0)
+            Jw[k] = Jw[i]
+            Jw[k, :, 3 + j] = R[k] @ part.axis
+        arm = R[k] @ part.com
+        centres[k] = p[k] + arm
+        Jc[k] = Jp[k] + np.cross(Jw[k], arm, axisa=0, axisb=0, axisc=0)
+    return Tree(R, centres, Jw, Jc)
+
+
+def inertia_of(parts: list[Part], order: tuple[str, ...], q: np.ndarray) -> np.ndarray:
+    """(3 + n, 3 + n) inertia [[D, Dq], [Dq^T, Dqq]] with the centre of mass at rest."""
+    tree = place(parts, order, q)
+    mass = np.array([part.mass for part in parts])
+    mean = np.einsum('k,kai->ai', mass, tree.linear) / mass.sum()
+    total = np.zeros((3 + len(order), 3 + len(order)))
+    for k, part in enumerate(parts):
+        tensor = tree.rotations[k] @ part.inertia @ tree.rotations[k].T
+        slip = tree.linear[k] - mean
+        total += tree.angular[k].T @ tensor @ tree.angular[k] + part.mass * slip.T @ slip
+    return total
+
+
+def carried(parts: list[Part], order: tuple[str, ...], q: np.ndarray, body: int) -> np.ndarray:
+    """(3, 3) rotation of a body to base axes."""
+    return place(parts, order, q).rotations[body]
+
+
+def joint_names(parts: list[Part]) -> tuple[str, ...]:
+    """Joints in the order of the parts."""
+    return tuple(part.joint for part in parts[1:])
+
+
+def table_two(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Joint positions and rates (N, 3) of Table II at times t (N,), again from rest every 20 s."""
+    t = np.mod(np.atleast_1d(np.asarray(t, dtype=float)), PERIOD)[:, None, None]
+    w = 2.0 * np.pi / PERIOD * np.arange(1, 4)
+    a, b = np.array(_SINE), np.array(_COSINE)
+    poly = _closing(a, b, w)
+    powers = np.arange(6)
+    q = np.sum(a / w * np.sin(w * t) - b / w * np.cos(w * t), axis=2)
+    qd = np.sum(a * np.cos(w * t) + b * np.sin(w * t), axis=2)
+    t = t[..., 0]
+    q += (t**powers) @ poly
+    qd += (powers[1:] * t ** (powers[1:] - 1)) @ poly[1:]
+    return q, qd
+
+
+def _closing(a: np.ndarray, b: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """(6, 3) polynomial that makes position, rate and acceleration zero at both ends."""
+    T = PERIOD
+    ends = np.array([-np.sum(b / w, axis=1), np.sum(a, axis=1), np.sum(b * w, axis=1)])
+    rows = [
+        [1, 0, 0, 0, 0, 0],
+        [0, 1, 0, 0, 0, 0],
+        [0, 0, 2, 0, 0, 0],
+        [1, T, T**2, T**3, T**4, T**5],
+        [0, 1, 2 * T, 3 * T**2, 4 * T**3, 5 * T**4],
+        [0, 0, 2, 6 * T, 12 * T**2, 20 * T**3],
+    ]
+    return np.linalg.solve(np.array(rows, dtype=float), -np.vstack([ends, ends]))
+
+
+@dataclass(frozen=True)
+class Run:
+    """A noise-free run at 100 Hz.
+
+    Args:
+        parts: The robot that moved.
+        time: (N,). q, qd: (N, 3). omega: (N, 3). attitude_xyzw: (N, 4).
+        momentum: (3,) total angular momentum, inertial frame.
+    """
+
+    parts: list[Part]
+    time: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    omega: np.ndarray
+    attitude_xyzw: np.ndarray
+    momentum: np.ndarray
+
+
+def still(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Joints at rest."""
+    return np.zeros((np.size(t), 3)), np.zeros((np.size(t), 3))
+
+
+def last_joint_only(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Table II on the third joint; the others rest."""
+    q, qd = table_two(t)
+    return q * [0.0, 0.0, 1.0], qd * [0.0, 0.0, 1.0]
+
+
+MOTIONS = {'table_two': table_two, 'still': still, 'last_joint_only': last_joint_only}
+
+
+@lru_cache(maxsize=16)
+def simulate(axes: str, duration: float, motion: str = 'table_two') -> Run:
+    """Run the robot of Table I, wheels as in Table I, from the initial state of the paper; cached.
+
+    Args:
+        axes: Joint axes.
+        duration: [s].
+        motion: A key of `MOTIONS`.
+    """
+    parts = table_one(axes)
+    order = joint_names(parts)
+    moves = MOTIONS[motion]
+
+    def base_rate(t: float, attitude: np.ndarray, total: np.ndarray) -> np.ndarray:
+        q, qd = (x[0] for x in moves(np.array([t])))
+        M = inertia_of(parts, order, q)
+        wheels = H_BASE + carried(parts, order, q, 3) @ H_TARGET
+        h_B = quaternion_matrix(attitude).T @ total
+        return np.linalg.solve(M[:3, :3], h_B - wheels - M[:3, 3:] @ qd)
+
+    q0, qd0 = (x[0] for x in moves(np.zeros(1)))
+    M0 = inertia_of(parts, order, q0)
+    wheels0 = H_BASE + carried(parts, order, q0, 3) @ H_TARGET
+    R0 = quaternion_matrix(ATTITUDE_XYZW)
+    total = R0 @ (M0[:3, :3] @ OMEGA + M0[:3, 3:] @ qd0 + wheels0)
+
+    def rate(t: float, x: np.ndarray) -> np.ndarray:
+        unit = x / np.linalg.norm(x)
+        w = base_rate(t, unit, total)
+        e, s = x[:3], x[3]
+        return 0.5 * np.append(s * w + np.cross(e, w), -e @ w)
+
+    time = np.arange(round(100 * duration) + 1) / 100.0
+    # The motion starts anew every period with a step of its jerk, where the integrator must stop.
+    spans = np.append(np.arange(0.0, duration, PERIOD), duration)
+    attitude = np.empty((len(time), 4))
+    x = ATTITUDE_XYZW
+    for a, b in pairwise(spans):
+        inside = (time >= a - 1e-9) & (time <= b + 1e-9)
+        stamps = np.clip(time[inside], a, b)
+        solution = solve_ivp(
+            rate, (a, b), x, method='DOP853', t_eval=stamps, rtol=1e-11, atol=1e-12
+        )
+        attitude[inside], x = solution.y.T, solution.y[:, -1]
+    attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
+    omega = np.array([base_rate(t, r, total) for t, r in zip(time, attitude, strict=True)])
+    q, qd = moves(time)
+    return Run(parts, time, q, qd, omega, attitude, total)
+
+
+def measure(
+    run: Run,
+    seed: int,
+    scale: float = 1.0,
+    joint_every: int = 1,
+    rate_every: int = 1,
+    attitude_every: int = 10,
+) -> SensorData:
+    """Sample a run, noise `STDS` times a scale, each sensor at its own divisor of 100 Hz."""
+    rng = np.random.default_rng(seed)
+    j, g, a = (np.arange(0, len(run.time), k) for k in (joint_every, rate_every, attitude_every))
+    s = {name: scale * value for name, value in STDS.items()}
+    q = run.q[j] + s['joint_position_std'] * rng.standard_normal((len(j), 3))
+    qd = run.qd[j] + s['joint_velocity_std'] * rng.standard_normal((len(j), 3))
+    omega = run.omega[g] + s['gyro_std'] * rng.standard_normal((len(g), 3))
+    small = Rotation.from_rotvec(s['attitude_std'] * rng.standard_normal((len(a), 3)))
+    attitude = (Rotation.from_quat(run.attitude_xyzw[a]) * small).as_quat()
+    return SensorData(run.time[j], q, qd, run.time[g], omega, run.time[a], attitude)
