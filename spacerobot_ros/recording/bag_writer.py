@@ -176,7 +176,7 @@ class BagWriter:
         )
 
     def ledger(
-        self, stamp_ns: int, ledger: MomentumLedger, topic: str = '/simulation/ledger'
+        self, stamp_ns: int, ledger: MomentumLedger, topic: str = '/simulator/ledger'
     ) -> None:
         """Write the simulated machine's momentum and energy book."""
         vector = self._type('geometry_msgs', 'Vector3')
@@ -194,6 +194,12 @@ class BagWriter:
             ledger.momentum_drift,
             ledger.energy_drift,
         )
+
+    def text(self, topic: str, stamp_ns: int, text: str) -> None:
+        """Write a latched String, such as `/robot_description`."""
+        msgtype = 'std_msgs/msg/String'
+        cdr = bytes(self._store.serialize_cdr(self._types[msgtype](text), msgtype))
+        self._push(topic, msgtype, stamp_ns, cdr, True)
 
     def message(
         self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool = False

@@ -1,0 +1,105 @@
+"""Plant, sensors and controller in one loop, without ROS: what the nodes do in lockstep.
+
+At each step the sensors measure, the controller answers the joint sample of that stamp, and the
+plant moves on under that torque, held until the next joint sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..control.loop import Command, ControlLoop
+from ..dynamics.plant import Plant
+from ..dynamics.state import State, initial_state
+from ..errors import ConfigurationError
+from ..identification.estimate import Estimate
+from ..model.loader import true_robot
+from ..model.robot import Robot
+from ..model.settings import Settings
+from ..sensing.sensors import Measurements, SensorSuite
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What happened at one stamp.
+
+    Args:
+        stamp_ns: Time since the start [ns].
+        state: True state.
+        measured: What the sensors said.
+        command: Answer to the joint sample; None where there was none.
+    """
+
+    stamp_ns: int
+    state: State
+    measured: Measurements
+    command: Command | None
+
+
+class ClosedLoop:
+    """A simulated run, step by step.
+
+    Args:
+        robot: What the controller believes (`model.loader.load_robot_file`).
+        settings: All settings; the plant is the robot with their `truth`.
+        estimate: What the controller knows from an identification; None: the robot file alone.
+
+    Raises:
+        ConfigurationError: settings that don't fit the robot, or a reference that needs ROS.
+        MessageRejectedError: an estimate that can't be used.
+    """
+
+    def __init__(self, robot: Robot, settings: Settings, estimate: Estimate | None = None) -> None:
+        if settings.reference.kind == 'topic':
+            raise ConfigurationError(
+                'reference.kind', "'topic' needs the nodes: use fourier, set_point or hold"
+            )
+        options, truth = settings.simulator, true_robot(robot, settings)
+        self.plant = _plant(truth, settings)
+        arm = self.plant.n_arm
+        self.joints = truth.joints[:arm]
+        self.wheels = tuple(r.joint for r in truth.rotors if not r.is_target)
+        self.controller = ControlLoop(robot, settings)
+        if estimate is not None:
+            self.controller.set_estimate(estimate)
+        self._sensors = SensorSuite(settings.sensors, options, arm, len(self.wheels))
+        self._tau = np.zeros(arm)
+
+    def run(self, steps: int) -> Iterator[Step]:
+        """Measure and move on.
+
+        Args:
+            steps: Number of control periods.
+
+        Yields:
+            steps + 1 results, from the present stamp on; the plant is left at the last one.
+        """
+        for k in range(steps + 1):
+            yield self._measure()
+            if k < steps:
+                self.plant.step(self._tau)
+
+    def _measure(self) -> Step:
+        plant = self.plant
+        stamp, state = plant.time_ns, plant.state
+        measured = self._sensors.sample(plant.step_index, state, plant.effort)
+        if measured.omega is not None and plant.robot.is_free:
+            self.controller.add_rate(stamp, measured.omega)
+        command = None
+        if measured.joints is not None:
+            joints = measured.joints
+            command = self.controller.add_joints(stamp, joints.position, joints.velocity)
+            self._tau = command.tau
+        return Step(stamp, state, measured, command)
+
+
+def _plant(truth: Robot, settings: Settings) -> Plant:
+    """The plant at its start, its centre of mass at rest."""
+    options = settings.simulator
+    start = initial_state(truth, settings.initial)
+    plant = Plant(truth, start, options.period, options.substeps)
+    at_rest = plant.dynamics.at_rest_centre(start)
+    return Plant(truth, at_rest, options.period, options.substeps)

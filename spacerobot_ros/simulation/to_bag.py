@@ -1,0 +1,106 @@
+"""Records a simulated run in a bag, on the topics of the nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..control.loop import Command
+from ..recording.bag_writer import BagWriter
+from .closed_loop import ClosedLoop, Step
+
+LEDGER_PERIOD = 0.1  # s
+
+
+@dataclass(frozen=True, slots=True)
+class RunSummary:
+    """Key figures of a run.
+
+    Args:
+        steps: Control periods.
+        duration: Simulated time [s].
+        messages: Messages in the bag.
+        max_joint_error: Largest |reference - true position| of any joint [rad].
+        momentum_drift: Relative, see `MomentumLedger`.
+        energy_drift: [J].
+        saturated: Commands that a torque limit cut.
+    """
+
+    steps: int
+    duration: float
+    messages: int
+    max_joint_error: float
+    momentum_drift: float
+    energy_drift: float
+    saturated: int
+
+
+def record_run(
+    loop: ClosedLoop,
+    steps: int,
+    path: str | Path,
+    *,
+    overwrite: bool = False,
+    progress: Callable[[int], None] = lambda _: None,
+) -> RunSummary:
+    """Run and write.
+
+    Args:
+        loop: The run, at its start.
+        steps: Number of control periods.
+        path: Folder of the bag.
+        overwrite: Replace a bag that is there.
+        progress: Called with the number of steps done.
+
+    Raises:
+        RecordingError: the bag can't be written; then none is.
+        SimulationDivergedError: the run diverged; no bag is written.
+    """
+    plant = loop.plant
+    every = max(1, round(LEDGER_PERIOD / plant.period))
+    error, saturated = 0.0, 0
+    with BagWriter(path, overwrite=overwrite, base_link=plant.robot.base_link) as bag:
+        if plant.robot.urdf:
+            bag.text('/robot_description', plant.time_ns, plant.robot.urdf)
+        for k, step in enumerate(loop.run(steps)):
+            _write(bag, loop, step)
+            if k % every == 0 or k == steps:
+                bag.ledger(step.stamp_ns, plant.ledger())
+            if step.command is not None:
+                error = max(error, _joint_error(step, step.command))
+                saturated += bool(step.command.saturated.any())
+            progress(k)
+    ledger = plant.ledger()
+    return RunSummary(
+        steps=steps,
+        duration=steps * plant.period,
+        messages=bag.message_count,
+        max_joint_error=error,
+        momentum_drift=ledger.momentum_drift,
+        energy_drift=ledger.energy_drift,
+        saturated=saturated,
+    )
+
+
+def _joint_error(step: Step, command: Command) -> float:
+    n = len(command.tau)
+    return float(np.max(np.abs(command.point.q - step.state.q[:n])))
+
+
+def _write(bag: BagWriter, loop: ClosedLoop, step: Step) -> None:
+    ns, measured = step.stamp_ns, step.measured
+    if measured.joints is not None:
+        j = measured.joints
+        bag.joint_states(ns, loop.joints, j.position, j.velocity, j.effort)
+    if measured.omega is not None and loop.plant.robot.is_free:
+        bag.imu(ns, measured.omega, loop.plant.robot.sensors.gyro_std or 0.0)
+    if measured.attitude_xyzw is not None:
+        bag.attitude(ns, measured.attitude_xyzw)
+    if measured.wheel_rates is not None:
+        rates = measured.wheel_rates
+        bag.joint_states(ns, loop.wheels, velocity=rates, topic='/wheel_states')
+    if step.command is not None:
+        bag.joint_states(ns, loop.joints, effort=step.command.tau, topic='/joint_commands')
