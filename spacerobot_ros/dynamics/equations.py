@@ -12,14 +12,15 @@ True rotors are joints of the tree like any other and need no such term.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from ..model.robot import Robot
-from ..types import Array, Matrix3, Vector3, Vector6
-from .rotation import cross, quaternion_rate, rotation_matrix
+from ..types import Array, IntArray, Matrix3, Vector3, Vector6
+from .rotation import pose_rate, skew
 from .state import State
 
 
@@ -71,13 +72,19 @@ class Dynamics:
         self._data = self._model.createData()
         self._n = robot.n_joints
         self._base_dim = 6 if robot.is_free else 0
-        self._order = robot.velocity_indices
-        self._in_order = bool(np.array_equal(self._order, np.arange(self._n)))
+        order = robot.velocity_indices
+        in_order = bool(np.array_equal(order, np.arange(self._n)))
+        self._order: slice | IntArray = slice(0, self._n) if in_order else order
+        # The joints' places in Pinocchio's velocity, behind the base.
+        base = self._base_dim
+        self._joints: slice | IntArray = slice(base, base + self._n) if in_order else base + order
+        self._wheels = _wheels_by_joint(robot)
         self._external = pin.StdVec_Force([pin.Force.Zero() for _ in range(self._model.njoints)])
-        self._wheels = [
-            (robot.pin_joint_ids[g.body], g.body_momentum)
-            for g in robot.gyrostats
-            if g.momentum.any() and (robot.is_free or g.body > 0)
+        # Views into Pinocchio's memory, which lives as long as this object. A wheel's
+        # torque is -omega x h = skew(h) @ omega.
+        self._wheel_views = [
+            (skew(h), self._data.v[joint].angular, self._external[joint].angular)
+            for joint, h in self._wheels
         ]
 
     def rate(self, x: Array, tau: Array, base_wrench: Vector6 | None = None) -> Array:
@@ -92,22 +99,20 @@ class Dynamics:
             (13 + 2 n,) rate; the quaternion is integrated by its own rate, which keeps momentum to the order of the
             integrator.
         """
-        n = self._n
+        n, base = self._n, self._base_dim
         q_pin, v_pin = self._to_pin(x)
-        tau_pin = np.zeros(self._base_dim + n)
-        tau_pin[self._base_dim + self._order] = tau
-        if base_wrench is not None and self._base_dim:
+        tau_pin = np.zeros(base + n)
+        tau_pin[self._joints] = tau
+        if base_wrench is not None and base:
             tau_pin[:6] = base_wrench
-        a = pin.aba(
-            self._model, self._data, q_pin, v_pin, tau_pin, self._wheel_forces(q_pin, v_pin)
-        )
+        forces = self._wheel_forces(q_pin, v_pin)
+        a = pin.aba(self._model, self._data, q_pin, v_pin, tau_pin, forces)
         out = np.zeros_like(x)
-        if self._base_dim:
-            out[:3] = rotation_matrix(x[3:7]) @ x[7 + n : 10 + n]
-            out[3:7] = quaternion_rate(x[3:7], x[10 + n : 13 + n])
+        if base:
+            out[:7] = pose_rate(x[3:7], x[7 + n : 10 + n], x[10 + n : 13 + n])
             out[7 + n : 13 + n] = a[:6]
         out[7 : 7 + n] = x[13 + n :]
-        out[13 + n :] = a[self._base_dim + self._order]
+        out[13 + n :] = a[self._joints]
         return out
 
     def inverse(
@@ -126,26 +131,19 @@ class Dynamics:
         q_pin, v_pin = self._to_pin(state.to_vector())
         a_pin = np.zeros(self._base_dim + self._n)
         a_pin[: self._base_dim] = base_acceleration[: self._base_dim]
-        a_pin[self._base_dim + self._order] = qdd
+        a_pin[self._joints] = qdd
         force = pin.rnea(
             self._model, self._data, q_pin, v_pin, a_pin, self._wheel_forces(q_pin, v_pin)
         )
         base = force[:6].copy() if self._base_dim else np.zeros(6)
-        return base, force[self._base_dim + self._order]
+        return base, force[self._joints].copy()
 
     def mass_matrix(self, q: Array) -> Array:
         """(6 + n, 6 + n) joint-space inertia, base [linear; angular] first ((n, n) for a fixed base)."""
-        state = State(
-            np.zeros(3),
-            np.array([0.0, 0.0, 0.0, 1.0]),
-            q,
-            np.zeros(3),
-            np.zeros(3),
-            np.zeros(self._n),
-        )
-        q_pin, _ = self._to_pin(state.to_vector())
-        M = pin.crba(self._model, self._data, q_pin)
+        M = pin.crba(self._model, self._data, self._configuration(_AT_ORIGIN, q))
         M = np.triu(M) + np.triu(M, 1).T
+        if isinstance(self._order, slice):
+            return M
         order = np.concatenate([np.arange(self._base_dim), self._base_dim + self._order])
         return M[np.ix_(order, order)]
 
@@ -208,30 +206,54 @@ class Dynamics:
         return State(state.p_WB, state.q_WB_xyzw, state.q, v, state.omega_WB_B, state.qd)
 
     def _to_pin(self, x: Array) -> tuple[Array, Array]:
+        """Pinocchio's configuration and velocity of a state vector, quaternion normalised."""
         n = self._n
-        q, qd = x[7 : 7 + n], x[13 + n :]
-        if not self._in_order:
-            q_sorted, qd_sorted = np.empty(n), np.empty(n)
-            q_sorted[self._order], qd_sorted[self._order] = q, qd
-            q, qd = q_sorted, qd_sorted
+        q_pin = self._configuration(x[:7], x[7 : 7 + n])
+        if isinstance(self._order, slice):
+            return q_pin, x[13 + n - self._base_dim :]
+        v_pin = np.empty(self._base_dim + n)
+        v_pin[: self._base_dim] = x[7 + n : 7 + n + self._base_dim]
+        v_pin[self._joints] = x[13 + n :]
+        return q_pin, v_pin
+
+    def _configuration(self, pose: Array, q: Array) -> Array:
+        n = self._n
         if not self._base_dim:
-            return q, qd
-        attitude = x[3:7] / np.sqrt(x[3:7] @ x[3:7])
-        return np.concatenate([x[:3], attitude, q]), np.concatenate([x[7 + n : 13 + n], qd])
+            q_pin = np.empty(n)
+            q_pin[self._order] = q
+            return q_pin
+        q_pin = np.empty(7 + n)
+        q_pin[:7] = pose
+        attitude = q_pin[3:7]
+        attitude /= math.sqrt(attitude @ attitude)
+        q_pin[7:][self._order] = q
+        return q_pin
 
     def _wheel_forces(self, q_pin: Array, v_pin: Array) -> pin.StdVec_Force:
-        if self._wheels:
-            pin.forwardKinematics(self._model, self._data, q_pin, v_pin)
-            self._external[self.robot.pin_joint_ids[0]].angular = np.zeros(3)
-        for joint, _ in self._wheels:
-            self._external[joint].angular = np.zeros(3)
-        for joint, momentum in self._wheels:
-            torque = -cross(self._data.v[joint].angular, momentum)
-            if not self._joint_reaction:
-                base = self.robot.pin_joint_ids[0]
-                torque = self._data.oMi[base].rotation.T @ (
-                    self._data.oMi[joint].rotation @ torque
-                )
-                joint = base
-            self._external[joint].angular += torque
+        """Torque of the wheels on each of Pinocchio's joints, in its frame."""
+        if not self._wheels:
+            return self._external
+        pin.forwardKinematics(self._model, self._data, q_pin, v_pin)
+        if self._joint_reaction:
+            for matrix, omega, torque in self._wheel_views:
+                np.dot(matrix, omega, out=torque)
+            return self._external
+        base = self.robot.pin_joint_ids[0]
+        total = np.zeros(3)
+        for (joint, _), (matrix, omega, _) in zip(self._wheels, self._wheel_views, strict=True):
+            total += self._data.oMi[joint].rotation @ (matrix @ omega)
+        self._external[base].angular = self._data.oMi[base].rotation.T @ total
         return self._external
+
+
+_AT_ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def _wheels_by_joint(robot: Robot) -> list[tuple[int, Vector3]]:
+    """Pinocchio joint and momentum in its frame, one entry a body that carries gyrostats."""
+    momenta: dict[int, Vector3] = {}
+    for g in robot.gyrostats:
+        if g.momentum.any() and (robot.is_free or g.body > 0):
+            joint = robot.pin_joint_ids[g.body]
+            momenta[joint] = momenta.get(joint, np.zeros(3)) + g.body_momentum
+    return list(momenta.items())

@@ -178,7 +178,7 @@ class SimulatorSettings:
     period: float = param(
         0.01, unit='s', above=0.0, maximum=1.0, doc='Control period; torques are held over it.'
     )
-    substeps: int = param(2, minimum=1, maximum=1000, doc='RK4 steps in one control period.')
+    substeps: int = param(4, minimum=1, maximum=1000, doc='RK4 steps in one control period.')
     joint_rate: float = param(
         100.0, unit='Hz', above=0.0, doc='Rate of /joint_states; divides 1/period.'
     )

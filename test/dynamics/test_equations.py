@@ -7,12 +7,25 @@ import pytest
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
-from support.models import AXIS, DUAL_ARM, Part, momentum_and_energy, quaternion_matrix, random_tree, robot_of, to_rotation, turn
+from support.models import (
+    AXIS,
+    DUAL_ARM,
+    Part,
+    momentum_and_energy,
+    quaternion_matrix,
+    random_tree,
+    robot_of,
+    to_rotation,
+    turn,
+)
 from support.states import motion_of, random_state
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
-    'target_wheels': {'links': ['link_3', 'link_1'], 'momentum': [42.0, 49.0, 41.0, -3.0, 5.0, 2.0]},
+    'target_wheels': {
+        'links': ['link_3', 'link_1'],
+        'momentum': [42.0, 49.0, 41.0, -3.0, 5.0, 2.0],
+    },
 }
 CASES = {
     'serial': ([0, 1, 2], (), {}),
@@ -40,7 +53,9 @@ def test_inverse_undoes_forward(robot, rng):
         base, joints = dynamics.inverse(state, rate[7 + n : 13 + n], rate[13 + n :])
         # Forces of order 1e3 in between.
         np.testing.assert_allclose(joints, tau, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(base, wrench if robot.is_free else np.zeros(6), rtol=0, atol=1e-10)
+        np.testing.assert_allclose(
+            base, wrench if robot.is_free else np.zeros(6), rtol=0, atol=1e-10
+        )
 
 
 def test_rate_of_the_configuration(robot, rng):
@@ -133,8 +148,12 @@ def test_order_of_the_joints_only_permutes(rng):
         t = State(s.p_WB, s.q_WB_xyzw, s.q[order], s.v_WB_B, s.omega_WB_B, s.qd[order])
         ra, rb = a.rate(s.to_vector(), tau), b.rate(t.to_vector(), tau[order])
         np.testing.assert_allclose(rb[13 + n :], ra[13 + n :][order], rtol=0, atol=1e-10)
-        np.testing.assert_allclose(rb[: 7 + n], np.concatenate([ra[:7], ra[7 : 7 + n][order]]), rtol=0, atol=1e-12)
-        np.testing.assert_allclose(b.reduced(t).H, a.reduced(s).H[np.ix_(order, order)], rtol=0, atol=1e-11)
+        np.testing.assert_allclose(
+            rb[: 7 + n], np.concatenate([ra[:7], ra[7 : 7 + n][order]]), rtol=0, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            b.reduced(t).H, a.reduced(s).H[np.ix_(order, order)], rtol=0, atol=1e-11
+        )
         np.testing.assert_allclose(b.reduced(t).c, a.reduced(s).c[order], rtol=0, atol=1e-10)
         np.testing.assert_allclose(b.momentum(t), a.momentum(s), rtol=0, atol=1e-10)
         np.testing.assert_allclose(
@@ -148,7 +167,17 @@ def test_order_of_the_joints_only_permutes(rng):
 def test_fixed_joints_merge_into_one_body(rng):
     # The same machine, its second link once whole and once as two halves on a turned and shifted mount.
     parts = random_tree(rng, [0, 1])
-    half = Part('half', 2, 'fixed', 3.0, rng.uniform(-1, 1, 3), np.diag([0.3, 0.4, 0.5]), AXIS['x'], rng.uniform(-1, 1, 3), (0.3, -0.7, 1.1))
+    half = Part(
+        'half',
+        2,
+        'fixed',
+        3.0,
+        rng.uniform(-1, 1, 3),
+        np.diag([0.3, 0.4, 0.5]),
+        AXIS['x'],
+        rng.uniform(-1, 1, 3),
+        (0.3, -0.7, 1.1),
+    )
     robot = robot_of([*parts, half])
     assert [body.name for body in robot.bodies] == ['base_link', 'link_1', 'link_2']
     dynamics = Dynamics(robot)
@@ -173,9 +202,18 @@ def _two_discs(**options):
 def test_two_discs_by_hand():
     # Two discs on one axis: the joint torque turns one forwards and the other backwards.
     dynamics, tau = Dynamics(_two_discs()), 2.0
-    state = State(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.4]), np.zeros(3), np.zeros(3), np.zeros(1))
+    state = State(
+        np.zeros(3),
+        np.array([0.0, 0.0, 0.0, 1.0]),
+        np.array([0.4]),
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(1),
+    )
     rate = dynamics.rate(state.to_vector(), np.array([tau]))
-    np.testing.assert_allclose(rate[8:14], [0.0, 0.0, 0.0, 0.0, 0.0, -tau / I0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        rate[8:14], [0.0, 0.0, 0.0, 0.0, 0.0, -tau / I0], rtol=0, atol=1e-15
+    )
     assert rate[14] == pytest.approx(tau * (1.0 / I0 + 1.0 / I1), rel=1e-14)
     reduced = dynamics.reduced(state)
     assert reduced.H[0, 0] == pytest.approx(I0 * I1 / (I0 + I1), rel=1e-14)
@@ -187,7 +225,12 @@ def test_gyroscopic_reaction_on_the_joint_by_hand():
     w, h = 0.3, 40.0
     robot = _two_discs(target_wheels={'links': ['link_1'], 'momentum': [h, 0.0, 0.0]})
     state = State(
-        np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(1), np.zeros(3), np.array([0.0, w, 0.0]), np.zeros(1)
+        np.zeros(3),
+        np.array([0.0, 0.0, 0.0, 1.0]),
+        np.zeros(1),
+        np.zeros(3),
+        np.array([0.0, w, 0.0]),
+        np.zeros(1),
     )
     base, tau = Dynamics(robot).inverse(state, np.zeros(6), np.zeros(1))
     assert tau[0] == pytest.approx(-w * h, rel=1e-14)
@@ -199,22 +242,52 @@ def test_gyroscopic_reaction_on_the_joint_by_hand():
 
 def test_base_wrench_acts_at_the_base_origin():
     # A force along y and a torque about z on the two discs, joint free: only the base turns; both translate.
-    state = State(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(1), np.zeros(3), np.zeros(3), np.zeros(1))
-    rate = Dynamics(_two_discs()).rate(state.to_vector(), np.zeros(1), np.array([0.0, 7.0, 0.0, 0.0, 0.0, 3.0]))
-    np.testing.assert_allclose(rate[8:], [0.0, 7.0 / 14.0, 0.0, 0.0, 0.0, 3.0 / I0, -3.0 / I0], rtol=0, atol=1e-15)
+    state = State(
+        np.zeros(3),
+        np.array([0.0, 0.0, 0.0, 1.0]),
+        np.zeros(1),
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(1),
+    )
+    rate = Dynamics(_two_discs()).rate(
+        state.to_vector(), np.zeros(1), np.array([0.0, 7.0, 0.0, 0.0, 0.0, 3.0])
+    )
+    np.testing.assert_allclose(
+        rate[8:], [0.0, 7.0 / 14.0, 0.0, 0.0, 0.0, 3.0 / I0, -3.0 / I0], rtol=0, atol=1e-15
+    )
 
 
 def test_pendulum_under_gravity():
     mass, length, inertia, g = 2.0, 0.7, 0.05, 9.81
     base = Part('base_link', -1, 'base', 1.0, np.zeros(3), np.eye(3))
-    bob = Part('link_1', 0, 'continuous', mass, np.array([0.0, 0.0, -length]), inertia * np.eye(3), AXIS['x'])
+    bob = Part(
+        'link_1',
+        0,
+        'continuous',
+        mass,
+        np.array([0.0, 0.0, -length]),
+        inertia * np.eye(3),
+        AXIS['x'],
+    )
     robot = robot_of([base, bob], base='fixed', gravity=[0.0, 0.0, -g])
     dynamics = Dynamics(robot)
     for angle in np.linspace(-3.0, 3.0, 7):
-        state = State(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.array([angle]), np.zeros(3), np.zeros(3), np.ones(1))
+        state = State(
+            np.zeros(3),
+            np.array([0.0, 0.0, 0.0, 1.0]),
+            np.array([angle]),
+            np.zeros(3),
+            np.zeros(3),
+            np.ones(1),
+        )
         rate = dynamics.rate(state.to_vector(), np.zeros(1))
-        assert rate[14] == pytest.approx(-mass * g * length * np.sin(angle) / (inertia + mass * length**2), abs=1e-13)
-        assert dynamics.energy(state)[1] == pytest.approx(-mass * g * length * np.cos(angle), abs=1e-13)
+        assert rate[14] == pytest.approx(
+            -mass * g * length * np.sin(angle) / (inertia + mass * length**2), abs=1e-13
+        )
+        assert dynamics.energy(state)[1] == pytest.approx(
+            -mass * g * length * np.cos(angle), abs=1e-13
+        )
 
 
 def test_wheels_of_a_fixed_base_do_nothing_and_those_of_a_link_do(rng):
@@ -223,5 +296,7 @@ def test_wheels_of_a_fixed_base_do_nothing_and_those_of_a_link_do(rng):
     still = Dynamics(robot_of(parts, base='fixed')).rate(state.to_vector(), np.zeros(2))
     on_base = robot_of(parts, base='fixed', servicer_wheels={'momentum': [50.0, 0.0, 0.0]})
     np.testing.assert_array_equal(Dynamics(on_base).rate(state.to_vector(), np.zeros(2)), still)
-    on_link = robot_of(parts, base='fixed', target_wheels={'links': ['link_2'], 'momentum': [50.0, 0.0, 0.0]})
+    on_link = robot_of(
+        parts, base='fixed', target_wheels={'links': ['link_2'], 'momentum': [50.0, 0.0, 0.0]}
+    )
     assert np.max(np.abs(Dynamics(on_link).rate(state.to_vector(), np.zeros(2)) - still)) > 0.1

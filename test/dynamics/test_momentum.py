@@ -68,7 +68,9 @@ def test_maps_are_the_derivatives_of_momentum(tree, rng):
         state = State(zero, np.array([0.0, 0.0, 0.0, 1.0]), q, zero, unit[:3], unit[3:])
         columns.append(momentum_and_energy(parts, motion_of(state, robot.joints))[1])
     blocks = dynamics.inertia_blocks(q)
-    np.testing.assert_allclose(np.column_stack([blocks.D, blocks.Dq]), np.array(columns).T, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        np.column_stack([blocks.D, blocks.Dq]), np.array(columns).T, rtol=0, atol=1e-11
+    )
 
 
 def test_dqq_is_the_kinetic_energy_about_the_centre_of_mass(tree, rng):
@@ -110,7 +112,9 @@ def test_gyrostats_add_their_momentum_turned_into_the_inertial_frame(rng):
         )
         added = Dynamics(robot).momentum(state) - bare.momentum(state)
         expected = R_0 @ (H_BASE + R_3 @ H_TARGET)
-        np.testing.assert_allclose(added, [0.0, 0.0, 0.0, *expected], rtol=0, atol=1e-10)  # of 1e4 N m s
+        np.testing.assert_allclose(
+            added, [0.0, 0.0, 0.0, *expected], rtol=0, atol=1e-10
+        )  # of 1e4 N m s
 
 
 def test_rotors_and_gyrostats_have_the_same_momentum(rng):

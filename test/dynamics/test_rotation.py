@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.dynamics.rotation import (
     cross,
+    pose_rate,
     quaternion_of,
     quaternion_rate,
     rotation_error,
@@ -27,25 +28,33 @@ def quaternions(draw):
     """Draw unit quaternions xyzw: anywhere, near the identity, near pi, and exactly either."""
     axis = draw(vectors.filter(lambda v: np.linalg.norm(v) > 1e-3))
     small = draw(st.sampled_from([0.0, 1e-16, 1e-12, 1e-8, 1e-4]))
-    angle = draw(st.sampled_from([small, np.pi - small, -np.pi + small]) | st.floats(-np.pi, np.pi))
+    angle = draw(
+        st.sampled_from([small, np.pi - small, -np.pi + small]) | st.floats(-np.pi, np.pi)
+    )
     e = np.sin(angle / 2.0) * axis / np.linalg.norm(axis)
     return np.append(e, np.cos(angle / 2.0))
 
 
 def product(a, b):
     """Hamilton product of quaternions xyzw."""
-    return np.append(a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3]), a[3] * b[3] - a[:3] @ b[:3])
+    return np.append(
+        a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3]), a[3] * b[3] - a[:3] @ b[:3]
+    )
 
 
 def test_order_is_xyzw_and_takes_base_to_inertial():
     # 90 deg about z takes x to y.
     q_xyzw = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
-    np.testing.assert_allclose(rotation_matrix(q_xyzw) @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], rtol=0, atol=ULP)
+    np.testing.assert_allclose(
+        rotation_matrix(q_xyzw) @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], rtol=0, atol=ULP
+    )
 
 
 @given(vectors, vectors)
 def test_cross_and_skew(a, b):
-    np.testing.assert_allclose(cross(a, b), np.cross(a, b), rtol=0, atol=1e-13)  # products up to 100
+    np.testing.assert_allclose(
+        cross(a, b), np.cross(a, b), rtol=0, atol=1e-13
+    )  # products up to 100
     np.testing.assert_allclose(skew(a) @ b, np.cross(a, b), rtol=0, atol=1e-13)
 
 
@@ -59,7 +68,9 @@ def test_rotation_matrix_is_a_rotation(q):
 
 @given(quaternions(), quaternions())
 def test_product_maps_to_product(a, b):
-    np.testing.assert_allclose(rotation_matrix(product(a, b)), rotation_matrix(a) @ rotation_matrix(b), rtol=0, atol=ULP)
+    np.testing.assert_allclose(
+        rotation_matrix(product(a, b)), rotation_matrix(a) @ rotation_matrix(b), rtol=0, atol=ULP
+    )
 
 
 @given(quaternions(), st.floats(0.1, 10.0))
@@ -81,8 +92,17 @@ def test_quaternion_rate_is_the_derivative_along_a_body_rate(q, omega):
     def ahead(t):
         return product(q, Rotation.from_rotvec(omega * t).as_quat())
 
-    np.testing.assert_allclose(quaternion_rate(q, omega), (ahead(dt / 2) - ahead(-dt / 2)) / dt, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(
+        quaternion_rate(q, omega), (ahead(dt / 2) - ahead(-dt / 2)) / dt, rtol=0, atol=1e-7
+    )
     assert abs(q @ quaternion_rate(q, omega)) < 1e-13  # keeps the length
+
+
+@given(quaternions(), vectors, vectors, st.floats(0.1, 10.0))
+def test_pose_rate_is_both_rates(q, v, omega, scale):
+    rate = pose_rate(scale * q, v, omega)
+    np.testing.assert_allclose(rate[:3], rotation_matrix(q) @ v, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(rate[3:], quaternion_rate(scale * q, omega), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize('angle', [0.0, 1e-15, 1e-9, 1e-3, 1.0, np.pi - 1e-9, np.pi])

@@ -30,11 +30,15 @@ class ExplicitWheels:
     """Pinocchio on a URDF in which all six wheels are bodies."""
 
     def __init__(self, axes: str) -> None:
-        self.model = pin.buildModelFromXML(to_urdf(with_wheels(table_one(axes))), pin.JointModelFreeFlyer())
+        self.model = pin.buildModelFromXML(
+            to_urdf(with_wheels(table_one(axes))), pin.JointModelFreeFlyer()
+        )
         self.model.gravity.setZero()
         self.data = self.model.createData()
 
-    def torques(self, state: State, qd: dict[str, float], base_acceleration, qdd: dict[str, float]):
+    def torques(
+        self, state: State, qd: dict[str, float], base_acceleration, qdd: dict[str, float]
+    ):
         """Base wrench, and torque of every joint by name."""
         model = self.model
         q, v, a = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
@@ -63,7 +67,13 @@ def _mismatch(axes: str, rng, joint_reaction: bool):
         target_wheels={'links': ['link_3'], 'momentum': list(H_TARGET)},
     )
     dynamics, oracle = Dynamics(robot, joint_reaction=joint_reaction), ExplicitWheels(axes)
-    spin = dict(zip([*wheel_joints(0), *wheel_joints(3)], np.concatenate([H_BASE, H_TARGET]) / WHEEL_SPIN, strict=True))
+    spin = dict(
+        zip(
+            [*wheel_joints(0), *wheel_joints(3)],
+            np.concatenate([H_BASE, H_TARGET]) / WHEEL_SPIN,
+            strict=True,
+        )
+    )
     base_worst, joint_worst = 0.0, np.zeros(3)
     for _ in range(STATES):
         state, a0, qdd = random_state(rng, 3), rng.standard_normal(6), rng.standard_normal(3)
@@ -75,7 +85,9 @@ def _mismatch(axes: str, rng, joint_reaction: bool):
             {**dict(zip(robot.joints, qdd, strict=True)), **dict.fromkeys(spin, 0.0)},
         )
         base_worst = max(base_worst, np.max(np.abs(base - expected_base)))
-        joint_worst = np.maximum(joint_worst, np.abs(tau - [torques[name] for name in robot.joints]))
+        joint_worst = np.maximum(
+            joint_worst, np.abs(tau - [torques[name] for name in robot.joints])
+        )
     return base_worst, joint_worst
 
 
@@ -110,4 +122,6 @@ def test_true_rotors_through_the_loader_agree(axes, rng):
             dict(zip(plant.joints, qdd, strict=True)),
         )
         np.testing.assert_allclose(base, expected_base, rtol=0, atol=LIMIT)
-        np.testing.assert_allclose(tau, [torques[name] for name in plant.joints], rtol=0, atol=LIMIT)
+        np.testing.assert_allclose(
+            tau, [torques[name] for name in plant.joints], rtol=0, atol=LIMIT
+        )

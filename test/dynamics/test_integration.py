@@ -1,0 +1,260 @@
+"""Integration: momentum and energy kept, the stated orders, refusal to go on with non-finite numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.control.reference import build_reference
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.integrate import hold_step, rk4_step, simulate_smooth
+from spacerobot_ros.dynamics.rotation import rotation_error
+from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.errors import SimulationDivergedError
+from spacerobot_ros.model.loader import true_robot
+from spacerobot_ros.model.settings import ReferenceSettings, SimulatorSettings
+from support.models import (
+    ATTITUDE_XYZW,
+    H_BASE,
+    H_TARGET,
+    OMEGA,
+    WHEEL_SPIN,
+    random_tree,
+    robot_of,
+    settings_of,
+    table_one,
+    wheel_joints,
+    with_wheels,
+)
+from support.states import random_state
+
+PERIOD, DURATION = 0.01, 20.0
+SUBSTEPS = SimulatorSettings().substeps
+GYROSTATS = {
+    'servicer_wheels': {'momentum': list(H_BASE)},
+    'target_wheels': {'links': ['link_3'], 'momentum': list(H_TARGET)},
+}
+ROTORS = {
+    'servicer_wheels': {'joints': wheel_joints(0), 'rates': list(H_BASE / WHEEL_SPIN)},
+    'target_wheels': {'joints': wheel_joints(3), 'rates': list(H_TARGET / WHEEL_SPIN)},
+}
+# Table II of the identification paper, as in config/servicer.yaml.
+TABLE_TWO = ReferenceSettings(
+    kind='fourier',
+    duration=DURATION,
+    harmonics=3,
+    sine=(0.1234, -0.1867, 0.0005, 0.1306, -0.1222, -0.3760, 0.15486, -0.1269, 0.4030),
+    cosine=(0.1600, -0.3808, 0.0513, -0.1179, 0.1787, -0.1333, -0.0458, 0.1346, 0.1389),
+)
+
+
+def bench_torque(t, n=3):
+    """Smooth joint torques of the peer benchmark [N m]; rotors get none."""
+    tau = np.zeros(n)
+    tau[:3] = 40.0 * np.sin(0.9 * t), 40.0 * np.sin(0.7 * t), 20.0 * np.sin(1.1 * t)
+    return tau
+
+
+def start(robot):
+    """Table II's initial state: joints at rest at zero."""
+    n = robot.n_joints
+    qd = np.concatenate([np.zeros(3), robot.rotor_rates])
+    return State(np.zeros(3), ATTITUDE_XYZW, np.zeros(n), np.zeros(3), OMEGA, qd)
+
+
+def gyrostat_robot(axes='zyx'):
+    return robot_of(table_one(axes), **GYROSTATS)
+
+
+def rotor_robot(axes='zyx'):
+    parts = with_wheels(table_one(axes))
+    return true_robot(robot_of(parts, **ROTORS), settings_of(parts, **ROTORS))
+
+
+def drift(dynamics, states):
+    """Largest relative change of the angular momentum over a run."""
+    h = np.array([dynamics.momentum(State.from_vector(x))[3:] for x in states])
+    return np.max(np.linalg.norm(h - h[0], axis=1)) / np.linalg.norm(h[0])
+
+
+def table_two_torque(dynamics):
+    """Computed torque that follows Table II, from the product's own reduced equation."""
+    reference = build_reference(TABLE_TWO, np.zeros(3))
+
+    def torque(t, x):
+        state, point = State.from_vector(x), reference.at(t)
+        reduced = dynamics.reduced(state)
+        command = point.qdd + 2.0 * (point.qd - state.qd) + (point.q - state.q)
+        return reduced.H @ command + reduced.c
+
+    return torque
+
+
+@pytest.mark.parametrize('axes', ['zyx', 'xyy'])
+def test_smooth_drift_with_the_bench_torque(axes):
+    for robot in (gyrostat_robot(axes), rotor_robot(axes)):
+        dynamics = Dynamics(robot)
+        states = simulate_smooth(
+            dynamics,
+            start(robot).to_vector(),
+            lambda t, x: bench_torque(t, (len(x) - 13) // 2),
+            np.linspace(0.0, DURATION, 21),
+        )
+        assert drift(dynamics, states) <= 1e-12  # the target
+
+
+def test_smooth_drift_along_table_two():
+    robot = gyrostat_robot()
+    dynamics = Dynamics(robot)
+    x = start(robot).to_vector()
+    times = np.linspace(0.0, DURATION, 21)
+    states = simulate_smooth(dynamics, x, table_two_torque(dynamics), times)
+    assert drift(dynamics, states) <= 1e-12  # the target
+    reference = build_reference(TABLE_TWO, np.zeros(3))
+    expected = np.array([reference.at(t).q for t in times])
+    np.testing.assert_allclose(states[:, 7:10], expected, rtol=0, atol=1e-8 * np.pi / 180.0)
+
+
+def run_held(robot, torque, substeps=SUBSTEPS, duration=DURATION):
+    """States at every control period with the torque held."""
+    dynamics, x = Dynamics(robot), start(robot).to_vector()
+    states = [x]
+    for k in range(round(duration / PERIOD)):
+        x = hold_step(dynamics, x, torque(k * PERIOD, x), PERIOD, substeps)
+        states.append(x)
+    return dynamics, np.array(states)
+
+
+@pytest.mark.parametrize('make', [gyrostat_robot, rotor_robot])
+def test_held_drift_with_the_bench_torque(make):
+    dynamics, states = run_held(make(), lambda t, x: bench_torque(t, (len(x) - 13) // 2))
+    assert drift(dynamics, states[::20]) <= 1e-10  # the target
+
+
+def test_held_drift_and_energy_along_table_two():
+    robot = gyrostat_robot()
+    dynamics, torque = Dynamics(robot), table_two_torque(Dynamics(robot))
+    x, states, work = start(robot).to_vector(), [], 0.0
+    first = sum(dynamics.energy(State.from_vector(x)))
+    for k in range(round(DURATION / PERIOD)):
+        tau = torque(k * PERIOD, x)
+        after = hold_step(dynamics, x, tau, PERIOD, SUBSTEPS)
+        work += tau @ (after[7:10] - x[7:10])  # exact for a held torque
+        x = after
+        states.append(x)
+    assert drift(dynamics, states[::20]) <= 1e-10  # the target
+    # Energies of up to 1e3 J; RK4 at 5 ms keeps them to 1e-10 relative.
+    assert sum(dynamics.energy(State.from_vector(x))) - first == pytest.approx(work, abs=1e-7)
+
+
+def test_energy_is_the_work_of_the_joint_torques_smooth():
+    # The work is integrated beside the state by differentiating nothing: a held torque a segment.
+    robot = rotor_robot()
+    dynamics, x = Dynamics(robot), start(robot).to_vector()
+    first, work = sum(dynamics.energy(State.from_vector(x))), 0.0
+    for k in range(20):
+        tau = bench_torque(k + 0.5, 9)
+        after = simulate_smooth(dynamics, x, lambda t, y, tau=tau: tau, np.array([0.0, 1.0]))[-1]
+        work += tau @ (after[7:16] - x[7:16])
+        x = after
+    # The rotors hold 7e4 J, of which the difference is taken.
+    assert sum(dynamics.energy(State.from_vector(x))) - first == pytest.approx(work, abs=1e-8)
+
+
+def test_energy_with_gravity_and_a_fixed_base(rng):
+    parts = random_tree(rng, [0, 1, 1], (3,))
+    robot = robot_of(
+        parts,
+        base='fixed',
+        gravity=[0.0, 0.0, -9.81],
+        target_wheels={'links': ['link_2'], 'momentum': [9.0, 5.0, 7.0]},
+    )
+    dynamics = Dynamics(robot)
+    x = random_state(rng, 3, 0.3).to_vector()
+    first = sum(dynamics.energy(State.from_vector(x)))
+    tau = np.array([1.0, -2.0, 3.0])
+    after = simulate_smooth(dynamics, x, lambda t, y: tau, np.array([0.0, 2.0]))[-1]
+    work = tau @ (after[7:10] - x[7:10])
+    assert sum(dynamics.energy(State.from_vector(after))) - first == pytest.approx(
+        work, abs=1e-9
+    )  # of 1e3 J
+
+
+def test_rk4_is_of_fourth_order_in_attitude_and_joints():
+    robot = gyrostat_robot()
+    dynamics, torque = Dynamics(robot), (lambda t, x: bench_torque(t))
+    exact = simulate_smooth(dynamics, start(robot).to_vector(), torque, np.array([0.0, 4.0]))[-1]
+
+    def error(dt):
+        x = start(robot).to_vector()
+        for k in range(round(4.0 / dt)):
+            x = rk4_step(lambda t, y: dynamics.rate(y, torque(t, y)), k * dt, x, dt)
+        return np.array(
+            [rotation_error(x[3:7], exact[3:7]), np.max(np.abs(x[7:10] - exact[7:10]))]
+        )
+
+    orders = np.log2(error(0.1) / error(0.05))
+    np.testing.assert_allclose(orders, 4.0, rtol=0, atol=0.3)
+
+
+def test_a_held_step_is_independent_of_its_neighbours():
+    # Held torque is explicit: two steps of one period equal one step of two periods with twice the substeps.
+    robot = gyrostat_robot()
+    dynamics, tau = Dynamics(robot), np.array([10.0, -20.0, 5.0])
+    x = start(robot).to_vector()
+    two = hold_step(dynamics, hold_step(dynamics, x, tau, 0.01, 2), tau, 0.01, 2)
+    one = hold_step(dynamics, x, tau, 0.02, 4)
+    np.testing.assert_allclose(two, one, rtol=0, atol=1e-14)
+    assert x[7] == 0.0  # the input is left alone
+
+
+def test_free_rotors_equal_gyrostats_of_absolute_momentum():
+    # A free, frictionless rotor keeps I (rate + axis . omega): the same motion as a gyrostat with that momentum on a
+    # host whose inertia lacks I axis axis^T (docs/equations.md). Exact, so only the integrator's tolerance is left.
+    plant, times = rotor_robot(), np.linspace(0.0, DURATION, 5)
+    states = simulate_smooth(
+        Dynamics(plant), start(plant).to_vector(), lambda t, x: bench_torque(t, 9), times
+    )
+    absolute = (
+        H_BASE + WHEEL_SPIN * OMEGA,
+        H_TARGET + WHEEL_SPIN * OMEGA,
+    )  # all frames parallel at the start
+    robot = robot_of(table_one(), **GYROSTATS)
+    parameters = robot.inertial_parameters.copy()
+    parameters[0, [4, 6, 9]] -= WHEEL_SPIN  # Ixx, Iyy, Izz
+    parameters[3, [4, 6, 9]] -= WHEEL_SPIN
+    reduced = (
+        robot.with_inertial_parameters(parameters)
+        .with_servicer_momentum(absolute[0])
+        .with_target_momentum(absolute[1])
+    )
+    expected = simulate_smooth(
+        Dynamics(reduced), start(reduced).to_vector(), lambda t, x: bench_torque(t), times
+    )
+    assert (
+        max(rotation_error(a[3:7], b[3:7]) for a, b in zip(states, expected, strict=True)) <= 1e-11
+    )
+    np.testing.assert_allclose(states[:, 7:10], expected[:, 7:10], rtol=0, atol=1e-11)
+    # The relative convention differs by I omega, 1e-4 of the momentum: visible, and no more.
+    relative = simulate_smooth(
+        Dynamics(robot), start(robot).to_vector(), lambda t, x: bench_torque(t), times
+    )
+    gap = rotation_error(states[-1, 3:7], relative[-1, 3:7])
+    assert 1e-6 < gap < 1e-2
+
+
+def test_divergence_is_refused():
+    robot = gyrostat_robot()
+    dynamics, x = Dynamics(robot), start(robot).to_vector()
+    with (
+        np.errstate(all='ignore'),
+        pytest.raises(SimulationDivergedError, match='diverged at t = 3 s: non-finite state'),
+    ):
+        hold_step(dynamics, x, np.full(3, 1e300), 0.01, t=3.0)
+    with (
+        np.errstate(all='ignore'),
+        pytest.raises(SimulationDivergedError, match='diverged at t = '),
+    ):
+        simulate_smooth(
+            dynamics, x, lambda t, y: np.full(3, np.nan if t > 0.5 else 0.0), np.array([0.0, 1.0])
+        )
