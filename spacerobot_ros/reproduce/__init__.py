@@ -1,0 +1,1 @@
+"""Published experiments repeated, each beside the figures that its paper prints."""

@@ -1,0 +1,77 @@
+r"""The paper's linear system A x = b, exactly as printed: momentum of every sample against that of the first.
+
+    A = [R0 RN - (R0 RN)_in, Y - Y_in]    b = (R0_in - R0) h0          # eqs. (27), (28)
+    A = [R0 RN - (R0 RN)_in, Y]           b = -R0 h0                   # eqs. (31), (32), after a spin-up from rest
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..dynamics.blocks import BlockTree
+from ..identification.linearize import MomentumModel, Reference
+from ..identification.minimal import MinimalSet
+from ..model.robot import Robot
+from ..types import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearSystem:
+    """A x = b with x = [AAM; minimal parameters].
+
+    Args:
+        A: (3 N, 3 + k). b: (3 N,).
+    """
+
+    A: Array
+    b: Array
+
+    @property
+    def condition(self) -> tuple[float, float]:
+        """Condition number of A, and of A with unit columns (its columns have different units)."""
+        return float(np.linalg.cond(self.A)), float(np.linalg.cond(self.A / np.linalg.norm(self.A, axis=0)))
+
+    def solve(self) -> Array:
+        """(3 + k,) least-squares solution, columns scaled to unit norm first."""
+        scale = np.linalg.norm(self.A, axis=0)
+        return np.asarray(np.linalg.lstsq(self.A / scale, self.b, rcond=None)[0]) / scale
+
+    def without_aam(self) -> LinearSystem:
+        """The model of everybody else: the captured wheels at rest."""
+        return LinearSystem(self.A[:, 3:], self.b)
+
+
+def linear_system(robot: Robot, minimal: MinimalSet, motion: Reference, start: str = 'moving') -> LinearSystem:
+    """Assemble the system from samples.
+
+    Args:
+        robot: Gives the tree and the servicer's own wheels.
+        minimal: Minimal set.
+        motion: Samples, the first at the start.
+        start: One of `scenario.STARTS`; `spin_up` takes eqs. (31)-(32).
+    """
+    model = MomentumModel(robot, minimal)
+    columns, _ = model.regressor(motion)
+    R = motion.rotation.as_matrix()
+    A = -R @ columns[..., 3:]
+    h0 = robot.servicer_wheels.body_momentum
+    if start == 'spin_up':
+        A[..., :3] -= A[:1, :, :3].copy()
+        b = -R @ h0
+    else:
+        A -= A[:1].copy()
+        b = (R[0] - R) @ h0
+    return LinearSystem(A.reshape(-1, A.shape[2]), b.ravel())
+
+
+def true_solution(robot: Robot, minimal: MinimalSet) -> Array:
+    """(3 + k,) [AAM; minimal parameters] of a robot."""
+    return np.concatenate([robot.target_momentum, minimal.grouping @ BlockTree(robot).parameters()])
+
+
+def relative_errors(estimate: Array, truth: Array) -> Array:
+    """(truth - estimate) / truth in %, as the paper's RE; NaN for parameters that are zero."""
+    tiny = 1e-9 * np.max(np.abs(truth))
+    return 100.0 * (truth - estimate) / np.where(np.abs(truth) > tiny, truth, np.nan)

@@ -1,0 +1,159 @@
+"""The paper's experiment: robot of Table I with any joint axes, motion of Table II, three ways to start.
+
+Motions come in two kinds. *Momentum-integrated*: joints follow the reference exactly, body rate and attitude from the
+conservation of momentum; then the paper's linear system is an identity, whatever the integrator's error. *Forward
+integrated*: the plant is driven by torques, and nothing but the equations of motion makes momentum constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..control.laws import ComputedTorque, Sample, robot_model
+from ..control.reference import Reference as JointReference
+from ..control.reference import build_reference
+from ..dynamics.equations import Dynamics
+from ..dynamics.integrate import Torque, rk4_step, simulate_smooth
+from ..dynamics.rotation import quaternion_rate, rotation_matrix
+from ..dynamics.state import State, initial_state
+from ..errors import ConfigurationError
+from ..identification.linearize import Reference
+from ..identification.minimal import MinimalSet, minimal_set
+from ..model.loader import load_robot_file, package_folder
+from ..model.robot import Robot
+from ..model.settings import IdentifierSettings
+from ..types import Array, Vector3
+from . import paper
+
+STARTS = ('moving', 'wheels', 'spin_up')
+"""moving: eqs. (27)-(28); wheels: robot at rest, all wheels spinning (Y_in = 0); spin_up: eqs. (31)-(32), robot at
+rest, then the servicer's own wheels are spun up and take the base with them."""
+
+_AXES = {'x': (1.0, 0.0, 0.0), 'y': (0.0, 1.0, 0.0), 'z': (0.0, 0.0, 1.0)}
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """The servicer with given joint axes.
+
+    Args:
+        axes: Axis letter of each joint, such as `zyx`.
+        believed: What the robot file believes: the captured wheels at rest.
+        robot: The truth.
+        reference: Table II's motion.
+        initial: First state of the `moving` start, centre of mass at rest.
+        identifier: Settings of the identifier.
+    """
+
+    axes: str
+    believed: Robot
+    robot: Robot
+    reference: JointReference
+    initial: State
+    identifier: IdentifierSettings
+
+    @property
+    def times(self) -> Array:
+        """(1000,) sample times [s]."""
+        return paper.SAMPLE_PERIOD * np.arange(paper.SAMPLES)
+
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """Dynamics of the true robot."""
+        return Dynamics(self.robot)
+
+    @cached_property
+    def minimal(self) -> MinimalSet:
+        """Minimal set with the symmetry of Table I."""
+        return minimal_set(self.robot, 'symmetric')
+
+    def start(self, kind: str) -> State:
+        """First state of one of `STARTS`, just after the wheels are spun up."""
+        if kind not in STARTS:
+            raise ConfigurationError('start', f'{kind!r} is not one of {", ".join(STARTS)}')
+        omega = self.initial.omega_WB_B
+        if kind == 'wheels':
+            omega = np.zeros(3)
+        elif kind == 'spin_up':
+            blocks = self.dynamics.inertia_blocks(self.initial.q)
+            omega = -np.linalg.solve(blocks.D, self.robot.servicer_wheels.body_momentum)
+        return self.dynamics.at_rest_centre(replace(self.initial, omega_WB_B=omega))
+
+
+@lru_cache(maxsize=8)
+def scenario(axes: str) -> Scenario:
+    """The paper's experiment with given joint axes, one letter of x, y, z a joint.
+
+    Raises:
+        ConfigurationError: not three of these letters.
+    """
+    if len(axes) != 3 or set(axes) - set(_AXES):
+        raise ConfigurationError('axes', f'{axes!r} is not three letters of x, y, z')
+    file = load_robot_file(package_folder('spacerobot_ros') / 'config' / 'servicer.yaml')
+    bodies = file.robot.bodies
+    turned = (replace(body, axis=np.array(_AXES[axis])) for body, axis in zip(bodies[1:], axes, strict=True))
+    believed = replace(file.robot, bodies=(bodies[0], *turned))
+    robot = believed.with_target_momentum(np.array(paper.TARGET_MOMENTUM))
+    initial = Dynamics(robot).at_rest_centre(initial_state(robot, file.settings.initial))
+    reference = build_reference(file.settings.reference, initial.q)
+    return Scenario(axes, believed, robot, reference, initial, file.settings.identifier)
+
+
+def momentum_motion(case: Scenario, start: str = 'moving') -> Reference:
+    """Motion along the exact reference, body rate from the momentum at each sample's own attitude."""
+    dynamics, state = case.dynamics, case.start(start)
+    total = dynamics.momentum(state)[3:]
+
+    def body_rate(t: float, attitude: Array) -> Vector3:
+        point = case.reference.at(t)
+        still = State(state.p_WB, attitude / np.linalg.norm(attitude), point.q, np.zeros(3), np.zeros(3), point.qd)
+        missing = rotation_matrix(attitude).T @ (total - dynamics.momentum(still)[3:])
+        return np.linalg.solve(dynamics.inertia_blocks(point.q).D, missing)
+
+    times = case.times
+    attitudes = [state.q_WB_xyzw]
+    for t in times[:-1]:
+        moved = rk4_step(
+            lambda s, x: quaternion_rate(x, body_rate(s, x)), float(t), attitudes[-1], paper.SAMPLE_PERIOD
+        )
+        attitudes.append(moved / np.linalg.norm(moved))
+    points = [case.reference.at(float(t)) for t in times]
+    omega = np.array([body_rate(float(t), attitude) for t, attitude in zip(times, attitudes, strict=True)])
+    return Reference(
+        times,
+        np.array([p.q for p in points]),
+        np.array([p.qd for p in points]),
+        omega,
+        Rotation.from_quat(np.array(attitudes)),
+    )
+
+
+def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -> Reference:
+    """Motion of the plant under the corrected law, by error-controlled integration of its equations of motion."""
+    torque = continuous_torque(case, ComputedTorque(robot_model(case.robot), 1.0, np.full(3, np.inf)))
+    states = simulate_smooth(
+        case.dynamics, case.start(start).to_vector(), torque, case.times, rtol, 0.1 * rtol
+    )
+    return Reference(
+        case.times, states[:, 7:10], states[:, 16:19], states[:, 13:16], Rotation.from_quat(states[:, 3:7])
+    )
+
+
+def continuous_torque(case: Scenario, law: ComputedTorque) -> Torque:
+    """The law as a function of time and state vector, for an integrator to call at every stage."""
+
+    def torque(t: float, x: Array) -> Array:
+        s = State.from_vector(x)
+        return law.track(case.reference, t, Sample(s.q, s.qd, s.omega_WB_B, np.zeros(3))).tau
+
+    return torque
+
+
+@lru_cache(maxsize=16)
+def cached_motion(axes: str, start: str = 'moving') -> Reference:
+    """`momentum_motion`, once a process."""
+    return momentum_motion(scenario(axes), start)

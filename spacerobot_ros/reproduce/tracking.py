@@ -1,0 +1,133 @@
+"""Tracking with and without knowledge of the captured wheels (Figs 4-7), in continuous time.
+
+The law is evaluated inside every stage of the integrator, so that what is left is the law's own error and not that of
+a sampled loop. Two plants: the correct one, and the paper's, whose printed joint equations (16)-(20) lack the wheels'
+torque on the joints. The paper's own law (35) is perfect on the paper's plant and fails on the correct one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..control.laws import ComputedTorque, Model, estimated_model, law_model
+from ..dynamics.equations import Dynamics
+from ..dynamics.integrate import rk4_step
+from ..dynamics.state import State
+from ..errors import IdentificationError
+from ..identification.estimate import Estimate
+from ..types import Array
+from .scenario import Scenario, continuous_torque, scenario
+
+PLANTS = ('correct', 'paper')
+LAWS = {'corrected': 'computed_torque', 'no_aam': 'computed_torque_no_aam', 'paper': 'computed_torque_paper'}
+_END_EFFECTOR = np.array([2.0, 0.0, 0.0])  # in the last body's frame, Table I
+_DURATION = 20.0
+_FINE, _COARSE = 0.02, 0.05  # s; the coarse one is right to 1e-4 deg
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackingRun:
+    """One closed-loop run.
+
+    Args:
+        axes: Joint axes. plant: One of `PLANTS`. law: One of `LAWS`, or a name for where its model comes from.
+        bandwidth: Double pole of the error dynamics [rad/s].
+        time: (N,) [s].
+        joint_error: (N, 3) reference minus joint position [rad].
+        end_effector_error: (N,) distance in the base frame [m].
+        torque: (N, 3) [N m].
+        omega_WB_B: (N, 3) body rate [rad/s].
+    """
+
+    axes: str
+    plant: str
+    law: str
+    bandwidth: float
+    time: Array
+    joint_error: Array
+    end_effector_error: Array
+    torque: Array
+    omega_WB_B: Array
+
+    @property
+    def max_joint_error_deg(self) -> float:
+        """Largest error of any joint at any time [deg]."""
+        return float(np.rad2deg(np.max(np.abs(self.joint_error))))
+
+    @property
+    def max_end_effector_error(self) -> float:
+        """Largest distance of the end effector from its reference, in the base frame [m]."""
+        return float(np.max(self.end_effector_error))
+
+
+def track(axes: str, plant: str, law: str, bandwidth: float) -> TrackingRun:
+    """Follow Table II's motion with a law that knows the robot's parameters.
+
+    Args:
+        axes: Joint axes.
+        plant: One of `PLANTS`.
+        law: One of `LAWS`.
+        bandwidth: Double pole [rad/s].
+    """
+    case = scenario(axes)
+    model = law_model(LAWS[law], case.robot)
+    # where the law is the plant's own inverse, only truncation is left to see
+    step = _FINE if law == 'corrected' or law == plant else _COARSE
+    return _simulate(case, plant, law, model, bandwidth, step)
+
+
+def track_identified(axes: str, name: str, estimate: Estimate, bandwidth: float = 1.0) -> TrackingRun | None:
+    """The corrected law with identified parameters on the correct plant; None where their inertia is not positive."""
+    case = scenario(axes)
+    model = estimated_model(case.believed, 'symmetric', estimate)
+    try:
+        return _simulate(case, 'correct', name, model, bandwidth, _COARSE)
+    except IdentificationError:
+        return None
+
+
+def soft_bandwidth(axes: str, plant: str, error_deg: float) -> TrackingRun:
+    """The run without knowledge of the wheels whose largest joint error is the given one: how soft the gains are."""
+
+    def excess(logarithm: float) -> float:
+        return float(np.log(track(axes, plant, 'no_aam', float(np.exp(logarithm))).max_joint_error_deg / error_deg))
+
+    found = brentq(excess, np.log(0.2), np.log(1.0), xtol=3e-3)
+    return track(axes, plant, 'no_aam', float(np.exp(found)))
+
+
+def _simulate(
+    case: Scenario, plant: str, law: str, model: Model, bandwidth: float, step: float
+) -> TrackingRun:
+    dynamics = Dynamics(case.robot, joint_reaction=plant == 'correct')
+    torque = continuous_torque(case, ComputedTorque(model, bandwidth, np.full(3, np.inf)))
+    times = step * np.arange(round(_DURATION / step) + 1)
+    x = case.initial.to_vector()
+    states = [x]
+    for t in times[:-1]:
+        x = rk4_step(lambda s, y: dynamics.rate(y, torque(s, y)), float(t), x, step)
+        x[3:7] /= np.linalg.norm(x[3:7])
+        states.append(x)
+    wanted = np.array([case.reference.at(float(t)).q for t in times])
+    return TrackingRun(
+        case.axes,
+        plant,
+        law,
+        bandwidth,
+        times,
+        wanted - np.array(states)[:, 7:10],
+        np.array([_miss(dynamics, y, q) for y, q in zip(states, wanted, strict=True)]),
+        np.array([torque(float(t), y) for t, y in zip(times, states, strict=True)]),
+        np.array(states)[:, 13:16],
+    )
+
+
+def _miss(dynamics: Dynamics, x: Array, wanted: Array) -> float:
+    actual = State.from_vector(x)
+    desired = State(actual.p_WB, actual.q_WB_xyzw, wanted, actual.v_WB_B, actual.omega_WB_B, actual.qd)
+    last = len(wanted)
+    gap = dynamics.body_position(actual, last, _END_EFFECTOR) - dynamics.body_position(desired, last, _END_EFFECTOR)
+    return float(np.linalg.norm(gap))
