@@ -102,6 +102,7 @@ def _messages(
 ) -> Iterator[tuple[str, Any]]:
     """Every decodable message of the wanted topics with its kind."""
     store = typestore(with_package=False)
+    _check_path(path)
     kinds = {getattr(topics, kind): kind for kind in _TYPES}
     try:
         with Reader(path) as reader:
@@ -130,6 +131,13 @@ def _messages(
         raise RecordingError(
             str(path), f'can not be read as a rosbag2 recording: {reason}'
         ) from error
+
+
+def _check_path(path: Path) -> None:
+    if not path.exists():
+        raise RecordingError(str(path), 'no such file or folder')
+    if path.is_dir() and not (path / 'metadata.yaml').is_file():
+        raise RecordingError(str(path), 'has no metadata.yaml, so it is no rosbag2 folder')
 
 
 def _check_type(path: Path, topic: str, msgtype: str, expected: str) -> None:

@@ -1,0 +1,150 @@
+"""`spacerobot identify`: wheel momentum and inertial parameters from a recording."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from typing import TYPE_CHECKING, Any
+
+from .options import Formatter
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ..identification.estimate import Estimate
+
+METHODS = ('ml', 'recursive', 'ls')
+
+_DESCRIPTION = """\
+Estimate the momentum of the captured satellite's wheels and the minimal inertial parameters from
+a recording (rosbag2: mcap or sqlite3; or an npz record). ROS is not needed.
+
+methods: ml        maximum likelihood; the most accurate, and its standard deviations hold
+         recursive least squares row by row in square-root form, as it can run on board
+         ls        the paper's least squares, all rows at once
+"""
+
+_EPILOG = """\
+examples:
+  spacerobot identify run --robot config/servicer.yaml
+  spacerobot identify run --robot config/servicer.yaml --json | jq .aam
+
+exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 2 unusable input
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command's arguments."""
+    parser = subparsers.add_parser(
+        'identify',
+        help='estimate wheel momentum and inertial parameters from a recording',
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=Formatter,
+    )
+    parser.add_argument('bag', metavar='BAG', help='rosbag2 folder, one mcap or db3 file, or npz')
+    parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
+    parser.add_argument('--method', choices=METHODS, default='ml', help='estimator')
+    parser.add_argument('--json', action='store_true', help='print JSON, and nothing else')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
+    from ..identification.batch import identify
+    from ..model.loader import load_robot_file
+    from ..recording.bag import read_bag
+    from ..recording.npz import load_npz
+
+    file = load_robot_file(args.robot)
+    record = load_npz(args.bag) if args.bag.endswith('.npz') else read_bag(args.bag, file.robot)
+    estimate = identify(record, file.robot, file.settings.identifier, args.method)
+    if args.json:
+        print(json.dumps(_plain(estimate.to_dict()), indent=2, allow_nan=False))
+    else:
+        _print_human(estimate)
+    return 0 if estimate.valid else 1
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no infinity and no NaN: they become null."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _print_human(estimate: Estimate) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
+    for title, rows in (
+        ('wheel momentum of the captured body', _aam_rows(estimate)),
+        ('total angular momentum, inertial frame', _momentum_rows(estimate)),
+        ('minimal inertial parameters', _parameter_rows(estimate)),
+    ):
+        console.print(title)
+        console.print(_table(rows))
+    console.print(
+        f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
+        f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
+        f'chi-square per degree of freedom {estimate.chi2_per_dof:.3g}',
+        markup=False,
+    )
+    for note in estimate.notes:
+        console.print(f'note: {note}', markup=False)
+    if not estimate.valid:
+        console.print(f'not valid: {estimate.reason}', markup=False)
+    for direction in estimate.unexcited:
+        console.print(f'not excited: {direction}', markup=False)
+
+
+def _aam_rows(estimate: Estimate) -> list[tuple[str, float, float, str]]:
+    names = [f'{link} {axis}' for link in estimate.aam_links for axis in 'xyz']
+    std = estimate.std[: len(names)].tolist()
+    return _rows(names, estimate.aam.tolist(), std, 'N m s')
+
+
+def _momentum_rows(estimate: Estimate) -> list[tuple[str, float, float, str]]:
+    variances = estimate.total_momentum_covariance.diagonal().tolist()
+    std = [math.sqrt(v) for v in variances]
+    return _rows(list('xyz'), estimate.total_momentum.tolist(), std, 'N m s')
+
+
+def _parameter_rows(estimate: Estimate) -> list[tuple[str, float, float, str]]:
+    std = estimate.std[len(estimate.aam) :].tolist()
+    return _rows(list(estimate.parameter_names), estimate.parameters.tolist(), std, 'kg m^2')
+
+
+def _rows(
+    names: list[str], values: list[float], stds: list[float], unit: str
+) -> list[tuple[str, float, float, str]]:
+    return [(name, v, s, unit) for name, v, s in zip(names, values, stds, strict=True)]
+
+
+def _table(rows: list[tuple[str, float, float, str]]) -> Table:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column('name')
+    for column in ('value', '+- std'):
+        table.add_column(column, justify='right')
+    table.add_column('unit')
+    for name, value, std, unit in rows:
+        digits = decimals(std)
+        cells = (name, f'{value:.{digits}f}', f'{std:.{digits}f}', unit)
+        table.add_row(*(Text(cell) for cell in cells))
+    return table
+
+
+def decimals(std: float) -> int:
+    """Decimals that show a standard deviation with two digits, and its value as far as it goes."""
+    if not math.isfinite(std) or std <= 0.0:
+        return 6
+    return min(max(1 - math.floor(math.log10(std)), 0), 12)
