@@ -56,6 +56,7 @@ class BlockTree:
         self.pairs = tuple(itertools.combinations(range(self.n + 1), 2))
         self.moves = _ancestry(robot.bodies)
         self._turns = [_turn_terms(body) for body in robot.bodies]
+        self._links = _link_vectors(robot.bodies)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -145,29 +146,37 @@ class BlockTree:
     def parameters(self, robot: Robot | None = None) -> Array:
         """(K,) block parameters of a robot with this tree (default: the one it was made from)."""
         bodies = self.bodies if robot is None else robot.bodies
-        arms = self._arms(bodies)
-        mass = np.array([b.mass for b in bodies])
-        first = np.einsum('i,ika->ka', mass, arms)
-        q = (
-            np.einsum('i,ika,imb->kmab', mass, arms, arms)
-            - np.einsum('ka,mb->kmab', first, first) / mass.sum()
+        return self.block_parameters(
+            np.array([b.mass for b in bodies]),
+            np.array([b.com for b in bodies]),
+            np.array([b.inertia for b in bodies]),
         )
-        pi: list[float] = []
-        for k, body in enumerate(bodies):
-            block = body.inertia + np.trace(q[k, k]) * np.eye(3) - q[k, k]
-            pi.extend(block[a, b] for a, b in _SYMMETRIC)
-        return np.concatenate([np.array(pi), *(q[k, m].ravel() for k, m in self.pairs)])
 
-    def _arms(self, bodies: tuple[Body, ...]) -> Array:
-        """(n+1, n+1, 3) vectors g_ik of body i along its ancestor k, in k's frame."""
-        arms = np.zeros((len(bodies), len(bodies), 3))
-        for i, body in enumerate(bodies):
-            arms[i, i] = body.com
-            child = i
-            while child:
-                arms[i, bodies[child].parent] = bodies[child].translation
-                child = bodies[child].parent
-        return arms
+    def block_parameters(self, mass: Array, com: Array, inertia: Array) -> Array:
+        """(..., K) block parameters of any bodies on this tree.
+
+        Args:
+            mass: (..., n+1) [kg].
+            com: (..., n+1, 3) centres of mass in the body frames [m].
+            inertia: (..., n+1, 3, 3) about the centres of mass, body axes [kg m^2].
+        """
+        own = np.arange(self.n + 1)
+        arms = np.broadcast_to(self._links, (*mass.shape[:-1], *self._links.shape)).copy()
+        arms[..., own, own, :] = com
+        weighted = mass[..., None, None] * arms
+        first = weighted.sum(axis=-3)
+        q = np.einsum('...ika,...imb->...kmab', weighted, arms, optimize=True)
+        q -= (
+            np.einsum('...ka,...mb->...kmab', first, first)
+            / mass.sum(axis=-1)[..., None, None, None, None]
+        )
+        diagonal = q[..., own, own, :, :]
+        trace = np.trace(diagonal, axis1=-2, axis2=-1)[..., None, None]
+        blocks = inertia + trace * np.eye(3) - diagonal
+        rows, columns = np.array(_SYMMETRIC).T
+        parts = [blocks[..., rows, columns].reshape(*mass.shape[:-1], -1)]
+        parts += [q[..., k, m, :, :].reshape(*mass.shape[:-1], 9) for k, m in self.pairs]
+        return np.concatenate(parts, axis=-1)
 
     def _pair_columns(self, k: int, m: int, rotations: Array, w: Array) -> Array:
         """(N, 3, 9) columns of Q_km: e_ka x (w_m x e_mb) + e_mb x (w_k x e_ka)."""
@@ -209,6 +218,17 @@ def _ancestry(bodies: tuple[Body, ...]) -> np.ndarray:
             moves[ancestor - 1, k] = True
             ancestor = bodies[ancestor].parent
     return moves
+
+
+def _link_vectors(bodies: tuple[Body, ...]) -> Array:
+    """(n+1, n+1, 3) vectors g_ik of body i along its proper ancestor k, in k's frame."""
+    vectors = np.zeros((len(bodies), len(bodies), 3))
+    for i in range(len(bodies)):
+        child = i
+        while child:
+            vectors[i, bodies[child].parent] = bodies[child].translation
+            child = bodies[child].parent
+    return vectors
 
 
 def _turn_terms(body: Body) -> tuple[Array, Array, Array]:
