@@ -1,9 +1,10 @@
 r"""Equations of motion of a tree of bodies with spinning wheels, on top of Pinocchio.
 
-A gyrostat on body b carries the relative momentum h_b, constant in the body's frame. It changes neither the mass
-matrix nor the kinetic energy of the locked system; it adds the angular momentum R_Wb h_b and the torque
--omega_b x h_b on its body (docs/equations.md, section 2). That torque loads every joint between the body and the base:
-the term that the printed joint equations of the identification paper lack,
+A gyrostat on body b carries the relative momentum h_b, constant in the body's frame. It changes
+neither the mass matrix nor the kinetic energy of the locked system; it adds the angular momentum
+R_Wb h_b and the torque -omega_b x h_b on its body (docs/equations.md, section 2). That torque
+loads every joint between the body and the base: the term that the printed joint equations of the
+identification paper lack,
 
     Dq^T w0' + Dqq q'' + c2 + F_b^T (w_b x R_0b h_b) = tau
 
@@ -39,7 +40,7 @@ class ReducedEquation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InertiaBlocks:
-    """Angular momentum map of the free-floating system about its centre of mass, in base coordinates.
+    """Angular momentum map about the system's centre of mass, in base coordinates.
 
         h = D omega_WB_B + Dq q'                      # eqs. (3), (19) of the identification paper
         H = Dqq - Dq^T D^-1 Dq
@@ -56,13 +57,14 @@ class InertiaBlocks:
 class Dynamics:
     """Forward and inverse dynamics, momentum and energy of one robot.
 
-    Joint vectors are in the order of `robot.joints`; the base force and torque act at the base origin in base
-    coordinates. Keeps scratch memory, so one object serves one thread.
+    Joint vectors are in the order of `robot.joints`; the base force and torque act at the base
+    origin in base coordinates. Keeps scratch memory, so one object serves one thread.
 
     Args:
         robot: The robot.
-        joint_reaction: False drops the wheels' torque from the joint equations and keeps it in the base's: eqs. (16)
-            to (20) as the identification paper prints them. For comparison only; no such machine exists.
+        joint_reaction: False drops the wheels' torque from the joint equations and keeps it in the
+            base's: eqs. (16) to (20) as the identification paper prints them. For comparison only;
+            no such machine exists.
     """
 
     def __init__(self, robot: Robot, *, joint_reaction: bool = True) -> None:
@@ -93,11 +95,12 @@ class Dynamics:
         Args:
             x: (13 + 2 n,) state as `State.to_vector`; the quaternion is normalised before use.
             tau: (n,) joint torques [N m].
-            base_wrench: (6,) [force; torque] on the base in base coordinates [N, N m]; ignored for a fixed base.
+            base_wrench: (6,) [force; torque] on the base in base coordinates [N, N m]; ignored for
+                a fixed base.
 
         Returns:
-            (13 + 2 n,) rate; the quaternion is integrated by its own rate, which keeps momentum to the order of the
-            integrator.
+            (13 + 2 n,) rate; the quaternion is integrated by its own rate, which keeps momentum to
+            the order of the integrator.
         """
         n, base = self._n, self._base_dim
         q_pin, v_pin = self._to_pin(x)
@@ -122,11 +125,13 @@ class Dynamics:
 
         Args:
             state: Configuration and velocity.
-            base_acceleration: (6,) time derivative of [v_WB_B; omega_WB_B]; ignored for a fixed base.
+            base_acceleration: (6,) time derivative of [v_WB_B; omega_WB_B]; ignored for a fixed
+                base.
             qdd: (n,) joint accelerations [rad/s^2].
 
         Returns:
-            (6,) [force; torque] on the base in base coordinates (zero for a fixed base), and (n,) joint torques.
+            (6,) [force; torque] on the base in base coordinates (zero for a fixed base), and (n,)
+            joint torques.
         """
         q_pin, v_pin = self._to_pin(state.to_vector())
         a_pin = np.zeros(self._base_dim + self._n)
@@ -139,7 +144,7 @@ class Dynamics:
         return base, force[self._joints].copy()
 
     def mass_matrix(self, q: Array) -> Array:
-        """(6 + n, 6 + n) joint-space inertia, base [linear; angular] first ((n, n) for a fixed base)."""
+        """(6 + n, 6 + n) inertia, base [linear; angular] first; (n, n) for a fixed base."""
         M = pin.crba(self._model, self._data, self._configuration(_AT_ORIGIN, q))
         M = np.triu(M) + np.triu(M, 1).T
         if isinstance(self._order, slice):
@@ -148,7 +153,10 @@ class Dynamics:
         return M[np.ix_(order, order)]
 
     def reduced(self, state: State) -> ReducedEquation:
-        """Joint equation with the unactuated base eliminated, eqs. (18)-(20) of the identification paper, corrected."""
+        """Joint equation with the unactuated base eliminated.
+
+        Eqs. (18)-(20) of the identification paper, with the joint term that they lack.
+        """
         M = self.mass_matrix(state.q)
         base_bias, joint_bias = self.inverse(state, np.zeros(6), np.zeros(self._n))
         if not self._base_dim:
@@ -168,7 +176,8 @@ class Dynamics:
         """Total momentum, wheels included.
 
         Returns:
-            (6,) [linear (N s); angular about the system's centre of mass (N m s)] in the inertial frame.
+            (6,) [linear (N s); angular about the system's centre of mass (N m s)] in the inertial
+            frame.
         """
         q_pin, v_pin = self._to_pin(state.to_vector())
         total = np.array(

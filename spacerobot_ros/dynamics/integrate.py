@@ -1,8 +1,9 @@
 """Integration that keeps momentum.
 
-`hold_step` advances one control period under held torques with classical Runge-Kutta steps; the attitude quaternion
-is integrated by its own rate stage by stage (one exponential of an averaged rate would be second order, whatever the
-rest is). `simulate_smooth` follows a smooth torque with error-controlled DOP853.
+`hold_step` advances one control period under held torques with classical Runge-Kutta steps; the
+attitude quaternion is integrated by its own rate stage by stage (one exponential of an averaged
+rate would be second order, whatever the rest is). `simulate_smooth` follows a smooth torque with
+error-controlled DOP853.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ def hold_step(
     if not np.all(np.isfinite(x)):
         raise SimulationDivergedError(
             t,
-            f'non-finite state after a step of {dt:g} s; largest torque {np.max(np.abs(tau)):g} N m',
+            f'non-finite state after a step of {dt:g} s; largest torque '
+            f'{np.max(np.abs(tau)):g} N m',
         )
     return x
 

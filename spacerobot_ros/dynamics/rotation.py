@@ -1,6 +1,8 @@
-"""Rotations: quaternions are Hamilton, xyzw, and take base coordinates to inertial ones (`q_WB_xyzw`).
+"""Rotations, the conventions of docs/conventions.md.
 
-Single rotations in a tight loop use these few lines; stacks of rotations use `scipy.spatial.transform.Rotation`.
+Quaternions are Hamilton, xyzw, and take base coordinates to inertial ones (`q_WB_xyzw`).
+Single rotations in a tight loop use these few lines; stacks of rotations use
+`scipy.spatial.transform.Rotation`.
 """
 
 from __future__ import annotations

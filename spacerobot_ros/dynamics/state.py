@@ -1,4 +1,4 @@
-"""The state of a simulated robot, as a named object and as the flat vector that integrators advance."""
+"""The state of a simulated robot, by name and as the flat vector that integrators advance."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ class State:
 
 
 def initial_state(robot: Robot, initial: InitialSettings) -> State:
-    """State at the start of a run; the system's centre of mass is at rest where the base is free.
+    """State at the start of a run; the base origin is at rest at the inertial origin.
+
+    `Dynamics.at_rest_centre` gives the same state with the system's centre of mass at rest.
 
     Rotors start at their own rates, the manipulator joints at `initial`.
 

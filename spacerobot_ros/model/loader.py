@@ -1,4 +1,4 @@
-"""Robot files in and out: YAML and URDF to `Robot` and `Settings`, with every refusal naming its place."""
+"""Robot files: YAML and URDF to `Robot` and `Settings`, every refusal naming its place."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ def load_robot_file(path: str | Path) -> RobotFile:
         Robot and settings.
 
     Raises:
-        ConfigurationError: unreadable file, or anything wrong in it or in the URDF, with the place named.
+        ConfigurationError: unreadable file, or anything wrong in it or in the URDF, with the place
+            named.
     """
     path = Path(path)
     settings = parse_settings(_read_parameters(path), f'{path}: ')
@@ -51,18 +52,20 @@ def load_robot_file(path: str | Path) -> RobotFile:
 
 
 def resolve_urdf(url: str, beside: Path | None) -> Path:
-    """Find a URDF named by `package://`, `file://`, an absolute path, or (with `beside`) a relative path.
+    """Find a URDF named by `package://`, `file://`, an absolute or a relative path.
 
     Args:
         url: The value of `robot.urdf`.
-        beside: Folder of the robot file; None where it is unknown, as in a node.
+        beside: Folder of the robot file, for relative paths; None where it is unknown, as in a
+            node.
 
     Raises:
         ConfigurationError: empty, relative without a folder, unknown package, or no such file.
     """
     if not url:
         raise ConfigurationError(
-            'robot.urdf', 'is missing: give package://..., an absolute path, or robot_description'
+            'robot.urdf',
+            'is missing: give package://..., an absolute path, or robot_description',
         )
     if url.startswith('package://'):
         package, _, inside = url.removeprefix('package://').partition('/')
@@ -73,8 +76,8 @@ def resolve_urdf(url: str, beside: Path | None) -> Path:
             if beside is None:
                 raise ConfigurationError(
                     'robot.urdf',
-                    f'{url!r} is relative, and a node does not know where its parameter file lies: use package://, '
-                    'an absolute path, or robot_description',
+                    f'{url!r} is relative, and a node does not know where its parameter file '
+                    'lies: use package://, an absolute path, or robot_description',
                 )
             path = beside / path
     if not path.is_file():
@@ -83,7 +86,7 @@ def resolve_urdf(url: str, beside: Path | None) -> Path:
 
 
 def package_folder(package: str) -> Path:
-    """Share folder of a ROS package; for this one the source checkout serves where it isn't installed."""
+    """Share folder of a ROS package; this one's source checkout serves without installation."""
     if not package:
         raise ConfigurationError('robot.urdf', 'package:// needs a package name')
     for prefix in filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)):
@@ -147,8 +150,8 @@ def true_robot(robot: Robot, settings: Settings) -> Robot:
         settings: Parsed settings.
 
     Raises:
-        ConfigurationError: unknown link, wrong number of entries, momentum where rotors need rates, or unphysical
-            inertia.
+        ConfigurationError: unknown link, wrong number of entries, momentum where rotors need
+            rates, or unphysical inertia.
     """
     truth = settings.truth
     plant = robot.with_free_rotors(_true_rates(robot, truth))
@@ -213,7 +216,7 @@ def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml is untyped
-    """YAML as ROS 2 reads it: `1e-5` is a number; and a key given twice is refused, not overwritten."""
+    """YAML as ROS 2 reads it (`1e-5` is a number), refusing a key that is given twice."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Build a map, refusing duplicate keys."""
@@ -236,7 +239,7 @@ _Loader.add_implicit_resolver(
 
 def _read_parameters(path: Path) -> Mapping[str, Any]:
     try:
-        content = yaml.load(_read_text(path, 'robot file'), _Loader)  # noqa: S506 (a SafeLoader)
+        content = yaml.load(_read_text(path, 'robot file'), _Loader)
     except yaml.YAMLError as error:
         raise ConfigurationError(
             str(path), f'not valid YAML: {" ".join(str(error).split())}'
@@ -297,7 +300,7 @@ def _check_joints(options: RobotSettings, tree: Tree) -> None:
 def _check_bodies(
     options: RobotSettings, bodies: tuple[Body, ...], rotors: tuple[Rotor, ...], urdf_name: str
 ) -> None:
-    """Refuse a tree whose mass matrix would be singular: a massless base or end, or a carrier that is all rotor."""
+    """Refuse a singular mass matrix: a massless base or end, or a carrier that is all rotor."""
     base = bodies[0]
     if options.base == 'free' and (base.mass <= 0.0 or np.linalg.eigvalsh(base.inertia)[0] <= 0.0):
         raise ConfigurationError(

@@ -9,7 +9,7 @@ from .robot import Body
 from .urdf import Joint, Link, Tree
 
 Frames = dict[str, tuple[int, Matrix3, Vector3]]
-"""For every link: index of its body, rotation (link to body coordinates) and origin in the body frame [m]."""
+"""Of every link: its body's index, rotation to body coordinates, origin in the body frame [m]."""
 
 
 def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...], Frames]:
@@ -20,7 +20,8 @@ def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...],
         joints: Names of all moving joints, in the robot's order.
 
     Returns:
-        The bodies, and for every link its body's index with the link frame's rotation and origin in the body frame.
+        The bodies, and for every link its body's index with the link frame's rotation and origin
+        in the body frame.
     """
     frames: Frames = {tree.root: (0, np.eye(3), np.zeros(3))}
     body_of_joint = {name: i + 1 for i, name in enumerate(joints)}

@@ -1,13 +1,14 @@
 """The immutable robot that every other part takes: a tree of bodies, wheels, sensors' noise.
 
-Bodies are numbered: body 0 is the base, body i (1..n) moves with joint i of `Robot.joints`, in that order everywhere.
-Links joined by fixed joints are one body. A body's frame is the frame of its joint's child link (the base: the frame
-of `base_link`).
+Bodies are numbered: body 0 is the base, body i (1..n) moves with joint i of `Robot.joints`, in
+that order everywhere. Links joined by fixed joints are one body. A body's frame is the frame of
+its joint's child link (the base: the frame of `base_link`).
 
-Wheels come in two views of one robot. The *gyrostat view*, which controllers and identifiers use, has the wheels
-locked: their mass and inertia belong to the carrying body and their spin is a constant relative momentum. The *plant
-view* (`with_free_rotors`) has rotors as bodies of their own behind the arm joints. In the URDF a link's inertia
-includes its gyrostat wheels, locked, and excludes its true rotors, which are links of their own.
+Wheels come in two views of one robot. The *gyrostat view*, which controllers and identifiers use,
+has the wheels locked: their mass and inertia belong to the carrying body and their spin is a
+constant relative momentum. The *plant view* (`with_free_rotors`) has rotors as bodies of their own
+behind the arm joints. In the URDF a link's inertia includes its gyrostat wheels, locked, and
+excludes its true rotors, which are links of their own.
 """
 
 from __future__ import annotations
@@ -118,8 +119,8 @@ class Robot:
         position_limits: (n, 2) [rad], infinite where the URDF has none.
         sensors: Sensor noise.
         rotors: True rotors, the servicer's first; locked into `bodies` unless `rotor_count` > 0.
-        rotor_count: Number of trailing entries of `joints` that are free rotors: 0 in the gyrostat view,
-            `len(rotors)` in the plant view.
+        rotor_count: Number of trailing entries of `joints` that are free rotors: 0 in the gyrostat
+            view, `len(rotors)` in the plant view.
     """
 
     name: str
@@ -153,14 +154,14 @@ class Robot:
 
     @property
     def target_momentum(self) -> Array:
-        """(3 n_links,) wheel momentum of the captured body, link after link, rotors at their first rates [N m s]."""
+        """(3 n_links,) the captured body's wheel momentum, rotors at their first rates [N m s]."""
         return np.concatenate(
             [np.zeros(0), *(g.momentum + self._free_momentum(g, True) for g in self.target_wheels)]
         )
 
     @property
     def servicer_momentum(self) -> Vector3:
-        """(3,) momentum of the servicer's wheels in the base frame, rotors at their first rates [N m s]."""
+        """(3,) momentum of the servicer's wheels, rotors at their first rates [N m s]."""
         return self.servicer_wheels.momentum + self._free_momentum(self.servicer_wheels, False)
 
     @property
@@ -175,23 +176,23 @@ class Robot:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """(n + 1, 10) of every body about its own frame, in Pinocchio's `toDynamicParameters` order."""
+        """(n + 1, 10) of every body about its own frame, in the order of `toDynamicParameters`."""
         return np.array([_pin_inertia(b).toDynamicParameters() for b in self.bodies])
 
     @cached_property
     def pin_model(self) -> pin.Model:
-        """Pinocchio model with the joints in the robot's order of bodies; read-only by convention."""
+        """Pinocchio model, its joints in `tree_order`; read-only by convention."""
         return _build_pin_model(self)
 
     @cached_property
     def pin_joint_ids(self) -> tuple[int, ...]:
-        """Pinocchio joint index of every body (base first; 0, the universe, for a fixed base)."""
+        """Pinocchio joint of every body, base first (0, the universe, for a fixed base)."""
         base = 1 if self.is_free else 0
         return (base, *(self.pin_model.getJointId(name) for name in self.joints))
 
     @cached_property
     def velocity_indices(self) -> np.ndarray:
-        """(n,) position of each joint's rate in Pinocchio's joint velocity, after the base's six."""
+        """(n,) place of each joint's rate in Pinocchio's velocity, after the base's six."""
         offset = 6 if self.is_free else 0
         return np.array(
             [self.pin_model.joints[i].idx_v - offset for i in self.pin_joint_ids[1:]], dtype=int
@@ -217,7 +218,7 @@ class Robot:
     def with_servicer_momentum(
         self, momentum: Array, place: str = 'servicer wheel momentum'
     ) -> Robot:
-        """The same robot with another momentum of its own wheels, (3,) in the base frame [N m s]."""
+        """The same robot with another momentum of its own wheels, (3,) in base_link [N m s]."""
         momentum = _finite(momentum, (3,), place)
         return replace(self, servicer_wheels=replace(self.servicer_wheels, momentum=momentum))
 
@@ -245,7 +246,7 @@ class Robot:
         return replace(self, bodies=tuple(bodies))
 
     def with_free_rotors(self, rates: Array) -> Robot:
-        """The plant view: rotors become joints behind the arm's, and leave the carriers' inertia and gyrostats.
+        """The plant view: rotors become joints, and leave the carriers' inertia and gyrostats.
 
         Args:
             rates: (n_rotors,) relative rates at the start, in the order of `rotors` [rad/s].
@@ -291,7 +292,7 @@ class Robot:
 
 
 def effective_inertia(body: Body) -> float:
-    """What a body opposes to its own joint: its mass [kg], or its moment about the joint axis [kg m^2]."""
+    """What a body opposes to its own joint: mass [kg], or moment about its axis [kg m^2]."""
     if body.is_prismatic:
         return body.mass
     return float(body.axis @ (body.inertia + body.mass * _steiner(body.com)) @ body.axis)
@@ -302,7 +303,7 @@ def _emptied(gyrostat: Gyrostat, rotors: list[Rotor]) -> Gyrostat:
 
 
 def _without(body: Body, part: Body) -> Body:
-    """The body with a part taken out; `part.rotation` and `part.translation` place it in the body."""
+    """The body without a part that `part.rotation` and `part.translation` place in it."""
     mass = body.mass - part.mass
     part_com = part.translation + part.rotation @ part.com
     com = (body.mass * body.com - part.mass * part_com) / mass

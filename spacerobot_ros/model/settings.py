@@ -1,9 +1,10 @@
 """Every parameter of a robot file, once: type, unit, bounds and meaning.
 
-A robot file is a ROS 2 parameter file (`/**: ros__parameters:`) shared by all nodes and by the command line, so one
-schema serves all of them: each section below is a frozen dataclass whose fields carry their unit, bounds and
-documentation as metadata. `parse_settings` turns a nested mapping into a `Settings`, refusing unknown keys, wrong
-types, wrong lengths and non-finite or out-of-bound numbers with the parameter named.
+A robot file is a ROS 2 parameter file (`/**: ros__parameters:`) shared by all nodes and by the
+command line, so one schema serves all of them: each section below is a frozen dataclass whose
+fields carry their unit, bounds and documentation as metadata. `parse_settings` turns a nested
+mapping into a `Settings`, refusing unknown keys, wrong types, wrong lengths and non-finite or
+out-of-bound numbers with the parameter named.
 """
 
 from __future__ import annotations
@@ -62,9 +63,10 @@ def param(
 class WheelSettings:
     """Wheels of the servicer or of the captured body, as gyrostats or as true rotors.
 
-    Gyrostat: `momentum` relative to the host link, three numbers a link in that link's frame; the link's inertia in
-    the URDF includes the wheels, locked. True rotors: `joints` names continuous joints of the URDF whose child links
-    are the rotors, and `rates` their relative rates at the start; the carrying link's inertia excludes them.
+    Gyrostat: `momentum` relative to the host link, three numbers a link in that link's frame; the
+    link's inertia in the URDF includes the wheels, locked. True rotors: `joints` names continuous
+    joints of the URDF whose child links are the rotors, and `rates` their relative rates at the
+    start; the carrying link's inertia excludes them.
     """
 
     links: TextList = param((), doc='Links that carry gyrostat wheels.')
@@ -96,7 +98,7 @@ class RobotSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSettings:
-    """Standard deviation of one sample of each sensor; where missing it is estimated from the data."""
+    """Standard deviation of a sample of each sensor; a missing one is estimated from the data."""
 
     joint_position_std: float | None = param(None, unit='rad', above=0.0, doc='Encoder noise.')
     joint_velocity_std: float | None = param(
@@ -167,7 +169,8 @@ class TruthSettings:
     links: TextList = param((), doc='Links whose inertial parameters differ from the URDF.')
     inertial_parameters: FloatList = param(
         (),
-        doc='Ten a link: m, m c (3), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link origin (kg, kg m, kg m^2).',
+        doc='Ten a link: m, m c (3), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link origin '
+        '(kg, kg m, kg m^2).',
     )
 
 
@@ -209,7 +212,8 @@ class IdentifierSettings:
     structure: str = param(
         'symmetric',
         choices=('symmetric', 'generic'),
-        doc='symmetric: zeros of the URDF in link centres of mass and products of inertia are taken as known.',
+        doc='symmetric: zeros of the URDF in link centres of mass and products of inertia are '
+        'taken as known.',
     )
     solve_period: float = param(1.0, unit='s', above=0.0, doc='Period of /estimate.')
     prior_std: float = param(
@@ -280,7 +284,8 @@ def parse_settings(values: Mapping[str, Any], place: str = '') -> Settings:
         The typed, validated settings.
 
     Raises:
-        ConfigurationError: on an unknown key, wrong type, wrong length, or non-finite or out-of-bound number.
+        ConfigurationError: on an unknown key, wrong type, wrong length, or non-finite or
+            out-of-bound number.
     """
     return typing.cast(Settings, _parse_section(Settings, values, place))
 

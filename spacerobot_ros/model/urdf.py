@@ -1,7 +1,8 @@
 """URDF text to checked links and joints, before any dynamics library sees them.
 
-Only what a rigid tree needs is read: links with inertials, joints with origin, axis and limits. Everything unphysical
-or unsupported is refused here with the link or joint named, because dynamics libraries accept most of it in silence.
+Only what a rigid tree needs is read: links with inertials, joints with origin, axis and limits.
+Everything unphysical or unsupported is refused here with the link or joint named, because dynamics
+libraries accept most of it in silence.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from ..types import Matrix3, Vector3
 
 MOVING = ('revolute', 'continuous', 'prismatic')
 _INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
-# Relative slack of the triangle inequality: URDFs print inertias with about six digits, and a flat plate sits on the bound.
+# Relative slack of the triangle inequality: URDFs print inertias with about six digits, and a flat
+# plate sits on the bound.
 _TRIANGLE_SLACK = 1e-6
 
 
@@ -41,7 +43,10 @@ class Link:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joint:
-    """One joint: child frame in parent frame at zero, unit axis in the child frame, limits (infinite where absent)."""
+    """One joint: child frame in the parent's at zero, unit axis in the child frame, limits.
+
+    Limits are infinite where the URDF gives none, or an effort of zero.
+    """
 
     name: str
     kind: str
@@ -75,7 +80,8 @@ def parse_urdf(text: str, place: str = 'URDF') -> Tree:
         The checked tree.
 
     Raises:
-        ModelError: malformed XML or numbers, unphysical inertia, unsupported joint, or not one tree.
+        ModelError: malformed XML or numbers, unphysical inertia, unsupported joint, or not one
+            tree.
     """
     try:
         root = ElementTree.fromstring(text)
@@ -143,7 +149,8 @@ def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
         where: Place for the error message.
 
     Raises:
-        ModelError: negative mass, inertia without mass, asymmetric or indefinite tensor, triangle inequality violated.
+        ModelError: negative mass, inertia without mass, asymmetric or indefinite tensor, triangle
+            inequality violated.
     """
     if not np.all(np.isfinite(inertia)) or not math.isfinite(mass):
         raise ModelError(where, 'mass or inertia is not finite')
@@ -162,7 +169,8 @@ def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
     if c > (a + b) * (1.0 + _TRIANGLE_SLACK):
         raise ModelError(
             where,
-            f'no rigid body has these principal moments: {c:.6g} > {a:.6g} + {b:.6g} kg m^2 (triangle inequality)',
+            f'no rigid body has these principal moments: {c:.6g} > {a:.6g} + {b:.6g} kg m^2 '
+            '(triangle inequality)',
         )
 
 
@@ -253,8 +261,8 @@ def _check_tree(links: dict[str, Link], joints: dict[str, Joint], place: str) ->
         if joint.child in parents:
             raise ModelError(
                 f'{place}: link {joint.child!r}',
-                f'has two parents (joints {parents[joint.child].name!r} and {joint.name!r}): closed loops '
-                'are not supported',
+                f'has two parents (joints {parents[joint.child].name!r} and {joint.name!r}): '
+                'closed loops are not supported',
             )
         parents[joint.child] = joint
     roots = [name for name in links if name not in parents]

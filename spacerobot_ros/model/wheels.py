@@ -1,4 +1,4 @@
-"""Wheels of a robot file: gyrostats given by their momentum, true rotors given by joints of the URDF."""
+"""Wheels of a robot file: gyrostats given by momentum, true rotors given by URDF joints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from .robot import Body, Gyrostat, Rotor
 from .settings import RobotSettings, WheelSettings
 from .urdf import Joint, Tree
 
-# Slack of a rotor's balance: centre of mass off the axis [m], and products of inertia relative to the axial moment.
+# Slack of a rotor's balance: centre of mass off the axis [m], and products of inertia relative to
+# the axial moment.
 _BALANCE_OFFSET = 1e-4
 _BALANCE_TILT = 1e-3
 
@@ -36,8 +37,9 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
         frames: Link frames in the bodies of the tree with the rotors locked.
 
     Raises:
-        ConfigurationError: momentum and joints both given, wrong number of rates, a joint that slides, a child that is
-            no leaf or not balanced, or a rotor of the servicer that is not on the base.
+        ConfigurationError: momentum and joints both given, wrong number of rates, a joint that
+            slides, a child that is no leaf or not balanced, or a rotor of the servicer that is not
+            on the base.
     """
     rotors = []
     for section, wheels in (
@@ -89,7 +91,7 @@ def servicer_gyrostat(options: RobotSettings, tree: Tree, rotors: tuple[Rotor, .
 def target_gyrostats(
     options: RobotSettings, frames: Frames, rotors: tuple[Rotor, ...]
 ) -> tuple[Gyrostat, ...]:
-    """Gyrostats of the captured body, one a link: as listed, or in the order in which the rotors first name them."""
+    """Gyrostats of the captured body, one a link: as listed, or as the rotors first name them."""
     wheels = options.target_wheels
     links = wheels.links or tuple(dict.fromkeys(r.link for r in rotors if r.is_target))
     momentum = np.array(wheels.momentum or (0.0,) * (3 * len(links)))
@@ -117,7 +119,7 @@ def _rates(wheels: WheelSettings, place: str) -> tuple[float, ...]:
     if wheels.joints and (wheels.momentum or wheels.links):
         raise ConfigurationError(
             place,
-            'give either links and momentum (gyrostats) or joints and rates (true rotors), not both',
+            'give either links and momentum (gyrostats) or joints and rates (true rotors)',
         )
     if wheels.rates and len(wheels.rates) != len(wheels.joints):
         raise ConfigurationError(
@@ -134,7 +136,8 @@ def _check_rotor(joint: Joint, tree: Tree, place: str) -> None:
     if children:
         raise ConfigurationError(
             place,
-            f'rotor link {joint.child!r} must be a leaf of the tree, but carries joint {children[0]!r}',
+            f'rotor link {joint.child!r} must be a leaf of the tree, but carries joint '
+            f'{children[0]!r}',
         )
     link = tree.links[joint.child]
     axial = float(joint.axis @ link.inertia @ joint.axis)
@@ -149,8 +152,8 @@ def _check_rotor(joint: Joint, tree: Tree, place: str) -> None:
     if offset > _BALANCE_OFFSET or tilt > _BALANCE_TILT * axial:
         raise ConfigurationError(
             place,
-            f'rotor link {joint.child!r} is not balanced about its axis: centre of mass {offset:.3g} m off, products of '
-            f'inertia {tilt:.3g} kg m^2',
+            f'rotor link {joint.child!r} is not balanced about its axis: centre of mass {offset:.3g} m '
+            'off, products of inertia {tilt:.3g} kg m^2',
         )
 
 

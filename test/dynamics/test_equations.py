@@ -1,12 +1,9 @@
-"""Equations of motion: consistency of their forms, conservation, hand-made cases, joint orders, fixed base."""
+"""Equations of motion: consistency, conservation, cases by hand, joint orders, fixed base."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.state import State
 from support.models import (
     AXIS,
     DUAL_ARM,
@@ -19,6 +16,9 @@ from support.models import (
     turn,
 )
 from support.states import motion_of, random_state
+
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.state import State
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
@@ -165,7 +165,8 @@ def test_order_of_the_joints_only_permutes(rng):
 
 
 def test_fixed_joints_merge_into_one_body(rng):
-    # The same machine, its second link once whole and once as two halves on a turned and shifted mount.
+    # The same machine, its second link once whole and once as two halves on a turned and shifted
+    # mount.
     parts = random_tree(rng, [0, 1])
     half = Part(
         'half',
@@ -221,7 +222,8 @@ def test_two_discs_by_hand():
 
 
 def test_gyroscopic_reaction_on_the_joint_by_hand():
-    # Base turning at w about y, wheels h along the link's x: w y X h x = -w h z must be held by the joint about z.
+    # Base turning at w about y, wheels h along the link's x: w y X h x = -w h z must be held by
+    # the joint about z.
     w, h = 0.3, 40.0
     robot = _two_discs(target_wheels={'links': ['link_1'], 'momentum': [h, 0.0, 0.0]})
     state = State(
@@ -241,7 +243,8 @@ def test_gyroscopic_reaction_on_the_joint_by_hand():
 
 
 def test_base_wrench_acts_at_the_base_origin():
-    # A force along y and a torque about z on the two discs, joint free: only the base turns; both translate.
+    # A force along y and a torque about z on the two discs, joint free: only the base turns; both
+    # translate.
     state = State(
         np.zeros(3),
         np.array([0.0, 0.0, 0.0, 1.0]),

@@ -1,18 +1,9 @@
-"""Integration: momentum and energy kept, the stated orders, refusal to go on with non-finite numbers."""
+"""Integration: momentum and energy kept, the stated orders, divergence refused."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from spacerobot_ros.control.reference import build_reference
-from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step, rk4_step, simulate_smooth
-from spacerobot_ros.dynamics.rotation import rotation_error
-from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.errors import SimulationDivergedError
-from spacerobot_ros.model.loader import true_robot
-from spacerobot_ros.model.settings import ReferenceSettings, SimulatorSettings
 from support.models import (
     ATTITUDE_XYZW,
     H_BASE,
@@ -27,6 +18,15 @@ from support.models import (
     with_wheels,
 )
 from support.states import random_state
+
+from spacerobot_ros.control.reference import build_reference
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.integrate import hold_step, rk4_step, simulate_smooth
+from spacerobot_ros.dynamics.rotation import rotation_error
+from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.errors import SimulationDivergedError
+from spacerobot_ros.model.loader import true_robot
+from spacerobot_ros.model.settings import ReferenceSettings, SimulatorSettings
 
 PERIOD, DURATION = 0.01, 20.0
 SUBSTEPS = SimulatorSettings().substeps
@@ -148,7 +148,7 @@ def test_held_drift_and_energy_along_table_two():
 
 
 def test_energy_is_the_work_of_the_joint_torques_smooth():
-    # The work is integrated beside the state by differentiating nothing: a held torque a segment.
+    # A held torque a segment, so that the work is torque times angle.
     robot = rotor_robot()
     dynamics, x = Dynamics(robot), start(robot).to_vector()
     first, work = sum(dynamics.energy(State.from_vector(x))), 0.0
@@ -198,7 +198,8 @@ def test_rk4_is_of_fourth_order_in_attitude_and_joints():
 
 
 def test_a_held_step_is_independent_of_its_neighbours():
-    # Held torque is explicit: two steps of one period equal one step of two periods with twice the substeps.
+    # Held torque is explicit: two steps of one period equal one step of two periods with twice the
+    # substeps.
     robot = gyrostat_robot()
     dynamics, tau = Dynamics(robot), np.array([10.0, -20.0, 5.0])
     x = start(robot).to_vector()
@@ -209,8 +210,9 @@ def test_a_held_step_is_independent_of_its_neighbours():
 
 
 def test_free_rotors_equal_gyrostats_of_absolute_momentum():
-    # A free, frictionless rotor keeps I (rate + axis . omega): the same motion as a gyrostat with that momentum on a
-    # host whose inertia lacks I axis axis^T (docs/equations.md). Exact, so only the integrator's tolerance is left.
+    # A free, frictionless rotor keeps I (rate + axis . omega): the same motion as a gyrostat with
+    # that momentum on a host whose inertia lacks I axis axis^T (docs/equations.md). Exact, so only
+    # the integrator's tolerance is left.
     plant, times = rotor_robot(), np.linspace(0.0, DURATION, 5)
     states = simulate_smooth(
         Dynamics(plant), start(plant).to_vector(), lambda t, x: bench_torque(t, 9), times

@@ -1,13 +1,9 @@
-"""Momentum, energy and the momentum maps against sums over bodies written from first principles."""
+"""Momentum, energy and momentum maps against sums over bodies from first principles."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.model.loader import true_robot
 from support.models import (
     DUAL_ARM,
     H_BASE,
@@ -23,6 +19,10 @@ from support.models import (
     with_wheels,
 )
 from support.states import motion_of, random_state
+
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.model.loader import true_robot
 
 RELATIVE = 1e-13  # sums of at most a few hundred products
 
@@ -59,7 +59,8 @@ def test_momentum_and_energy_of_any_tree(tree, rng):
 
 
 def test_maps_are_the_derivatives_of_momentum(tree, rng):
-    # With the centre of mass anywhere, momentum about it is linear in [omega; qd]: unit rates give the columns exactly.
+    # With the centre of mass anywhere, momentum about it is linear in [omega; qd]: unit rates give
+    # the columns exactly.
     parts, robot = tree
     dynamics, n = Dynamics(robot), robot.n_joints
     q, zero = rng.uniform(-3.0, 3.0, n), np.zeros(3)

@@ -4,12 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import simulate_smooth
-from spacerobot_ros.dynamics.rotation import rotation_error
-from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.model.loader import true_robot
 from support.models import (
     ATTITUDE_XYZW,
     DUAL_ARM,
@@ -27,6 +21,12 @@ from support.models import (
     with_wheels,
 )
 from support.states import random_state
+
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.integrate import simulate_smooth
+from spacerobot_ros.dynamics.rotation import rotation_error
+from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.model.loader import true_robot
 
 mujoco = pytest.importorskip('mujoco')
 
@@ -51,7 +51,7 @@ class Engine:
         return self.model.jnt_qposadr[ids], self.model.jnt_dofadr[ids]
 
     def place(self, state, joints):
-        """Set the state; MuJoCo's base velocity is in the world, its angular velocity in the body."""
+        """Set the state; MuJoCo's base velocity is in the world, its rate in the body."""
         q, v = self.addresses(joints)
         self.data.qpos[q], self.data.qvel[v] = state.q, state.qd
         if self.free:
@@ -105,10 +105,10 @@ def _torque(t):
 
 
 def _run(engine, hold_wheels):
-    """20 s of RK4 at 1 ms under the torque at the middle of each step: attitude xyzw and arm joints at the end.
+    """Attitude xyzw and arm joints after 20 s of RK4 at 1 ms, torque of each step's middle.
 
-    With `hold_wheels` each wheel's motor gives the torque that keeps its relative rate, found at every step from
-    the engine's own mass matrix and bias: a gyrostat made of bodies.
+    With `hold_wheels` each wheel's motor gives the torque that keeps its relative rate, found at
+    every step from the engine's own mass matrix and bias: a gyrostat made of bodies.
     """
     model, data = engine.model, engine.data
     wheels = [*wheel_joints(0), *wheel_joints(3)]
@@ -155,7 +155,10 @@ def _ours(robot):
     n = robot.n_joints
     qd = np.concatenate([np.zeros(3), robot.rotor_rates])
     x = State(np.zeros(3), ATTITUDE_XYZW, np.zeros(n), np.zeros(3), OMEGA, qd).to_vector()
-    torque = lambda t, _: np.concatenate([_torque(t), np.zeros(n - 3)])  # noqa: E731
+
+    def torque(t, _):
+        return np.concatenate([_torque(t), np.zeros(n - 3)])
+
     return simulate_smooth(Dynamics(robot), x, torque, np.array([0.0, DURATION]))[-1]
 
 

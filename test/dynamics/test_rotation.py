@@ -80,7 +80,8 @@ def test_sign_and_length_do_not_matter(q, scale):
 
 @given(quaternions())
 def test_quaternion_of_inverts_rotation_matrix(q):
-    # From a matrix with roundings of 1e-16 the angle near pi and near 0 comes back to sqrt-free accuracy.
+    # From a matrix with roundings of 1e-16 the angle near pi and near 0 comes back to sqrt-free
+    # accuracy.
     assert rotation_error(quaternion_of(rotation_matrix(q)), q) < 1e-14
 
 

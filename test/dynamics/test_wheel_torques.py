@@ -5,10 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-
-from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.model.loader import true_robot
 from support.models import (
     H_BASE,
     H_TARGET,
@@ -21,6 +17,10 @@ from support.models import (
     with_wheels,
 )
 from support.states import random_state
+
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.model.loader import true_robot
 
 STATES = 200
 LIMIT = 1e-9  # N m and N; torques are of order 1e3, so about 1e3 roundings

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.models import Part, robot_of, settings_of, table_one, to_urdf
 
 from spacerobot_ros.dynamics.state import initial_state
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.loader import build_robot, load_robot_file, resolve_urdf, true_robot
 from spacerobot_ros.model.settings import InitialSettings, TruthSettings, parse_settings
-from support.models import Part, robot_of, settings_of, table_one, to_urdf
 
 SERVICER = Path(__file__).parents[2] / 'config' / 'servicer.yaml'
 TEXT = """/**:
@@ -282,24 +282,24 @@ def test_file_refusals_name_their_place(load, text, match):
 
 
 def test_unreadable_files(tmp_path):
-    with pytest.raises(ConfigurationError, match='none.yaml: robot file can not be read'):
+    with pytest.raises(ConfigurationError, match=r'none\.yaml: robot file can not be read'):
         load_robot_file(tmp_path / 'none.yaml')
     with pytest.raises(ConfigurationError, match='robot file can not be read'):
         load_robot_file(tmp_path)
     binary = tmp_path / 'binary.yaml'
     binary.write_bytes(b'\xff\xfe\x00\x80')
-    with pytest.raises(ConfigurationError, match='binary.yaml: robot file can not be read'):
+    with pytest.raises(ConfigurationError, match=r'binary\.yaml: robot file can not be read'):
         load_robot_file(binary)
 
 
 def test_urdf_errors_name_the_file(load):
-    with pytest.raises(ConfigurationError, match='robot.urdf: not well-formed XML'):
+    with pytest.raises(ConfigurationError, match=r'robot\.urdf: not well-formed XML'):
         load(TEXT, '<robot>')
 
 
 def test_relative_urdf_is_refused_for_a_node():
     with pytest.raises(
-        ConfigurationError, match="robot.urdf: 'r.urdf' is relative, and a node does not know"
+        ConfigurationError, match=r"robot\.urdf: 'r\.urdf' is relative, and a node does not know"
     ):
         resolve_urdf('r.urdf', beside=None)
 
@@ -443,7 +443,7 @@ def test_initial_state_refusals(initial, match):
 
 def test_a_fixed_base_does_not_turn():
     with pytest.raises(
-        ConfigurationError, match='initial.angular_velocity: must be zero for a fixed base'
+        ConfigurationError, match=r'initial\.angular_velocity: must be zero for a fixed base'
     ):
         initial_state(
             robot_of(table_one(), base='fixed'), InitialSettings(angular_velocity=(0.1, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""True rotors: the gyrostat view locks them, the plant view frees them, and nothing is counted twice."""
+"""True rotors: locked in the gyrostat view, free in the plant view, never counted twice."""
 
 from __future__ import annotations
 
@@ -6,10 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.loader import build_robot, true_robot
-from spacerobot_ros.model.settings import TruthSettings, parse_settings
 from support.models import (
     H_BASE,
     H_TARGET,
@@ -17,10 +13,13 @@ from support.models import (
     robot_of,
     settings_of,
     table_one,
-    to_urdf,
     wheel_joints,
     with_wheels,
 )
+
+from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.model.loader import build_robot, true_robot
+from spacerobot_ros.model.settings import TruthSettings, parse_settings
 
 PARTS = with_wheels(table_one())
 WHEELS = {
@@ -95,16 +94,29 @@ def test_rotors_on_several_links_give_a_gyrostat_a_link_in_order_of_appearance()
 
 
 def test_momentum_of_a_rotated_rotor_on_a_fixed_link_is_in_the_carriers_frame():
-    # The carrier is fixed to the base, turned by 90 deg about z; its rotor's frame is turned by 90 deg about x.
-    urdf = """<robot name="r">
-      <link name="base_link"><inertial><mass value="10"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-      <link name="panel"/>
-      <link name="arm"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-      <link name="rotor"><inertial><mass value="1"/><inertia ixx=".1" ixy="0" ixz="0" iyy=".1" iyz="0" izz=".2"/></inertial></link>
-      <joint name="mount" type="fixed"><parent link="base_link"/><child link="panel"/><origin rpy="0 0 1.5707963267948966"/></joint>
-      <joint name="spin" type="continuous"><parent link="panel"/><child link="rotor"/>
-        <origin xyz="0 0 1" rpy="1.5707963267948966 0 0"/><axis xyz="0 0 1"/></joint>
-      <joint name="j" type="continuous"><parent link="base_link"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>"""
+    # The carrier is fixed to the base, turned by 90 deg about z; its rotor's frame is turned by 90
+    # deg about x.
+    body = (
+        '<link name="{}"><inertial><mass value="10"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="{}"/></inertial></link>'
+    )
+    joint = (
+        '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/>'
+        '<origin rpy="{}"/><axis xyz="0 0 1"/></joint>'
+    )
+    quarter = '1.5707963267948966'
+    urdf = ''.join(
+        [
+            '<robot name="r"><link name="panel"/>',
+            body.format('base_link', 1),
+            body.format('arm', 1),
+            body.format('rotor', 0.2),
+            joint.format('j', 'continuous', 'base_link', 'arm', '0 0 0'),
+            joint.format('mount', 'fixed', 'base_link', 'panel', f'0 0 {quarter}'),
+            joint.format('spin', 'continuous', 'panel', 'rotor', f'{quarter} 0 0'),
+            '</robot>',
+        ]
+    )
 
     def load(section: str):
         return build_robot(
@@ -171,7 +183,7 @@ REFUSALS = [
         'named twice',
         PARTS,
         {**WHEELS, 'target_wheels': {'joints': [*wheel_joints(3), 'j_link_1']}},
-        r"robot.target_wheels.joints\[3\]: joint 'j_link_1' is named twice, first as robot.joints\[0\]",
+        r"target_wheels.joints\[3\]: joint 'j_link_1' is named twice, first as robot.joints\[0\]",
     ),
     (
         'not named',
@@ -192,7 +204,7 @@ REFUSALS = [
             'servicer_wheels': {'joints': wheel_joints(3)},
             'target_wheels': {'joints': wheel_joints(0)},
         },
-        r"robot.servicer_wheels.joints\[0\]: the servicer's wheels are on 'base_link', not on 'link_3'",
+        r"servicer_wheels.joints\[0\]: the servicer's wheels are on 'base_link', not on 'link_3'",
     ),
     (
         'carrier is all rotor',

@@ -14,9 +14,11 @@ GOOD = """<robot name="r">
   <link name="arm"><inertial><mass value="1"/>
     <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.2"/></inertial></link>
   <joint name="j1" type="revolute"><parent link="base_link"/><child link="arm"/>
-    <origin xyz="0 0 1" rpy="0 0 0"/><axis xyz="0 0 1"/><limit effort="5" lower="-1" upper="2"/></joint>
+    <origin xyz="0 0 1" rpy="0 0 0"/><axis xyz="0 0 1"/>
+    <limit effort="5" lower="-1" upper="2"/></joint>
 </robot>"""
-EXTRA = '<link name="tip"/><joint name="j2" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint></robot>'
+EXTRA = '<link name="tip"/><joint name="j2" type="fixed">'
+EXTRA += '<parent link="{parent}"/><child link="{child}"/></joint></robot>'
 
 
 def _with(old: str, new: str) -> str:
@@ -170,7 +172,8 @@ REFUSALS = [
             '</robot>',
             '<link name="a"/>'
             + EXTRA.format(parent='a', child='tip').replace('</robot>', '')
-            + '<joint name="j3" type="fixed"><parent link="tip"/><child link="a"/></joint></robot>',
+            + '<joint name="j3" type="fixed"><parent link="tip"/>'
+            '<child link="a"/></joint></robot>',
         ),
         'links form a loop: a, tip',
     ),

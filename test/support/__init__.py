@@ -1,1 +1,1 @@
-"""Small models and oracles for the tests; nothing here uses the code under test except `robot_of`."""
+"""Small models, oracles and rigs for the tests."""

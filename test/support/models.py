@@ -1,4 +1,4 @@
-"""Robots as plain lists of parts, and what the tests need of them: URDF, MJCF, momentum from first principles.
+"""Robots as plain lists of parts: their URDF, MJCF, and momentum from first principles.
 
 The oracles share no code with the product; only `robot_of` calls it, to load a model.
 """
@@ -73,7 +73,7 @@ def table_one(axes: str = 'zyx') -> list[Part]:
 
 
 def with_wheels(parts: list[Part], carriers: tuple[int, ...] = (0, 3)) -> list[Part]:
-    """Three explicit wheels at the centre of mass of every carrier, taken out of its mass and inertia.
+    """Three explicit wheels at every carrier's centre of mass, taken out of its inertia.
 
     Wheels are named `wheel_<carrier>_<axis>` and stand at the end of the list.
     """
@@ -86,19 +86,19 @@ def with_wheels(parts: list[Part], carriers: tuple[int, ...] = (0, 3)) -> list[P
         out[c] = replace(
             host, mass=host.mass - 3 * WHEEL_MASS, inertia=host.inertia - sum(wheel.values())
         )
-        for a in 'xyz':
-            out.append(
-                Part(
-                    f'wheel_{c}_{a}',
-                    c,
-                    'continuous',
-                    WHEEL_MASS,
-                    np.zeros(3),
-                    wheel[a],
-                    AXIS[a],
-                    host.com,
-                )
+        out += [
+            Part(
+                f'wheel_{c}_{a}',
+                c,
+                'continuous',
+                WHEEL_MASS,
+                np.zeros(3),
+                tensor,
+                AXIS[a],
+                host.com,
             )
+            for a, tensor in wheel.items()
+        ]
     return out
 
 
@@ -155,17 +155,18 @@ def to_urdf(parts: list[Part]) -> str:
             'iyz': t[1, 2],
             'izz': t[2, 2],
         }
-        lines += [
-            f'<link name="{part.name}"><inertial><origin xyz="{_text(part.com)}"/><mass value="{float(part.mass)!r}"/>',
-            f'<inertia {" ".join(f"{k}={float(v)!r}".replace("=", "=" + chr(34)) + chr(34) for k, v in moments.items())}/>',
-            '</inertial></link>',
-        ]
+        inertia = ' '.join(f'{k}="{float(v)!r}"' for k, v in moments.items())
+        lines.append(
+            f'<link name="{part.name}"><inertial><origin xyz="{_text(part.com)}"/>'
+            f'<mass value="{float(part.mass)!r}"/><inertia {inertia}/></inertial></link>'
+        )
     for part in parts[1:]:
-        lines += [
-            f'<joint name="{part.joint}" type="{part.kind}"><parent link="{parts[part.parent].name}"/>',
-            f'<child link="{part.name}"/><origin xyz="{_text(part.origin)}" rpy="{_text(part.rpy)}"/>',
-            f'<axis xyz="{_text(part.axis)}"/></joint>',
-        ]
+        parent = parts[part.parent].name
+        lines.append(
+            f'<joint name="{part.joint}" type="{part.kind}"><parent link="{parent}"/>'
+            f'<child link="{part.name}"/><axis xyz="{_text(part.axis)}"/>'
+            f'<origin xyz="{_text(part.origin)}" rpy="{_text(part.rpy)}"/></joint>'
+        )
     return '\n'.join([*lines, '</robot>'])
 
 
@@ -188,14 +189,16 @@ def to_mjcf(
         full = _text([t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]])
         children = ''.join(body(i) for i, p in enumerate(parts) if p.parent == index)
         return (
-            f'<body name="{part.name}" pos="{_text(part.origin)}" euler="{_text(part.rpy)}">{joint}'
-            f'<inertial pos="{_text(part.com)}" mass="{float(part.mass)!r}" fullinertia="{full}"/>{children}</body>'
+            f'<body name="{part.name}" pos="{_text(part.origin)}" euler="{_text(part.rpy)}">'
+            f'{joint}<inertial pos="{_text(part.com)}" mass="{float(part.mass)!r}" '
+            f'fullinertia="{full}"/>{children}</body>'
         )
 
     motors = ''.join(f'<motor joint="{part.joint}"/>' for part in parts[1:])
     return (
-        f'<mujoco><compiler angle="radian" eulerseq="XYZ"/><option timestep="{dt!r}" gravity="{_text(gravity)}" '
-        'integrator="RK4"><flag contact="disable" constraint="disable"/></option>'
+        '<mujoco><compiler angle="radian" eulerseq="XYZ"/>'
+        f'<option timestep="{dt!r}" gravity="{_text(gravity)}" integrator="RK4">'
+        '<flag contact="disable" constraint="disable"/></option>'
         f'<worldbody>{body(0)}</worldbody><actuator>{motors}</actuator></mujoco>'
     )
 
@@ -232,7 +235,7 @@ class Motion:
 
 
 def momentum_and_energy(parts: list[Part], motion: Motion) -> tuple[np.ndarray, np.ndarray, float]:
-    """Linear momentum, angular momentum about the centre of mass (inertial frame) and kinetic energy.
+    """Linear and angular momentum (about the centre of mass, inertial frame), kinetic energy.
 
     Sums over the bodies, each placed by its parent: no spatial algebra, no mass matrix.
     """
