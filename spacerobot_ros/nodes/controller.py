@@ -8,14 +8,13 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Tracking
 from trajectory_msgs.msg import JointTrajectory
-
-import numpy as np
 
 from ..control.loop import Command, ControlLoop
 from ..errors import MessageRejectedError
@@ -34,12 +33,14 @@ Joints = tuple[int, np.ndarray, np.ndarray]
 class ControllerNode(LifecycleNode):
     """Answers every joint sample with a torque while active."""
 
+    loop: ControlLoop
+
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('controller', **node_kwargs)
         self.settings = declare_settings(self)
         self.health = Health(self)
-        self.loop: ControlLoop | None = None
+        self.is_open = False  # whether the robot is known
         self.last_command: Command | None = None
         self._is_active = False
         self._latest: Joints | None = None
@@ -59,13 +60,13 @@ class ControllerNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take up the robot; fails while there is none."""
-        if self.loop is None:
+        if not self.is_open:
             self.get_logger().warning('no robot yet: waiting for /robot_description')
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Start the motion at the next joint sample, or at the last one if it is still unanswered."""
+        """Start the motion: at the last joint sample if there is one, it is owed an answer."""
         result = super().on_activate(state)
         self.loop.reset()
         self._is_active = True
@@ -82,7 +83,7 @@ class ControllerNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the estimate."""
-        if self.loop is not None:
+        if self.is_open:
             self.loop.set_estimate(None)
             self._estimate_note = 'none received'
         return super().on_cleanup(state)
@@ -110,6 +111,7 @@ class ControllerNode(LifecycleNode):
         self._imu_period_ns = round(simulator.period * 1e9) * steps_between(
             simulator.imu_rate, simulator.period, 'simulator.imu_rate'
         )
+        self.is_open = True
         self._is_lockstep = simulator.lockstep and robot.is_free
         self.create_subscription(Imu, '/imu/data', self._on_imu, STATE)
         self.create_subscription(EstimateMessage, '/estimate', self._on_estimate, LATCHED)

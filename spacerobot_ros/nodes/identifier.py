@@ -36,12 +36,14 @@ PATIENCE_NS = 1_000_000_000
 class IdentifierNode(Node):
     """Orders the samples by stamp, feeds the online identifier and publishes its estimates."""
 
+    identifier: OnlineIdentifier
+
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('identifier', **node_kwargs)
         self.settings = declare_settings(self)
         self.health = Health(self)
-        self.identifier: OnlineIdentifier | None = None
+        self.is_open = False  # whether the robot is known
         self.estimate: Estimate | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._period_ns = round(self.settings.identifier.solve_period * 1e9)
@@ -54,7 +56,7 @@ class IdentifierNode(Node):
     def reset(self, why: str) -> None:
         """Forget all samples, and say so in an estimate that is not valid."""
         self._clear()
-        if self.identifier is None:
+        if not self.is_open:
             return
         self.identifier.reset()
         self.get_logger().info(f'reset: {why}')
@@ -62,7 +64,7 @@ class IdentifierNode(Node):
 
     def solve(self) -> Estimate | None:
         """Use what has arrived and publish the estimate; None where nothing can be solved."""
-        if self.identifier is None:
+        if not self.is_open:
             return None
         started = self._steady.now().nanoseconds
         try:
@@ -80,6 +82,7 @@ class IdentifierNode(Node):
 
     def _open(self, robot: Robot) -> None:
         self.identifier = OnlineIdentifier(robot, self.settings.identifier)
+        self.is_open = True
         self._names = list(robot.joints[: robot.n_joints - robot.rotor_count])
         self._base_link = robot.base_link
         self.create_subscription(Imu, '/imu/data', self._on_imu, SAMPLES)

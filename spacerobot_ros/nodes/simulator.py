@@ -1,11 +1,13 @@
 """Simulator node: a physically right plant that publishes its sensors and takes torques.
 
-Owns the time: stamps are step index times period, in whole nanoseconds. See docs/nodes/simulator.md.
+Owns the time: stamps are step index times period, in whole nanoseconds.
+See docs/nodes/simulator.md.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,7 @@ from ..ros.diagnostics import ERROR, OK, WARN, Health, Status
 from ..ros.main import run_node
 from ..ros.params import declare_settings, open_robot
 from ..ros.qos import LATCHED, STATE
-from ..sensing.sensors import SensorSuite, steps_between
+from ..sensing.sensors import SensorSuite
 
 LEDGER_PERIOD = 0.1
 POLL_PERIOD = 0.05
@@ -39,13 +41,14 @@ CATCH_UP = 10  # steps in one tick of the real-time timer; beyond, the simulatio
 class SimulatorNode(Node):
     """Steps the plant: in lockstep with the commands, or at a pace of wall time."""
 
+    plant: Plant
+
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('simulator', **node_kwargs)
         self.settings = declare_settings(self)
         self._options = self.settings.simulator
         self.health = Health(self)
-        self.plant: Plant | None = None
         self.stop_at: int | None = (
             None  # step at which to stop by itself; for runs of a given length
         )
@@ -61,13 +64,12 @@ class SimulatorNode(Node):
     @property
     def step_index(self) -> int:
         """Steps done since the start or the last reset."""
-        return self.plant.step_index if self.plant else 0
+        return self.plant.step_index if self.is_open else 0
 
     @property
     def is_connected(self) -> bool:
         """Whether someone takes the joint states and someone gives commands."""
-        takers = self._joint_publisher.get_subscription_count() if self.plant else 0
-        return takers > 0 and self.count_publishers(self._command_topic) > 0
+        return self.is_open and min(self._peers()) > 0
 
     @property
     def awaited_ns(self) -> int | None:
@@ -76,14 +78,15 @@ class SimulatorNode(Node):
 
     def start(self) -> None:
         """Publish the samples of step 0, if that has not happened yet."""
-        if not self._is_started and self.plant is not None:
+        if not self._is_started and self.is_open:
             self._is_started = True
+            self._sent_to = self._peers()
             self._anchor()
             self._publish()
 
     def step(self) -> None:
         """Advance by one control period and publish what the sensors say there."""
-        if self.plant is None:
+        if not self.is_open:
             return
         self.start()
         wrench = self._wrench if self._is_fresh(self._wrench_step) else None
@@ -102,7 +105,7 @@ class SimulatorNode(Node):
         """Stop or go on."""
         self._is_paused = is_paused
         self._anchor()
-        if not is_paused and self._answer is not None:
+        if self.is_open:
             self._advance()
 
     # ------------------------------------------------------------ set-up
@@ -110,15 +113,12 @@ class SimulatorNode(Node):
     def _open(self, robot: Robot) -> None:
         self._robot = robot
         self._truth = true_robot(robot, self.settings)
-        n_arm = robot.n_joints - robot.rotor_count
-        self._names = list(robot.joints[:n_arm])
-        self._wheels = [n for n in robot.joints[n_arm:] if n not in robot.target_rotors]
+        self._names = list(robot.joints)
+        self._wheels = [r.joint for r in self._truth.rotors if not r.is_target]
         self._ledger_every = max(1, round(LEDGER_PERIOD / self._options.period))
-        self._joint_every = steps_between(
-            self._options.joint_rate, self._options.period, 'simulator.joint_rate'
-        )
         self._build()
         self._make_topics()
+        self.is_open = True
         if self.get_parameter('robot_description').value or self.settings.robot.urdf:
             self._description_publisher = self.create_publisher(
                 String, '/robot_description', LATCHED
@@ -149,6 +149,8 @@ class SimulatorNode(Node):
         self._last_imu: Imu | None = None
         self._waiting_since = 0
         self._is_late = False
+        self._is_answered = False
+        self._sent_ns, self._sent_to = 0, (0, 0)
 
     def _make_topics(self) -> None:
         self._clock_publisher = self.create_publisher(ClockMessage, '/clock', STATE)
@@ -198,11 +200,16 @@ class SimulatorNode(Node):
                 f'lockstep: no command stamped {self._awaited * 1e-9:.3f} s on '
                 f'{self._command_topic} for {self._options.lockstep_timeout:g} s; still waiting'
             )
-        if self._now() - self._sent_ns > RESEND_PERIOD_NS:
+        has_news = self._peers() != self._sent_to
+        if has_news or (not self._is_answered and self._now() - self._sent_ns > RESEND_PERIOD_NS):
             self._resend()  # to who came late: a command is owed for these samples
 
+    def _peers(self) -> tuple[int, int]:
+        takers = self._joint_publisher.get_subscription_count()
+        return takers, self.count_publishers(self._command_topic)
+
     def _resend(self) -> None:
-        self._sent_ns = self._now()
+        self._sent_ns, self._sent_to = self._now(), self._peers()
         if self._last_imu is not None:
             self._imu_publisher.publish(self._last_imu)
         if self._last_joints is not None:
@@ -232,6 +239,8 @@ class SimulatorNode(Node):
         plant = self.plant
         ns = plant.time_ns
         sample = self._sensors.sample(plant.step_index, plant.state, plant.effort)
+        for observe in self.observers:
+            observe(plant)
         self._clock_publisher.publish(ClockMessage(clock=convert.to_time(ns)))
         if sample.omega is not None and self._robot.is_free:
             std = self.settings.sensors.gyro_std
@@ -274,7 +283,7 @@ class SimulatorNode(Node):
             return
         self._tau_step = self.step_index
         if self._options.lockstep:
-            self._answer = tau
+            self._answer, self._is_answered = tau, True
             self._advance()
         else:
             self._tau = tau
@@ -288,7 +297,7 @@ class SimulatorNode(Node):
         self._wrench_step = self.step_index
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.plant is None:
+        if not self.is_open:
             response.success, response.message = False, 'no robot yet'
             return response
         self.reset()

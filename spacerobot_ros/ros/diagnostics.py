@@ -1,4 +1,4 @@
-"""Health of a node on /diagnostics: one status a concern, every rejected message counted by reason."""
+"""Health of a node on /diagnostics: a status a concern, rejected messages counted by reason."""
 
 from __future__ import annotations
 

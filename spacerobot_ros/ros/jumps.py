@@ -13,7 +13,7 @@ STAMP_JUMP_NS = 1_000_000_000
 
 
 def on_backward_jump(node: Node, react: Callable[[], None]) -> JumpHandle:
-    """Call `react` after the node's clock went back; keep the handle as long as that shall hold."""
+    """Call `react` whenever the node's clock has gone back, as long as the handle is kept."""
     threshold = JumpThreshold(
         min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False
     )

@@ -24,7 +24,7 @@ def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> 
         args: Command line; None: that of the process.
 
     Returns:
-        0 when stopped from outside, 1 when the run failed, 2 for a configuration that can't be used.
+        0 when stopped from outside, 1 when the run failed, 2 for an unusable configuration.
     """
     try:
         with rclpy.init(args=None if args is None else list(args)):

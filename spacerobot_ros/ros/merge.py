@@ -1,4 +1,4 @@
-"""Put the samples of several streams into the order of their stamps, whatever order they came in."""
+"""Samples of several streams in the order of their stamps, whatever order they came in."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Merger:
         """Take a sample; return what is released by it, in order.
 
         Raises:
-            MessageRejectedError: a second sample with its stamp, or one too late to be put in order.
+            MessageRejectedError: a second sample with its stamp, or one too late for its place.
         """
         if (stamp_ns, stream) in self._pending or stamp_ns == self._newest[stream]:
             raise MessageRejectedError('duplicate stamp')

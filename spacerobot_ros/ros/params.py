@@ -44,7 +44,8 @@ def declare_settings(node: Node) -> Settings:
     """
     given = {
         name: parameter.value
-        for name, parameter in node._parameter_overrides.items()  # no public way to see unknown ones
+        # rclpy has no public way to see those that nobody declares
+        for name, parameter in node._parameter_overrides.items()
         if not name.startswith(_OF_ROS)
     }
     own = {name: given.pop(name, default) for name, (default, _) in OWN.items()}

@@ -1,4 +1,4 @@
-"""Several nodes in one process, run callback by callback: no sleeps, no threads, one context a test."""
+"""Nodes in one process, run callback by callback: no sleeps, no threads, a context a test."""
 
 from __future__ import annotations
 
