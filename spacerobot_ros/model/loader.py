@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
-import yaml
 
 from ..errors import ConfigurationError
 from ..types import Array
+from .body import Body, Rotor, effective_inertia
+from .files import read_parameters, read_text
 from .merge import merge_bodies
-from .robot import Body, Robot, Rotor, effective_inertia
+from .robot import Robot
 from .settings import RobotSettings, SensorSettings, Settings, TruthSettings, parse_settings
 from .urdf import MOVING, Tree, check_inertia, parse_urdf
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
@@ -44,10 +42,10 @@ def load_robot_file(path: str | Path) -> RobotFile:
             named.
     """
     path = Path(path)
-    settings = parse_settings(_read_parameters(path), f'{path}: ')
+    settings = parse_settings(read_parameters(path), f'{path}: ')
     urdf_path = resolve_urdf(settings.robot.urdf, beside=path.parent)
     return RobotFile(
-        build_robot(settings, _read_text(urdf_path, 'robot.urdf'), str(urdf_path)), settings
+        build_robot(settings, read_text(urdf_path, 'robot.urdf'), str(urdf_path)), settings
     )
 
 
@@ -213,59 +211,6 @@ def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
         check_inertia(inertia.mass, inertia.inertia, where)
         parameters[names.index(link)] = row
     return robot.with_inertial_parameters(parameters) if truth.links else robot
-
-
-class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml is untyped
-    """YAML as ROS 2 reads it (`1e-5` is a number), refusing a key that is given twice."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Build a map, refusing duplicate keys."""
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if key in seen:
-                problem = f'key {key!r} is given twice'
-                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
-            seen.add(key)
-        return super().construct_mapping(node, deep)
-
-
-_Loader.add_implicit_resolver(
-    'tag:yaml.org,2002:float',
-    re.compile(r'^[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$'),
-    list('-+.0123456789'),
-)
-
-
-def _read_parameters(path: Path) -> Mapping[str, Any]:
-    try:
-        content = yaml.load(_read_text(path, 'robot file'), _Loader)
-    except yaml.YAMLError as error:
-        raise ConfigurationError(
-            str(path), f'not valid YAML: {" ".join(str(error).split())}'
-        ) from error
-    if not isinstance(content, Mapping) or len(content) != 1:
-        raise ConfigurationError(
-            str(path), "expected one entry '/**' with ros__parameters below it"
-        )
-    node, parameters = next(iter(content.items()))
-    if not isinstance(parameters, Mapping) or list(parameters) != ['ros__parameters']:
-        raise ConfigurationError(
-            f'{path}: {node}', 'expected ros__parameters, and nothing else, below it'
-        )
-    values = parameters['ros__parameters']
-    if not isinstance(values, Mapping):
-        raise ConfigurationError(
-            f'{path}: {node}: ros__parameters', f'expected a map of parameters, got {values!r}'
-        )
-    return values
-
-
-def _read_text(path: Path, what: str) -> str:
-    try:
-        return path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(str(path), f'{what} can not be read: {error}') from error
 
 
 def _check_joints(options: RobotSettings, tree: Tree) -> None:

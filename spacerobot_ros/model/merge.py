@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..types import Matrix3, Vector3
-from .robot import Body
+from .body import Body
 from .urdf import Joint, Link, Tree
 
 Frames = dict[str, tuple[int, Matrix3, Vector3]]

@@ -20,86 +20,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError
-from ..types import Array, Matrix3, Vector3
+from ..types import Array, Vector3
+from .body import Body, Gyrostat, Rotor, tree_order, without
 from .settings import SensorSettings
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Body:
-    """One rigid body of the tree.
-
-    Args:
-        name: Link that gives the body its frame.
-        parent: Index of the parent body; -1 for the base.
-        rotation: (3, 3) takes body coordinates at zero joint position to the parent's.
-        translation: (3,) joint origin in the parent frame [m].
-        axis: (3,) unit joint axis in the body frame.
-        is_prismatic: Whether the joint slides instead of turning.
-        mass: Mass [kg].
-        com: (3,) centre of mass in the body frame [m].
-        inertia: (3, 3) about the centre of mass, body axes [kg m^2].
-    """
-
-    name: str
-    parent: int
-    rotation: Matrix3
-    translation: Vector3
-    axis: Vector3
-    is_prismatic: bool
-    mass: float
-    com: Vector3
-    inertia: Matrix3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Gyrostat:
-    """Wheels of one link as a momentum relative to it.
-
-    Args:
-        link: The carrying link.
-        body: Index of the body that the link belongs to.
-        rotation: (3, 3) takes coordinates of the link frame to the body frame.
-        momentum: (3,) relative wheel momentum in the link frame [N m s].
-    """
-
-    link: str
-    body: int
-    rotation: Matrix3
-    momentum: Vector3
-
-    @property
-    def body_momentum(self) -> Vector3:
-        """(3,) relative wheel momentum in the body frame [N m s]."""
-        return self.rotation @ self.momentum
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rotor:
-    """A true wheel rotor: a balanced body that spins freely about its axis on a carrying body.
-
-    Args:
-        joint: Name of its joint.
-        link: The link that carries it.
-        is_target: Whether it belongs to the captured body (else to the servicer).
-        body: The rotor itself; `body.parent` is the carrying body.
-        rate: Relative rate at the start [rad/s].
-    """
-
-    joint: str
-    link: str
-    is_target: bool
-    body: Body
-    rate: float
-
-    @property
-    def axial_inertia(self) -> float:
-        """Moment of inertia about the axis [kg m^2]."""
-        return float(self.body.axis @ self.body.inertia @ self.body.axis)
-
-    @property
-    def body_momentum(self) -> Vector3:
-        """(3,) momentum relative to the carrier, in the carrying body's frame [N m s]."""
-        return self.axial_inertia * self.rate * (self.body.rotation @ self.body.axis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +182,7 @@ class Robot:
             return self
         bodies = list(self.bodies)
         for rotor in self.rotors:
-            bodies[rotor.body.parent] = _without(bodies[rotor.body.parent], rotor.body)
+            bodies[rotor.body.parent] = without(bodies[rotor.body.parent], rotor.body)
         n = len(self.rotors)
         unlimited = np.full(n, np.inf)
         return replace(
@@ -291,34 +214,8 @@ class Robot:
         )
 
 
-def effective_inertia(body: Body) -> float:
-    """What a body opposes to its own joint: mass [kg], or moment about its axis [kg m^2]."""
-    if body.is_prismatic:
-        return body.mass
-    return float(body.axis @ (body.inertia + body.mass * _steiner(body.com)) @ body.axis)
-
-
 def _emptied(gyrostat: Gyrostat, rotors: list[Rotor]) -> Gyrostat:
     return replace(gyrostat, momentum=np.zeros(3)) if rotors else gyrostat
-
-
-def _without(body: Body, part: Body) -> Body:
-    """The body without a part that `part.rotation` and `part.translation` place in it."""
-    mass = body.mass - part.mass
-    part_com = part.translation + part.rotation @ part.com
-    com = (body.mass * body.com - part.mass * part_com) / mass
-    part_inertia = part.rotation @ part.inertia @ part.rotation.T
-    inertia = (
-        body.inertia
-        + body.mass * _steiner(body.com - com)
-        - part_inertia
-        - part.mass * _steiner(part_com - com)
-    )
-    return replace(body, mass=mass, com=com, inertia=inertia)
-
-
-def _steiner(d: Vector3) -> Matrix3:
-    return d @ d * np.eye(3) - np.outer(d, d)
 
 
 def _finite(values: Array, shape: tuple[int, ...], what: str) -> Array:
@@ -358,16 +255,4 @@ def _build_pin_model(robot: Robot) -> pin.Model:
     return model
 
 
-def tree_order(bodies: tuple[Body, ...]) -> list[int]:
-    """Indices of the moving bodies, depth first: every parent before its children, subtrees whole.
-
-    Pinocchio's `crba` takes the columns of a subtree to be contiguous and is silently wrong if
-    they aren't.
-    """
-    order: list[int] = []
-    stack = [0]
-    while stack:
-        index = stack.pop()
-        order.append(index)
-        stack.extend(i for i in reversed(range(1, len(bodies))) if bodies[i].parent == index)
-    return order[1:]
+__all__ = ['Body', 'Gyrostat', 'Robot', 'Rotor', 'tree_order']

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..types import Vector3
+from .body import Body, Gyrostat, Rotor
 from .merge import Frames
-from .robot import Body, Gyrostat, Rotor
 from .settings import RobotSettings, WheelSettings
 from .urdf import Joint, Tree
 
@@ -152,8 +152,8 @@ def _check_rotor(joint: Joint, tree: Tree, place: str) -> None:
     if offset > _BALANCE_OFFSET or tilt > _BALANCE_TILT * axial:
         raise ConfigurationError(
             place,
-            f'rotor link {joint.child!r} is not balanced about its axis: centre of mass {offset:.3g} m '
-            'off, products of inertia {tilt:.3g} kg m^2',
+            f'rotor link {joint.child!r} is not balanced about its axis: centre of mass '
+            f'{offset:.3g} m off, products of inertia {tilt:.3g} kg m^2',
         )
 
 

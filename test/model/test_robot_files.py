@@ -75,6 +75,7 @@ FILES = [
     ('malformed', '/**: [', 'robot.yaml: not valid YAML'),
     ('tab', '/**:\n\tros__parameters: 1', 'robot.yaml: not valid YAML'),
     ('key twice', TEXT + '    truth: {}\n', "not valid YAML: key 'truth' is given twice"),
+    ('list as key', '? [a]\n: 1', 'not valid YAML: .* unhashable key'),
     ('empty', '', r"robot.yaml: expected one entry '/\*\*'"),
     ('list', '- 1', r"robot.yaml: expected one entry '/\*\*'"),
     ('two nodes', 'a: {}\nb: {}', r"robot.yaml: expected one entry '/\*\*'"),

@@ -1,0 +1,72 @@
+"""Reading robot files: YAML as ROS 2 reads it, with nothing silently overwritten."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..errors import ConfigurationError
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml is untyped
+    """YAML as ROS 2 reads it (`1e-5` is a number), refusing a key that is given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Build a map, refusing duplicate keys."""
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                problem = f'key {key!r} is given twice'
+                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+            seen.add(key)
+        return mapping
+
+
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float',
+    re.compile(r'^[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$'),
+    list('-+.0123456789'),
+)
+
+
+def read_parameters(path: Path) -> Mapping[str, Any]:
+    """Content of `ros__parameters` of a robot file.
+
+    Raises:
+        ConfigurationError: unreadable, not YAML, or not of the form `/**: ros__parameters: ...`.
+    """
+    try:
+        content = yaml.load(read_text(path, 'robot file'), _Loader)
+    except yaml.YAMLError as error:
+        raise ConfigurationError(
+            str(path), f'not valid YAML: {" ".join(str(error).split())}'
+        ) from error
+    if not isinstance(content, Mapping) or len(content) != 1:
+        raise ConfigurationError(
+            str(path), "expected one entry '/**' with ros__parameters below it"
+        )
+    node, parameters = next(iter(content.items()))
+    if not isinstance(parameters, Mapping) or list(parameters) != ['ros__parameters']:
+        raise ConfigurationError(
+            f'{path}: {node}', 'expected ros__parameters, and nothing else, below it'
+        )
+    values = parameters['ros__parameters']
+    if not isinstance(values, Mapping):
+        raise ConfigurationError(
+            f'{path}: {node}: ros__parameters', f'expected a map of parameters, got {values!r}'
+        )
+    return values
+
+
+def read_text(path: Path, what: str) -> str:
+    """Text of a UTF-8 file; `what` it is, for the error message."""
+    try:
+        return path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(str(path), f'{what} can not be read: {error}') from error
