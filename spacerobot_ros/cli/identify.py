@@ -6,8 +6,10 @@ import argparse
 import json
 import math
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ..errors import IdentificationError
 from .options import Formatter
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ _EPILOG = """\
 examples:
   spacerobot identify run --robot config/servicer.yaml
   spacerobot identify run --robot config/servicer.yaml --json | jq .aam
+  spacerobot identify run --robot config/servicer.yaml --write out/identified.yaml
 
 exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 2 unusable input
 """
@@ -47,19 +50,38 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument('bag', metavar='BAG', help='rosbag2 folder, one mcap or db3 file, or npz')
     parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
     parser.add_argument('--method', choices=METHODS, default='ml', help='estimator')
+    parser.add_argument(
+        '--manifold',
+        choices=('physical', 'linear'),
+        help='ml only: over physical bodies, or over the free minimal set (default: robot file)',
+    )
+    parser.add_argument(
+        '--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF'
+    )
     parser.add_argument('--json', action='store_true', help='print JSON, and nothing else')
 
 
 def run(args: argparse.Namespace) -> int:
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
-    from ..identification.batch import identify
+    from ..identification.batch import identify_robot
     from ..model.loader import load_robot_file
+    from ..model.writer import write_robot_file
     from ..recording.bag import read_bag
     from ..recording.npz import load_npz
 
     file = load_robot_file(args.robot)
     record = load_npz(args.bag) if args.bag.endswith('.npz') else read_bag(args.bag, file.robot)
-    estimate = identify(record, file.robot, file.settings.identifier, args.method)
+    settings = file.settings.identifier
+    if args.manifold:
+        settings = replace(settings, manifold=args.manifold)
+    result = identify_robot(record, file.robot, settings, args.method)
+    estimate = result.estimate
+    if args.write:
+        if result.robot is None:
+            raise IdentificationError(
+                f'{args.write} is not written: no physical bodies were found'
+            )
+        write_robot_file(result.robot, args.robot, args.write)
     if args.json:
         print(json.dumps(_plain(estimate.to_dict()), indent=2, allow_nan=False))
     else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from ..errors import IdentificationError
@@ -14,7 +16,9 @@ from .least_squares import sampled_reference, solve_least_squares
 from .linearize import MomentumModel
 from .maximum_likelihood import estimate_constants, prepare
 from .minimal import minimal_set
+from .momentum_filter import SquareRootInformation
 from .noise import noise_levels
+from .physical import project
 from .prior import weak_prior
 from .smoothing import SensorData
 from .summary import summarize
@@ -23,9 +27,30 @@ METHODS = ('ml', 'recursive', 'ls')
 _SHORTEST = 2.0  # s
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """Result of `identify_robot`.
+
+    Args:
+        estimate: Wheel momentum and minimal parameters.
+        robot: The robot with the bodies and the wheel momentum found; None where no bodies
+            were sought (`ls`, `recursive`, a linear manifold) or found.
+    """
+
+    estimate: Estimate
+    robot: Robot | None
+
+
 def identify(
     record: Record, robot: Robot, settings: IdentifierSettings, method: str = 'ml'
 ) -> Estimate:
+    """The estimate of `identify_robot` alone."""
+    return identify_robot(record, robot, settings, method).estimate
+
+
+def identify_robot(
+    record: Record, robot: Robot, settings: IdentifierSettings, method: str = 'ml'
+) -> Identification:
     """Estimate wheel momentum and minimal parameters from a record.
 
     Args:
@@ -59,7 +84,7 @@ def identify(
             model, reference, levels, recursive=method == 'recursive'
         )
     stamp_ns = origin_ns + round(float(data.joint_time[-1]) * 1e9)
-    return summarize(
+    linear = summarize(
         method,
         model,
         settings,
@@ -70,6 +95,46 @@ def identify(
         stamp_ns,
         notes,
     )
+    if method != 'ml' or settings.manifold == 'linear':
+        return Identification(linear, None)
+    return _on_bodies(model, settings, linear, constants, information)
+
+
+def _on_bodies(
+    model: MomentumModel,
+    settings: IdentifierSettings,
+    linear: Estimate,
+    constants: Array,
+    information: SquareRootInformation,
+) -> Identification:
+    """The estimate over physical bodies, or the linear one with the reason where none fit."""
+    change, _ = information.solve()
+    physical = project(
+        model,
+        settings.structure,
+        constants + change,
+        information.factor[:, :-1],
+        settings.prior_std,
+    )
+    if physical.contradiction:
+        notes = (*linear.notes, f'{physical.contradiction}; the linear estimate stands')
+        return Identification(replace(linear, notes=notes), None)
+    aam = physical.constants[3 : 3 + model.n_aam]
+    estimate = replace(
+        linear,
+        aam=aam,
+        parameters=physical.constants[3 + model.n_aam :],
+        covariance=physical.covariance[3:, 3:],
+        total_momentum=physical.constants[:3],
+        total_momentum_covariance=physical.covariance[:3, :3],
+        notes=(
+            *linear.notes,
+            f'estimated over physical bodies: {physical.dimension - 3} dimensions for '
+            f'{linear.unknowns} numbers; misfit {physical.misfit:.3g} for {physical.dof} '
+            'degrees of freedom',
+        ),
+    )
+    return Identification(estimate, physical.robot.with_target_momentum(aam))
 
 
 def sensor_data(record: Record) -> tuple[SensorData, int]:

@@ -1,0 +1,103 @@
+"""Robot files out: the inertial parameters of a robot written back as URDF and YAML."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ..errors import ConfigurationError
+from .robot import Body, Robot
+from .urdf import parse_urdf
+
+
+def write_robot_file(robot: Robot, template: str | Path, path: str | Path) -> tuple[Path, Path]:
+    """Write a robot as YAML and URDF that every tool loads.
+
+    Args:
+        robot: The robot; its inertial parameters and believed wheel momentum are written.
+        template: The robot file it comes from; every other setting is kept.
+        path: The YAML to write; the URDF goes beside it under the same name.
+
+    Returns:
+        Paths of YAML and URDF.
+
+    Raises:
+        ConfigurationError: the template can't be read or the files can't be written.
+    """
+    path = Path(path)
+    urdf_path = path.with_suffix('.urdf')
+    try:
+        content = yaml.safe_load(Path(template).read_text(encoding='utf-8'))
+        section = next(iter(content.values()))['ros__parameters']['robot']
+        section['urdf'] = urdf_path.name
+        _set_momentum(section, robot)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        urdf_path.write_text(urdf_text(robot), encoding='utf-8')
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+        path.write_text(text, encoding='utf-8')
+    except (OSError, yaml.YAMLError) as error:
+        raise ConfigurationError(str(path), f'can not be written: {error}') from error
+    return path, urdf_path
+
+
+def urdf_text(robot: Robot) -> str:
+    """The robot's URDF with the inertial parameters of its bodies.
+
+    A body of several links joined by fixed joints is written as the inertial of its main link, the
+    others losing theirs: only their sum is known. Links of true rotors keep their own.
+    """
+    rates = np.array([rotor.rate for rotor in robot.rotors])
+    bodies = {body.name: body for body in robot.with_free_rotors(rates).bodies}
+    owners = _main_links(robot, set(bodies))
+    root = ElementTree.fromstring(robot.urdf)
+    for link in root.findall('link'):
+        name = link.get('name', '')
+        if name not in owners:
+            continue
+        for old in link.findall('inertial'):
+            link.remove(old)
+        if name in bodies and bodies[name].mass > 0.0:
+            link.insert(0, _inertial(bodies[name]))
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding='unicode') + '\n'
+
+
+def _main_links(robot: Robot, names: set[str]) -> dict[str, str]:
+    """Main link of the body that each link belongs to."""
+    tree = parse_urdf(robot.urdf)
+    parents = {joint.child: joint for joint in tree.joints.values()}
+    owners = {}
+    for link in tree.links:
+        at = link
+        while at not in names and at in parents and parents[at].kind == 'fixed':
+            at = parents[at].parent
+        owners[link] = at
+    return owners
+
+
+def _inertial(body: Body) -> ElementTree.Element:
+    element = ElementTree.Element('inertial')
+    origin = ' '.join(repr(float(x)) for x in body.com)
+    ElementTree.SubElement(element, 'origin', xyz=origin, rpy='0 0 0')
+    ElementTree.SubElement(element, 'mass', value=repr(float(body.mass)))
+    names = {
+        'ixx': (0, 0),
+        'ixy': (0, 1),
+        'ixz': (0, 2),
+        'iyy': (1, 1),
+        'iyz': (1, 2),
+        'izz': (2, 2),
+    }
+    values = {name: repr(float(body.inertia[index])) for name, index in names.items()}
+    ElementTree.SubElement(element, 'inertia', values)
+    return element
+
+
+def _set_momentum(section: dict[str, Any], robot: Robot) -> None:
+    wheels = section.get('target_wheels')
+    if wheels and 'links' in wheels:
+        wheels['momentum'] = [float(x) for x in robot.target_momentum]
