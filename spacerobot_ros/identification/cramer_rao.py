@@ -1,21 +1,25 @@
 r"""Cramer-Rao bound of the wheel momentum and the minimal parameters along a motion.
 
-What the sensors of a run can tell at best, however they are processed. Unknown are the whole joint trajectory (a
-quintic B-spline), the first attitude, the total momentum h_W, and [AAM; x]; body rate and attitude follow from the
-conservation of momentum. With psi the attitude error in the inertial frame,
+What the sensors of a run can tell at best, however they are processed. Unknown are the whole joint
+trajectory (a quintic B-spline), the first attitude, the total momentum h_W, and [AAM; x]; body
+rate and attitude follow from the conservation of momentum. With psi the attitude error in the
+inertial frame,
 
     psi' = R dw,    dw = D^-1 (E_phi R^T psi + E_q dq + E_q' dq' + V t)      (linearize.py)
 
-every sample is linear in psi(0), the spline's coefficients and the constants' errors t. B-splines are local: each
-interval between knots depends on psi at its start, on six coefficients a joint and on t, and the intervals are chained
-in square-root form, so that the cost grows with the length of the run and not with its cube. No estimator is involved.
+every sample is linear in psi(0), the spline's coefficients and the constants' errors t. B-splines
+are local: each interval between knots depends on psi at its start, on six coefficients a joint and
+on t, and the intervals are chained in square-root form, so that the cost grows with the length of
+the run and not with its cube. No estimator is involved.
 
-Symbols: S intervals, n joints, p constants, C = 3 + 6 n + p columns of an interval [psi; coefficients; t].
+Symbols: S intervals, n joints, p constants, C = 3 + 6 n + p columns of an interval [psi;
+coefficients; t].
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
@@ -38,8 +42,10 @@ class SensorPlan:
     """When each sensor measures and how well; a standard deviation of None: not measured.
 
     Args:
-        joint_time: (Nj,) increasing, in the motion's time [s]. rate_time: (Ng,). attitude_time: (Na,).
-        joint_position_std: [rad]. joint_velocity_std: [rad/s]. gyro_std: [rad/s]. attitude_std: [rad] an axis.
+        joint_time: (Nj,) increasing, in the motion's time [s].
+        rate_time: (Ng,). attitude_time: (Na,).
+        joint_position_std: [rad]. joint_velocity_std: [rad/s].
+        gyro_std: [rad/s]. attitude_std: [rad] an axis.
     """
 
     joint_time: Array
@@ -65,7 +71,9 @@ class SensorPlan:
             for rate in (joint_rate, imu_rate, attitude_rate)
         ]
         return cls(
-            *times,
+            times[0],
+            times[1],
+            times[2],
             sensors.joint_position_std,
             sensors.joint_velocity_std,
             sensors.gyro_std,
@@ -81,7 +89,8 @@ class CramerRaoBound:
         factor: (p, p) triangular square root of the Fisher information of [h_W; AAM; x].
         n_aam: Number of wheel-momentum entries.
         rank: Number of directions of [AAM; x] that the data tell.
-        covariance: (p - 3, p - 3) bound of [AAM; x] [N m s; kg m^2]; infinite variance where nothing is told.
+        covariance: (p - 3, p - 3) bound of [AAM; x] [N m s; kg m^2]; infinite variance where the
+            data tell nothing.
     """
 
     factor: Array
@@ -107,9 +116,10 @@ def cramer_rao_bound(
     Args:
         robot: The true robot, its captured wheels' momentum included.
         minimal: The parameters to be identified.
-        motion: Noise-free motion, sampled at least every 20 ms or so, which covers the plan's times.
+        motion: Noise-free motion, sampled every 20 ms or finer, over all the plan's times.
         plan: Sensors.
-        knot_spacing: Distance of the knots [s] of the unknown joint trajectory; shorter leaves it more freedom.
+        knot_spacing: Distance of the knots of the unknown joint trajectory [s]; shorter leaves it
+            more freedom.
 
     Raises:
         IdentificationError: a plan that reaches beyond the motion.
@@ -138,7 +148,9 @@ class _Motion:
     def __init__(self, motion: Reference) -> None:
         self.start, self.end = float(motion.time[0]), float(motion.time[-1])
         quaternions = motion.rotation.as_quat()
-        flips = np.cumprod(np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0))
+        flips = np.cumprod(
+            np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
+        )
         quaternions[1:] *= flips[:, None]
         self._n = motion.q.shape[1]
         values = np.concatenate([motion.q, motion.qd, motion.omega, quaternions], axis=1)
@@ -148,17 +160,21 @@ class _Motion:
     def at(self, time: Array) -> Reference:
         if len(time) and (time.min() < self.start - 1e-9 or time.max() > self.end + 1e-9):
             raise IdentificationError(
-                f'sensor times reach from {time.min():g} to {time.max():g} s, the motion from {self.start:g} to '
-                f'{self.end:g} s'
+                f'sensor times reach from {time.min():g} to {time.max():g} s, the motion '
+                f'from {self.start:g} to {self.end:g} s'
             )
         n, values = self._n, self._curve(time)
         return Reference(
-            time, values[:, :n], values[:, n : 2 * n], values[:, 2 * n : -4], Rotation.from_quat(values[:, -4:])
+            time,
+            values[:, :n],
+            values[:, n : 2 * n],
+            values[:, 2 * n : -4],
+            Rotation.from_quat(values[:, -4:]),
         )
 
 
 class _Pieces:
-    """The attitude error on every interval between knots, as a linear function of the interval's columns."""
+    """The attitude error on every interval, as a linear function of the interval's columns."""
 
     def __init__(self, model: MomentumModel, motion: _Motion, knot_spacing: float) -> None:
         self._model, self._motion = model, motion
@@ -178,7 +194,12 @@ class _Pieces:
         return index, position - index
 
     def rates(self, time: Array, u: Array) -> tuple[Array, Array]:
-        """(N, 3, 3) and (N, 3, C) with psi' = first @ psi + second @ columns, for time (N,) at u of its interval."""
+        """(N, 3, 3) and (N, 3, C) with psi' = first @ psi + second @ columns.
+
+        Args:
+            time: (N,) [s].
+            u: (N,) where in its interval each time lies, from 0 to 1.
+        """
         reference = self._motion.at(time)
         linear = self._model.linearize(reference, self._constants)
         R = reference.rotation.as_matrix()
@@ -186,8 +207,13 @@ class _Pieces:
         drive = np.zeros((len(time), 3, self.width))
         by_q, by_rate = R @ linear.state[..., 3 : 3 + n], R @ linear.state[..., 3 + n :]
         values, slopes = basis(u, 0), basis(u, 1) / self.length
-        joints = by_q[..., None, :] * values[:, None, :, None] + by_rate[..., None, :] * slopes[:, None, :, None]
-        drive[..., 3 : 3 + _ORDER * n] = joints.reshape(len(time), 3, -1)  # coefficient by coefficient, joints inside
+        joints = (
+            by_q[..., None, :] * values[:, None, :, None]
+            + by_rate[..., None, :] * slopes[:, None, :, None]
+        )
+        drive[..., 3 : 3 + _ORDER * n] = joints.reshape(
+            len(time), 3, -1
+        )  # coefficient by coefficient, joints inside
         drive[..., 3 + _ORDER * n :] = R @ linear.constants
         return R @ linear.state[..., :3] @ np.swapaxes(R, 1, 2), drive
 
@@ -207,7 +233,7 @@ class _Pieces:
         )
 
     def _integrate(self) -> Array:
-        """(S, steps + 1, 3, C) psi at the nodes of each interval, all intervals at once by Runge-Kutta steps."""
+        """(S, steps + 1, 3, C) psi at the nodes; Runge-Kutta on all intervals at once."""
         steps, count = self._steps, self.count
         fractions = np.arange(2 * steps + 1) / (2 * steps)
         matrix, drive = self._on_intervals(fractions)
@@ -235,7 +261,7 @@ class _Pieces:
 
 
 def basis(u: Array, derivative: int) -> Array:
-    """(N, 6) uniform quintic B-splines, or their derivatives by u, that live on an interval; u (N,) from 0 to 1."""
+    """(N, 6) uniform quintic B-splines that live on an interval, at u (N,) from 0 to 1."""
     knots = np.arange(-_ORDER + 1.0, _ORDER + 1.0)
     curve = BSpline(knots, np.eye(_ORDER), _ORDER - 1)
     return np.asarray(curve(u, derivative)) if len(u) else np.zeros((0, _ORDER))
@@ -246,9 +272,19 @@ def _measured_rows(pieces: _Pieces, plan: SensorPlan) -> list[list[Array]]:
     rows: list[list[Array]] = [[] for _ in range(pieces.count)]
     if plan.gyro_std is not None and len(plan.rate_time):
         matrix, drive = pieces.rates(plan.rate_time, pieces.locate(plan.rate_time)[1])
-        _sort(rows, pieces, plan.rate_time, (matrix @ pieces.attitude(plan.rate_time) + drive) / plan.gyro_std)
+        _sort(
+            rows,
+            pieces,
+            plan.rate_time,
+            (matrix @ pieces.attitude(plan.rate_time) + drive) / plan.gyro_std,
+        )
     if plan.attitude_std is not None and len(plan.attitude_time):
-        _sort(rows, pieces, plan.attitude_time, pieces.attitude(plan.attitude_time) / plan.attitude_std)
+        _sort(
+            rows,
+            pieces,
+            plan.attitude_time,
+            pieces.attitude(plan.attitude_time) / plan.attitude_std,
+        )
     for interval, joint in enumerate(_joint_rows(pieces, plan)):
         whole = np.zeros((joint.shape[0] * pieces.n, pieces.width))
         whole[:, 3 : 3 + _ORDER * pieces.n] = np.kron(joint, np.eye(pieces.n))
@@ -260,7 +296,7 @@ def _sort(rows: list[list[Array]], pieces: _Pieces, time: Array, values: Array) 
     """Give every interval its own rows of values (N, 3, C)."""
     index, _ = pieces.locate(time)
     bounds = np.searchsorted(index, np.arange(pieces.count + 1))
-    for interval, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+    for interval, (first, last) in enumerate(pairwise(bounds)):
         if last > first:
             rows[interval].append(values[first:last].reshape(-1, pieces.width))
 
@@ -275,13 +311,14 @@ def _joint_rows(pieces: _Pieces, plan: SensorPlan) -> list[Array]:
             weighted.append(basis(u, derivative) / pieces.length**derivative / std)
             owners.append(index)
     values, owner = np.concatenate(weighted), np.concatenate(owners)
-    return [np.linalg.qr(values[owner == interval], mode='r') for interval in range(pieces.count)]
+    return [_triangle(values[owner == interval]) for interval in range(pieces.count)]
 
 
 def _chain(pieces: _Pieces, rows: list[list[Array]]) -> Array:
     """(p, p) square-root information of t, everything else eliminated interval by interval.
 
-    A coefficient is eliminated when its last interval has been added; psi is carried from start to end of each.
+    A coefficient is eliminated when its last interval has been added; psi is carried from the
+    start to the end of each.
     """
     n, width, joints = pieces.n, pieces.width, _ORDER * pieces.n
     carried = np.zeros((3 + joints, width))
@@ -291,19 +328,23 @@ def _chain(pieces: _Pieces, rows: list[list[Array]]) -> Array:
         end = pieces.psi[interval, -1]
         by_end = np.linalg.solve(end[:, :3].T, stacked[:, :3].T).T
         rest = stacked[:, 3:] - by_end @ end[:, 3:]
-        triangle = np.linalg.qr(np.concatenate([rest[:, :n], by_end, rest[:, n:]], axis=1), mode='r')[n:]
+        triangle = _triangle(np.concatenate([rest[:, :n], by_end, rest[:, n:]], axis=1))[n:]
         carried = np.zeros((len(triangle) + n, width))
         carried[n:, : 3 + joints - n] = triangle[:, n : 3 + joints]
         carried[n:, 3 + joints :] = triangle[:, 3 + joints :]
         carried[:n, 3 + joints - n : 3 + joints] = _FREE * np.eye(n)
-    triangle = np.linalg.qr(carried, mode='r')[3 + joints :, 3 + joints :]
+    triangle = _triangle(carried)[3 + joints :, 3 + joints :]
     factor = np.zeros((pieces.p, pieces.p))
     factor[: len(triangle)] = triangle
     return factor
 
 
+def _triangle(matrix: Array) -> Array:
+    return np.asarray(np.linalg.qr(matrix, mode='r'))
+
+
 def _invert(factor: Array) -> tuple[Array, int]:
-    """Covariance of a square-root information, infinite for what lies in its null space, and the rank."""
+    """Covariance, infinite for what lies in the information's null space, and the rank."""
     scale = np.linalg.norm(factor, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     _, singular, right = np.linalg.svd(factor / scale)

@@ -1,7 +1,7 @@
-r"""The paper's linear system A x = b, exactly as printed: momentum of every sample against that of the first.
+r"""The paper's linear system A x = b, as printed: every sample's momentum against the first's.
 
-    A = [R0 RN - (R0 RN)_in, Y - Y_in]    b = (R0_in - R0) h0          # eqs. (27), (28)
-    A = [R0 RN - (R0 RN)_in, Y]           b = -R0 h0                   # eqs. (31), (32), after a spin-up from rest
+A = [R0 RN - (R0 RN)_in, Y - Y_in] b = (R0_in - R0) h0 # eqs. (27), (28) A = [R0 RN - (R0 RN)_in,
+Y] b = -R0 h0 # eqs. (31), (32), after a spin-up from rest
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ class LinearSystem:
     @property
     def condition(self) -> tuple[float, float]:
         """Condition number of A, and of A with unit columns (its columns have different units)."""
-        return float(np.linalg.cond(self.A)), float(np.linalg.cond(self.A / np.linalg.norm(self.A, axis=0)))
+        return float(np.linalg.cond(self.A)), float(
+            np.linalg.cond(self.A / np.linalg.norm(self.A, axis=0))
+        )
 
     def solve(self) -> Array:
         """(3 + k,) least-squares solution, columns scaled to unit norm first."""
@@ -43,7 +45,9 @@ class LinearSystem:
         return LinearSystem(self.A[:, 3:], self.b)
 
 
-def linear_system(robot: Robot, minimal: MinimalSet, motion: Reference, start: str = 'moving') -> LinearSystem:
+def linear_system(
+    robot: Robot, minimal: MinimalSet, motion: Reference, start: str = 'moving'
+) -> LinearSystem:
     """Assemble the system from samples.
 
     Args:
@@ -68,7 +72,9 @@ def linear_system(robot: Robot, minimal: MinimalSet, motion: Reference, start: s
 
 def true_solution(robot: Robot, minimal: MinimalSet) -> Array:
     """(3 + k,) [AAM; minimal parameters] of a robot."""
-    return np.concatenate([robot.target_momentum, minimal.grouping @ BlockTree(robot).parameters()])
+    return np.concatenate(
+        [robot.target_momentum, minimal.grouping @ BlockTree(robot).parameters()]
+    )
 
 
 def relative_errors(estimate: Array, truth: Array) -> Array:

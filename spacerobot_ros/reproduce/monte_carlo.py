@@ -1,8 +1,9 @@
 """Estimators against the Cramer-Rao bound: seeded runs with noise, the same for every method.
 
-Methods: `paper` (least squares (26) with the momentum of the first sample, as printed), `ls` (the total momentum
-estimated as well), `recursive` (the same, block by block), `online` (the identifier node's recursion) and `ml` (maximum
-likelihood of a whole record). Online and ML start from inertial parameters that are 50 % wrong.
+Methods: `paper` (least squares (26) with the momentum of the first sample, as printed), `ls` (the
+total momentum estimated as well), `recursive` (the same, block by block), `online` (the identifier
+node's recursion) and `ml` (maximum likelihood of a whole record). Online and ML start from
+inertial parameters that are 50 % wrong.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ from .noise import noise_of, noisy_record, plan_of
 from .scenario import Scenario, cached_motion, scenario
 
 METHODS = ('paper', 'ls', 'recursive', 'online', 'ml')
-_WRONG = np.array([1.25, 1.5, 0.5, 1.5])  # factors on each body's inertial parameters before identification
+_WRONG = np.array(
+    [1.25, 1.5, 0.5, 1.5]
+)  # factors on each body's inertial parameters before identification
 _SOLVE_PERIOD = 2.0  # s of data between two solutions of the online recursion
 
 
@@ -52,10 +55,12 @@ class EstimatorScore:
     """One method at one noise level, over all runs.
 
     Args:
-        axes: Joint axes. scale: Factor on the nominal noise. method: One of `METHODS`. runs: Number of runs.
-        aam_over_bound: RMSE over the Cramer-Rao bound, root mean square over the AAM's components.
+        axes: Joint axes. scale: Factor on the nominal noise. method: One of `METHODS`.
+        runs: Number of runs.
+        aam_over_bound: RMSE over Cramer-Rao bound, root mean square over the AAM's components.
         base_over_bound: The same over the base parameters.
-        bias_over_rmse: |mean error| over RMSE, root mean square over all; 1/sqrt(runs) for an unbiased method.
+        bias_over_rmse: |mean error| over RMSE, root mean square over all; about 1/sqrt(runs) for
+            an unbiased method.
         aam_percent: (3,) RMSE of the AAM [%].
         base_percent: Median RMSE of the base parameters [%].
         chi2_per_dof: Mean over the runs; None for `paper`.
@@ -78,7 +83,10 @@ def noisy_run(axes: str, scale: float, seed: int) -> NoisyRun:
     case = scenario(axes)
     record = noisy_record(case.robot.joints, cached_motion(axes), scale, seed)
     believed = _wrong_robot(case, scale)
-    estimates = {name: identify(record, believed, case.identifier, name) for name in ('ls', 'recursive', 'ml')}
+    estimates = {
+        name: identify(record, believed, case.identifier, name)
+        for name in ('ls', 'recursive', 'ml')
+    }
     estimates['online'] = online_estimate(record, believed, case)
     solutions = {name: np.concatenate([e.aam, e.parameters]) for name, e in estimates.items()}
     solutions['paper'] = linear_system(case.robot, case.minimal, _samples(record)).solve()
@@ -139,7 +147,9 @@ def _rms(values: Array) -> float:
 
 
 def _wrong_robot(case: Scenario, scale: float) -> Robot:
-    believed = case.believed.with_inertial_parameters(case.believed.inertial_parameters * _WRONG[:, None])
+    believed = case.believed.with_inertial_parameters(
+        case.believed.inertial_parameters * _WRONG[:, None]
+    )
     return replace(believed, sensors=noise_of(scale))
 
 
@@ -149,7 +159,7 @@ def _samples(record: Record) -> Reference:
     if joints is None or rates is None or attitudes is None or joints.velocity is None:
         raise ValueError('the record lacks a sensor')
     return Reference(
-        joints.stamp_ns * 1e-9,
+        np.asarray(joints.stamp_ns * 1e-9, dtype=float),
         joints.position,
         joints.velocity,
         rates.omega,

@@ -1,7 +1,8 @@
 """The noise of the experiments, and records of a motion with it.
 
-The paper's noise models are in a reference that we do not have; nominal here is a realistic level, and scale 0.1 is where
-plain least squares makes the errors that the paper prints (docs/reproduction.md).
+The paper's noise models are in a reference that we do not have; nominal here is a realistic level,
+and scale 0.1 is where plain least squares makes the errors that the paper prints
+(docs/reproduction.md).
 """
 
 from __future__ import annotations
@@ -14,7 +15,12 @@ from ..identification.linearize import Reference
 from ..model.settings import SensorSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 
-_JOINT_POSITION, _JOINT_VELOCITY, _GYRO, _ATTITUDE = 1e-4, 1e-3, 1e-4, 1e-4  # rad, rad/s, rad/s, rad
+_JOINT_POSITION, _JOINT_VELOCITY, _GYRO, _ATTITUDE = (
+    1e-4,
+    1e-3,
+    1e-4,
+    1e-4,
+)  # rad, rad/s, rad/s, rad
 SCALES = (1.0, 0.1)
 
 

@@ -1,7 +1,8 @@
-"""What the wheel-momentum identification paper prints, and the reference figures of our own derivation.
+"""What the wheel-momentum identification paper prints, and our own derivation's figures.
 
-The paper prints neither its joint axes nor its condition numbers nor its noise levels nor its gains; `REFERENCE` holds
-what an independent prototype found for the readings that fit (docs/reproduction.md).
+The paper prints neither its joint axes nor its condition numbers nor its noise levels nor its
+gains; `REFERENCE` holds what an independent prototype found for the readings that fit
+(docs/reproduction.md).
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ CONDITION_REFERENCE = {
     ('zyx', 'generic'): ConditionReference(45, (7.6e3, 2.7e3), (7.6e3, 2.3e3), (1.6e3, 494)),
 }
 
-# (axes, plant, law, bandwidth) -> largest joint error [deg], largest end-effector error in the base frame [m]
+# (axes, plant, law, bandwidth) -> largest joint error [deg] and end-effector error [m], base frame
 TRACKING_REFERENCE = {
     ('xyy', 'correct', 'no_aam', 0.3): (16.2, 0.63),
     ('xyy', 'correct', 'no_aam', 0.5): (7.5, 0.32),
@@ -106,7 +107,7 @@ TRACKING_REFERENCE = {
     ('zyx', 'paper', 'no_aam', 2.0): (1.17, 0.028),
 }
 
-# (axes, noise scale, method) -> RMSE over the Cramer-Rao bound of AAM and of base parameters, |bias| over RMSE
+# (axes, noise scale, method) -> RMSE / bound of AAM and of base parameters, |bias| / RMSE
 ESTIMATOR_REFERENCE = {
     ('xyy', 1.0, 'paper'): (124.0, 165.0, 0.97),
     ('zyx', 1.0, 'paper'): (144.0, 188.0, 0.95),

@@ -1,8 +1,9 @@
-"""The paper's experiment: robot of Table I with any joint axes, motion of Table II, three ways to start.
+"""The paper's experiment: robot of Table I with any joint axes, motion of Table II, three starts.
 
-Motions come in two kinds. *Momentum-integrated*: joints follow the reference exactly, body rate and attitude from the
-conservation of momentum; then the paper's linear system is an identity, whatever the integrator's error. *Forward
-integrated*: the plant is driven by torques, and nothing but the equations of motion makes momentum constant.
+Motions come in two kinds. *Momentum-integrated*: joints follow the reference exactly, body rate
+and attitude from the conservation of momentum; then the paper's linear system is an identity,
+whatever the integrator's error. *Forward integrated*: the plant is driven by torques, and nothing
+but the equations of motion makes momentum constant.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from ..types import Array, Vector3
 from . import paper
 
 STARTS = ('moving', 'wheels', 'spin_up')
-"""moving: eqs. (27)-(28); wheels: robot at rest, all wheels spinning (Y_in = 0); spin_up: eqs. (31)-(32), robot at
-rest, then the servicer's own wheels are spun up and take the base with them."""
+"""moving: eqs. (27)-(28); wheels: robot at rest, all wheels spinning (Y_in = 0); spin_up: eqs.
+(31)-(32), robot at rest, then the servicer's own wheels are spun up and turn the base."""
 
 _AXES = {'x': (1.0, 0.0, 0.0), 'y': (0.0, 1.0, 0.0), 'z': (0.0, 0.0, 1.0)}
 
@@ -59,7 +60,7 @@ class Scenario:
     @property
     def times(self) -> Array:
         """(1000,) sample times [s]."""
-        return paper.SAMPLE_PERIOD * np.arange(paper.SAMPLES)
+        return np.array([paper.SAMPLE_PERIOD * k for k in range(paper.SAMPLES)])
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -80,7 +81,8 @@ class Scenario:
             omega = np.zeros(3)
         elif kind == 'spin_up':
             blocks = self.dynamics.inertia_blocks(self.initial.q)
-            omega = -np.linalg.solve(blocks.D, self.robot.servicer_wheels.body_momentum)
+            h0 = self.robot.servicer_wheels.body_momentum
+            omega = np.asarray(-np.linalg.solve(blocks.D, h0), dtype=float)
         return self.dynamics.at_rest_centre(replace(self.initial, omega_WB_B=omega))
 
 
@@ -95,7 +97,10 @@ def scenario(axes: str) -> Scenario:
         raise ConfigurationError('axes', f'{axes!r} is not three letters of x, y, z')
     file = load_robot_file(package_folder('spacerobot_ros') / 'config' / 'servicer.yaml')
     bodies = file.robot.bodies
-    turned = (replace(body, axis=np.array(_AXES[axis])) for body, axis in zip(bodies[1:], axes, strict=True))
+    turned = (
+        replace(body, axis=np.array(_AXES[axis]))
+        for body, axis in zip(bodies[1:], axes, strict=True)
+    )
     believed = replace(file.robot, bodies=(bodies[0], *turned))
     robot = believed.with_target_momentum(np.array(paper.TARGET_MOMENTUM))
     initial = Dynamics(robot).at_rest_centre(initial_state(robot, file.settings.initial))
@@ -104,25 +109,38 @@ def scenario(axes: str) -> Scenario:
 
 
 def momentum_motion(case: Scenario, start: str = 'moving') -> Reference:
-    """Motion along the exact reference, body rate from the momentum at each sample's own attitude."""
+    """Motion along the exact reference, body rate from the momentum at every sample."""
     dynamics, state = case.dynamics, case.start(start)
     total = dynamics.momentum(state)[3:]
 
     def body_rate(t: float, attitude: Array) -> Vector3:
         point = case.reference.at(t)
-        still = State(state.p_WB, attitude / np.linalg.norm(attitude), point.q, np.zeros(3), np.zeros(3), point.qd)
+        still = State(
+            state.p_WB,
+            attitude / np.linalg.norm(attitude),
+            point.q,
+            np.zeros(3),
+            np.zeros(3),
+            point.qd,
+        )
         missing = rotation_matrix(attitude).T @ (total - dynamics.momentum(still)[3:])
-        return np.linalg.solve(dynamics.inertia_blocks(point.q).D, missing)
+        D = dynamics.inertia_blocks(point.q).D
+        return np.asarray(np.linalg.solve(D, missing), dtype=float)
 
     times = case.times
     attitudes = [state.q_WB_xyzw]
     for t in times[:-1]:
         moved = rk4_step(
-            lambda s, x: quaternion_rate(x, body_rate(s, x)), float(t), attitudes[-1], paper.SAMPLE_PERIOD
+            lambda s, x: quaternion_rate(x, body_rate(s, x)),
+            float(t),
+            attitudes[-1],
+            paper.SAMPLE_PERIOD,
         )
         attitudes.append(moved / np.linalg.norm(moved))
     points = [case.reference.at(float(t)) for t in times]
-    omega = np.array([body_rate(float(t), attitude) for t, attitude in zip(times, attitudes, strict=True)])
+    omega = np.array(
+        [body_rate(float(t), attitude) for t, attitude in zip(times, attitudes, strict=True)]
+    )
     return Reference(
         times,
         np.array([p.q for p in points]),
@@ -133,13 +151,19 @@ def momentum_motion(case: Scenario, start: str = 'moving') -> Reference:
 
 
 def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -> Reference:
-    """Motion of the plant under the corrected law, by error-controlled integration of its equations of motion."""
-    torque = continuous_torque(case, ComputedTorque(robot_model(case.robot), 1.0, np.full(3, np.inf)))
+    """Motion of the plant under the corrected law, by error-controlled integration."""
+    torque = continuous_torque(
+        case, ComputedTorque(robot_model(case.robot), 1.0, np.full(3, np.inf))
+    )
     states = simulate_smooth(
         case.dynamics, case.start(start).to_vector(), torque, case.times, rtol, 0.1 * rtol
     )
     return Reference(
-        case.times, states[:, 7:10], states[:, 16:19], states[:, 13:16], Rotation.from_quat(states[:, 3:7])
+        case.times,
+        states[:, 7:10],
+        states[:, 16:19],
+        states[:, 13:16],
+        Rotation.from_quat(states[:, 3:7]),
     )
 
 

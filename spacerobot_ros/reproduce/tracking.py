@@ -1,8 +1,9 @@
 """Tracking with and without knowledge of the captured wheels (Figs 4-7), in continuous time.
 
-The law is evaluated inside every stage of the integrator, so that what is left is the law's own error and not that of
-a sampled loop. Two plants: the correct one, and the paper's, whose printed joint equations (16)-(20) lack the wheels'
-torque on the joints. The paper's own law (35) is perfect on the paper's plant and fails on the correct one.
+The law is evaluated inside every stage of the integrator, so that what is left is the law's own
+error and not that of a sampled loop. Two plants: the correct one, and the paper's, whose printed
+joint equations (16)-(20) lack the wheels' torque on the joints. The paper's own law (35) is
+perfect on the paper's plant and fails on the correct one.
 """
 
 from __future__ import annotations
@@ -22,7 +23,11 @@ from ..types import Array
 from .scenario import Scenario, continuous_torque, scenario
 
 PLANTS = ('correct', 'paper')
-LAWS = {'corrected': 'computed_torque', 'no_aam': 'computed_torque_no_aam', 'paper': 'computed_torque_paper'}
+LAWS = {
+    'corrected': 'computed_torque',
+    'no_aam': 'computed_torque_no_aam',
+    'paper': 'computed_torque_paper',
+}
 _END_EFFECTOR = np.array([2.0, 0.0, 0.0])  # in the last body's frame, Table I
 _DURATION = 20.0
 _FINE, _COARSE = 0.02, 0.05  # s; the coarse one is right to 1e-4 deg
@@ -33,7 +38,8 @@ class TrackingRun:
     """One closed-loop run.
 
     Args:
-        axes: Joint axes. plant: One of `PLANTS`. law: One of `LAWS`, or a name for where its model comes from.
+        axes: Joint axes. plant: One of `PLANTS`.
+        law: One of `LAWS`, or a name for where its model comes from.
         bandwidth: Double pole of the error dynamics [rad/s].
         time: (N,) [s].
         joint_error: (N, 3) reference minus joint position [rad].
@@ -79,8 +85,10 @@ def track(axes: str, plant: str, law: str, bandwidth: float) -> TrackingRun:
     return _simulate(case, plant, law, model, bandwidth, step)
 
 
-def track_identified(axes: str, name: str, estimate: Estimate, bandwidth: float = 1.0) -> TrackingRun | None:
-    """The corrected law with identified parameters on the correct plant; None where their inertia is not positive."""
+def track_identified(
+    axes: str, name: str, estimate: Estimate, bandwidth: float = 1.0
+) -> TrackingRun | None:
+    """The corrected law with identified parameters, correct plant; None where unusable."""
     case = scenario(axes)
     model = estimated_model(case.believed, 'symmetric', estimate)
     try:
@@ -90,10 +98,15 @@ def track_identified(axes: str, name: str, estimate: Estimate, bandwidth: float 
 
 
 def soft_bandwidth(axes: str, plant: str, error_deg: float) -> TrackingRun:
-    """The run without knowledge of the wheels whose largest joint error is the given one: how soft the gains are."""
+    """The run without the wheels' knowledge that errs by so much: how soft must the gains be?"""
 
     def excess(logarithm: float) -> float:
-        return float(np.log(track(axes, plant, 'no_aam', float(np.exp(logarithm))).max_joint_error_deg / error_deg))
+        return float(
+            np.log(
+                track(axes, plant, 'no_aam', float(np.exp(logarithm))).max_joint_error_deg
+                / error_deg
+            )
+        )
 
     found = brentq(excess, np.log(0.2), np.log(1.0), xtol=3e-3)
     return track(axes, plant, 'no_aam', float(np.exp(found)))
@@ -104,7 +117,7 @@ def _simulate(
 ) -> TrackingRun:
     dynamics = Dynamics(case.robot, joint_reaction=plant == 'correct')
     torque = continuous_torque(case, ComputedTorque(model, bandwidth, np.full(3, np.inf)))
-    times = step * np.arange(round(_DURATION / step) + 1)
+    times = np.array([step * k for k in range(round(_DURATION / step) + 1)])
     x = case.initial.to_vector()
     states = [x]
     for t in times[:-1]:
@@ -127,7 +140,11 @@ def _simulate(
 
 def _miss(dynamics: Dynamics, x: Array, wanted: Array) -> float:
     actual = State.from_vector(x)
-    desired = State(actual.p_WB, actual.q_WB_xyzw, wanted, actual.v_WB_B, actual.omega_WB_B, actual.qd)
+    desired = State(
+        actual.p_WB, actual.q_WB_xyzw, wanted, actual.v_WB_B, actual.omega_WB_B, actual.qd
+    )
     last = len(wanted)
-    gap = dynamics.body_position(actual, last, _END_EFFECTOR) - dynamics.body_position(desired, last, _END_EFFECTOR)
+    gap = dynamics.body_position(actual, last, _END_EFFECTOR) - dynamics.body_position(
+        desired, last, _END_EFFECTOR
+    )
     return float(np.linalg.norm(gap))
