@@ -109,11 +109,10 @@ class BagWriter:
         try:
             if kind is None:
                 self._finish()
-            else:
-                self._writer.abort()
         except OSError as failure:
             raise RecordingError(str(self._path), f'can not be written: {failure}') from failure
         finally:
+            self._writer.abort()  # nothing to do where it is closed
             shutil.rmtree(self._work, ignore_errors=True)
 
     @property

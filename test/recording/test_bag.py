@@ -1,0 +1,467 @@
+"""Bags: written deterministically, read whatever their storage, order or damage."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from support.models import robot_of, table_one
+
+from spacerobot_ros.dynamics.plant import Plant
+from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.recording.bag import BagWriter, Topics, read_bag
+from spacerobot_ros.recording.message_types import canonical_cdr, message_folder, typestore
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)  # not the product's: bags of other distributions
+T = STORE.types
+ROBOT = robot_of(table_one())
+JOINTS = list(ROBOT.joints)
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+IMU = 'sensor_msgs/msg/Imu'
+ATTITUDE = 'geometry_msgs/msg/QuaternionStamped'
+
+
+def digest(folder):
+    """SHA-256 over names and bytes of a folder's files."""
+    content = hashlib.sha256()
+    for path in sorted(Path(folder).iterdir()):
+        content.update(path.name.encode() + b'\0' + path.read_bytes())
+    return content.hexdigest()
+
+
+# ---------------------------------------------------------------- messages by hand
+
+
+def header(ns, frame=''):
+    return T['std_msgs/msg/Header'](
+        T['builtin_interfaces/msg/Time'](ns // 10**9, ns % 10**9), frame
+    )
+
+
+def joint_state(ns, names=None, position=None, velocity=None, effort=None):
+    n = len(JOINTS if names is None else names)
+    columns = [
+        np.asarray(np.arange(n) + 10.0 * i if c is None else c, dtype=float)
+        for i, c in enumerate((position, velocity, effort))
+    ]
+    return T[JOINT_STATE](header(ns), list(JOINTS if names is None else names), *columns)
+
+
+def imu(ns, omega=(0.1, 0.2, 0.3), frame='base_link', absent=False):
+    vector, quaternion = T['geometry_msgs/msg/Vector3'], T['geometry_msgs/msg/Quaternion']
+    covariance = np.zeros(9)
+    covariance[0] = -1.0 if absent else 0.0
+    zero = vector(0.0, 0.0, 0.0)
+    return T[IMU](
+        header(ns, frame),
+        quaternion(0.0, 0.0, 0.0, 1.0),
+        np.zeros(9),
+        vector(*omega),
+        covariance,
+        zero,
+        np.zeros(9),
+    )
+
+
+def attitude(ns, q=(0.0, 0.0, 0.0, 1.0), frame='world'):
+    return T[ATTITUDE](header(ns, frame), T['geometry_msgs/msg/Quaternion'](*q))
+
+
+def write(path, messages, plugin=StoragePlugin.MCAP, version=9):
+    """A bag by hand: (topic, message or bytes, type) in order, logged one ms apart."""
+    with Writer(path, version=version, storage_plugin=plugin) as writer:
+        connections = {}
+        for i, (topic, message, *msgtype) in enumerate(messages):
+            kind = msgtype[0] if msgtype else message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            data = message if isinstance(message, bytes) else STORE.serialize_cdr(message, kind)
+            writer.write(connections[topic], 10**18 + i * 10**6, data)
+    return path
+
+
+def good(n=3):
+    return [
+        entry
+        for k in range(n)
+        for entry in (
+            ('/joint_states', joint_state(k * 10**7)),
+            ('/imu/data', imu(k * 10**7)),
+            ('/attitude', attitude(k * 10**7)),
+        )
+    ]
+
+
+# ---------------------------------------------------------------- reading
+
+
+@pytest.mark.parametrize('plugin', list(StoragePlugin))
+@pytest.mark.parametrize('version', [8, 9])
+def test_reads_both_storages_with_header_stamps(tmp_path, plugin, version):
+    record = read_bag(write(tmp_path / 'bag', good(), plugin, version), ROBOT)
+    for series in (record.joints, record.rates, record.attitudes):
+        np.testing.assert_array_equal(series.stamp_ns, [0, 10**7, 2 * 10**7])
+    np.testing.assert_array_equal(record.joints.position[1], [0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(record.joints.velocity[1], [10.0, 11.0, 12.0])
+    np.testing.assert_array_equal(record.joints.effort[1], [20.0, 21.0, 22.0])
+    np.testing.assert_array_equal(record.rates.omega[0], [0.1, 0.2, 0.3])
+    assert record.wheels is None
+    assert record.notes == ('sample times are header stamps',)
+    assert record.source == str(tmp_path / 'bag')
+
+
+def test_reads_a_bare_mcap_file(tmp_path):
+    folder = write(tmp_path / 'bag', good())
+    record = read_bag(next(folder.glob('*.mcap')), ROBOT)
+    assert len(record.joints.stamp_ns) == 3
+
+
+def test_joint_columns_are_put_in_order_by_name(tmp_path):
+    names = [JOINTS[2], JOINTS[0], JOINTS[1]]
+    message = joint_state(0, names, [2.0, 0.0, 1.0], [12.0, 10.0, 11.0], [22.0, 20.0, 21.0])
+    record = read_bag(write(tmp_path / 'bag', [('/joint_states', message)]), ROBOT)
+    np.testing.assert_array_equal(record.joints.position, [[0.0, 1.0, 2.0]])
+    np.testing.assert_array_equal(record.joints.velocity, [[10.0, 11.0, 12.0]])
+    np.testing.assert_array_equal(record.joints.effort, [[20.0, 21.0, 22.0]])
+    assert '/joint_states: joint columns reordered by name' in record.notes
+    assert '/imu/data: absent' in record.notes
+    assert record.rates is None
+
+
+def test_other_topics_and_wheels(tmp_path):
+    wheels = joint_state(5, ['w1', 'w2'], position=[], velocity=[1.0, 2.0], effort=[])
+    messages = [('/arm', joint_state(0)), ('/wheel_states', wheels), ('/gyro', imu(0, frame=''))]
+    path = write(tmp_path / 'bag', messages)
+    record = read_bag(path, ROBOT, Topics(joints='/arm', imu='/gyro'))
+    assert record.joints.names == ROBOT.joints
+    assert record.wheels.names == ('w1', 'w2')
+    np.testing.assert_array_equal(record.wheels.velocity, [[1.0, 2.0]])
+    assert record.wheels.effort is None
+    assert "/gyro: no frame given, taken as 'base_link'" in record.notes
+
+
+def test_messages_without_velocity_or_effort(tmp_path):
+    messages = [
+        ('/joint_states', joint_state(0, velocity=[], effort=[])),
+        ('/joint_states', joint_state(1, effort=[])),
+    ]
+    record = read_bag(write(tmp_path / 'bag', messages), ROBOT)
+    assert record.joints.velocity is None
+    assert record.joints.effort is None
+    assert '/joint_states: 1 of 2 messages have no velocity: not used' in record.notes
+
+
+BAD = {
+    'nan': ('/joint_states', joint_state(99, position=[0.0, np.nan, 0.0]),
+            'position is not finite'),
+    'infinite rate': ('/joint_states', joint_state(99, velocity=[0.0, np.inf, 0.0]),
+                      'velocity is not finite'),
+    'missing joint': ('/joint_states', joint_state(99, JOINTS[:2]),
+                      f'joint names: lacks {JOINTS[2]}'),
+    'foreign joint': ('/joint_states', joint_state(99, [*JOINTS, 'gripper']),
+                      'joint names: has foreign gripper'),
+    'joint twice': ('/joint_states', joint_state(99, [*JOINTS, JOINTS[0]]),
+                    'joint names: one appears twice'),
+    'short column': ('/joint_states', joint_state(99, effort=[1.0]),
+                     '1 entries in effort, expected 3'),
+    'no position': ('/joint_states', joint_state(99, position=[]),
+                    '0 entries in position, expected 3'),
+    'duplicate stamp': ('/joint_states', joint_state(0), 'stamp seen before'),
+    'gyro nan': ('/imu/data', imu(99, (0.0, np.nan, 0.0)), 'angular velocity is not finite'),
+    'gyro frame': ('/imu/data', imu(99, frame='imu_link'),
+                   "frame 'imu_link' is not the base link 'base_link'"),
+    'gyro absent': ('/imu/data', imu(99, absent=True), 'angular velocity is marked absent'),
+    'zero quaternion': ('/attitude', attitude(99, (0.0,) * 4), 'quaternion is not normalised'),
+    'long quaternion': ('/attitude', attitude(99, (0.0, 0.0, 0.0, 1.002)),
+                        'quaternion is not normalised'),
+    'nan quaternion': ('/attitude', attitude(99, (np.nan, 0.0, 0.0, 1.0)),
+                       'quaternion is not finite'),
+    'attitude frame': ('/attitude', attitude(99, frame='base_link'),
+                       "frame 'base_link' is the base itself, expected the inertial frame"),
+    'garbage': ('/attitude', b'\x00\x01\x00\x00\x01', 'can not be decoded'),
+}  # fmt: skip
+TYPE_OF = {'/joint_states': JOINT_STATE, '/imu/data': IMU, '/attitude': ATTITUDE}
+
+
+@pytest.mark.parametrize(('topic', 'message', 'reason'), BAD.values(), ids=BAD.keys())
+def test_a_bad_message_is_left_out_and_counted(tmp_path, topic, message, reason):
+    bag = write(tmp_path / 'bag', [*good(), (topic, message, TYPE_OF[topic])])
+    record = read_bag(bag, ROBOT)
+    assert f'{topic}: 1 left out: {reason}' in record.notes
+    assert {len(s.stamp_ns) for s in (record.joints, record.rates, record.attitudes)} == {3}
+
+
+@pytest.mark.parametrize(
+    ('topic', 'message', 'reason'),
+    [v for k, v in BAD.items() if k != 'duplicate stamp'],
+    ids=[k for k in BAD if k != 'duplicate stamp'],
+)
+def test_nothing_but_bad_messages_is_refused(tmp_path, topic, message, reason):
+    messages = [e for e in good() if e[0] != topic] + [(topic, message, TYPE_OF[topic])] * 2
+    bag = write(tmp_path / 'bag', messages)
+    with pytest.raises(RecordingError) as error:
+        read_bag(bag, ROBOT)
+    assert str(error.value) == f'{bag}: {topic}: no usable message: {reason} (2 messages)'
+
+
+def test_messages_out_of_order_are_sorted(tmp_path):
+    messages = [('/imu/data', imu(k, (float(k), 0.0, 0.0))) for k in (3, 1, 2)]
+    record = read_bag(write(tmp_path / 'bag', messages), ROBOT)
+    np.testing.assert_array_equal(record.rates.stamp_ns, [1, 2, 3])
+    np.testing.assert_array_equal(record.rates.omega[:, 0], [1.0, 2.0, 3.0])
+    assert '/imu/data: messages out of order, sorted by stamp' in record.notes
+
+
+def test_quaternions_of_single_precision_pass_and_rougher_ones_are_noted(tmp_path):
+    single = np.array([0.2, 0.1, 0.3, 0.927])
+    single = (single / np.linalg.norm(single)).astype(np.float32).astype(float)
+    record = read_bag(write(tmp_path / 'a', [('/attitude', attitude(0, single))]), ROBOT)
+    np.testing.assert_array_equal(record.attitudes.q_xyzw[0], single)
+    rough = attitude(0, (0.0, 0.0, 0.0, 1.0005))
+    record = read_bag(write(tmp_path / 'b', [('/attitude', rough)]), ROBOT)
+    np.testing.assert_array_equal(record.attitudes.q_xyzw, [[0.0, 0.0, 0.0, 1.0]])
+    assert any('quaternions normalised' in note for note in record.notes)
+
+
+# ---------------------------------------------------------------- unreadable bags
+
+
+def one_line(path, match):
+    with pytest.raises(RecordingError, match=match) as error:
+        read_bag(path, ROBOT)
+    assert '\n' not in str(error.value)
+
+
+def test_what_is_no_bag(tmp_path):
+    one_line(tmp_path / 'nothing', 'no such file or folder')
+    one_line(tmp_path, 'has no metadata.yaml')
+    (tmp_path / 'notes.txt').write_text('hello')
+    one_line(tmp_path / 'notes.txt', 'can not be read as a rosbag2 recording')
+    (tmp_path / 'metadata.yaml').write_text('a: [1')
+    one_line(tmp_path, 'can not be read as a rosbag2 recording')
+
+
+def test_an_empty_bag_and_a_bag_of_other_things(tmp_path):
+    one_line(write(tmp_path / 'empty', []), r'has no message on .* \(it has nothing\)')
+    other = [('/chatter', T['std_msgs/msg/String']('hi'))]
+    one_line(write(tmp_path / 'other', other), r'\(it has /chatter\)')
+    wrong = [('/imu/data', T['std_msgs/msg/String']('hi'))]
+    one_line(
+        write(tmp_path / 'wrong', wrong),
+        '/imu/data: carries std_msgs/msg/String, expected sensor_msgs/msg/Imu',
+    )
+
+
+@pytest.mark.parametrize('plugin', list(StoragePlugin))
+@pytest.mark.parametrize('keep', [0.0, 0.3, 0.9])
+def test_a_truncated_bag_is_one_line(tmp_path, plugin, keep):
+    folder = write(tmp_path / 'bag', good(300), plugin)
+    path = next(p for p in folder.iterdir() if p.suffix in ('.mcap', '.db3'))
+    path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
+    one_line(folder, 'can not be read as a rosbag2 recording|has no message')
+
+
+def test_random_damage_never_escapes_as_another_error(tmp_path, rng):
+    folder = write(tmp_path / 'bag', good(20))
+    path = next(folder.glob('*.mcap'))
+    clean = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    for _ in range(60):
+        damaged = clean.copy()
+        damaged[rng.integers(0, len(clean), 5)] = rng.integers(0, 256, 5)
+        path.write_bytes(damaged.tobytes())
+        with contextlib.suppress(RecordingError):  # or it is read: not every bit matters
+            read_bag(folder, ROBOT)
+
+
+# ---------------------------------------------------------------- writing
+
+
+def fill(bag, n=50, order=1):
+    for k in range(n):
+        ns, values = k * 10**7, np.full(3, 0.1 * k)
+        calls = [
+            lambda ns=ns, v=values: bag.joint_states(ns, JOINTS, v, v + 1, v + 2),
+            lambda ns=ns, v=values: bag.imu(ns, v, 2e-5),
+            lambda ns=ns: bag.attitude(ns, np.array([0.6, 0.0, 0.0, 0.8])),
+            lambda ns=ns, v=values: bag.joint_states(
+                ns, ['w'], velocity=v[:1], topic='/wheel_states'
+            ),
+        ]
+        for call in calls[::order]:
+            call()
+
+
+def test_round_trip(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
+        fill(bag)
+    record = read_bag(tmp_path / 'bag', ROBOT)
+    expected = 0.1 * np.arange(50)[:, None] * np.ones(3)
+    stamps = np.arange(50) * 10**7
+    np.testing.assert_array_equal(record.joints.stamp_ns, stamps)
+    np.testing.assert_array_equal(record.joints.position, expected)
+    np.testing.assert_array_equal(record.joints.velocity, expected + 1)
+    np.testing.assert_array_equal(record.joints.effort, expected + 2)
+    np.testing.assert_array_equal(record.rates.omega, expected)
+    np.testing.assert_array_equal(record.attitudes.q_xyzw, np.tile([0.6, 0, 0, 0.8], (50, 1)))
+    np.testing.assert_array_equal(record.wheels.velocity, expected[:, :1])
+    assert record.notes == ('sample times are header stamps',)
+
+
+def test_same_content_same_bytes_in_whatever_order_and_folder(tmp_path):
+    with BagWriter(tmp_path / 'a') as bag:
+        fill(bag)
+    with BagWriter(tmp_path / 'b') as bag:
+        fill(bag, order=-1)
+    with BagWriter(tmp_path / 'c') as bag:
+        fill(bag, n=49)
+    assert digest(tmp_path / 'a') == digest(tmp_path / 'b')
+    assert digest(tmp_path / 'a') != digest(tmp_path / 'c')
+
+
+def test_header_conventions_of_the_imu(tmp_path):
+    with BagWriter(tmp_path / 'bag', base_link='hull') as bag:
+        bag.imu(1_500_000_000, np.ones(3), 0.5)
+    with Reader(tmp_path / 'bag') as reader:
+        connection, stamp, data = next(reader.messages())
+    message = STORE.deserialize_cdr(data, connection.msgtype)
+    assert stamp == 1_500_000_000
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 500_000_000)
+    assert message.header.frame_id == 'hull'
+    assert message.orientation_covariance[0] == -1.0
+    assert message.linear_acceleration_covariance[0] == -1.0
+    np.testing.assert_array_equal(np.diag(message.angular_velocity_covariance.reshape(3, 3)), 0.25)
+
+
+def test_metadata_names_types_hashes_and_latched_topics(tmp_path):
+    plant = Plant(ROBOT, State(np.zeros(3), np.array([0, 0, 0, 1.0]), *[np.zeros(3)] * 4), 0.1, 1)
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.ledger(0, plant.ledger())
+        bag.text('/robot_description', 0, '<robot/>')
+    with Reader(tmp_path / 'bag') as reader:
+        topics = {c.topic: c for c in reader.connections}
+        assert topics['/simulator/ledger'].digest.startswith('RIHS01_')
+        assert 'float64 momentum_drift' in topics['/simulator/ledger'].msgdef.data
+        qos = topics['/robot_description'].ext.offered_qos_profiles[0]
+        assert qos.durability.name == 'TRANSIENT_LOCAL'
+        assert (
+            topics['/simulator/ledger'].ext.offered_qos_profiles[0].durability.name == 'VOLATILE'
+        )
+        assert reader.message_count == 2
+
+
+def installed(msgtype):
+    """The type description that the genuine tools installed, or None."""
+    package, _, name = msgtype.split('/')
+    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+        path = Path(prefix) / 'share' / package / 'msg' / f'{name}.json'
+        if prefix and path.is_file():
+            return json.loads(path.read_text())
+    return None
+
+
+@pytest.mark.parametrize(
+    'msgtype',
+    [JOINT_STATE, IMU, ATTITUDE, 'std_msgs/msg/String', 'rosgraph_msgs/msg/Clock']
+    + [f'spacerobot_msgs/msg/{path.stem}' for path in sorted(message_folder().glob('*.msg'))],
+)
+def test_type_hashes_are_those_of_the_genuine_tools(msgtype):
+    description = installed(msgtype)
+    if description is None:
+        pytest.skip(f'no type description of {msgtype} is installed')
+    hashes = {e['type_name']: e['hash_string'] for e in description['type_hashes']}
+    assert typestore().hash_rihs01(msgtype) == hashes[msgtype]
+
+
+def test_padding_is_zeroed(tmp_path):
+    clean = bytes(typestore().serialize_cdr(
+        typestore().types['std_msgs/msg/Header'](
+            typestore().types['builtin_interfaces/msg/Time'](1, 2), 'ab'
+        ), 'std_msgs/msg/Header'
+    ))  # fmt: skip
+    message = joint_state(0, ['ab'], [1.0], [2.0], [3.0])
+    cdr = bytearray(STORE.serialize_cdr(message, JOINT_STATE))
+    plain = bytes(cdr)
+    gap = plain.index(b'ab\0') + 3  # two texts of odd length leave gaps before the numbers
+    cdr[gap] = 0x7C
+    assert canonical_cdr(JOINT_STATE, bytes(cdr)) == canonical_cdr(JOINT_STATE, plain)
+    assert canonical_cdr('std_msgs/msg/Header', clean) == clean
+    for name, data in (('a', plain), ('b', bytes(cdr))):
+        with BagWriter(tmp_path / name) as bag:
+            bag.message('/joint_states', JOINT_STATE, 5, data)
+    assert digest(tmp_path / 'a') == digest(tmp_path / 'b')
+
+
+def put(path, *calls, overwrite=False):
+    """Write a bag by calls on its writer."""
+    with BagWriter(path, overwrite=overwrite) as bag:
+        for call in calls:
+            call(bag)
+
+
+@pytest.mark.parametrize(
+    ('calls', 'message'),
+    [
+        ([lambda b: b.message('/x', JOINT_STATE, 0, b'\0\1\0\0\5')], '/x: not a'),
+        ([lambda b: b.message('/x', 'no/msg/Such', 0, b'\0\1\0\0')], '/x: not a no/msg/Such'),
+        (
+            [lambda b: b.text('/x', 0, 'a'), lambda b: b.joint_states(0, JOINTS, topic='/x')],
+            '/x: carries std_msgs/msg/String and sensor_msgs/msg/JointState',
+        ),
+    ],
+    ids=['bytes', 'type', 'two types'],
+)
+def test_messages_that_can_not_be_written(tmp_path, calls, message):
+    with pytest.raises(RecordingError, match=message):
+        put(tmp_path / 'bag', *calls)
+    assert not list(tmp_path.iterdir())
+
+
+def failing(_):
+    raise KeyError
+
+
+def test_an_error_leaves_nothing_and_keeps_what_was_there(tmp_path):
+    path = tmp_path / 'bag'
+    with pytest.raises(KeyError):
+        put(path, fill, failing)
+    assert not list(tmp_path.iterdir())
+    put(path, fill)
+    before = digest(path)
+    with pytest.raises(KeyError):
+        put(path, failing, overwrite=True)
+    assert digest(path) == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_replaces_only_bags_and_only_when_asked(tmp_path):
+    path = tmp_path / 'bag'
+    with BagWriter(path) as bag:
+        fill(bag)
+    with pytest.raises(RecordingError, match=r'exists already \(--force replaces it\)'):
+        BagWriter(path)
+    with BagWriter(path, overwrite=True) as bag:
+        fill(bag, 5)
+    assert len(read_bag(path, ROBOT).joints.stamp_ns) == 5
+    (tmp_path / 'thesis').mkdir()
+    with pytest.raises(RecordingError, match='is not a bag, so it is not replaced'):
+        BagWriter(tmp_path / 'thesis', overwrite=True)
+    file = tmp_path / 'file'
+    file.write_text('x')
+    with pytest.raises(RecordingError, match='is not a bag'):
+        BagWriter(file, overwrite=True)
+    with pytest.raises(RecordingError, match='can not be written'), BagWriter(file / 'bag') as bag:
+        fill(bag, 1)
+
+
+def test_makes_the_folders_above(tmp_path):
+    with BagWriter(tmp_path / 'out' / 'demo' / 'bag') as bag:
+        fill(bag, 1)
+    assert (tmp_path / 'out' / 'demo' / 'bag' / 'metadata.yaml').is_file()
