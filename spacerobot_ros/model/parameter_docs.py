@@ -1,0 +1,100 @@
+"""The page docs/parameters.md, written from the schema of `settings`.
+
+python -m spacerobot_ros.model.parameter_docs > docs/parameters.md
+"""
+
+from __future__ import annotations
+
+import sys
+import types
+import typing
+from collections.abc import Iterator
+from dataclasses import MISSING, Field, fields
+from typing import Any
+
+from .settings import Settings
+
+_HEAD = """# Parameters
+
+Every parameter of a robot file, the ROS 2 parameter file that all nodes and the command line share
+(`config/servicer.yaml` is an example). Written from `spacerobot_ros/model/settings.py` by
+`python -m spacerobot_ros.model.parameter_docs > docs/parameters.md`; a test fails when it is stale.
+
+Units are SI and radians. A parameter without a default is required. Unknown names, wrong types and
+lengths, numbers out of bounds or not finite are refused with the parameter named.
+"""
+_KINDS = {float: 'number', int: 'whole number', str: 'text', bool: 'true or false'}
+
+
+def parameter_page() -> str:
+    """Markdown of docs/parameters.md."""
+    parts = [_HEAD]
+    for name, cls in _sections(Settings, ''):
+        parts.append(f'\n## `{name}`\n\n{_docstring(cls)}\n')
+        parts.append('\n| parameter | type | default | allowed | unit | meaning |\n')
+        parts.append('|---|---|---|---|---|---|\n')
+        hints = typing.get_type_hints(cls)
+        parts.extend(_row(f, hints[f.name]) for f in fields(cls) if 'doc' in f.metadata)
+    return ''.join(parts)
+
+
+def _sections(cls: Any, prefix: str) -> Iterator[tuple[str, Any]]:
+    """Sections with parameters of their own, outer before inner."""
+    for name, hint in typing.get_type_hints(cls).items():
+        if hasattr(hint, '__dataclass_fields__'):
+            yield prefix + name, hint
+            yield from _sections(hint, f'{prefix}{name}.')
+
+
+def _docstring(cls: Any) -> str:
+    lines = (line.strip() for line in (cls.__doc__ or '').strip().splitlines())
+    return '\n'.join(lines)
+
+
+def _row(f: Field[Any], hint: Any) -> str:
+    meta = f.metadata
+    cells = (
+        f'`{f.name}`',
+        _kind(hint),
+        _default(f),
+        _allowed(meta),
+        meta['unit'],
+        meta['doc'],
+    )
+    return '| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |\n'
+
+
+def _kind(hint: Any) -> str:
+    if isinstance(hint, types.UnionType):
+        hint = next(a for a in typing.get_args(hint) if a is not type(None))
+    if typing.get_origin(hint) is tuple:
+        return f'list of {_KINDS[typing.get_args(hint)[0]]}s'.replace('texts', 'names')
+    return _KINDS[hint]
+
+
+def _default(f: Field[Any]) -> str:
+    if f.default is MISSING:
+        return 'required'
+    if f.default is None or f.default in ((), ''):
+        return 'none'
+    if isinstance(f.default, tuple):
+        return f'`[{", ".join(str(v) for v in f.default)}]`'
+    return f'`{str(f.default).lower() if isinstance(f.default, bool) else f.default}`'
+
+
+def _allowed(meta: typing.Mapping[str, Any]) -> str:
+    limits = [
+        text.format(meta[key])
+        for key, text in (
+            ('length', '{} entries'),
+            ('above', '> {:g}'),
+            ('minimum', '>= {:g}'),
+            ('maximum', '<= {:g}'),
+        )
+        if meta[key] is not None
+    ]
+    return ', '.join([*(f'`{choice}`' for choice in meta['choices']), *limits])
+
+
+if __name__ == '__main__':
+    sys.stdout.write(parameter_page())
