@@ -78,6 +78,11 @@ class IdentifierNode(Node):
         self._publish(estimate)
         return estimate
 
+    def flush(self) -> None:
+        """Use the samples that still wait for others to be put in order with."""
+        for sample in self._merger.flush():
+            self._use(*sample)
+
     # ------------------------------------------------------------ set-up
 
     def _open(self, robot: Robot) -> None:

@@ -49,9 +49,8 @@ class SimulatorNode(Node):
         self.settings = declare_settings(self)
         self._options = self.settings.simulator
         self.health = Health(self)
-        self.stop_at: int | None = (
-            None  # step at which to stop by itself; for runs of a given length
-        )
+        self.stop_at: int | None = None  # step at which to stop by itself
+        self.observers: list[Callable[[Plant], None]] = []  # shown the truth at every step
         self._is_started = False
         self._is_paused = False
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)

@@ -1,0 +1,150 @@
+"""`spacerobot demo`: identify and use the wheels' momentum, on ROS 2 nodes in one process."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .options import Formatter, seed
+
+if TYPE_CHECKING:
+    from ..demo.results import Results
+    from ..model.loader import RobotFile
+
+_DESCRIPTION = """\
+Run simulator, identifier and controller as ROS 2 nodes in one process, in lockstep:
+  1. excite the arm and identify, from noisy sensors, the momentum of the captured satellite's
+     wheels and the inertial parameters;
+  2. track the same motion knowing nothing of the wheels;
+  3. track it with what was identified.
+
+Writes report.html, summary.json and three bags: bag (1), bag_no_aam (2), bag_identified (3).
+The same robot file and seed give the same bags to the last bit.
+"""
+
+_EPILOG = """\
+examples:
+  spacerobot demo
+  spacerobot demo --seed 7 --out out/seven
+  ros2 bag play out/demo/bag
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command's arguments."""
+    parser = subparsers.add_parser(
+        'demo',
+        help='the whole loop on ROS 2 nodes, with a report',
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=Formatter,
+    )
+    parser.add_argument('--out', default='out/demo', metavar='DIR', help='folder for the results')
+    parser.add_argument(
+        '--robot', metavar='YAML', help='robot file (default: the servicer of the package)'
+    )
+    parser.add_argument(
+        '--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)"
+    )
+    parser.add_argument(
+        '--quick', action='store_true', help='identify from one pass of the motion, not from two'
+    )
+    parser.add_argument(
+        '--live',
+        action='store_true',
+        help='let other ROS 2 processes on this machine see the topics while it runs',
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demonstration; 0 when it reached its aims, 1 when not."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    if not args.live:  # other nodes on these topics would disturb it
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
+    results = _results(args)
+    from ..demo.page import demo_report
+    from ..demo.summary import print_table, reached, write_summary
+    from ..report.html import write_report
+
+    out = Path(args.out)
+    write_report(demo_report(results), out / 'report.html')
+    write_summary(results, out / 'summary.json')
+    print_table(results, out)
+    return 0 if reached(results) else 1
+
+
+def _results(args: argparse.Namespace) -> Results:
+    from ..demo.results import Results, truth_of
+    from ..demo.run import check_file, identify, track
+    from ..model.loader import true_robot
+
+    started = time.perf_counter()
+    file = _robot_file(args)
+    check_file(file)
+    settings = file.settings
+    bags = [Path(args.out) / name for name in ('bag', 'bag_no_aam', 'bag_identified')]
+    passes, length = 1 if args.quick else 2, settings.reference.duration
+    with _progress() as stage:
+        found = identify(file, passes, bags[0], stage('exciting and identifying', passes * length))
+        no_aam = track(file, None, bags[1], stage('tracking without the wheels', length))
+        estimate = found.estimates[-1]
+        identified = track(file, estimate, bags[2], stage('tracking with them', length))
+    plant = true_robot(file.robot, settings)
+    return Results(
+        robot=file.robot.name,
+        seed=settings.simulator.seed,
+        identification=found,
+        no_aam=no_aam,
+        identified=identified,
+        truth=truth_of(file.robot, plant, settings.identifier.structure),
+        bags=tuple(str(bag) for bag in bags),
+        wall=time.perf_counter() - started,
+    )
+
+
+def _robot_file(args: argparse.Namespace) -> RobotFile:
+    from dataclasses import replace
+
+    from ..model.loader import load_robot_file, package_folder
+
+    path = args.robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
+    file = load_robot_file(path)
+    if args.seed is None:
+        return file
+    simulator = replace(file.settings.simulator, seed=args.seed)
+    return replace(file, settings=replace(file.settings, simulator=simulator))
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], Callable[[float], None]]]:
+    """Progress bars on stderr, one a stage; one line a stage where that is not a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    if not sys.stderr.isatty():
+        yield _plain_stage
+        return
+    columns = (
+        TextColumn('{task.description:<28}'),
+        BarColumn(),
+        TextColumn('{task.completed:5.1f} of {task.total:.0f} s simulated'),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+
+        def stage(what: str, total: float) -> Callable[[float], None]:
+            task = progress.add_task(what, total=total)
+            return lambda done: progress.update(task, completed=done)
+
+        yield stage
+
+
+def _plain_stage(what: str, total: float) -> Callable[[float], None]:
+    print(f'{what} ({total:g} s simulated)', file=sys.stderr, flush=True)
+    return lambda done: None

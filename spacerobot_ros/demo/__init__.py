@@ -1,0 +1,1 @@
+"""The demonstration: excite and identify, then track without and with what was found."""

@@ -1,0 +1,140 @@
+"""What the demonstration found out, as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..dynamics.blocks import BlockTree
+from ..identification.estimate import Estimate
+from ..identification.minimal import minimal_set
+from ..model.robot import Robot
+from ..types import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """One simulated run.
+
+    Args:
+        time: (N,) [s].
+        error: (N, n) reference minus true joint position [rad].
+        ledger_time: (M,) [s].
+        angular: (M, 3) angular momentum in the inertial frame [N m s].
+        drift: (M,) relative drift of it.
+        energy_drift: (M,) energy that no work accounts for [J].
+        estimates: The estimates that were published.
+    """
+
+    time: Array
+    error: Array
+    ledger_time: Array
+    angular: Array
+    drift: Array
+    energy_drift: Array
+    estimates: tuple[Estimate, ...] = ()
+
+    @property
+    def max_error_deg(self) -> float:
+        """Largest joint error of the run [deg]."""
+        return float(np.degrees(np.abs(self.error).max()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """What the identification should find.
+
+    Args:
+        aam: (3 n_links,) wheel momentum of the captured body [N m s].
+        parameters: (k,) minimal parameters [kg m^2].
+    """
+
+    aam: Array
+    parameters: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Results:
+    """All runs of the demonstration.
+
+    Args:
+        robot: Name of the robot.
+        seed: Seed of the sensor noise.
+        identification: Run that excites and identifies.
+        no_aam: Tracking that knows nothing of the wheels.
+        identified: Tracking with the identified robot.
+        truth: What the simulation was made with.
+        bags: Folders of the recorded bags, the identification's first.
+        wall: Wall time of everything [s].
+    """
+
+    robot: str
+    seed: int
+    identification: Run
+    no_aam: Run
+    identified: Run
+    truth: Truth
+    bags: tuple[str, ...]
+    wall: float
+
+    @property
+    def estimate(self) -> Estimate:
+        """The last estimate."""
+        return self.identification.estimates[-1]
+
+    @property
+    def aam_error_percent(self) -> float:
+        """Largest error of a component of the wheel momentum, in percent of its size."""
+        return _error_percent(self.estimate.aam, self.truth.aam)
+
+    @property
+    def parameter_error_percent(self) -> float:
+        """Largest error of a minimal parameter, in percent of its size."""
+        return _error_percent(self.estimate.parameters, self.truth.parameters)
+
+    @property
+    def momentum_drift(self) -> float:
+        """Largest relative drift of the angular momentum in any run."""
+        runs = (self.identification, self.no_aam, self.identified)
+        return float(max(run.drift.max() for run in runs))
+
+    def summary(self) -> dict[str, Any]:
+        """The content of summary.json."""
+        count = len(self.estimate.aam)
+        return {
+            'aam': {
+                'value': self.estimate.aam.tolist(),
+                'std': self.estimate.std[:count].tolist(),
+                'truth': self.truth.aam.tolist(),
+                'max_error_percent': self.aam_error_percent,
+            },
+            'parameters': {'max_error_percent': self.parameter_error_percent},
+            'tracking_max_deg': {
+                'no_aam': self.no_aam.max_error_deg,
+                'identified': self.identified.max_error_deg,
+            },
+            'momentum_drift_relative': self.momentum_drift,
+            'bag': self.bags[0],
+            'wall_s': self.wall,
+        }
+
+
+def truth_of(robot: Robot, plant: Robot, structure: str) -> Truth:
+    """What an identification of `plant` should find.
+
+    Args:
+        robot: The robot of the model, which gives the minimal set.
+        plant: The true robot.
+        structure: `identifier.structure`.
+    """
+    minimal = minimal_set(robot, structure)
+    locked = robot.with_inertial_parameters(plant.inertial_parameters[: len(robot.bodies)])
+    source = robot if plant.rotor_count else locked
+    return Truth(plant.target_momentum, minimal.grouping @ BlockTree(source).parameters(source))
+
+
+def _error_percent(value: Array, truth: Array) -> float:
+    scale = np.where(truth == 0.0, np.abs(truth).max() or 1.0, np.abs(truth))
+    return float(100.0 * np.max(np.abs(value - truth) / scale))

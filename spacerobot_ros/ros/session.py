@@ -1,0 +1,147 @@
+"""Several nodes in one process, wired through real topics and run by one executor."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from ..errors import SpaceRobotError
+from ..model.settings import Settings
+from .params import leaves
+from .qos import SAMPLES
+
+
+class SessionError(SpaceRobotError, RuntimeError):
+    """Nodes that wait for each other for ever."""
+
+
+class Session:
+    """A context, an executor and nodes, all gone when the `with` block ends.
+
+    Args:
+        stall: Wall time without what `until` waits for, after which it gives up [s].
+    """
+
+    def __init__(self, stall: float = 60.0) -> None:
+        self._stall_ns = round(stall * 1e9)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.context = Context()
+        self._nodes: list[Node] = []
+
+    def __enter__(self) -> Session:
+        """Start the context."""
+        rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
+        self._executor = _executor(self.context)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Destroy nodes, executor and context."""
+        for node in self._nodes:
+            self._executor.remove_node(node)
+        self._executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+        self.context.try_shutdown()
+
+    def add(self, node_type: Callable[..., Any], settings: Settings, urdf: str) -> Any:
+        """Make a node with the settings of a robot file, on simulated time.
+
+        Args:
+            node_type: Class of the node.
+            settings: Its parameters.
+            urdf: URDF text of the robot.
+        """
+        values = {name: value for name, _, _, value in leaves(settings) if value not in ((), None)}
+        values |= {'robot.urdf': '', 'robot_description': urdf, 'use_sim_time': True}
+        overrides = [
+            Parameter(name, value=list(value) if isinstance(value, tuple) else value)
+            for name, value in values.items()
+        ]
+        return self._join(
+            node_type(context=self.context, parameter_overrides=overrides, enable_rosout=False)
+        )
+
+    def plain(self, name: str) -> Node:
+        """Make a node without parameters, to publish and listen with."""
+        return self._join(Node(name, context=self.context, enable_rosout=False))
+
+    def until(self, predicate: Callable[[], object], progress: Callable[[], Any]) -> None:
+        """Run callbacks until the predicate holds.
+
+        Args:
+            predicate: Asked after every callback.
+            progress: Called after every callback; its value must change within `stall`.
+
+        Raises:
+            SessionError: nothing moves any more.
+        """
+        last, since = progress(), self._steady.now().nanoseconds
+        while not predicate():
+            self._executor.spin_once(timeout_sec=0.05)
+            value, now = progress(), self._steady.now().nanoseconds
+            if value != last:
+                last, since = value, now
+            elif now - since > self._stall_ns:
+                raise SessionError(f'the nodes stand still at {value}')
+
+    def _join(self, node: Any) -> Any:
+        self._nodes.append(node)
+        self._executor.add_node(node)
+        return node
+
+
+class Recorder:
+    """Collects the serialised messages of topics.
+
+    Args:
+        node: Node to listen with.
+        topics: Message class of every topic; each message begins with its stamp.
+        sink: Called with topic, type name, stamp [ns] and serialised message.
+    """
+
+    def __init__(
+        self, node: Node, topics: dict[str, Any], sink: Callable[[str, str, int, bytes], None]
+    ) -> None:
+        self.newest_ns: dict[str, int] = dict.fromkeys(topics, -1)
+        self._sink = sink
+        for topic, message_type in topics.items():
+            self._listen(node, topic, message_type)
+
+    def has_reached(self, stamp_ns: int, topics: Iterable[str]) -> bool:
+        """Whether messages of all these topics up to a stamp are recorded."""
+        return all(self.newest_ns[topic] >= stamp_ns for topic in topics)
+
+    def _listen(self, node: Node, topic: str, message_type: Any) -> None:
+        package = message_type.__module__.split('.')[0]
+        name = f'{package}/msg/{message_type.__name__}'
+
+        def take(cdr: bytes) -> None:
+            sec, nanosec = struct.unpack_from('<iI', cdr, 4)
+            stamp = sec * 1_000_000_000 + nanosec
+            self.newest_ns[topic] = stamp
+            self._sink(topic, name, stamp, cdr)
+
+        node.create_subscription(message_type, topic, take, SAMPLES, raw=True)
+
+
+def _executor(context: Context) -> Executor:
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:  # before Kilted
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
