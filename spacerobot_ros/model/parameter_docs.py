@@ -18,7 +18,8 @@ _HEAD = """# Parameters
 
 Every parameter of a robot file, the ROS 2 parameter file that all nodes and the command line share
 (`config/servicer.yaml` is an example). Written from `spacerobot_ros/model/settings.py` by
-`python -m spacerobot_ros.model.parameter_docs > docs/parameters.md`; a test fails when it is stale.
+`python -m spacerobot_ros.model.parameter_docs > docs/parameters.md`; a test fails when it is
+stale.
 
 Units are SI and radians. A parameter without a default is required. Unknown names, wrong types and
 lengths, numbers out of bounds or not finite are refused with the parameter named.

@@ -17,9 +17,10 @@ from support.models import (
     with_wheels,
 )
 
+from spacerobot_ros.dynamics.state import initial_state
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.loader import build_robot, true_robot
-from spacerobot_ros.model.settings import TruthSettings, parse_settings
+from spacerobot_ros.model.settings import InitialSettings, TruthSettings, parse_settings
 
 PARTS = with_wheels(table_one())
 WHEELS = {
@@ -59,6 +60,15 @@ def test_plant_view_frees_the_rotors_and_empties_the_gyrostats():
     np.testing.assert_allclose(plant.servicer_momentum, H_BASE, rtol=1e-14, atol=0)
     assert plant.effort_limits.shape == (9,)
     assert plant.position_limits.shape == (9, 2)
+
+
+def test_rotors_start_at_their_rates_behind_the_arm():
+    settings = settings_of(PARTS, **WHEELS)
+    plant = true_robot(robot_of(PARTS, **WHEELS), settings)
+    state = initial_state(plant, InitialSettings(joint_velocity=(0.1, 0.2, 0.3)))
+    np.testing.assert_array_equal(state.qd, [0.1, 0.2, 0.3, *plant.rotor_rates])
+    np.testing.assert_array_equal(state.q, np.zeros(9))
+    assert plant.target_rotors == tuple(wheel_joints(3))
 
 
 def test_true_rates_differ_from_the_believed_ones():
