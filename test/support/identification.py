@@ -15,9 +15,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from spacerobot_ros.dynamics.blocks import BlockTree
+from spacerobot_ros.identification.estimate import Estimate
+from spacerobot_ros.identification.minimal import minimal_set
 from spacerobot_ros.identification.smoothing import SensorData
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.model.settings import SensorSettings
+from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from support.models import (
     ATTITUDE_XYZW,
     H_BASE,
@@ -254,3 +258,33 @@ def measure(
     small = Rotation.from_rotvec(s['attitude_std'] * rng.standard_normal((len(a), 3)))
     attitude = (Rotation.from_quat(run.attitude_xyzw[a]) * small).as_quat()
     return SensorData(run.time[j], q, qd, run.time[g], omega, run.time[a], attitude)
+
+
+def truth_of(run: Run, structure: str = 'symmetric') -> np.ndarray:
+    """The constants [h_W; AAM; x] of a run; x by the grouping of the product's minimal set."""
+    robot = robot_of(run.parts)
+    x = minimal_set(robot, structure).grouping @ BlockTree(robot).parameters()
+    return np.concatenate([run.momentum, H_TARGET, x])
+
+
+def record_of(data: SensorData, source: str = 'test', offset_ns: int = 10**18) -> Record:
+    """A record of samples, stamps counted from an origin as on a real clock."""
+    joints, rates, attitudes = (
+        offset_ns + np.round(time * 1e9).astype(np.int64)
+        for time in (data.joint_time, data.rate_time, data.attitude_time)
+    )
+    names = ('j_link_1', 'j_link_2', 'j_link_3')
+    velocity = data.qd if np.all(np.isfinite(data.qd)) else None
+    return Record(
+        JointSeries(names, joints, data.q, velocity),
+        RateSeries(rates, data.omega),
+        AttitudeSeries(attitudes, data.attitude_xyzw) if len(attitudes) else None,
+        source=source,
+    )
+
+
+def errors_of(estimate: Estimate, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of [h_W; AAM; x] and the standard deviations that the estimate states."""
+    value = np.concatenate([estimate.total_momentum, estimate.aam, estimate.parameters])
+    momentum_std = np.sqrt(np.diag(estimate.total_momentum_covariance))
+    return value - truth, np.concatenate([momentum_std, estimate.std])
