@@ -2,8 +2,9 @@
 
 Methods: `paper` (least squares (26) with the momentum of the first sample, as printed), `ls` (the
 total momentum estimated as well), `recursive` (the same, block by block), `online` (the identifier
-node's recursion) and `ml` (maximum likelihood of a whole record). Online and ML start from
-inertial parameters that are 50 % wrong.
+node's recursion), `ml` (maximum likelihood of a whole record) and `physical` (the same over
+masses, centres of mass and inertias: the linear set's bound is not its bound). Online, ML and
+physical start from inertial parameters that are up to 50 % wrong.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from ..identification.estimate import Estimate
 from ..identification.linearize import Reference
 from ..identification.online import OnlineIdentifier
 from ..model.robot import Robot
+from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
 from .linear_system import linear_system, relative_errors, true_solution
 from .noise import noise_of, noisy_record, plan_of
 from .scenario import Scenario, cached_motion, scenario
 
-METHODS = ('paper', 'ls', 'recursive', 'online', 'ml')
+METHODS = ('paper', 'ls', 'recursive', 'online', 'ml', 'physical')
 _WRONG = np.array(
     [1.25, 1.5, 0.5, 1.5]
 )  # factors on each body's inertial parameters before identification
@@ -83,22 +85,24 @@ def noisy_run(axes: str, scale: float, seed: int) -> NoisyRun:
     case = scenario(axes)
     record = noisy_record(case.robot.joints, cached_motion(axes), scale, seed)
     believed = _wrong_robot(case, scale)
+    linear = replace(case.identifier, manifold='linear')
+    bodies = replace(case.identifier, manifold='physical')
     estimates = {
-        name: identify(record, believed, case.identifier, name)
-        for name in ('ls', 'recursive', 'ml')
+        name: identify(record, believed, linear, name) for name in ('ls', 'recursive', 'ml')
     }
-    estimates['online'] = online_estimate(record, believed, case)
+    estimates['physical'] = identify(record, believed, bodies, 'ml')
+    estimates['online'] = online_estimate(record, believed, linear)
     solutions = {name: np.concatenate([e.aam, e.parameters]) for name, e in estimates.items()}
     solutions['paper'] = linear_system(case.robot, case.minimal, _samples(record)).solve()
     return NoisyRun(axes, scale, seed, solutions, estimates)
 
 
-def online_estimate(record: Record, believed: Robot, case: Scenario) -> Estimate:
+def online_estimate(record: Record, believed: Robot, settings: IdentifierSettings) -> Estimate:
     """The identifier node's result after a record of sensors that share their stamps."""
     joints, rates, attitudes = record.joints, record.rates, record.attitudes
     if joints is None or rates is None or attitudes is None or joints.velocity is None:
         raise ValueError('the record lacks a sensor')
-    identifier = OnlineIdentifier(believed, case.identifier)
+    identifier = OnlineIdentifier(believed, settings)
     next_solve = _SOLVE_PERIOD
     for k, stamp in enumerate(joints.stamp_ns):
         identifier.add_joints(int(stamp), joints.position[k], joints.velocity[k])
