@@ -24,6 +24,7 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..model.robot import Body, Robot, tree_order
 from ..types import Array
+from .regressor_kernel import fill_regressor
 from .rotation import skew
 
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -57,6 +58,7 @@ class BlockTree:
         self.moves = _ancestry(robot.bodies)
         self._turns = [_turn_terms(body) for body in robot.bodies]
         self._links = _link_vectors(robot.bodies)
+        self._pair_indices = np.array(self.pairs, dtype=np.int64).reshape(-1, 2)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -93,20 +95,9 @@ class BlockTree:
             u: (N, 3+n) body rate omega_WB_B and joint rates [rad/s].
         """
         w = np.einsum('nkai,ni->nka', maps, u)
-        local = np.einsum('nkab,nka->nkb', rotations, w)  # w_k in body k's own axes
-        columns = []
-        for k in range(self.n + 1):
-            for a, b in _SYMMETRIC:
-                column = rotations[:, k, :, a] * local[:, k, b, None]
-                if a != b:
-                    column = column + rotations[:, k, :, b] * local[:, k, a, None]
-                columns.append(column)
-        blocks = np.stack(columns, axis=2)
-        if not self.pairs:
-            return blocks
-        return np.concatenate(
-            [blocks, *(self._pair_columns(k, m, rotations, w) for k, m in self.pairs)], axis=2
-        )
+        out = np.empty((len(u), 3, 6 * (self.n + 1) + 9 * len(self.pairs)))
+        fill_regressor(rotations, w, self._pair_indices, out)
+        return out
 
     def inertia(self, rotations: Array, maps: Array, pi: Array) -> Array:
         """(N, 3+n, 3+n) inertia [[D, Dq], [Dq^T, Dqq]] of u = [w_0; q'], linear in pi (K,)."""
@@ -177,15 +168,6 @@ class BlockTree:
         parts = [blocks[..., rows, columns].reshape(*mass.shape[:-1], -1)]
         parts += [q[..., k, m, :, :].reshape(*mass.shape[:-1], 9) for k, m in self.pairs]
         return np.concatenate(parts, axis=-1)
-
-    def _pair_columns(self, k: int, m: int, rotations: Array, w: Array) -> Array:
-        """(N, 3, 9) columns of Q_km: e_ka x (w_m x e_mb) + e_mb x (w_k x e_ka)."""
-        left, right = rotations[:, k], rotations[:, m]
-        dots = np.einsum('nia,nib->nab', left, right)
-        columns = (w[:, k] + w[:, m])[:, :, None, None] * dots[:, None]
-        columns -= np.einsum('nib,nja,nj->niab', right, left, w[:, m])
-        columns -= np.einsum('nia,njb,nj->niab', left, right, w[:, k])
-        return columns.reshape(len(w), 3, 9)
 
     def _blocks(self, rotations: Array, pi: Array) -> Array:
         """(N, n+1, n+1, 3, 3) blocks B_kl."""
