@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
 import os
 import sys
 from collections.abc import Sequence
@@ -43,11 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit status: 0 done, 1 done but the answer is no (see each sub-command), 2 input that
         can't be used, 130 interrupted, 141 the reader of the output went away.
     """
-    modules = {
-        name: importlib.import_module(f'{__package__}.{name}')
-        for name in COMMANDS
-        if importlib.util.find_spec(f'{__package__}.{name}')  # TODO until all are written
-    }
+    modules = {name: importlib.import_module(f'{__package__}.{name}') for name in COMMANDS}
     parser = argparse.ArgumentParser(
         prog='spacerobot',
         description=_DESCRIPTION,

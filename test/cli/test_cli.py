@@ -1,0 +1,313 @@
+"""The command line: answers, exit statuses, one-line errors."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.cli import identify, main, simulate
+from spacerobot_ros.cli.identify import decimals
+from spacerobot_ros.errors import SpaceRobotError
+from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.recording.bag import read_bag
+from spacerobot_ros.recording.npz import save_npz
+
+ROOT = Path(__file__).resolve().parents[2]
+ROBOT = str(ROOT / 'config' / 'servicer.yaml')
+TRUTH = np.array([42.0, 49.0, 41.0])  # N m s, of the robot file
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Return one pass of the exciting motion, as a bag."""
+    path = tmp_path_factory.mktemp('cli') / 'run'
+    assert main.main(['simulate', '--robot', ROBOT, '-o', str(path)]) == 0
+    return str(path)
+
+
+def run(capsys, *arguments):
+    status = main.main([str(a) for a in arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def fails(capsys, status, *arguments):
+    """Exit status of a run that must fail with one line on stderr and nothing on stdout."""
+    got, out, err = run(capsys, *arguments)
+    assert got == status
+    assert out == ''
+    assert err.count('\n') == 1
+    assert err.startswith(f'spacerobot {arguments[0]}: ')
+    return err
+
+
+# ---------------------------------------------------------------- simulate
+
+
+def test_simulate_says_in_one_line_what_it_did(capsys, tmp_path):
+    status, out, err = run(
+        capsys, 'simulate', '--robot', ROBOT, '-o', tmp_path / 'run', '--duration', '0.5'
+    )
+    assert status == 0
+    assert err == ''
+    assert out.count('\n') == 1
+    assert out.startswith(f'{tmp_path}/run: 0.5 s in ')
+    assert 'momentum drift' in out
+
+
+def test_simulate_options_reach_the_run(capsys, tmp_path):
+    def rates(name, *options):
+        base = ('simulate', '--robot', ROBOT, '-o', tmp_path / name, '--duration', '0.3')
+        assert run(capsys, *base, *options)[0] == 0
+        return read_bag(tmp_path / name, load_robot_file(ROBOT).robot)
+
+    plain = rates('plain')
+    assert len(plain.joints.stamp_ns) == 31
+    np.testing.assert_array_equal(rates('same').rates.omega, plain.rates.omega)
+    assert np.any(rates('seed', '--seed', '9').rates.omega != plain.rates.omega)
+    exact = rates('exact', '--no-noise').rates.omega
+    np.testing.assert_array_equal(exact, rates('exact2', '--no-noise', '--seed', '9').rates.omega)
+    hold = rates('hold', '--reference', 'hold', '--no-noise')
+    assert np.any(hold.joints.effort != rates('move', '--no-noise').joints.effort)
+    paper = rates('paper', '--law', 'computed_torque_paper', '--no-noise')
+    assert np.any(paper.joints.effort != hold.joints.effort)
+
+
+def test_simulate_does_not_overwrite_unless_told(capsys, tmp_path):
+    arguments = ('simulate', '--robot', ROBOT, '-o', tmp_path / 'run', '--duration', '0.1')
+    assert run(capsys, *arguments)[0] == 0
+    before = (tmp_path / 'run' / 'metadata.yaml').read_bytes()
+    assert 'exists already (--force replaces it)' in fails(capsys, 2, *arguments, '--seed', '5')
+    assert (tmp_path / 'run' / 'metadata.yaml').read_bytes() == before
+    assert run(capsys, *arguments, '--force')[0] == 0
+    (tmp_path / 'mine').mkdir()
+    err = fails(capsys, 2, 'simulate', '--robot', ROBOT, '-o', tmp_path / 'mine', '--force')
+    assert 'is not a bag, so it is not replaced' in err
+
+
+def test_simulate_refuses_a_bad_robot_file_in_one_line(capsys, tmp_path):
+    missing = fails(capsys, 2, 'simulate', '--robot', tmp_path / 'no.yaml', '-o', tmp_path / 'run')
+    assert 'no.yaml' in missing
+    bad = tmp_path / 'bad.yaml'
+    bad.write_text('/**:\n  ros__parameters:\n    robot: {jonts: [a]}\n')
+    err = fails(capsys, 2, 'simulate', '--robot', bad, '-o', tmp_path / 'run')
+    assert "did you mean 'joints'?" in err
+    assert not (tmp_path / 'run').exists()
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        (['--duration', '0'], 'argument --duration: 0 must be finite and above zero'),
+        (['--duration', 'nan'], 'argument --duration: nan must be finite'),
+        (['--duration', 'soon'], "argument --duration: 'soon' is not a number"),
+        (['--seed', '-1'], 'argument --seed: -1 must be zero or above'),
+        (['--seed', '1.5'], "argument --seed: '1.5' is not a whole number"),
+        (['--law', 'pid'], "invalid choice: 'pid'"),
+        (['--reference', 'topic'], "invalid choice: 'topic'"),
+        (['--what'], 'unrecognized arguments: --what'),
+    ],
+)
+def test_usage_errors_exit_with_2(capsys, tmp_path, options, message):
+    with pytest.raises(SystemExit) as stop:
+        main.main(['simulate', '--robot', ROBOT, '-o', str(tmp_path / 'run'), *options])
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+# ---------------------------------------------------------------- identify
+
+
+def test_identify_json_is_the_only_output_and_has_the_promised_shape(capsys, bag):
+    status, out, err = run(capsys, 'identify', bag, '--robot', ROBOT, '--json')
+    assert status == 0
+    assert err == ''
+    result = json.loads(out)
+    aam = result['aam']
+    assert aam['unit'] == 'N m s'
+    error = np.abs(np.array(aam['value']) - TRUTH)
+    assert np.all(error < 0.01 * TRUTH)
+    assert np.all(error < 5.0 * np.array(aam['std']))  # seeded, so no chance involved
+    assert {'name', 'value', 'std', 'unit'} <= set(result['parameters'][0])
+    assert result['rank'] == 3 + len(result['parameters'])
+    assert result['condition'] > 1.0
+    assert 0.8 < result['chi2_per_dof'] < 1.25
+    assert result['method'] == 'ml'
+    assert {'value', 'std', 'unit'} <= set(result['momentum'])
+
+
+def test_identify_prints_a_table_for_people(capsys, bag):
+    status, out, _ = run(capsys, 'identify', bag, '--robot', ROBOT)
+    assert status == 0
+    for text in (
+        'wheel momentum of the captured body',
+        'link_3 x',
+        'N m s',
+        'kg m^2',
+        'method ml',
+    ):
+        assert text in out
+    assert 'note: sample times are header stamps' in out
+    assert '\x1b' not in out  # no colours where it is no terminal
+
+
+@pytest.mark.parametrize('method', ['ls', 'recursive'])
+def test_identify_by_the_other_methods(capsys, bag, method):
+    status, out, _ = run(capsys, 'identify', bag, '--robot', ROBOT, '--json', '--method', method)
+    result = json.loads(out)
+    assert status == (0 if result['valid'] else 1)
+    assert result['method'] == method
+
+
+def test_identify_takes_npz(capsys, bag, tmp_path):
+    save_npz(read_bag(bag, load_robot_file(ROBOT).robot), tmp_path / 'run.npz')
+    _, from_bag, _ = run(capsys, 'identify', bag, '--robot', ROBOT, '--json', '--method', 'ls')
+    _, from_npz, _ = run(
+        capsys, 'identify', tmp_path / 'run.npz', '--robot', ROBOT, '--json', '--method', 'ls'
+    )
+    assert json.loads(from_npz) == json.loads(from_bag)
+
+
+def test_identify_without_excitation_exits_with_1_and_says_why(capsys, tmp_path):
+    still = ['--reference', 'hold', '--duration', '5', '--law', 'computed_torque']
+    assert run(capsys, 'simulate', '--robot', ROBOT, '-o', tmp_path / 'still', *still)[0] == 0
+    arguments = ('identify', tmp_path / 'still', '--robot', ROBOT)
+    status, out, _ = run(capsys, *arguments)
+    assert status == 1
+    assert 'not valid: ' in out
+    status, out, _ = run(capsys, *arguments, '--json')
+    assert status == 1
+    result = json.loads(out, parse_constant=lambda name: pytest.fail(f'{name} is no JSON'))
+    assert result['valid'] is False
+    assert result['reason']
+
+
+def test_identify_refusals(capsys, bag, tmp_path):
+    identify_it = ('identify', '--robot', ROBOT)
+    assert 'no such file' in fails(capsys, 2, *identify_it, tmp_path / 'nothing')
+    assert 'no metadata.yaml' in fails(capsys, 2, *identify_it, tmp_path)
+    assert 'not a readable npz' in fails(capsys, 2, *identify_it, tmp_path / 'x.npz')
+    other = Path(ROBOT).read_text().replace('urdf: package://spacerobot_ros/config/', 'urdf: ')
+    (tmp_path / 'other.yaml').write_text(other)
+    urdf = (ROOT / 'config' / 'servicer.urdf').read_text().replace('joint_3', 'wrist')
+    (tmp_path / 'servicer.urdf').write_text(urdf)
+    (tmp_path / 'other.yaml').write_text(other.replace('joint_3', 'wrist'))
+    err = fails(capsys, 2, 'identify', bag, '--robot', tmp_path / 'other.yaml')
+    assert 'lacks wrist and has foreign joint_3' in err
+
+
+@pytest.mark.parametrize(
+    ('std', 'expected'), [(0.0097, 4), (0.22, 2), (1.3, 1), (25.0, 0), (0.0, 6), (np.nan, 6)]
+)
+def test_decimals_show_two_digits_of_the_standard_deviation(std, expected):
+    assert decimals(std) == expected
+
+
+# ---------------------------------------------------------------- the frame around
+
+
+@pytest.mark.parametrize('command', [None, 'simulate', 'identify', 'demo', 'reproduce'])
+def test_help_teaches_by_examples(capsys, command):
+    with pytest.raises(SystemExit) as stop:
+        main.main([command, '--help'] if command else ['--help'])
+    assert stop.value.code == 0
+    out = capsys.readouterr().out
+    assert 'examples:' in out
+    assert 'spacerobot ' in out
+
+
+def test_no_command_and_version(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main.main([])
+    assert stop.value.code == 2
+    with pytest.raises(SystemExit) as stop:
+        main.main(['--version'])
+    assert stop.value.code == 0
+    assert capsys.readouterr().out.startswith('spacerobot 0.')
+
+
+@pytest.mark.parametrize(
+    ('error', 'status', 'message'),
+    [
+        (SpaceRobotError('two\n  lines'), 2, 'spacerobot identify: two lines\n'),
+        (KeyboardInterrupt(), 130, 'spacerobot identify: interrupted\n'),
+    ],
+)
+def test_errors_become_statuses(capsys, monkeypatch, error, status, message):
+    def stop(_):
+        raise error
+
+    monkeypatch.setattr(identify, 'run', stop)
+    assert fails(capsys, status, 'identify', 'x', '--robot', 'y') == message
+
+
+def test_an_unexpected_error_is_not_hidden(monkeypatch):
+    def stop(_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(simulate, 'run', stop)
+    with pytest.raises(ZeroDivisionError):
+        main.main(['simulate', '--robot', 'x', '-o', 'y'])
+
+
+def spacerobot(*arguments, **options):
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    return subprocess.run(
+        [sys.executable, '-m', 'spacerobot_ros.cli.main', *map(str, arguments)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        **options,
+    )
+
+
+def test_as_a_process(tmp_path):
+    done = spacerobot('simulate', '--robot', ROBOT, '-o', tmp_path / 'run', '--duration', '0.1')
+    assert (done.returncode, done.stderr) == (0, '')
+    again = spacerobot('simulate', '--robot', ROBOT, '-o', tmp_path / 'run', '--duration', '0.1')
+    assert again.returncode == 2
+    assert again.stdout == ''
+    assert 'Traceback' not in again.stderr
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        'import sys\n'
+        'from spacerobot_ros.cli.main import main\n'
+        'try:\n    main(["--help"])\nexcept SystemExit:\n    pass\n'
+        'heavy = {"numpy", "scipy", "pinocchio", "matplotlib", "rosbags", "rich", "rclpy"}\n'
+        'print(sorted(heavy & set(sys.modules)), file=sys.stderr)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert done.stderr.strip() == '[]'
+
+
+def test_a_reader_that_goes_away_is_no_traceback(bag):
+    program = f'{sys.executable} -m spacerobot_ros.cli.main'
+    command = f'{program} identify {bag} --robot {ROBOT} --method ls --json'
+    done = subprocess.run(
+        ['bash', '-c', f'set -o pipefail; {command} | true'],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert 'Traceback' not in done.stderr
+    assert 'BrokenPipe' not in done.stderr
+    assert done.returncode in (0, 1, 141)  # 0 or 1 where the pipe took it all before it closed
