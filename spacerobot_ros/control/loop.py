@@ -229,8 +229,9 @@ class ControlLoop:
     def blind(self, elapsed_ns: int) -> Command | None:
         """Command for when no joint states arrive any more; None while the last is fresh.
 
-        The joints are extrapolated along the decay that the damping law asks for, and the torque
-        fades away with it. None also before the first sample.
+        The joints are extrapolated along the decay that the damping law asks for. The torque that
+        holds against the wheels fades ten times slower, so that braking is over by then. None
+        also before the first sample.
 
         Args:
             elapsed_ns: Time since the last joint sample [ns].
@@ -246,7 +247,7 @@ class ControlLoop:
         omega = self._sample(stamp_ns, q, qd).omega_WB_B
         now = Sample(q + qd * (seen + (1.0 - decay) / rate), qd * decay, omega, np.zeros(3))
         point = self.reference_point() or rest(q)
-        torque = self._law.damp(now, trust=decay)
+        torque = self._law.damp(now, trust=decay**0.1)
         return self._command(stamp_ns + elapsed_ns, torque, point, now, 'joint states are stale')
 
     def _torque(self, reference: Reference, t: float, sample: Sample) -> Torque:
