@@ -95,21 +95,28 @@ def place(parts: list[Part], order: tuple[str, ...], q: np.ndarray) -> Tree:
             R[k] = R[i] @ to_rotation(part.rpy) @ turn(part.axis, q[j])
             arm = R[i] @ part.origin
             p[k] = p[i] + arm
-            Jp[k] = Jp[i] + np.cross(Jw[i], arm, axisa=0, axisb=0, axisc=0)
+            Jp[k] = Jp[i] - _skew(arm) @ Jw[i]
             Jw[k] = Jw[i]
             Jw[k, :, 3 + j] = R[k] @ part.axis
         arm = R[k] @ part.com
         centres[k] = p[k] + arm
-        Jc[k] = Jp[k] + np.cross(Jw[k], arm, axisa=0, axisb=0, axisc=0)
+        Jc[k] = Jp[k] - _skew(arm) @ Jw[k]
     return Tree(R, centres, Jw, Jc)
+
+
+def _skew(v: np.ndarray) -> np.ndarray:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def inertia_of(parts: list[Part], order: tuple[str, ...], q: np.ndarray) -> np.ndarray:
     """(3 + n, 3 + n) inertia [[D, Dq], [Dq^T, Dqq]] with the centre of mass at rest."""
-    tree = place(parts, order, q)
+    return _inertia(parts, place(parts, order, q))
+
+
+def _inertia(parts: list[Part], tree: Tree) -> np.ndarray:
     mass = np.array([part.mass for part in parts])
     mean = np.einsum('k,kai->ai', mass, tree.linear) / mass.sum()
-    total = np.zeros((3 + len(order), 3 + len(order)))
+    total = np.zeros((tree.linear.shape[2],) * 2)
     for k, part in enumerate(parts):
         tensor = tree.rotations[k] @ part.inertia @ tree.rotations[k].T
         slip = tree.linear[k] - mean
@@ -205,8 +212,9 @@ def simulate(axes: str, duration: float, motion: str = 'table_two') -> Run:
 
     def base_rate(t: float, attitude: np.ndarray, total: np.ndarray) -> np.ndarray:
         q, qd = (x[0] for x in moves(np.array([t])))
-        M = inertia_of(parts, order, q)
-        wheels = H_BASE + carried(parts, order, q, 3) @ H_TARGET
+        tree = place(parts, order, q)
+        M = _inertia(parts, tree)
+        wheels = H_BASE + tree.rotations[3] @ H_TARGET
         h_B = quaternion_matrix(attitude).T @ total
         return np.linalg.solve(M[:3, :3], h_B - wheels - M[:3, 3:] @ qd)
 
