@@ -208,6 +208,11 @@ class IdentifierSettings:
         doc='symmetric: zeros of the URDF in link centres of mass and products of inertia are '
         'taken as known.',
     )
+    manifold: str = param(
+        'physical',
+        choices=('physical', 'linear'),
+        doc='physical: the result is what rigid bodies can be; linear: the minimal set is left free.',
+    )
     solve_period: float = param(1.0, unit='s', above=0.0, doc='Period of /estimate.')
     prior_std: float = param(
         1.0, above=0.0, doc='Relative standard deviation of the prior on inertial parameters.'
@@ -253,6 +258,58 @@ class ControllerSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ExcitationSettings:
+    """Design of an identification motion (`spacerobot excite`): family, limits, search.
+
+    A joint limit is one number for all joints or one a joint. The URDF's position and effort
+    limits hold besides.
+    """
+
+    duration: float = param(20.0, unit='s', above=0.0, doc='Duration of the motion.')
+    harmonics: int = param(3, minimum=1, maximum=20, doc='Number of Fourier harmonics a joint.')
+    start: str = param(
+        'auto',
+        choices=('auto', 'initial', 'rest', 'spin_up'),
+        doc='Base rate at the start: initial.angular_velocity; rest; spin_up: at rest, then the '
+        "servicer's wheels are spun up; auto: initial where base_rate and base_rotation allow "
+        'it, else rest.',
+    )
+    joint_range: FloatList = param(
+        (3.0543261909900763,), unit='rad', above=0.0, doc='Largest joint angle; 175 deg.'
+    )
+    joint_rate: FloatList = param(
+        (), unit='rad/s', above=0.0, doc='Largest joint rate; empty: no limit.'
+    )
+    joint_acceleration: FloatList = param(
+        (), unit='rad/s^2', above=0.0, doc='Largest joint acceleration; empty: no limit.'
+    )
+    joint_torque: FloatList = param(
+        (), unit='N m', above=0.0, doc="Largest joint torque; empty: the URDF's effort limits."
+    )
+    base_rotation: float | None = param(
+        None, unit='rad', above=0.0, doc='Largest turn of the base from its first attitude.'
+    )
+    base_rate: float | None = param(
+        None, unit='rad/s', above=0.0, doc='Largest rate of the base, such that trackers see.'
+    )
+    momentum_uncertainty: float = param(
+        0.0,
+        unit='N m s',
+        minimum=0.0,
+        doc="Limits hold also where an axis of the captured wheels' momentum is off by this.",
+    )
+    criterion: str = param(
+        'information',
+        choices=('information', 'condition', 'unit_condition'),
+        doc="information: bits told of the whole estimate; condition: the paper's condition "
+        'number; unit_condition: the same with columns of unit norm.',
+    )
+    starts: int = param(4, minimum=1, maximum=1000, doc='Number of starting points.')
+    iterations: int = param(40, minimum=1, maximum=10000, doc='Largest number of steps a start.')
+    seed: int = param(1, minimum=0, doc='Seed of the starting points.')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """All sections of a robot file."""
 
@@ -264,6 +321,7 @@ class Settings:
     simulator: SimulatorSettings = field(default_factory=SimulatorSettings)
     identifier: IdentifierSettings = field(default_factory=IdentifierSettings)
     controller: ControllerSettings = field(default_factory=ControllerSettings)
+    excitation: ExcitationSettings = field(default_factory=ExcitationSettings)
 
 
 def parse_settings(values: Mapping[str, Any], place: str = '') -> Settings:
@@ -285,6 +343,7 @@ def parse_settings(values: Mapping[str, Any], place: str = '') -> Settings:
 
 __all__ = [
     'ControllerSettings',
+    'ExcitationSettings',
     'FloatList',
     'IdentifierSettings',
     'InitialSettings',

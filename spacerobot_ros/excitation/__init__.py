@@ -1,0 +1,1 @@
+"""Design of motions that tell as much as possible about wheel momentum and inertia."""
