@@ -1,0 +1,121 @@
+"""`spacerobot reproduce wheel-momentum`: one small run, its JSON, its report, its tables."""
+
+import json
+import math
+
+import pytest
+
+from spacerobot_ros.cli import reproduce
+from spacerobot_ros.cli.main import main
+from spacerobot_ros.reproduce.monte_carlo import METHODS, noisy_run
+from spacerobot_ros.reproduce.scenario import scenario
+from spacerobot_ros.reproduce.wheel_momentum import Options
+
+SMALL = Options(
+    runs=2,
+    axes=('zyx',),
+    further_axes=(),
+    structures=('symmetric',),
+    starts=('moving',),
+    bandwidths=(1.0,),
+    noisy_axes=('zyx',),
+    soft=(),
+)
+
+
+@pytest.fixture(scope='module')
+def outcome(tmp_path_factory):
+    """Exit status, standard output and folder of a small run."""
+    folder = tmp_path_factory.mktemp('reproduce')
+    with pytest.MonkeyPatch.context() as patch:
+        lines = []
+        patch.setattr(reproduce, '_options', lambda _: SMALL)
+        patch.setattr('builtins.print', lambda *a, **_: lines.append(' '.join(map(str, a))))
+        status = main(['reproduce', 'wheel-momentum', '--json', '--out', str(folder)])
+    return status, '\n'.join(lines), folder
+
+
+def test_every_figure_is_reached(outcome):
+    status, text, _ = outcome
+    data = json.loads(text)
+    assert [check for check in data['checks'] if not check['is_met']] == []
+    assert status == 0
+
+
+def test_json_has_every_experiment(outcome):
+    data = json.loads(outcome[1])
+    assert {s['method'] for s in data['estimators']} == set(METHODS)
+    assert len(data['table_iii']['zyx']) == 22
+    assert data['noise_free'][0]['reference']['raw'] == 801
+    assert len(data['tracking']) == 5
+    laws = {(r['plant'], r['law']): r['max_joint_error_deg'] for r in data['tracking']}
+    assert laws['correct', 'corrected'] < 1e-6 < 2.0 < laws['correct', 'no_aam']
+
+
+def test_the_estimators_rank_as_derived(outcome):
+    scores = {(s['method'], s['noise_scale']): s for s in json.loads(outcome[1])['estimators']}
+    for scale in (1.0, 0.1):
+        ls, recursive = scores['ls', scale], scores['recursive', scale]
+        # recursion changes nothing but rounding
+        assert math.isclose(ls['aam_over_bound'], recursive['aam_over_bound'], rel_tol=1e-6)
+        assert scores['ml', scale]['aam_over_bound'] < 0.2 * ls['aam_over_bound']
+        assert 0.9 < scores['ml', scale]['chi2_per_dof'] < 1.1
+    assert scores['paper', 1.0]['bias_over_rmse'] > 0.9
+
+
+def test_tracking_with_least_squares_is_worse_than_without_any_estimate(outcome):
+    data = json.loads(outcome[1])
+    found = {r['method']: r['max_joint_error_deg'] for r in data['tracking_identified']}
+    assert found['ls'] > 2.1
+    assert found['ml'] < 0.1
+
+
+def test_files_are_written(outcome):
+    _, text, folder = outcome
+    page = (folder / 'report.html').read_text()
+    assert page.count('<svg') == 4
+    assert 'Fig. 7' in page
+    assert json.loads((folder / 'results.json').read_text()) == json.loads(text)
+
+
+def test_tables_for_people(tmp_path, capsys, monkeypatch):
+    few = Options(
+        runs=2,
+        axes=('zyx',),
+        further_axes=(),
+        structures=('symmetric',),
+        starts=('moving',),
+        bandwidths=(1.0,),
+        noisy_axes=(),
+        soft=(('xyy', 'paper'),),
+    )
+    monkeypatch.setattr(reproduce, '_options', lambda _: few)
+    assert main(['reproduce', 'wheel-momentum', '--out', str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    assert 'joint [deg]' in text
+    assert 'no AAM (37)' in text
+    assert 'figures are reached' in text
+    assert (tmp_path / 'report.html').exists()
+
+
+def test_a_folder_that_can_not_be_written(tmp_path, capsys, monkeypatch):
+    (tmp_path / 'file').write_text('')
+    tiny = Options(axes=(), further_axes=(), starts=(), bandwidths=(), noisy_axes=(), soft=())
+    monkeypatch.setattr(reproduce, '_options', lambda _: tiny)
+    assert main(['reproduce', 'wheel-momentum', '--out', str(tmp_path / 'file' / 'out')]) == 2
+    assert 'can not be written' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('arguments', [['nothing'], ['wheel-momentum', '--runs', '1']])
+def test_usage(arguments, capsys):
+    with pytest.raises(SystemExit) as error:
+        main(['reproduce', *arguments])
+    assert error.value.code == 2
+    assert 'error:' in capsys.readouterr().err
+
+
+def test_the_same_seed_gives_the_same_estimates():
+    case = scenario('zyx')
+    first, second = (noisy_run('zyx', 1.0, 3).solutions for _ in range(2))
+    assert all((first[m] == second[m]).all() for m in METHODS)
+    assert len(first['ml']) == 3 + len(case.minimal)
