@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from support.models import H_BASE, H_TARGET, random_tree, robot_of
 
 from spacerobot_ros.dynamics.blocks import BlockTree
-from spacerobot_ros.errors import IdentificationError
+from spacerobot_ros.errors import ConfigurationError, IdentificationError
 from spacerobot_ros.identification.cramer_rao import SensorPlan, cramer_rao_bound
 from spacerobot_ros.identification.linearize import Reference
 from spacerobot_ros.identification.minimal import minimal_set
@@ -205,3 +205,17 @@ def test_a_plan_beyond_the_motion_is_refused():
         IdentificationError, match=r'from 0 to 30 s, the motion from 0 to 19\.98 s'
     ):
         cramer_rao_bound(case.robot, case.minimal, motion, plan)
+
+
+@pytest.mark.parametrize(
+    ('change', 'place'),
+    [
+        ({'gyro_std': 0.0}, r'plan\.gyro_std'),
+        ({'attitude_std': np.nan}, r'plan\.attitude_std'),
+        ({'rate_time': np.array([0.0, 0.2, 0.1])}, r'plan\.rate_time'),
+        ({'joint_time': np.array([0.0, np.nan])}, r'plan\.joint_time'),
+    ],
+)
+def test_an_impossible_plan_is_refused(change, place):
+    with pytest.raises(ConfigurationError, match=place):
+        replace(plan_of(cached_motion('zyx'), 1.0), **change)
