@@ -121,7 +121,7 @@ class FreeBase:
         batch, steps, n = q.shape
         placed = self._place(q.reshape(-1, n))
         shape = (batch, steps)
-        inverse: Array = np.linalg.inv(placed.D)
+        inverse = np.asarray(np.linalg.inv(placed.D), dtype=float)
         coupling = inverse @ placed.Dq
         spin = np.zeros((batch * steps, 3))
         for body, h in self._wheels:
@@ -129,7 +129,7 @@ class FreeBase:
         own = _apply(inverse, spin) + _apply(coupling, qd.reshape(-1, n))
         inverse, own = inverse.reshape((*shape, 3, 3)), own.reshape((*shape, 3))
         attitude = Rotation.from_quat(start.attitude_xyzw).as_matrix()
-        h_B0 = np.linalg.solve(inverse[:, 0], (start.omega + own[:, 0])[..., None])[..., 0]
+        h_B0 = _apply(np.linalg.inv(inverse[:, 0]), start.omega + own[:, 0])
         h_W = h_B0 @ attitude.T
         h_B = _carry_momentum(time, inverse, own, h_B0)
         R_WB = _integrate_attitude(time, _apply(inverse, h_B) - own, attitude)
@@ -227,6 +227,7 @@ def _carry_momentum(time: Array, inverse: Array, own: Array, h_B: Array) -> Arra
     mid_own = CubicSpline(time, own, axis=1)(middle)
     out = np.empty_like(own)
     out[:, 0] = h_B
+    size = np.linalg.norm(h_B, axis=1)  # constant; kept, so that no candidate is too fast to judge
     dt = time[1] - time[0]
 
     def rate(h: Array, maps: Array, offset: Array) -> Array:
@@ -238,7 +239,8 @@ def _carry_momentum(time: Array, inverse: Array, own: Array, h_B: Array) -> Arra
         k2 = rate(h + 0.5 * dt * k1, mid_inverse[:, k], mid_own[:, k])
         k3 = rate(h + 0.5 * dt * k2, mid_inverse[:, k], mid_own[:, k])
         k4 = rate(h + dt * k3, inverse[:, k + 1], own[:, k + 1])
-        out[:, k + 1] = h + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        moved = h + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        out[:, k + 1] = moved * (size / np.maximum(np.linalg.norm(moved, axis=1), 1e-300))[:, None]
     return out
 
 

@@ -1,14 +1,14 @@
 r"""How much a motion tells of the whole estimate [AAM; x]: bits gained over the prior.
 
-The cheap sibling of `identification.cramer_rao`: the joints count as measured, their rates with the
-noise density that smoothing leaves, so that the only unknowns are the first attitude, the total
-momentum h_W and [AAM; x]. With psi the attitude error in the inertial frame and t the errors of
-the constants,
+The cheap sibling of `identification.cramer_rao`: the joints count as measured, their rates with
+the noise density that smoothing leaves. Unknown are the first attitude, the total momentum h_W,
+and the wheel momentum and the bodies, or the linear minimal set (unknowns.py). With psi the
+attitude error in the inertial frame and t the errors of the constants,
 
     dw = D^-1 (h_B^x R^T psi + V t),    psi' = R dw
 
-the gyro measures dw and the star tracker psi. With F the information of [AAM; x] after all else
-is eliminated and S the prior's standard deviations,
+the gyro measures dw and the star tracker psi. With F the information of the unknowns after first
+attitude and h_W are eliminated and S the prior's standard deviations,
 
     gain = 1/2 log2 det(1 + S F S)
 
@@ -16,7 +16,7 @@ is the expected information of the measurement (Lindley 1956), 1 bit for every h
 uncertainty. A change of units changes neither it nor the motion that maximises it, unlike a
 condition number, and a direction that no motion can excite adds nothing instead of spoiling all.
 
-Symbols: B candidates, T times, p constants [h_W; AAM; x].
+Symbols: B candidates, T times, p constants [h_W; AAM; x], m unknowns besides h_W.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from ..identification.linearize import MomentumModel, Reference
 from ..model.settings import SensorSettings, SimulatorSettings
 from ..types import Array
 from .free_base import BaseMotion
+from .unknowns import Unknowns
 
 # Where the robot file does not state the noise: a good gyro, encoder and star tracker.
 TYPICAL = SensorSettings(
@@ -82,31 +83,31 @@ class Information:
     Args:
         model: Robot as assumed, and minimal set.
         noise: Sensors.
-        prior_std: (p - 3,) standard deviations of what is known of [AAM; x] before.
+        unknowns: What is to be estimated, with its prior.
     """
 
-    def __init__(self, model: MomentumModel, noise: NoiseDensity, prior_std: Array) -> None:
-        self._model, self._noise, self._prior_std = model, noise, prior_std
+    def __init__(self, model: MomentumModel, noise: NoiseDensity, unknowns: Unknowns) -> None:
+        self._model, self._noise, self._unknowns = model, noise, unknowns
 
     def gain(self, motion: BaseMotion) -> Array:
-        """(B,) bits that each candidate's measurement tells of [AAM; x]."""
+        """(B,) bits that each candidate's measurement tells."""
         fisher = self.fisher(motion)
         sign, log = np.linalg.slogdet(np.eye(fisher.shape[-1]) + fisher)
         return np.where(sign > 0.0, 0.5 * log / np.log(2.0), -np.inf)
 
     def fisher(self, motion: BaseMotion) -> Array:
-        """(B, p - 3, p - 3) information of [AAM; x] in units of the prior's std."""
+        """(B, m, m) information of the unknowns in units of the prior's std."""
         drive = self._drive(motion)
         psi, rate = _sensitivities(motion, drive)
         weight = self._weights(motion)
         info = _gram(weight @ rate) + _gram(psi / self._noise.attitude)
         info *= motion.time[1] - motion.time[0]
-        return _eliminate(info, 6) * np.outer(self._prior_std, self._prior_std)
+        prior_std = self._unknowns.prior_std
+        return _eliminate(info, 6) * np.outer(prior_std, prior_std)
 
     def _drive(self, motion: BaseMotion) -> Array:
-        """(B, T, 3, p) of dw by the constants' errors."""
-        columns = self.columns(motion)
-        return motion.inverse @ columns
+        """(B, T, 3, 3 + m) of dw by [h_W; unknowns]."""
+        return motion.inverse @ (self.columns(motion) @ self._unknowns.to_constants)
 
     def columns(self, motion: BaseMotion) -> Array:
         """(B, T, 3, p) regressor of the momentum equation in base axes."""
@@ -122,7 +123,7 @@ class Information:
         return columns.reshape(batch, steps, 3, -1)
 
     def _weights(self, motion: BaseMotion) -> Array:
-        """(B, T, 3, 3) square root of the inverse noise density of a rate, seen from the joints."""
+        """(B, T, 3, 3) square roots of the inverse noise density of the base rate."""
         c = motion.coupling
         noise = self._noise.joint_rate**2 * c @ np.swapaxes(c, -1, -2)
         noise = noise + self._noise.gyro**2 * np.eye(3)
@@ -130,7 +131,7 @@ class Information:
 
 
 def _sensitivities(motion: BaseMotion, drive: Array) -> tuple[Array, Array]:
-    """(B, T, 3, 3 + p) psi and dw by [psi(0); constants]; trapezoidal steps of psi' = M psi + ..."""
+    """(B, T, 3, 6 + m) psi and dw by [psi(0); h_W; unknowns], by trapezoidal steps."""
     R = motion.R_WB
     R_T = np.swapaxes(R, -1, -2)
     h_B = np.einsum('btij,bi->btj', R, motion.h_W)

@@ -213,6 +213,11 @@ class IdentifierSettings:
         choices=('physical', 'linear'),
         doc='physical: the result is what rigid bodies can be; linear: the minimal set is left free.',
     )
+    nuisances: TextList = param(
+        ('gyro_bias',),
+        doc='Further unknowns: gyro_bias, encoder_offset, imu_delay, attitude_delay, '
+        'external_torque_inertial, target_wheel_drag, servicer_wheel_drag.',
+    )
     solve_period: float = param(1.0, unit='s', above=0.0, doc='Period of /estimate.')
     prior_std: float = param(
         1.0, above=0.0, doc='Relative standard deviation of the prior on inertial parameters.'
@@ -305,7 +310,7 @@ class ExcitationSettings:
         'number; unit_condition: the same with columns of unit norm.',
     )
     starts: int = param(4, minimum=1, maximum=1000, doc='Number of starting points.')
-    iterations: int = param(40, minimum=1, maximum=10000, doc='Largest number of steps a start.')
+    iterations: int = param(80, minimum=1, maximum=10000, doc='Largest number of steps a start.')
     seed: int = param(1, minimum=0, doc='Seed of the starting points.')
 
 

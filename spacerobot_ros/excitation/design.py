@@ -1,0 +1,240 @@
+"""The search: sequential quadratic programming from several starting points.
+
+Gradients are forward differences of all amplitudes at once, which costs a few times one candidate.
+The smoothed limits leave a little of every limit unused and may miss a peak between two nodes, so
+each result is scaled, on a finer grid, to the largest amplitude that keeps every limit. The same
+seed gives the same motion to the last bit on the same machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ..errors import ConfigurationError
+from ..types import Array
+from .problem import Problem, Score
+
+Progress = Callable[[int, float], None]
+"""Called after every step with the number of steps done and the best cost so far."""
+
+_STEP = 1e-6  # rad; of the forward differences
+_TOLERANCE = 2e-4  # of the cost: bits an unknown, or log2 of a condition number
+_FIRST_USE = 0.6  # of the limits, by a starting point
+_SAFE = 1.0 - 1e-6  # of the limits, by a result
+_NEARLY = 1e-3  # of the limits may be missing before the final scaling
+_GROWTH = 1.25  # largest factor on a result whose limits leave room
+_LEVELS = 8  # factors tried at once when scaling
+_ROUNDS = 6  # of scaling, each narrowing the factor to one level
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One starting point.
+
+    Args:
+        origin: `robot file` or `random`.
+        first: Cost of the starting point.
+        cost: Cost of its result, all limits kept.
+        steps: Steps taken.
+    """
+
+    origin: str
+    first: float
+    cost: float
+    steps: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Design:
+    """The best motion found.
+
+    Args:
+        x: (size,) amplitudes [rad].
+        cost: Its cost.
+        attempts: What every starting point led to.
+        interrupted: Whether the search was stopped early.
+    """
+
+    x: Array
+    cost: float
+    attempts: tuple[Attempt, ...]
+    interrupted: bool
+
+
+def search(problem: Problem, progress: Progress = lambda *_: None) -> Design:
+    """Search from every starting point; an interrupt (Ctrl-C) ends it with the best so far.
+
+    Raises:
+        ConfigurationError: the limits leave no motion.
+    """
+    options = problem.settings.excitation
+    best_x, best_cost = np.zeros(problem.family.size), np.inf
+    attempts: list[Attempt] = []
+    interrupted = False
+    for index in range(options.starts):
+        origin, x = starting_point(problem, index)
+        done, so_far = index * options.iterations, best_cost
+        descent = _Descent(problem, x)
+
+        def on_step(steps: int, cost: float, done: int = done, so_far: float = so_far) -> None:
+            progress(done + steps, min(cost, so_far))
+
+        try:
+            descent.run(options.iterations, on_step)
+        except KeyboardInterrupt:
+            interrupted = True
+            descent.settle()
+        x, cost = descent.x, descent.cost
+        attempts.append(Attempt(origin, descent.first, cost, descent.steps))
+        if cost < best_cost:
+            best_x, best_cost = x, cost
+        if interrupted:
+            break
+        progress(done + options.iterations, best_cost)
+    return Design(best_x, best_cost, tuple(attempts), interrupted)
+
+
+def starting_point(problem: Problem, index: int) -> tuple[str, Array]:
+    """The robot file's own motion first, if it has one; then random ones, seeded by the index.
+
+    Returns:
+        Where it comes from, and amplitudes (size,) that keep the limits.
+
+    Raises:
+        ConfigurationError: the limits leave no motion.
+    """
+    reference = problem.settings.reference
+    if index == 0 and reference.kind == 'fourier':
+        own = problem.family.amplitudes(reference)
+        if np.any(own):
+            return 'robot file', scaled_to_limits(problem, own, _SAFE, 1.0)
+    rng = np.random.default_rng((problem.settings.excitation.seed, index))
+    family = problem.family
+    x = rng.standard_normal((len(family.start), 2, family.harmonics))
+    x /= np.arange(1, family.harmonics + 1)
+    return 'random', scaled_to_limits(problem, x.ravel(), _FIRST_USE, np.inf)
+
+
+def scaled_to_limits(problem: Problem, x: Array, use: float, growth: float) -> Array:
+    """The motion with all amplitudes times the largest factor that keeps the limits.
+
+    Args:
+        problem: Has the limits.
+        x: (size,) amplitudes.
+        use: Largest allowed fraction of any limit.
+        growth: Largest factor; infinite: as large as the limits allow.
+
+    Raises:
+        ConfigurationError: no factor above a millionth does.
+    """
+    at_rest = float(problem.worst_use(np.zeros((1, len(x))))[0])
+    use = max(use, 0.5 * (1.0 + at_rest)) if at_rest > 0.9 * use else use
+    if not np.isfinite(growth):
+        x, growth = x / np.max(np.abs(x)), 2.0 * np.pi
+    low, high = 0.0, growth
+    for _ in range(_ROUNDS):
+        factors = np.linspace(low, high, _LEVELS + 1)[1:]
+        kept = problem.worst_use(factors[:, None] * x) <= use
+        count = int(np.argmin(kept)) if not kept.all() else _LEVELS
+        if count == _LEVELS:
+            return np.asarray(high * x)
+        low, high = (factors[count - 1] if count else low), factors[count]
+    if low <= 1e-6:
+        raise ConfigurationError(
+            'excitation', 'its limits leave no motion: the joints can not move at all'
+        )
+    return np.asarray(low * x)
+
+
+class _Descent:
+    """Sequential quadratic programming from one point; knows the best point that keeps the limits.
+
+    Args:
+        problem: What to minimise.
+        x: (size,) point that keeps the limits.
+    """
+
+    def __init__(self, problem: Problem, x: Array) -> None:
+        self._problem = problem
+        self.x = x
+        self.cost = self.first = float(problem.cost(x[None])[0])
+        self.steps = 0
+        self._reach = _reach(problem)
+        self._floor = np.inf
+        self._nearly: Array | None = None
+        self._last: Array | None = None
+        self._at: Array | None = None
+        self._score: Score | None = None
+        self._slopes: tuple[Array, Array] | None = None
+
+    def run(self, iterations: int, on_step: Progress) -> None:
+        """Minimise, again from every result that is better by more than the tolerance.
+
+        After an interrupt, `settle` makes the best of what was found.
+        """
+        while self.steps < iterations:
+            before, self._floor = self.cost, np.inf
+            self._minimise(iterations - self.steps, on_step)
+            self.settle()
+            if self.cost > before - _TOLERANCE:
+                return
+
+    def settle(self) -> None:
+        """Scale last and best iterate to the limits, and keep the better if it is better yet."""
+        found = [x for x in (self._nearly, self._last) if x is not None]
+        for x in found:
+            x = scaled_to_limits(self._problem, x, _SAFE, _GROWTH)
+            cost = float(self._problem.cost(x[None])[0])
+            if cost < self.cost:
+                self.x, self.cost = x, cost
+        self._nearly = self._last = None
+
+    def _minimise(self, iterations: int, on_step: Progress) -> None:
+        def step(x: Array) -> None:
+            self.steps += 1
+            self._last = x.copy()
+            on_step(self.steps, self.cost)
+
+        minimize(
+            lambda x: float(self._values(x).cost[0]),
+            self.x,
+            jac=lambda x: self._gradients(x)[0],
+            method='SLSQP',
+            bounds=list(zip(-self._reach, self._reach, strict=True)),
+            constraints={
+                'type': 'ineq',
+                'fun': lambda x: self._values(x).spare[0],
+                'jac': lambda x: self._gradients(x)[1],
+            },
+            callback=step,
+            options={'maxiter': iterations, 'ftol': _TOLERANCE},
+        )
+
+    def _values(self, x: Array) -> Score:
+        if self._score is None or self._at is None or not np.array_equal(x, self._at):
+            self._score, self._slopes, self._at = self._problem.score(x[None]), None, x.copy()
+            cost = float(self._score.cost[0])
+            if cost < self._floor and np.all(self._score.spare > -_NEARLY):
+                self._nearly, self._floor = x.copy(), cost
+        return self._score
+
+    def _gradients(self, x: Array) -> tuple[Array, Array]:
+        """(size,) of the cost and (m, size) of what is left of the limits."""
+        here = self._values(x)
+        if self._slopes is None:
+            moved = self._problem.score(x + _STEP * np.eye(len(x)))
+            self._slopes = (
+                (moved.cost - here.cost) / _STEP,
+                ((moved.spare - here.spare) / _STEP).T,
+            )
+        return self._slopes
+
+
+def _reach(problem: Problem) -> Array:
+    """(size,) amplitudes beyond which no step needs to look: a joint's whole range, or a turn."""
+    whole = np.minimum(problem.limits.upper - problem.limits.lower, 2.0 * np.pi)
+    return np.repeat(whole, problem.family.size // len(whole))
