@@ -70,11 +70,12 @@ def run(args: argparse.Namespace) -> int:
     from ..reproduce.to_dict import to_dict
     from ..reproduce.wheel_momentum import count_tasks
     from ..reproduce.wheel_momentum import run as reproduce
-    from .reproduce_report import write
+    from .reproduce_report import prepare, write
     from .reproduce_tables import tables
 
     started = time.monotonic()
     options = _options(args)
+    prepare(Path(args.out))
     with _progress(count_tasks(options)) as done:
         results = reproduce(options, done)
     found = checks(results)

@@ -14,6 +14,7 @@ from ..report.html import (
     KeyFigures,
     Plot,
     Report,
+    ReportError,
     Section,
     Status,
     Table,
@@ -26,6 +27,19 @@ from ..reproduce.wheel_momentum import Reproduction
 from .reproduce_tables import tables
 
 _JOINTS = ('joint 1', 'joint 2', 'joint 3')
+
+
+def prepare(folder: Path) -> None:
+    """Make the folder before the work is done, not after.
+
+    Raises:
+        ReportError: it can't be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / 'results.json').write_text('', encoding='utf-8')
+    except OSError as error:
+        raise ReportError(f'{folder}: can not be written: {error.strerror}') from error
 
 
 def write(results: Reproduction, found: list[Check], folder: Path, data: dict[str, Any]) -> Path:
