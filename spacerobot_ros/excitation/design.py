@@ -29,6 +29,7 @@ _NEARLY = 1e-3  # of the limits may be missing before the final scaling
 _GROWTH = 1.25  # largest factor on a result whose limits leave room
 _LEVELS = 8  # factors tried at once when scaling
 _ROUNDS = 6  # of scaling, each narrowing the factor to one level
+_CHECKS = 8  # on the fine grid
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,25 +130,33 @@ def scaled_to_limits(problem: Problem, x: Array, use: float, growth: float) -> A
         growth: Largest factor; infinite: as large as the limits allow.
 
     Raises:
-        ConfigurationError: no factor above a millionth does.
+        ConfigurationError: none does.
     """
-    at_rest = float(problem.worst_use(np.zeros((1, len(x))))[0])
-    use = max(use, 0.5 * (1.0 + at_rest)) if at_rest > 0.9 * use else use
     if not np.isfinite(growth):
         x, growth = x / np.max(np.abs(x)), 2.0 * np.pi
+    allowed = use
+    for _ in range(_CHECKS):
+        scaled = _largest_factor(problem, x, allowed, growth) * x
+        found = float(problem.worst_use(scaled[None], problem.fine)[0])
+        if found <= use:
+            return np.asarray(scaled)
+        allowed *= (1.0 - 1e-5) * use / found
+    raise ConfigurationError(
+        'excitation', 'its limits leave no motion: the joints can not move at all'
+    )
+
+
+def _largest_factor(problem: Problem, x: Array, use: float, growth: float) -> float:
+    """Largest factor up to the growth with which x keeps the limits at the nodes."""
     low, high = 0.0, growth
     for _ in range(_ROUNDS):
         factors = np.linspace(low, high, _LEVELS + 1)[1:]
-        kept = problem.worst_use(factors[:, None] * x) <= use
-        count = int(np.argmin(kept)) if not kept.all() else _LEVELS
-        if count == _LEVELS:
-            return np.asarray(high * x)
-        low, high = (factors[count - 1] if count else low), factors[count]
-    if low <= 1e-6:
-        raise ConfigurationError(
-            'excitation', 'its limits leave no motion: the joints can not move at all'
-        )
-    return np.asarray(low * x)
+        kept = problem.worst_use(factors[:, None] * x, problem.family) <= use
+        if kept.all():
+            return float(high)
+        count = int(np.argmin(kept))
+        low, high = (float(factors[count - 1]) if count else low), float(factors[count])
+    return low
 
 
 class _Descent:
@@ -187,6 +196,8 @@ class _Descent:
         """Scale last and best iterate to the limits, and keep the better if it is better yet."""
         found = [x for x in (self._nearly, self._last) if x is not None]
         for x in found:
+            if float(self._problem.cost(x[None])[0]) > self.cost:
+                continue
             x = scaled_to_limits(self._problem, x, _SAFE, _GROWTH)
             cost = float(self._problem.cost(x[None])[0])
             if cost < self.cost:

@@ -93,9 +93,9 @@ class Problem:
         """Motion of candidates x (B, size) with the wheel momentum assumed."""
         return self.base.move(family.times, *family.motion(x), self.start)
 
-    def worst_use(self, x: Array) -> Array:
-        """(B,) largest use of any limit on the fine grid, all assumed wheel momenta included."""
-        motions = [self.move(x, self.fine), *self._moves_otherwise(x, self.fine)]
+    def worst_use(self, x: Array, family: MotionFamily) -> Array:
+        """(B,) largest use of any limit at the family's times, all wheel momenta included."""
+        motions = [self.move(x, family), *self._moves_otherwise(x, family)]
         return np.max([self.limits.fractions(m).max(axis=(1, 2)) for m in motions], axis=0)
 
     def all_motions(self, x: Array) -> list[BaseMotion]:
@@ -121,7 +121,7 @@ class Problem:
         wanted = self.settings.excitation.start
         for kind in ('initial', 'rest') if wanted == 'auto' else (wanted,):
             self.start = self._start(kind)
-            use = float(self.worst_use(np.zeros((1, self.family.size)))[0])
+            use = float(self.worst_use(np.zeros((1, self.family.size)), self.family)[0])
             if use <= _ROOM:
                 return kind, self.start
         raise ConfigurationError(
