@@ -287,10 +287,13 @@ class ControlLoop:
         elif not stale and self._lost(stamp_ns):
             self._reference = self._join(self._motion, self._time(stamp_ns), here)
         if self._pending is not None and not stale and self._pending[1] <= stamp_ns:
-            start = self._reference.at(self._time(stamp_ns))
+            here = self._reference.at(self._time(stamp_ns))
             self._motion, start_ns = self._pending
             self._start_ns = stamp_ns if start_ns < 0 else start_ns
-            self._reference = self._join(self._motion, self._time(stamp_ns), start)
+            t = self._time(stamp_ns)
+            # its acceleration may begin with a step, as that of every cubic does
+            start = Point(here.q, here.qd, self._motion.at(t).qdd)
+            self._reference = self._join(self._motion, t, start)
             self._pending = None
         return self._reference
 

@@ -31,6 +31,7 @@ from ..ros.qos import LATCHED, SAMPLES
 TOPICS = ('/imu/data', '/attitude', '/joint_states')  # in the order in which equal stamps are used
 RATE, ATTITUDE, JOINTS = range(3)
 PATIENCE_NS = 1_000_000_000
+SLACK_NS = 50_000_000
 
 
 class IdentifierNode(Node):
@@ -97,7 +98,7 @@ class IdentifierNode(Node):
         self.health.watch(self._input_status, self._estimate_status)
 
     def _clear(self) -> None:
-        self._merger = Merger(len(TOPICS), PATIENCE_NS)
+        self._merger = Merger(len(TOPICS), PATIENCE_NS, SLACK_NS)
         self._next_ns: int | None = None
         self._solve_ms = 0.0
         self._failure = ''
@@ -117,12 +118,11 @@ class IdentifierNode(Node):
     def _take(self, stream: int, to_arrays: Any, message: Any, *args: Any) -> None:
         try:
             stamp, *content = to_arrays(message, *args)
-            newest = max((ns for ns in self._merger.newest if ns is not None), default=stamp)
-            if stamp < newest - STAMP_JUMP_NS:
-                self.reset(
-                    f'stamps of {TOPICS[stream]} went back by {(newest - stamp) * 1e-9:.3f} s'
-                )
-            released = self._merger.add(stream, stamp, content)
+            newest = self._merger.newest[stream]
+            if newest is not None and stamp < newest - STAMP_JUMP_NS:
+                back = (newest - stamp) * 1e-9
+                self.reset(f'stamps of {TOPICS[stream]} went back by {back:.3f} s')
+            released = self._merger.add(stream, stamp, content, self._steady.now().nanoseconds)
         except MessageRejectedError as error:
             self.health.reject(TOPICS[stream], error)
             return

@@ -49,6 +49,7 @@ class SimulatorNode(Node):
         self.settings = declare_settings(self)
         self._options = self.settings.simulator
         self.health = Health(self)
+        self.is_open = False  # whether the robot is known
         self.stop_at: int | None = None  # step at which to stop by itself
         self.observers: list[Callable[[Plant], None]] = []  # shown the truth at every step
         self._is_started = False
@@ -97,6 +98,7 @@ class SimulatorNode(Node):
         self._build()
         self.get_logger().info('reset: time starts again at zero')
         if self._is_started:
+            self._sent_to = self._peers()
             self._anchor()
             self._publish()
 

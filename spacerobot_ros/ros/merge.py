@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from typing import Any
 
 from ..errors import MessageRejectedError
@@ -14,19 +15,23 @@ class Merger:
     """Releases samples in the order of (stamp, stream), once nothing older can come.
 
     A sample is released when every stream has gone on to its stamp or further, so the outcome does
-    not depend on which message was handled first. A stream that lags by more than `patience`
-    behind the furthest is not waited for.
+    not depend on which message was handled first. A stream is not waited for when it lags by more
+    than the patience and has also been silent for as long on the clock on the wall: one that is
+    merely worked off slower than the others is not dead.
 
     Args:
         n_streams: Number of streams.
-        patience_ns: Longest wait for a stream, in the time of the stamps [ns].
+        patience_ns: Longest wait for a stream [ns].
+        slack_ns: How late a sample may come within its own stream [ns].
     """
 
-    def __init__(self, n_streams: int, patience_ns: int) -> None:
-        self._patience = patience_ns
+    def __init__(self, n_streams: int, patience_ns: int, slack_ns: int = 0) -> None:
+        self._patience, self._slack = patience_ns, slack_ns
         self._newest: list[int | None] = [None] * n_streams
-        self._pending: dict[tuple[int, int], Any] = {}
-        self._released_ns = -1
+        self._heard_ns: list[int | None] = [None] * n_streams
+        self._queue: list[tuple[int, int]] = []
+        self._content: dict[tuple[int, int], Any] = {}
+        self._released_ns: int | None = None
         self._first_ns = 0
 
     @property
@@ -34,37 +39,50 @@ class Merger:
         """Newest stamp of each stream [ns]; None where nothing came yet."""
         return tuple(self._newest)
 
-    def add(self, stream: int, stamp_ns: int, content: Any) -> list[Sample]:
+    def add(self, stream: int, stamp_ns: int, content: Any, now_ns: int) -> list[Sample]:
         """Take a sample; return what is released by it, in order.
+
+        Args:
+            stream: Index of its stream.
+            stamp_ns: Its stamp [ns].
+            content: What it holds.
+            now_ns: Time of a clock that never jumps [ns].
 
         Raises:
             MessageRejectedError: a second sample with its stamp, or one too late for its place.
         """
-        if (stamp_ns, stream) in self._pending or stamp_ns == self._newest[stream]:
+        newest = self._newest[stream]
+        if (stamp_ns, stream) in self._content or stamp_ns == newest:
             raise MessageRejectedError('duplicate stamp')
-        if stamp_ns < self._released_ns:
+        if self._released_ns is not None and stamp_ns < self._released_ns:
             raise MessageRejectedError('stamp goes backwards, too late to be put in order')
-        if all(newest is None for newest in self._newest):
+        if all(stamp is None for stamp in self._newest):
             self._first_ns = stamp_ns
-        self._pending[stamp_ns, stream] = content
-        self._newest[stream] = max(stamp_ns, self._newest[stream] or 0)
-        return self._release()
+            self._heard_ns = [now_ns] * len(self._newest)
+        heapq.heappush(self._queue, (stamp_ns, stream))
+        self._content[stamp_ns, stream] = content
+        self._newest[stream] = stamp_ns if newest is None else max(stamp_ns, newest)
+        self._heard_ns[stream] = now_ns
+        return self._take(self._limit(now_ns) - self._slack)
 
     def flush(self) -> list[Sample]:
         """Release all that is pending."""
-        return self._take(max((stamp for stamp, _ in self._pending), default=-1))
+        return self._take(max(self._queue)[0]) if self._queue else []
 
-    def _release(self) -> list[Sample]:
+    def _limit(self, now_ns: int) -> int:
         furthest = max(newest for newest in self._newest if newest is not None)
         limit = furthest
-        for newest in self._newest:
-            lag = furthest - (self._first_ns if newest is None else newest)
-            if lag <= self._patience:
-                limit = min(limit, self._first_ns - 1 if newest is None else newest)
-        return self._take(limit)
+        for newest, heard in zip(self._newest, self._heard_ns, strict=True):
+            reached = self._first_ns - 1 if newest is None else newest
+            is_silent = heard is not None and now_ns - heard > self._patience
+            if not (is_silent and furthest - reached > self._patience):
+                limit = min(limit, reached)
+        return limit
 
     def _take(self, limit: int) -> list[Sample]:
-        keys = sorted(key for key in self._pending if key[0] <= limit)
-        if keys:
-            self._released_ns = keys[-1][0]
-        return [(*key, self._pending.pop(key)) for key in keys]
+        released = []
+        while self._queue and self._queue[0][0] <= limit:
+            key = heapq.heappop(self._queue)
+            self._released_ns = key[0]
+            released.append((*key, self._content.pop(key)))
+        return released

@@ -49,7 +49,7 @@ def declare_settings(node: Node) -> Settings:
         if not name.startswith(_OF_ROS)
     }
     own = {name: given.pop(name, default) for name, (default, _) in OWN.items()}
-    settings = parse_settings(nested(given))
+    settings = parse_settings({'robot': {}, **nested(given)})
     for name, (default, doc) in OWN.items():
         if type(own[name]) is not type(default):
             raise ConfigurationError(name, f'expected {type(default).__name__}, got {own[name]!r}')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from collections.abc import Callable, Iterable
 from types import TracebackType
@@ -142,6 +143,7 @@ class Recorder:
 def _executor(context: Context) -> Executor:
     try:
         from rclpy.experimental.events_executor import EventsExecutor
-    except ImportError:  # before Kilted
+
+        return EventsExecutor(context=context)
+    except (ImportError, io.UnsupportedOperation):  # before Kilted; or stderr is no file
         return SingleThreadedExecutor(context=context)
-    return EventsExecutor(context=context)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+
 from spacerobot_ros.control.laws import (
     ComputedTorque,
     Sample,

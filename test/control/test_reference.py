@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+
 from spacerobot_ros.control.reference import (
     Blend,
     Fourier,

@@ -1,0 +1,117 @@
+"""All nodes in one process: figures, speed of light aside, and the same trace every time."""
+
+import hashlib
+
+import numpy as np
+import pytest
+from spacerobot_msgs.msg import Estimate as EstimateMessage
+from spacerobot_msgs.msg import Tracking
+from support.rig import Rig
+
+from spacerobot_ros.nodes.controller import ControllerNode
+from spacerobot_ros.nodes.identifier import IdentifierNode
+from spacerobot_ros.nodes.simulator import SimulatorNode
+from spacerobot_ros.ros.qos import LATCHED, SAMPLES
+
+pytestmark = pytest.mark.ros
+
+NO_AAM = {'controller.law': 'computed_torque_no_aam'}
+
+
+def run(parameters, steps, order=(0, 1, 2), **more):
+    """Run the loop for some steps; return trace hash, largest true error [deg], estimates."""
+    rig = Rig()
+    try:
+        ears = rig.plain()
+        tracking = rig.listen(ears, Tracking, '/tracking', SAMPLES)
+        estimates = rig.listen(ears, EstimateMessage, '/estimate', LATCHED)
+        nodes = [SimulatorNode, IdentifierNode, ControllerNode]
+        made = {}
+        for index in order:
+            made[index] = rig.add(nodes[index], {**parameters, **more})
+        sim = made[0]
+        digest, joints = hashlib.sha256(), []
+
+        def observe(plant):
+            x = plant.state
+            digest.update(x.to_vector().tobytes() + plant.effort.tobytes())
+            joints.append(x.q)
+
+        sim.observers.append(observe)
+        sim.stop_at = steps
+        rig.until(lambda: len(tracking) > steps, timeout_sec=120.0)
+        for message in estimates:
+            digest.update(np.array(message.covariance).tobytes() + np.array(message.aam).tobytes())
+        error = np.array([t.reference_position for t in tracking]) - np.array(joints)
+        rejected = [node.health.count() for node in made.values()]
+        return digest.hexdigest(), np.degrees(np.abs(error).max()), estimates, rejected
+    finally:
+        rig.close()
+
+
+def test_same_seed_same_trace_whatever_the_order_of_the_nodes(servicer):
+    orders = [(0, 1, 2), (0, 1, 2), (2, 1, 0), (1, 2, 0)]
+    # with estimates coming in and used while it runs
+    runs = [run(servicer, 900, order) for order in orders]
+    assert len({r[0] for r in runs}) == 1
+    assert any(e.valid for e in runs[0][2])
+    assert run(servicer, 100, **{'simulator.seed': 2})[0] != run(servicer, 100)[0]
+
+
+def test_the_wheels_known_track_far_better_than_unknown(servicer):
+    known = {'robot.target_wheels.momentum': [42.0, 49.0, 41.0]}
+    _, blind, _, rejected = run(servicer, 2000, (0, 2), **NO_AAM)
+    assert 2.0 < blind < 2.2
+    _, seeing, _, _ = run(servicer, 2000, (0, 2), **known)
+    assert seeing < blind / 50
+    assert rejected == [0, 0]
+
+
+def test_estimates_become_valid_and_the_controller_uses_them(servicer):
+    _, _, estimates, rejected = run(servicer, 1500)
+    assert estimates[-1].valid
+    np.testing.assert_allclose(estimates[-1].aam, [42.0, 49.0, 41.0], rtol=0.01)
+    assert rejected == [0, 0, 0]
+
+
+def test_reset_of_the_simulator_restarts_all(servicer):
+    rig = Rig()
+    try:
+        sim = rig.add(SimulatorNode, servicer)
+        controller = rig.add(ControllerNode, servicer)
+        identifier = rig.add(IdentifierNode, servicer)
+        rig.until(lambda: sim.step_index >= 250)
+        sim.reset()
+        rig.until(lambda: 50 <= sim.step_index < 250)
+        assert controller.last_command.stamp_ns < 10**9
+        assert max(identifier._merger.newest) < 10**9
+        assert controller.health.rejected + identifier.health.rejected == {}
+    finally:
+        rig.close()
+
+
+def test_slow_and_uneven_sensors_still_close_the_loop(servicer):
+    rates = {
+        'simulator.joint_rate': 50.0,
+        'simulator.imu_rate': 20.0,
+        'simulator.attitude_rate': 2.0,
+        'robot.target_wheels.momentum': [42.0, 49.0, 41.0],
+    }
+    rig = Rig()
+    try:
+        sim = rig.add(SimulatorNode, servicer, **rates)
+        controller = rig.add(ControllerNode, servicer, **rates)
+        rig.add(IdentifierNode, servicer, **rates)
+        worst = []
+        sim.observers.append(
+            lambda plant: (
+                worst.append(np.abs(controller.last_command.error).max())
+                if controller.last_command
+                else None
+            )
+        )
+        rig.until(lambda: sim.step_index >= 1000)
+        assert controller.last_command.mode == 'tracking'
+        assert np.degrees(max(worst)) < 0.2  # the gyro is up to 50 ms old
+    finally:
+        rig.close()

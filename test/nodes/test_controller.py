@@ -1,0 +1,296 @@
+"""Controller node: answers, life cycle, references, estimates, stale and bad input."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from sensor_msgs.msg import Imu, JointState
+from spacerobot_msgs.msg import Estimate as EstimateMessage
+from spacerobot_msgs.msg import Tracking
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from spacerobot_ros.nodes.controller import ControllerNode
+from spacerobot_ros.ros import convert
+from spacerobot_ros.ros.qos import LATCHED, SAMPLES, STATE
+
+pytestmark = pytest.mark.ros
+
+NAMES = ['joint_1', 'joint_2', 'joint_3']
+MS = 1_000_000
+
+
+class Bench:
+    """A controller with a probe that plays the sensors; the rig moves the clock."""
+
+    def __init__(self, rig, parameters, **more):
+        self.rig, self.probe = rig, rig.plain()
+        self.commands = rig.listen(self.probe, JointState, '/joint_commands', SAMPLES)
+        self.tracking = rig.listen(self.probe, Tracking, '/tracking', SAMPLES)
+        self.imu = self.probe.create_publisher(Imu, '/imu/data', STATE)
+        self.joints = self.probe.create_publisher(JointState, '/joint_states', STATE)
+        self.estimates = self.probe.create_publisher(EstimateMessage, '/estimate', LATCHED)
+        self.references = self.probe.create_publisher(JointTrajectory, '/reference', STATE)
+        overrides = {'simulator.lockstep': False, 'reference.kind': 'hold', **more}
+        self.node = rig.add(ControllerNode, {**parameters, **overrides})
+
+    def gyro(self, ms, omega=(0.1, 0.12, 0.08), frame='base_link'):
+        self.imu.publish(convert.imu(ms * MS, frame, np.array(omega), None))
+        self.rig.drain()
+
+    def joint(self, ms, q=(0.0, 0.0, 0.0), qd=(0.0, 0.0, 0.0), names=NAMES):
+        message = convert.joint_state(ms * MS, list(names), np.array(q), np.array(qd))
+        self.joints.publish(message)
+        self.rig.drain()
+
+    def sample(self, ms, **joint):
+        self.rig.set_time(ms * MS)
+        self.gyro(ms)
+        self.joint(ms, **joint)
+
+    def answered(self):
+        return [convert.stamp_ns(c.header.stamp) // MS for c in self.commands]
+
+    def status(self, name):
+        return next(s for s in self.node.health.statuses() if s.name == name)
+
+
+@pytest.fixture
+def bench(rig, servicer):
+    return Bench(rig, servicer)
+
+
+def test_answers_every_joint_sample_with_its_stamp(bench):
+    for k in range(5):
+        bench.sample(10 * k)
+    assert bench.answered() == [0, 10, 20, 30, 40]
+    assert list(bench.commands[0].name) == NAMES
+    assert np.isfinite(bench.commands[-1].effort).all()
+    message = bench.tracking[-1]
+    assert (message.law, message.state) == ('computed_torque', 'hold')
+    assert not message.uses_estimate
+
+
+def test_joints_in_another_order_and_among_others(bench):
+    bench.sample(0, q=(9.0, 3.0, 1.0, 2.0), qd=(0.0,) * 4, names=['x', *NAMES[2:], *NAMES[:2]])
+    assert_allclose(bench.tracking[0].reference_position, [1.0, 2.0, 3.0], rtol=0, atol=0)
+
+
+def test_life_cycle_gates_the_torque(rig, servicer):
+    bench = Bench(rig, servicer, autostart=False)
+    bench.sample(0)
+    assert bench.commands == []
+    bench.node.trigger_configure()
+    bench.sample(10)
+    assert bench.commands == []
+    bench.node.trigger_activate()
+    rig.drain()
+    assert bench.answered() == [10]  # the sample that was waiting
+    bench.sample(20)
+    bench.node.trigger_deactivate()
+    bench.sample(30)
+    assert bench.answered() == [10, 20, 20]
+    assert list(bench.commands[-1].effort) == [0.0, 0.0, 0.0]
+    assert bench.status('control').message == 'inactive: no torque is commanded'
+
+
+def test_gyro_that_stops_ends_tracking_and_is_named(bench):
+    bench.sample(0)
+    for ms in range(10, 150, 10):
+        bench.rig.set_time(ms * MS)
+        bench.joint(ms)
+    states = [t.state for t in bench.tracking]
+    assert states[:11] == ['hold'] * 11
+    assert states[11:] == ['damping'] * 4
+    assert bench.status('inputs').message == 'gyro is stale'
+    assert 'damping to zero' in bench.status('control').message
+    bench.sample(150)
+    assert bench.tracking[-1].state in ('hold', 'tracking')
+
+
+def test_joint_states_that_stop_are_noticed_by_the_clock(bench):
+    bench.sample(0, qd=(0.1, 0.0, 0.0))
+    for ms in range(20, 400, 20):  # the watch fires at most once a move of the clock
+        bench.rig.set_time(ms * MS)
+        bench.gyro(ms)
+    assert bench.tracking[-1].state == 'damping'
+    assert bench.status('inputs').message == 'joint states are stale'
+    assert np.isfinite([c.effort for c in bench.commands]).all()
+    assert len(bench.commands) > 5
+
+
+@pytest.mark.parametrize(
+    ('send', 'topic', 'reason'),
+    [
+        (lambda b: b.gyro(10, (np.nan, 0, 0)), '/imu/data', 'angular_velocity is not finite'),
+        (lambda b: b.gyro(10, frame='x'), '/imu/data', "frame_id is 'x', expected 'base_link'"),
+        (lambda b: b.gyro(0), '/imu/data', 'duplicate stamp'),
+        (lambda b: b.gyro(-5), '/imu/data', 'stamp goes backwards'),
+        (lambda b: b.joint(10, q=(np.nan, 0, 0)), '/joint_states', 'position is not finite'),
+        (lambda b: b.joint(10, qd=(0, np.inf, 0)), '/joint_states', 'velocity is not finite'),
+        (lambda b: b.joint(10, names=list('abc')), '/joint_states', "joint 'joint_#' is missing"),
+        (lambda b: b.joint(10, names=NAMES[:2]), '/joint_states', "joint 'joint_#' is missing"),
+        (lambda b: b.joint(10, qd=(0.0,)), '/joint_states', 'velocity has # entries for # joints'),
+        (lambda b: b.joint(100), '/joint_states', 'duplicate stamp'),
+        (lambda b: b.joint(95), '/joint_states', 'stamp goes backwards'),
+    ],
+)  # fmt: skip
+def test_bad_samples_are_counted_and_the_loop_goes_on(bench, send, topic, reason):
+    bench.sample(100)
+    if topic == '/imu/data' and 'stamp' in reason:  # relative to the 100 ms of the first sample
+        bench.gyro({'duplicate stamp': 100, 'stamp goes backwards': 95}[reason])
+    else:
+        send(bench)
+    assert bench.node.health.rejected[topic, reason] == 1
+    assert bench.status('rejected').values[f'{topic}: {reason} [messages]'] == 1
+    bench.sample(110)
+    assert bench.answered()[-1] == 110
+    assert np.isfinite([c.effort for c in bench.commands]).all()
+
+
+def test_stamps_that_jump_back_start_the_motion_again(rig, servicer):
+    bench = Bench(rig, servicer, **{'reference.kind': 'fourier'})
+    for ms in (5000, 5010, 5020):
+        bench.sample(ms)
+    bench.gyro(0)  # the clock has not moved yet
+    bench.joint(0)
+    assert bench.answered()[-1] == 0
+    assert bench.tracking[-1].state == 'tracking'
+    assert_allclose(bench.tracking[-1].reference_velocity, 0.0, atol=1e-12)  # t = 0 again
+    assert bench.node.health.count() == 0
+
+
+def test_a_clock_that_jumps_back_starts_the_motion_again(bench):
+    bench.sample(5000)
+    bench.rig.set_time(0)
+    assert bench.node.last_command is None
+    bench.sample(10)
+    assert bench.answered()[-1] == 10
+
+
+def estimate(bench, **changes):
+    from spacerobot_ros.dynamics.blocks import BlockTree
+    from spacerobot_ros.identification.estimate import Estimate
+    from spacerobot_ros.identification.minimal import minimal_set
+
+    robot = bench.node.loop.robot
+    minimal = minimal_set(robot, 'symmetric')
+    parameters = minimal.grouping @ BlockTree(robot).parameters(robot)
+    size = 3 + len(parameters)
+    message = convert.estimate_message(
+        Estimate(
+            'ml', True, '', ('link_3',), np.array([42.0, 49.0, 41.0]), minimal.names, parameters,
+            np.eye(size), size, 1.0, (), np.zeros(3), np.eye(3), 1.0, 1, 0,
+        ),
+        0,
+    )  # fmt: skip
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+def test_a_valid_estimate_changes_the_torque(bench):
+    bench.sample(0)
+    bench.estimates.publish(estimate(bench))
+    bench.rig.drain()
+    bench.sample(10)
+    assert bench.tracking[-1].uses_estimate
+    difference = np.subtract(bench.commands[1].effort, bench.commands[0].effort)
+    assert np.abs(difference).max() > 0.5
+    assert 'running on an estimate' in bench.status('estimate').message
+
+
+@pytest.mark.parametrize(
+    ('changes', 'reason'),
+    [
+        ({'covariance': (-np.eye(22)).ravel().tolist()}, 'negative variance'),
+        ({'covariance': [1.0]}, 'covariance has # entries, expected #'),
+        ({'aam': [np.nan, 0.0, 0.0]}, 'not finite'),
+        ({'aam_links': ['link_2']}, 'link_#'),
+        ({'parameter_names': ['x'] * 19}, 'parameters'),
+        ({'parameters': [-1.0] * 19}, 'positive'),
+    ],
+)
+def test_bad_estimates_are_counted_and_not_used(bench, changes, reason):
+    bench.estimates.publish(estimate(bench, **changes))
+    bench.rig.drain()
+    counted = [r for (topic, r), n in bench.node.health.rejected.items() if topic == '/estimate']
+    assert len(counted) == 1
+    assert reason in counted[0]
+    bench.sample(0)
+    assert not bench.tracking[-1].uses_estimate
+
+
+def test_an_estimate_that_is_not_valid_leaves_the_last_valid_one(bench):
+    bench.estimates.publish(estimate(bench))
+    bench.rig.drain()
+    bench.estimates.publish(estimate(bench, valid=False, reason='too early'))
+    bench.rig.drain()
+    bench.sample(0)
+    assert bench.tracking[-1].uses_estimate
+    assert bench.node.health.count() == 0
+    assert 'not valid: too early' in bench.status('estimate').message
+
+
+def reference(times, positions, names=NAMES):
+    message = JointTrajectory(joint_names=list(names))
+    for t, q in zip(times, positions, strict=True):
+        point = JointTrajectoryPoint(positions=[float(x) for x in q])
+        point.time_from_start.sec = t
+        message.points.append(point)
+    return message
+
+
+def test_a_trajectory_is_followed_from_where_the_motion_is(bench):
+    bench.sample(0)
+    bench.references.publish(reference([2], [(0.1, 0.2, 0.3)]))
+    bench.rig.drain()
+    for k in range(1, 31):
+        bench.sample(100 * k)
+    first, last = bench.tracking[1], bench.tracking[-1]
+    assert_allclose(first.reference_position, 0.0, atol=1e-3)
+    assert_allclose(last.reference_position, [0.1, 0.2, 0.3], atol=1e-12)
+    assert bench.node.loop.mode == 'tracking'  # joined smoothly until 4 / bandwidth
+
+
+@pytest.mark.parametrize(
+    'message',
+    [
+        reference([1], [(0.0, 0.0)], names=NAMES[:2]),
+        reference([1], [(np.nan, 0.0, 0.0)]),
+        reference([2, 1], [(0.0,) * 3] * 2),
+        reference([], []),
+    ],
+)
+def test_bad_trajectories_are_counted(bench, message):
+    bench.references.publish(message)
+    bench.rig.drain()
+    assert bench.node.health.count('/reference') == 1
+    bench.sample(0)
+    assert bench.answered() == [0]
+
+
+def test_lockstep_waits_for_the_gyro_of_the_same_stamp(rig, servicer):
+    bench = Bench(rig, servicer, **{'simulator.lockstep': True})
+    bench.joint(0)
+    assert bench.commands == []
+    bench.gyro(0)
+    assert bench.answered() == [0]
+    bench.gyro(10)
+    bench.joint(10)
+    assert bench.answered() == [0, 10]
+    bench.joint(20)  # a gyro that stopped must not stop time: answered without it in the end
+    rig.until(lambda: bench.answered() == [0, 10, 20])
+
+
+def test_a_repeated_sample_gets_its_answer_again(bench):
+    bench.sample(0)
+    bench.joint(0)
+    assert bench.answered() == [0, 0]
+    assert bench.commands[0] == bench.commands[1]
+
+
+def test_saturation_is_reported(rig, servicer):
+    bench = Bench(rig, servicer, **{'controller.torque_limit': [1e9, 1e-3, 1e9]})
+    bench.sample(0)
+    assert bench.tracking[0].saturated[1]
+    assert abs(bench.commands[0].effort[1]) == 1e-3
+    assert 'torque at its limit' in bench.status('control').message

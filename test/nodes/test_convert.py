@@ -1,0 +1,180 @@
+"""Every message that must not be used is rejected with the reason; good ones come through."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import QuaternionStamped, WrenchStamped
+from numpy.testing import assert_allclose
+from sensor_msgs.msg import Imu, JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from spacerobot_ros.control.reference import rest
+from spacerobot_ros.errors import MessageRejectedError
+from spacerobot_ros.identification.estimate import Estimate
+from spacerobot_ros.ros import convert
+
+pytestmark = pytest.mark.ros
+
+NAMES = ['a', 'b']
+
+
+def joints(names=('a', 'b'), position=(1.0, 2.0), velocity=(3.0, 4.0), effort=(5.0, 6.0)):
+    return JointState(name=names, position=position, velocity=velocity, effort=effort)
+
+
+def test_joint_samples_are_put_in_order_and_others_left_out():
+    message = joints(('x', 'b', 'a'), (9.0, 2.0, 1.0), (9.0, 4.0, 3.0))
+    message.header.stamp = convert.to_time(3_000_000_007)
+    stamp, q, qd = convert.joint_sample(message, NAMES)
+    assert stamp == 3_000_000_007
+    assert q.tolist() == [1.0, 2.0]
+    assert qd.tolist() == [3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ('message', 'reason'),
+    [
+        (joints(names=('a', 'c')), "joint 'b' is missing"),
+        (joints(names=()), "joint 'a' is missing"),
+        (joints(names=('a', 'a')), 'named twice'),
+        (joints(position=(1.0,)), 'position has 1 entries for 2 joints'),
+        (joints(velocity=()), 'velocity has 0 entries'),
+        (joints(position=(1.0, np.nan)), 'position is not finite'),
+        (joints(velocity=(np.inf, 0.0)), 'velocity is not finite'),
+    ],
+)
+def test_joint_samples_rejected(message, reason):
+    with pytest.raises(MessageRejectedError, match=reason):
+        convert.joint_sample(message, NAMES)
+
+
+@pytest.mark.parametrize(
+    ('message', 'reason'),
+    [
+        (joints(names=('a', 'b', 'c'), effort=(1.0, 2.0, 3.0)), "unknown joint 'c'"),
+        (joints(names=('a',), effort=(1.0,)), "joint 'b' is missing"),
+        (joints(effort=()), 'effort has 0 entries'),
+        (joints(effort=(np.nan, 0.0)), 'effort is not finite'),
+    ],
+)
+def test_commands_rejected(message, reason):
+    with pytest.raises(MessageRejectedError, match=reason):
+        convert.joint_efforts(message, NAMES)
+
+
+def imu(frame='base_link', x=1.0, covariance=0.0):
+    message = Imu()
+    message.header.frame_id = frame
+    message.angular_velocity.x = x
+    message.angular_velocity_covariance[0] = covariance
+    return message
+
+
+@pytest.mark.parametrize(
+    ('message', 'reason'),
+    [
+        (imu(frame='imu_link'), "frame_id is 'imu_link', expected 'base_link'"),
+        (imu(x=np.nan), 'not finite'),
+        (imu(covariance=-1.0), 'no angular velocity'),
+    ],
+)
+def test_rates_rejected(message, reason):
+    with pytest.raises(MessageRejectedError, match=reason):
+        convert.angular_rate(message, 'base_link')
+
+
+@pytest.mark.parametrize(
+    ('xyzw', 'reason'),
+    [
+        ((0.0, 0.0, 0.0, 0.0), 'norm 0'),
+        ((0.0, 0.0, 0.0, 1.01), 'norm 1.01'),
+        ((0.0, 0.0, np.nan, 1.0), 'not finite'),
+    ],
+)
+def test_attitudes_rejected(xyzw, reason):
+    message = convert.quaternion(0, np.array(xyzw))
+    with pytest.raises(MessageRejectedError, match=reason):
+        convert.attitude(message)
+
+
+def test_attitude_keeps_the_order_xyzw():
+    message = convert.quaternion(0, np.array([0.0, 0.0, 0.6, 0.8]))
+    assert (message.quaternion.z, message.quaternion.w) == (0.6, 0.8)
+    assert convert.attitude(message)[1].tolist() == [0.0, 0.0, 0.6, 0.8]
+    assert isinstance(message, QuaternionStamped)
+
+
+def test_wrench_is_force_then_torque_in_the_base_frame():
+    message = WrenchStamped()
+    message.wrench.force.x, message.wrench.torque.z = 1.0, 2.0
+    assert convert.base_wrench(message, 'base_link').tolist() == [1.0, 0, 0, 0, 0, 2.0]
+    message.header.frame_id = 'inertial'
+    with pytest.raises(MessageRejectedError, match='frame_id'):
+        convert.base_wrench(message, 'base_link')
+
+
+def estimate(rng):
+    return Estimate(
+        'ml', True, '', ('link_3',), rng.normal(size=3), ('x', 'y'), rng.normal(size=2),
+        np.diag(rng.uniform(size=5)), 5, 3.0, ('none',), rng.normal(size=3), np.eye(3), 1.1, 7,
+        12_000_000_003,
+    )  # fmt: skip
+
+
+def test_estimates_survive_the_round_trip(rng):
+    want = estimate(rng)
+    got = convert.estimate(convert.estimate_message(want, 2))
+    for name in Estimate.__dataclass_fields__:
+        if name != 'notes':
+            assert np.array_equal(getattr(got, name), getattr(want, name)), name
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'reason'),
+    [
+        ('covariance', [1.0], 'covariance has 1 entries, expected 25'),
+        ('covariance', (-np.eye(5)).ravel(), 'negative variance'),
+        ('aam', [np.nan, 0.0, 0.0], 'not finite'),
+        ('aam_links', [], 'sizes'),
+        ('parameter_names', ['x'], 'sizes'),
+    ],
+)
+def test_estimates_rejected(rng, name, value, reason):
+    message = convert.estimate_message(estimate(rng), 0)
+    setattr(message, name, list(value))
+    with pytest.raises(MessageRejectedError, match=reason):
+        convert.estimate(message)
+
+
+def trajectory(times=(1, 2), names=('b', 'a'), **kinds):
+    message = JointTrajectory(joint_names=names)
+    for i, t in enumerate(times):
+        point = JointTrajectoryPoint(**{k: [float(x) for x in v[i]] for k, v in kinds.items()})
+        point.time_from_start.sec = t
+        message.points.append(point)
+    return message
+
+
+def test_trajectories_become_references():
+    message = trajectory(positions=[(2, 1), (4, 3)], velocities=[(0, 0), (0, 0)])
+    reference, start = convert.trajectory(message, NAMES, rest(np.zeros(2)))
+    assert start is None
+    assert_allclose(reference.at(1.0).q, [1.0, 2.0], atol=1e-12)
+    assert_allclose(reference.at(0.0).q, [0.0, 0.0], atol=1e-12)
+    assert reference.duration == 2.0
+
+
+@pytest.mark.parametrize(
+    ('message', 'reason'),
+    [
+        (trajectory(names=('a', 'c'), positions=[(0, 0), (1, 1)]), 'joints are'),
+        (trajectory(positions=[(0,), (1,)]), 'positions: every point needs 2'),
+        (trajectory(), 'positions: every point needs 2'),
+        (trajectory(times=()), 'no points'),
+        (trajectory(times=(2, 2), positions=[(0, 0), (1, 1)]), 'increase'),
+        (trajectory(positions=[(0, 0), (np.nan, 1)]), 'not finite'),
+        (trajectory(positions=[(0, 0), (1, 1)], velocities=[(0, 0), ()]), 'velocities: every'),
+    ],
+)
+def test_trajectories_rejected(message, reason):
+    with pytest.raises(MessageRejectedError, match=reason):
+        convert.trajectory(message, NAMES, None)

@@ -1,0 +1,61 @@
+"""`spacerobot demo` from end to end."""
+
+import json
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+from spacerobot_ros.cli.main import main
+from spacerobot_ros.recording.message_types import typestore
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+TOPICS = {
+    '/attitude', '/clock', '/estimate', '/imu/data', '/joint_commands', '/joint_states',
+    '/robot_description', '/simulator/ledger', '/tracking',
+}  # fmt: skip
+
+
+def test_the_demo_reaches_its_aims_and_leaves_what_it_promises(tmp_path, capsys):
+    out = tmp_path / 'demo'
+    assert main(['demo', '--quick', '--out', str(out)]) == 0
+    summary = json.loads((out / 'summary.json').read_text(encoding='utf-8'))
+    assert set(summary) == {
+        'aam', 'parameters', 'tracking_max_deg', 'momentum_drift_relative', 'bag', 'wall_s'
+    }  # fmt: skip
+    assert set(summary['aam']) == {'value', 'std', 'truth', 'max_error_percent'}
+    assert summary['aam']['truth'] == [42.0, 49.0, 41.0]
+    error = np.subtract(summary['aam']['value'], summary['aam']['truth'])
+    assert np.all(np.abs(error) < 5.0 * np.array(summary['aam']['std']))
+    assert summary['aam']['max_error_percent'] < 1.0
+    tracking = summary['tracking_max_deg']
+    assert tracking['no_aam'] > 50.0 * tracking['identified']
+    assert summary['momentum_drift_relative'] < 1e-10
+    page = (out / 'report.html').read_text(encoding='utf-8')
+    assert page.count('<svg') >= 4
+    assert 'link_3' in capsys.readouterr().out
+    with AnyReader([out / 'bag'], default_typestore=typestore()) as bag:
+        assert {c.topic for c in bag.connections} == TOPICS
+        stamps = [stamp for _, stamp, _ in bag.messages()]
+    assert stamps == sorted(stamps)
+
+
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        (('kind: fourier', 'kind: hold'), 'reference.kind'),
+        (('links: [link_3], momentum: [0.0, 0.0, 0.0]', 'links: []'), 'robot.target_wheels'),
+    ],
+)
+def test_a_robot_with_nothing_to_show_is_refused(tmp_path, capsys, change, message):
+    from pathlib import Path
+
+    text = Path('config/servicer.yaml').read_text(encoding='utf-8')
+    file = tmp_path / 'robot.yaml'
+    text = text.replace(*change).replace('target_momentum: [42.0, 49.0, 41.0]', 'links: []')
+    file.write_text(text, encoding='utf-8')
+    assert main(['demo', '--robot', str(file), '--out', str(tmp_path)]) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert '\n' not in error

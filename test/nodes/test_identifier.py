@@ -1,0 +1,156 @@
+"""Identifier node: sensors in any order and rate, bad messages, resets."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import QuaternionStamped
+from sensor_msgs.msg import Imu, JointState
+from spacerobot_msgs.msg import Estimate as EstimateMessage
+from std_srvs.srv import Trigger
+
+from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.nodes.identifier import IdentifierNode
+from spacerobot_ros.ros import convert
+from spacerobot_ros.ros.qos import LATCHED, SAMPLES
+
+pytestmark = pytest.mark.ros
+
+NAMES = ['joint_1', 'joint_2', 'joint_3']
+MS = 1_000_000
+
+
+class Bench:
+    """An identifier with a probe that plays the sensors."""
+
+    def __init__(self, rig, parameters, **more):
+        self.rig, self.probe = rig, rig.plain()
+        self.estimates = rig.listen(self.probe, EstimateMessage, '/estimate', LATCHED)
+        topics = {'/imu/data': Imu, '/attitude': QuaternionStamped, '/joint_states': JointState}
+        self.publishers = {
+            topic: self.probe.create_publisher(kind, topic, SAMPLES)
+            for topic, kind in topics.items()
+        }
+        self.node = rig.add(IdentifierNode, parameters, **more)
+
+    def send(self, topic, message):
+        self.publishers[topic].publish(message)
+
+    def gyro(self, ms, omega=(0.1, 0.1, 0.1), frame='base_link'):
+        self.send('/imu/data', convert.imu(ms * MS, frame, np.array(omega), None))
+
+    def star(self, ms, q=(0.0, 0.0, 0.0, 1.0)):
+        self.send('/attitude', convert.quaternion(ms * MS, np.array(q)))
+
+    def joint(self, ms, q=(0.0, 0.0, 0.0), names=NAMES):
+        message = convert.joint_state(ms * MS, list(names), np.array(q), np.zeros(3))
+        self.send('/joint_states', message)
+
+    def all(self, start, stop):
+        for ms in range(start, stop, 10):
+            self.gyro(ms)
+            self.joint(ms)
+            if ms % 100 == 0:
+                self.star(ms)
+        self.rig.drain()
+
+    def status(self, name):
+        return next(s for s in self.node.health.statuses() if s.name == name)
+
+    def call(self, name):
+        client = self.probe.create_client(Trigger, name)
+        future = client.call_async(Trigger.Request())
+        self.rig.until(future.done)
+        return future.result()
+
+
+@pytest.fixture
+def bench(rig, servicer):
+    return Bench(rig, servicer)
+
+
+def test_says_what_is_missing_before_the_data_suffice(bench):
+    assert bench.status('inputs').message == 'nothing received yet'
+    bench.all(0, 1310)
+    assert len(bench.estimates) == 1, [e.reason for e in bench.estimates]
+    message = bench.estimates[0]
+    assert not message.valid
+    assert '4 s are needed' in message.reason
+    assert len(message.covariance) == (3 + 19) ** 2
+    assert set(message.parameter_units) == {'kg m^2'}
+    assert bench.status('inputs').message == 'all sensors arrive'
+    assert 'not valid' in bench.status('estimate').message
+
+
+def test_a_sensor_that_never_comes_is_named(bench):
+    stamps = iter(range(0, 100_000_000, 10))
+
+    def more():
+        ms = next(stamps)
+        bench.gyro(ms)
+        bench.joint(ms)
+        return bench.estimates
+
+    bench.rig.until(more)  # the node waits for the tracker for a second of wall time
+    assert bench.status('inputs').message == 'no samples from /attitude'
+    assert 'no attitude' in bench.estimates[-1].reason
+
+
+@pytest.mark.parametrize(
+    ('send', 'topic', 'reason'),
+    [
+        (lambda b: b.gyro(2000, (np.nan, 0, 0)), '/imu/data', 'angular_velocity is not finite'),
+        (lambda b: b.gyro(2000, frame='x'), '/imu/data', "frame_id is 'x', expected 'base_link'"),
+        (lambda b: b.gyro(1990), '/imu/data', 'duplicate stamp'),
+        (lambda b: b.gyro(1500), '/imu/data', 'stamp goes backwards, too late to be put in order'),
+        (lambda b: b.star(2000, (0, 0, 0, 0)), '/attitude', 'quaternion has norm #, not #'),
+        (lambda b: b.star(2000, (0, 0, 0, 1.1)), '/attitude', 'quaternion has norm #, not #'),
+        (lambda b: b.star(2000, (np.nan, 0, 0, 1)), '/attitude', 'quaternion is not finite'),
+        (lambda b: b.joint(2000, (np.inf, 0, 0)), '/joint_states', 'position is not finite'),
+        (lambda b: b.joint(2000, names=list('abc')), '/joint_states', "joint 'joint_#' is missing"),
+        (lambda b: b.joint(2000, (0, 0)), '/joint_states', 'position has # entries for # joints'),
+    ],
+)  # fmt: skip
+def test_bad_samples_are_counted_and_the_rest_is_used(bench, send, topic, reason):
+    bench.all(0, 2000)
+    send(bench)
+    bench.rig.drain()
+    assert bench.node.health.rejected[topic, reason] == 1
+    before = len(bench.estimates)
+    bench.all(2000, 3500)
+    assert len(bench.estimates) > before
+    assert bench.estimates[-1].rejected >= 1
+
+
+def test_reset_forgets_and_says_so(bench):
+    bench.all(0, 1310)
+    assert bench.call('/identifier/reset').success
+    bench.rig.until(lambda: len(bench.estimates) == 2)
+    assert not bench.estimates[-1].valid
+    assert bench.estimates[-1].samples == 0
+
+
+def test_solve_answers_with_the_reason(bench):
+    response = bench.call('/identifier/solve')
+    assert not response.success
+    assert response.message.startswith('not valid: no joint states')
+
+
+def test_stamps_that_jump_back_reset_it(bench):
+    bench.all(5000, 6400)
+    count = len(bench.estimates)
+    bench.all(0, 100)
+    assert len(bench.estimates) == count + 1
+    assert bench.node.health.count() == 0
+
+
+def test_a_clock_that_jumps_back_resets_it(bench):
+    bench.rig.set_time(6000 * MS)
+    bench.all(5000, 5100)
+    bench.rig.set_time(0)
+    bench.rig.until(lambda: bench.estimates)
+    assert 'no' in bench.estimates[-1].reason
+
+
+def test_a_fixed_base_is_refused(rig, servicer):
+    moving = {'initial.angular_velocity': [0.0, 0.0, 0.0], 'robot.base': 'fixed'}
+    with pytest.raises(ConfigurationError):
+        rig.add(IdentifierNode, servicer, **moving)

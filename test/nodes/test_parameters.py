@@ -1,0 +1,89 @@
+"""Parameters of the nodes: declared with their meaning, refused with the place named."""
+
+from pathlib import Path
+
+import pytest
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+
+from spacerobot_ros.errors import ConfigurationError, ModelError
+from spacerobot_ros.nodes.controller import ControllerNode
+from spacerobot_ros.nodes.identifier import IdentifierNode
+from spacerobot_ros.nodes.simulator import SimulatorNode
+from spacerobot_ros.ros.main import run_node
+
+pytestmark = pytest.mark.ros
+
+ALL = (SimulatorNode, IdentifierNode, ControllerNode)
+
+
+@pytest.mark.parametrize('node_type', ALL)
+def test_every_parameter_teaches(rig, servicer, node_type):
+    node = rig.add(node_type, servicer)
+    descriptor = node.describe_parameter('controller.bandwidth')
+    assert descriptor.description == 'Double pole of the error dynamics. [rad/s]'
+    assert descriptor.additional_constraints == 'above 0; at most 100'
+    assert descriptor.read_only
+    assert list(node.get_parameter('robot.gravity').value) == [0.0, 0.0, 0.0]
+    assert node.describe_parameter('truth.links').type == Parameter.Type.STRING_ARRAY.value
+    result = node.set_parameters([Parameter('controller.bandwidth', value=2.0)])[0]
+    assert not result.successful
+
+
+@pytest.mark.parametrize('node_type', ALL)
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        ({'simulator.perod': 0.01}, r"simulator\.perod: unknown parameter.*'period'"),
+        ({'controler.law': 'x'}, r"controler: unknown parameter.*'controller'"),
+        ({'controller': 1}, 'controller'),
+        ({'simulator.period': -1.0}, r'simulator\.period'),
+        ({'simulator.period': float('nan')}, r'simulator\.period'),
+        ({'robot.urdf': 'servicer.urdf'}, r"robot\.urdf: 'servicer\.urdf' is relative"),
+        ({'robot.urdf': '/no/such.urdf'}, 'no such file'),
+        ({'robot.joints': ['joint_1']}, r'robot\.joints'),
+        ({'robot_description': 3}, 'robot_description: expected str'),
+    ],
+)
+def test_bad_parameters_are_refused_at_the_start(rig, servicer, node_type, change, message):
+    with pytest.raises(ConfigurationError, match=message):
+        rig.add(node_type, servicer, **change)
+
+
+@pytest.mark.parametrize('node_type', ALL)
+def test_description_can_come_as_a_parameter_or_as_a_topic(rig, servicer, node_type):
+    urdf = Path('config/servicer.urdf').read_text(encoding='utf-8')
+    assert rig.add(node_type, servicer, **{'robot.urdf': '', 'robot_description': urdf}).is_open
+    node = rig.add(node_type, servicer, **{'robot.urdf': ''})
+    assert not node.is_open
+    from spacerobot_ros.ros.qos import LATCHED
+
+    publisher = rig.plain().create_publisher(String, '/robot_description', LATCHED)
+    publisher.publish(String(data=urdf))
+    rig.until(lambda: node.is_open)
+
+
+def test_a_bad_description_on_the_topic_is_refused(rig, servicer):
+    from spacerobot_ros.ros.qos import LATCHED
+
+    rig.add(ControllerNode, servicer, **{'robot.urdf': ''})
+    publisher = rig.plain().create_publisher(String, '/robot_description', LATCHED)
+    publisher.publish(String(data='<robot'))
+    with pytest.raises(ModelError, match='/robot_description'):
+        rig.until(lambda: False)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'place'),
+    [
+        (['-p', 'robot.urdf:=servicer.urdf', '-p', 'robot.joints:=[joint_1]'], 'robot.urdf: '),
+        (['-p', 'robot.colour:=red'], 'robot.colour: unknown parameter'),
+        ([], 'robot.joints: required parameter is missing'),
+        (['--params-file', '/no/such.yaml'], 'such.yaml'),
+    ],
+)
+def test_the_process_says_one_line_and_exits_with_2(capfd, arguments, place):
+    assert run_node(SimulatorNode, ['--ros-args', *arguments]) == 2
+    lines = [line for line in capfd.readouterr().err.splitlines() if line and '[rcl]' not in line]
+    assert len(lines) == 1
+    assert place in lines[0]
