@@ -1,0 +1,144 @@
+"""Identification of a record: the three methods and the refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.identification import (
+    SILENT,
+    errors_of,
+    measure,
+    record_of,
+    servicer,
+    simulate,
+    truth_of,
+)
+from support.models import random_tree, robot_of
+
+from spacerobot_ros.errors import ConfigurationError, IdentificationError
+from spacerobot_ros.identification.batch import METHODS, identify, sensor_data
+from spacerobot_ros.model.settings import IdentifierSettings
+from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries
+
+SETTINGS = IdentifierSettings()
+
+
+@pytest.fixture(scope='module')
+def run():
+    return simulate('zyx', 20.0)
+
+
+@pytest.fixture(scope='module')
+def record(run):
+    return record_of(measure(run, 3, attitude_every=1), 'somewhere/bag')
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_every_method_names_itself_and_fills_the_result(method, run, record):
+    estimate = identify(record, servicer(), SETTINGS, method)
+    estimate.check()
+    assert estimate.method == method
+    assert estimate.aam_links == ('link_3',)
+    assert len(estimate.parameters) == 19
+    assert estimate.samples > 1900
+    assert estimate.stamp_ns == 10**18 + 20 * 10**9
+    assert np.isfinite(estimate.condition)
+    plain = estimate.to_dict()
+    assert plain['method'] == method
+    assert len(plain['parameters']) == 19
+
+
+def test_accuracy_of_the_methods(run, record):
+    # Plain least squares is far off at this noise, maximum likelihood is not.
+    errors = {}
+    for method in METHODS:
+        error, _ = errors_of(identify(record, servicer(), SETTINGS, method), truth_of(run))
+        errors[method] = np.max(np.abs(error[3:6]))
+    assert errors['ml'] < 0.1
+    assert errors['ls'] > 5.0 * errors['ml']
+    assert errors['recursive'] == pytest.approx(errors['ls'], rel=1e-6)
+
+
+def test_the_default_is_maximum_likelihood(record):
+    assert identify(record, servicer(), SETTINGS).method == 'ml'
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_data_without_noise(method, run):
+    record = record_of(measure(run, 0, scale=0.0, attitude_every=1))
+    estimate = identify(record, servicer(sensors=SILENT), SETTINGS, method)
+    error, _ = errors_of(estimate, truth_of(run))
+    assert np.max(np.abs(error[3:6])) < 1e-4
+    assert np.max(np.abs(error[6:])) < 1e-2  # of 5000 kg m^2
+
+
+def test_same_record_same_bits(record):
+    a, b = (identify(record, servicer(), SETTINGS) for _ in range(2))
+    np.testing.assert_array_equal(a.aam, b.aam)
+    np.testing.assert_array_equal(a.covariance, b.covariance)
+
+
+def test_notes_of_the_record_are_handed_on(record):
+    estimate = identify(replace(record, notes=('two messages dropped',)), servicer(), SETTINGS)
+    assert 'two messages dropped' in estimate.notes
+
+
+def test_samples_in_seconds_from_the_first_stamp(run, record):
+    data, origin = sensor_data(record)
+    assert origin == 10**18
+    np.testing.assert_allclose(data.joint_time, run.time, rtol=0, atol=1e-12)
+    joints = record.joints
+    encoders = JointSeries(joints.names, joints.stamp_ns, joints.position)
+    unmeasured = replace(record, joints=encoders)
+    assert np.all(np.isnan(sensor_data(unmeasured)[0].qd))
+
+
+def without(record, *names):
+    return replace(record, **dict.fromkeys(names))
+
+
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize(
+    ('missing', 'match'),
+    [
+        (('joints',), 'somewhere/bag: has no /joint_states$'),
+        (('rates',), 'somewhere/bag: has no /imu/data$'),
+        (('attitudes',), 'somewhere/bag: has no /attitude$'),
+        (('joints', 'attitudes'), 'has no /joint_states, no /attitude$'),
+    ],
+)
+def test_missing_sensors_are_named(record, method, missing, match):
+    with pytest.raises(IdentificationError, match=match):
+        identify(without(record, *missing), servicer(), SETTINGS, method)
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_too_short_a_record_is_refused(record, method):
+    short = replace(
+        record,
+        joints=JointSeries(
+            record.joints.names,
+            record.joints.stamp_ns[:100],
+            record.joints.position[:100],
+            record.joints.velocity[:100],
+        ),
+        rates=RateSeries(record.rates.stamp_ns[:100], record.rates.omega[:100]),
+        attitudes=AttitudeSeries(record.attitudes.stamp_ns[:10], record.attitudes.q_xyzw[:10]),
+    )
+    with pytest.raises(IdentificationError, match=r'somewhere/bag: 0\.99 s is too short'):
+        identify(short, servicer(), SETTINGS, method)
+
+
+def test_unknown_method_is_refused(record):
+    with pytest.raises(IdentificationError, match=r"'kalman' is not one of ml, recursive, ls"):
+        identify(record, servicer(), SETTINGS, 'kalman')
+
+
+def test_robots_without_conserved_momentum_are_refused(record, rng):
+    parts = random_tree(rng, [0, 1, 2], prismatic=(3,))
+    with pytest.raises(ConfigurationError, match='revolute'):
+        identify(record, robot_of(parts), SETTINGS)
+    with pytest.raises(ConfigurationError, match='free base'):
+        identify(record, robot_of(random_tree(rng, [0, 1, 2]), base='fixed'), SETTINGS)
