@@ -21,7 +21,7 @@ from .noise import noise_levels
 from .physical import project
 from .prior import weak_prior
 from .smoothing import SensorData
-from .summary import summarize
+from .summary import nuisance_values, summarize
 
 METHODS = ('ml', 'recursive', 'ls')
 _SHORTEST = 2.0  # s
@@ -67,7 +67,8 @@ def identify_robot(
     if method not in METHODS:
         raise IdentificationError(f'method {method!r} is not one of {", ".join(METHODS)}')
     data, origin_ns = sensor_data(record)
-    model = MomentumModel(robot, minimal_set(robot, settings.structure))
+    nuisances = settings.nuisances if method == 'ml' else ()
+    model = MomentumModel(robot, minimal_set(robot, settings.structure), nuisances)
     levels, notes = noise_levels(robot.sensors, data)
     notes = (*record.notes, *notes)
     if method == 'ml':
@@ -119,17 +120,19 @@ def _on_bodies(
     if physical.contradiction:
         notes = (*linear.notes, f'{physical.contradiction}; the linear estimate stands')
         return Identification(replace(linear, notes=notes), None)
-    aam = physical.constants[3 : 3 + model.n_aam]
+    aam = physical.constants[model.aam]
+    dimension = physical.dimension - 3 - model.nuisances.size
     estimate = replace(
         linear,
         aam=aam,
-        parameters=physical.constants[3 + model.n_aam :],
-        covariance=physical.covariance[3:, 3:],
+        parameters=physical.constants[model.x],
+        covariance=physical.covariance[3 : model.x.stop, 3 : model.x.stop],
+        nuisances=nuisance_values(model, physical.constants, physical.covariance),
         total_momentum=physical.constants[:3],
         total_momentum_covariance=physical.covariance[:3, :3],
         notes=(
             *linear.notes,
-            f'estimated over physical bodies: {physical.dimension - 3} dimensions for '
+            f'estimated over physical bodies: {dimension} dimensions for '
             f'{linear.unknowns} numbers; misfit {physical.misfit:.3g} for {physical.dof} '
             'degrees of freedom',
         ),

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ..errors import IdentificationError
 from ..types import Array, Matrix3, Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class NamedValue:
+    """One estimated number with its standard deviation."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +42,8 @@ class Estimate:
         chi2_per_dof: Residual chi-square per degree of freedom; 1 where the noise is as stated.
         samples: Number of samples used.
         stamp_ns: Time of the last sample used [ns].
+        notes: Remarks for the user.
+        nuisances: Further unknowns that were estimated along, such as a gyro bias.
     """
 
     method: str
@@ -51,6 +63,7 @@ class Estimate:
     samples: int
     stamp_ns: int
     notes: tuple[str, ...] = field(default=())
+    nuisances: tuple[NamedValue, ...] = field(default=())
 
     @property
     def unknowns(self) -> int:
@@ -114,6 +127,7 @@ class Estimate:
                 'unit': 'N m s',
                 'frame': 'inertial',
             },
+            'nuisances': [asdict(nuisance) for nuisance in self.nuisances],
             'samples': self.samples,
             'notes': list(self.notes),
         }

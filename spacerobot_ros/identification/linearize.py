@@ -24,6 +24,7 @@ from ..dynamics.rotation import skew
 from ..model.robot import Robot
 from ..types import Array
 from .minimal import MinimalSet
+from .nuisances import Nuisances
 
 _CHUNK = (
     512  # times linearised at once; the temporaries take about a kilobyte a time and joint squared
@@ -113,36 +114,44 @@ class MomentumModel:
     Args:
         robot: Free-floating robot with revolute joints.
         minimal: Its minimal set.
+        nuisances: Ids of further unknowns (`nuisances.NUISANCES`).
+
+    Attributes:
+        size: Number p of constants, in the order [h_W; AAM; x; nuisances].
+        aam: Their slice of wheel momentum. x: Their slice of minimal parameters.
+        other: Their slice of nuisances.
     """
 
-    def __init__(self, robot: Robot, minimal: MinimalSet) -> None:
+    def __init__(self, robot: Robot, minimal: MinimalSet, nuisances: tuple[str, ...] = ()) -> None:
         self.tree = BlockTree(robot)
         self.minimal = minimal
         self.robot = robot
         self.n = robot.n_joints
+        self.nuisances = Nuisances(nuisances, self.n)
         self._wheels = [(g.body, g.rotation) for g in robot.target_wheels]
         self._h0 = robot.servicer_wheels.body_momentum
         self.n_aam = 3 * len(self._wheels)
-        self.size = 3 + self.n_aam + len(minimal)
+        self.aam = slice(3, 3 + self.n_aam)
+        self.x = slice(self.aam.stop, self.aam.stop + len(minimal))
+        self.size = self.x.stop + self.nuisances.size
+        self.other = slice(self.x.stop, self.size)
 
     def prior(self) -> Array:
         """(p,) constants that the robot file believes in; the total momentum is left zero."""
         x = self.minimal.grouping @ self.tree.parameters()
-        return np.concatenate([np.zeros(3), self.robot.target_momentum, x])
+        others = np.zeros(self.nuisances.size)
+        return np.concatenate([np.zeros(3), self.robot.target_momentum, x, others])
 
     def regressor(self, reference: Reference) -> tuple[Array, Array]:
-        """Rows of b = A [h_W; AAM; x] in the base frame, exact and linear.
+        """Rows of b = A [h_W; AAM; x] in the base frame, exact and linear; nuisances at zero.
 
         Returns:
             (N, 3, p) coefficients of 0 = R^T h_W - sum R_b h_b - Y x - h0, and (N, 3) right-hand
             side h0.
         """
-        rotations = self.tree.rotations(reference.q)
-        maps = self.tree.rate_maps(rotations)
-        u = np.concatenate([reference.omega, reference.qd], axis=1)
-        return self._coefficients(reference, rotations, maps, u), np.broadcast_to(
-            self._h0, (len(u), 3)
-        )
+        moving = _Moving(self.tree, reference)
+        h0 = np.broadcast_to(self._h0, (len(reference.time), 3))
+        return self._coefficients(moving, np.ones((len(h0), 1, 1))), h0
 
     def linearize(self, reference: Reference, constants: Array) -> RateErrorModel:
         """Body-rate error of the reference, about given constants (p,)."""
@@ -157,35 +166,58 @@ class MomentumModel:
         )
 
     def _linearize(self, reference: Reference, constants: Array) -> RateErrorModel:
-        rotations = self.tree.rotations(reference.q)
-        maps = self.tree.rate_maps(rotations)
-        u = np.concatenate([reference.omega, reference.qd], axis=1)
-        columns = self._coefficients(reference, rotations, maps, u)
-        pi = self.minimal.lift @ constants[3 + self.n_aam :]
-        inertia, gradient = self.tree.inertia_gradient(rotations, maps, pi)
+        moving = _Moving(self.tree, reference)
+        time, others = reference.time, constants[self.other]
+        left = self.nuisances.decay('target_wheel_drag', others, time)
+        h0 = self._h0 * self.nuisances.decay('servicer_wheel_drag', others, time)[:, None]
+        columns = self._coefficients(moving, left[:, None, None])
+        wheels = -columns[..., self.aam] @ constants[self.aam]
+        own = self.nuisances.momentum_columns(time, moving.attitudes, wheels, h0)
+        torque = own[..., self.nuisances.linear] @ others[self.nuisances.linear]
+        offset = columns[..., : self.x.stop] @ constants[: self.x.stop] - h0 + torque
+        columns[..., self.other] = own
+        inertia, gradient = self.tree.inertia_gradient(
+            moving.rotations, moving.maps, self.minimal.lift @ constants[self.x]
+        )
         inverse = np.linalg.inv(inertia[:, :3, :3])
-        offset = columns @ constants - self._h0
-        h_B = columns[..., :3] @ constants[:3]
-        state = np.empty((len(u), 3, 3 + 2 * self.n))
-        state[..., :3] = skew(h_B)
-        state[..., 3 : 3 + self.n] = -np.einsum('njab,nb->naj', gradient[:, :, :3], u)
-        for i, (body, _) in enumerate(self._wheels):
-            momentum = -columns[..., 3 + 3 * i : 6 + 3 * i] @ constants[3 + 3 * i : 6 + 3 * i]
-            turned = np.cross(
-                maps[:, body, :, 3:], momentum[:, :, None], axisa=1, axisb=1, axisc=1
-            )
-            state[..., 3 : 3 + self.n] -= turned
+        state = np.empty((len(time), 3, 3 + 2 * self.n))
+        # R^T h_W turns with the attitude, the wheels with their links, the rest with D and Dq.
+        state[..., :3] = skew(
+            offset + h0 + wheels + np.einsum('nab,nb->na', inertia[:, :3], moving.u)
+        )
+        state[..., 3 : 3 + self.n] = -np.einsum('njab,nb->naj', gradient[:, :, :3], moving.u)
+        state[..., 3 : 3 + self.n] -= self._turned_wheels(moving, columns, constants)
         state[..., 3 + self.n :] = -inertia[:, :3, 3:]
         return RateErrorModel(
             np.einsum('nab,nb->na', inverse, offset), inverse @ state, inverse @ columns
         )
 
-    def _coefficients(
-        self, reference: Reference, rotations: Array, maps: Array, u: Array
-    ) -> Array:
-        out = np.empty((len(u), 3, self.size))
-        out[..., :3] = np.swapaxes(reference.rotation.as_matrix(), 1, 2)
-        for i, (body, rotation) in enumerate(self._wheels):
-            out[..., 3 + 3 * i : 6 + 3 * i] = -rotations[:, body] @ rotation
-        out[..., 3 + self.n_aam :] = -self.tree.regressor(rotations, maps, u) @ self.minimal.lift
+    def _turned_wheels(self, moving: _Moving, columns: Array, constants: Array) -> Array:
+        """(N, 3, n) derivative of the captured wheels' momentum by the joint positions."""
+        out = np.zeros((len(columns), 3, self.n))
+        for i, (body, _) in enumerate(self._wheels):
+            part = slice(3 + 3 * i, 6 + 3 * i)
+            momentum = -columns[..., part] @ constants[part]
+            axes = moving.maps[:, body, :, 3:]
+            out += np.cross(axes, momentum[:, :, None], axisa=1, axisb=1, axisc=1)
         return out
+
+    def _coefficients(self, moving: _Moving, left: Array) -> Array:
+        """(N, 3, p) by the constants, with the share `left` (N, 1, 1) of the wheels' momentum."""
+        out = np.zeros((len(moving.u), 3, self.size))
+        out[..., :3] = np.swapaxes(moving.attitudes, 1, 2)
+        for i, (body, rotation) in enumerate(self._wheels):
+            out[..., 3 + 3 * i : 6 + 3 * i] = -left * (moving.rotations[:, body] @ rotation)
+        regressor = self.tree.regressor(moving.rotations, moving.maps, moving.u)
+        out[..., self.x] = -regressor @ self.minimal.lift
+        return out
+
+
+class _Moving:
+    """Kinematics of a reference: what its regressor and its linearisation share."""
+
+    def __init__(self, tree: BlockTree, reference: Reference) -> None:
+        self.rotations = tree.rotations(reference.q)
+        self.maps = tree.rate_maps(self.rotations)
+        self.u = np.concatenate([reference.omega, reference.qd], axis=1)
+        self.attitudes = reference.rotation.as_matrix()

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from ..types import Array
 from .linearize import MomentumModel, Reference
 from .momentum_filter import Measurements, MomentumFilter, Noise
+from .nuisances import Nuisances
 from .prior import Prior
 from .smoothing import SensorData, Smoothed, align, smooth, time_grid
 
@@ -19,15 +20,15 @@ _CONVERGED = 0.01  # shift of the constants in standard deviations
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """One stretch of data made ready for the filter: reference, measurements on its times, noise.
+    """One stretch of data made ready for the filter.
 
     Args:
-        reference: At all stamps. measured: On the same times. noise: Noise levels. smoothed: The
-            splines behind them.
+        data: Samples. reference: At all their stamps. noise: Noise levels. smoothed: The splines
+            behind the reference.
     """
 
+    data: SensorData
     reference: Reference
-    measured: Measurements
     noise: Noise
     smoothed: Smoothed
 
@@ -48,7 +49,7 @@ def prepare(data: SensorData, levels: dict[str, float]) -> Stretch:
             times, align(reference, data.attitude_time, data.attitude_xyzw)
         )
     noise = Noise(*stds, levels['attitude_std'], smoothed.snap_density(times))
-    return Stretch(reference, measurements(data, reference), noise, smoothed)
+    return Stretch(data, reference, noise, smoothed)
 
 
 def estimate_constants(
@@ -69,9 +70,7 @@ def estimate_constants(
     constants = prior.mean if start is None else start
     for _ in range(_PASSES):
         engine = start_filter(stretch, prior, constants)
-        engine.run(
-            stretch.reference, model.linearize(stretch.reference, constants), stretch.measured
-        )
+        run_stretch(engine, model, stretch, constants)
         change, covariance = engine.information.solve()
         proposed = prior.admissible(model, stretch.reference, constants, constants + change)
         engine.shift_constants(proposed - constants)
@@ -91,8 +90,27 @@ def start_filter(stretch: Stretch, prior: Prior, constants: Array) -> MomentumFi
     return engine
 
 
-def measurements(data: SensorData, reference: Reference) -> Measurements:
-    """Put samples on the reference's times, as deviations from it where the filter wants that."""
+def run_stretch(
+    engine: MomentumFilter, model: MomentumModel, stretch: Stretch, constants: Array
+) -> None:
+    """Run the filter over a stretch, everything linearised about `constants`."""
+    reference = stretch.reference
+    measured = measurements(stretch.data, reference, model.nuisances, constants[model.other])
+    engine.run(reference, model.linearize(reference, constants), measured)
+
+
+def measurements(
+    data: SensorData, reference: Reference, nuisances: Nuisances, values: Array
+) -> Measurements:
+    """Put samples on the reference's times, as deviations from it where the filter wants that.
+
+    Args:
+        data: Samples, their stamps among the reference's times.
+        reference: Reference.
+        nuisances: Nuisances that act in the measurements.
+        values: (m,) their present values, which are taken out of the samples.
+    """
+    columns = nuisances.sensor_columns(reference.time, reference.omega)
     count, n = len(reference.time), data.q.shape[1]
     q, qd = np.full((count, n), np.nan), np.full((count, n), np.nan)
     gyro, attitude = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
@@ -100,10 +118,9 @@ def measurements(data: SensorData, reference: Reference) -> Measurements:
         np.searchsorted(reference.time, t)
         for t in (data.joint_time, data.rate_time, data.attitude_time)
     )
-    q[j], qd[j] = data.q, data.qd
-    gyro[r] = data.omega - reference.omega[r]
+    q[j], qd[j] = data.q - columns.q[j] @ values, data.qd
+    gyro[r] = data.omega - reference.omega[r] - columns.gyro[r] @ values
     if len(a):
-        attitude[a] = (
-            reference.rotation[a].inv() * Rotation.from_quat(data.attitude_xyzw)
-        ).as_rotvec()
-    return Measurements(q, qd, gyro, attitude)
+        turns = reference.rotation[a].inv() * Rotation.from_quat(data.attitude_xyzw)
+        attitude[a] = turns.as_rotvec() - columns.attitude[a] @ values
+    return Measurements(q, qd, gyro, attitude, columns)

@@ -81,10 +81,11 @@ def minimal_set(robot: Robot, structure: str) -> MinimalSet:
 
 
 def independent_columns(matrix: Array) -> list[int]:
-    """Indices of columns that span the matrix, the left ones first; columns of unit norm or zero expected.
+    """Indices of columns that span a matrix with unit columns, the left ones first.
 
-    Columns that point clearly out of the span of those before are taken first, so that the chosen ones are well
-    conditioned; taking every column that is merely independent would regroup with factors of thousands.
+    Columns that point clearly out of the span of those before are taken first, so that the chosen
+    ones are well conditioned; taking every column that is merely independent would regroup with
+    factors of thousands.
     """
     kept: list[int] = []
     basis = np.zeros((len(matrix), 0))

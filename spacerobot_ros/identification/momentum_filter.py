@@ -18,7 +18,9 @@ import numpy as np
 import scipy.linalg
 
 from ..types import Array
+from .filter_kernel import forward
 from .linearize import RateErrorModel, Reference, join
+from .nuisances import SensorColumns
 
 _ATTITUDE_START_STD = (
     0.05  # rad; the reference starts aligned with the tracker far better than this
@@ -54,6 +56,7 @@ class Measurements:
     qd: Array
     gyro: Array
     attitude: Array
+    columns: SensorColumns | None = None
 
 
 class SquareRootInformation:
@@ -139,21 +142,21 @@ class MomentumFilter:
         if self.last is not None:
             reference, model = join(self.last[0], reference), model.after(self.last[1])
         drives = model.with_absolute_joints(reference)
-        transition, drive, noise = transitions(reference, model.state, drives, self.noise.snap)
-        skipped = 0 if self.last is None else 1
-        rows = []
-        for k in range(len(reference.time)):
-            if k > 0:
-                self.affine = transition[k - 1] @ self.affine
-                self.affine[:3] += drive[k - 1]
-                self.covariance = (
-                    transition[k - 1] @ self.covariance @ transition[k - 1].T + noise[k - 1]
-                )
-            if k >= skipped:
-                rows.append(self._update(measured, k - skipped, model.state[k], drives[k]))
-        stacked = np.concatenate(rows)
-        if len(stacked):
-            self.information.add(-stacked[:, 1:], stacked[:, 0])
+        levels = self.noise
+        columns = measured.columns or SensorColumns.none(len(measured.q), self.n)
+        self.affine, self.covariance, rows = forward(
+            transitions(reference, model.state, drives, levels.snap),
+            model.state,
+            drives,
+            (measured.q, measured.qd, measured.attitude, measured.gyro),
+            (columns.q, columns.attitude, columns.gyro),
+            np.array([levels.joint_position, levels.joint_velocity, levels.attitude, levels.gyro]),
+            0 if self.last is None else 1,
+            self.affine,
+            self.covariance,
+        )
+        if len(rows):
+            self.information.add(-rows[:, 1:], rows[:, 0])
         self.last = (reference.tail(), model.tail())
 
     def shift_constants(self, change: Array) -> None:
@@ -166,56 +169,6 @@ class MomentumFilter:
         error = self.affine[:3, 0].copy()
         self.affine[:3, 0] = 0.0
         return error
-
-    def _update(self, measured: Measurements, k: int, rate_by_state: Array, drive: Array) -> Array:
-        """Use what was measured at index k; returns the whitened affine innovations (r, 1+p)."""
-        H, values, std = self._rows(measured, k, rate_by_state, drive)
-        if len(std) == 0:
-            return values
-        innovation = values - H @ self.affine
-        gain = H @ self.covariance
-        spread = gain @ H.T
-        spread[np.diag_indices(len(std))] += std**2
-        lower = np.linalg.cholesky(spread)
-        half = np.linalg.solve(lower, np.column_stack([gain, innovation]))
-        whitened = half[:, gain.shape[1] :]
-        kalman = np.linalg.solve(lower.T, half[:, : gain.shape[1]]).T
-        self.affine += kalman @ innovation
-        # Joseph's form keeps the covariance positive whatever the spread of its eigenvalues.
-        rest = np.eye(len(self.covariance)) - kalman @ H
-        self.covariance = rest @ self.covariance @ rest.T + (kalman * std**2) @ kalman.T
-        return whitened
-
-    def _rows(
-        self, measured: Measurements, k: int, rate_by_state: Array, drive: Array
-    ) -> tuple[Array, Array, Array]:
-        """Matrix (r, 3+4n), affine values (r, 1+p) and standard deviations (r,) at index k."""
-        n, noise = self.n, self.noise
-        groups = (
-            (measured.q[k], 3, noise.joint_position),
-            (measured.qd[k], 3 + n, noise.joint_velocity),
-            (measured.attitude[k], 0, noise.attitude),
-            (measured.gyro[k], -1, noise.gyro),
-        )
-        present = [group for group in groups if np.isfinite(group[0][0])]
-        count = sum(len(data) for data, _, _ in present)
-        H, values, std = (
-            np.zeros((count, 3 + 4 * n)),
-            np.zeros((count, self.affine.shape[1])),
-            np.empty(count),
-        )
-        row = 0
-        for data, first, sigma in present:
-            rows = slice(row, row + len(data))
-            values[rows, 0] = data
-            std[rows] = sigma
-            if first < 0:
-                H[rows, : 3 + 2 * n] = rate_by_state
-                values[rows] -= drive
-            else:
-                H[rows, first : first + len(data)] = np.eye(len(data))
-            row += len(data)
-        return H, values, std
 
 
 def transitions(

@@ -21,7 +21,7 @@ from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate
 from .linearize import MomentumModel
-from .maximum_likelihood import Stretch, estimate_constants, measurements, prepare
+from .maximum_likelihood import Stretch, estimate_constants, prepare, run_stretch
 from .minimal import minimal_set
 from .momentum_filter import MomentumFilter, Noise
 from .noise import noise_levels
@@ -74,7 +74,9 @@ class OnlineIdentifier:
 
     def __init__(self, robot: Robot, settings: IdentifierSettings) -> None:
         self._settings = settings
-        self._model = MomentumModel(robot, minimal_set(robot, settings.structure))
+        self._model = MomentumModel(
+            robot, minimal_set(robot, settings.structure), settings.nuisances
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -199,8 +201,8 @@ class OnlineIdentifier:
         whole = smoothed.reference(times, engine.last[0].rotation[0])
         reference = whole.between(1)
         engine.noise = Noise(*stds, self._levels['attitude_std'], smoothed.snap_density(times))
-        stretch = Stretch(reference, measurements(new, reference), engine.noise, smoothed)
-        engine.run(reference, self._model.linearize(reference, self._constants), stretch.measured)
+        stretch = Stretch(new, reference, engine.noise, smoothed)
+        run_stretch(engine, self._model, stretch, self._constants)
         change, _ = engine.information.solve()
         proposed = prior.admissible(
             self._model, reference, self._constants, self._constants + change
@@ -278,7 +280,7 @@ class OnlineIdentifier:
                 np.full(model.n_aam, settings.momentum_prior_std),
                 np.full(
                     len(model.minimal),
-                    settings.prior_std * np.max(np.abs(prior[3 + model.n_aam :])),
+                    settings.prior_std * np.max(np.abs(prior[model.x])),
                 ),
             ]
         )
@@ -288,9 +290,9 @@ class OnlineIdentifier:
             valid=False,
             reason=reason,
             aam_links=tuple(g.link for g in model.robot.target_wheels),
-            aam=prior[3 : 3 + model.n_aam],
+            aam=prior[model.aam],
             parameter_names=model.minimal.names,
-            parameters=prior[3 + model.n_aam :],
+            parameters=prior[model.x],
             covariance=np.diag(std**2),
             rank=0,
             condition=float('inf'),

@@ -123,15 +123,18 @@ def project(
             decides between bodies that the data cannot tell apart.
     """
     bodies = BodyParameters(model.robot, structure)
-    head = 3 + model.n_aam
-
-    # Momentum unknowns in units of their own sigma, so that all unknowns are of order one.
-    scale = 1.0 / np.linalg.norm(factor[:, :head], axis=0)
+    free = np.ones(model.size, dtype=bool)  # momenta and nuisances, which bodies do not constrain
+    free[model.x] = False
+    head = int(np.sum(free))
+    # In units of their own sigma, so that all unknowns are of order one.
+    scale = 1.0 / np.linalg.norm(factor[:, free], axis=0)
 
     def constants_at(unknowns: Array) -> Array:
+        out = np.empty((*unknowns.shape[:-1], model.size))
         pi = model.tree.block_parameters(*bodies.bodies(unknowns[..., head:]))
-        momenta = constants[:head] + scale * unknowns[..., :head]
-        return np.concatenate([momenta, pi @ model.minimal.grouping.T], axis=-1)
+        out[..., free] = constants[free] + scale * unknowns[..., :head]
+        out[..., model.x] = pi @ model.minimal.grouping.T
+        return out
 
     def residual(unknowns: Array) -> Array:
         misfit = (constants_at(unknowns) - constants) @ factor.T

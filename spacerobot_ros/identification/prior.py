@@ -50,18 +50,19 @@ def weak_prior(model: MomentumModel, reference: Reference, settings: IdentifierS
     """
     mean = model.prior()
     columns, h0 = model.regressor(reference)
-    rest = h0 - np.einsum('nab,b->na', columns[..., 3:], mean[3:])
+    rest = h0 - columns[..., 3:] @ mean[3:]
     mean[:3] = np.mean(reference.rotation.apply(rest), axis=0)
-    inertia = settings.prior_std * np.max(np.abs(mean[3 + model.n_aam :]))
+    inertia = settings.prior_std * np.max(np.abs(mean[model.x]))
     free = 10.0 * (settings.momentum_prior_std + np.linalg.norm(mean[:3]))
     std = np.full(len(mean), inertia)
     std[:3] = free
-    std[3 : 3 + model.n_aam] = settings.momentum_prior_std
+    std[model.aam] = settings.momentum_prior_std
+    std[model.other] = model.nuisances.prior_std
     return Prior(mean, std)
 
 
 def _smallest_inertia(model: MomentumModel, q: Array, constants: Array) -> float:
     rotations = model.tree.rotations(q)
-    pi = model.minimal.lift @ constants[3 + model.n_aam :]
+    pi = model.minimal.lift @ constants[model.x]
     inertia = model.tree.inertia(rotations, model.tree.rate_maps(rotations), pi)
     return float(np.min(np.linalg.eigvalsh(inertia)))

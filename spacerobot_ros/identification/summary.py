@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 
 from ..model.settings import IdentifierSettings
 from ..types import Array
-from .estimate import Estimate
+from .estimate import Estimate, NamedValue
 from .linearize import MomentumModel
 from .momentum_filter import SquareRootInformation
 from .prior import Prior
@@ -40,16 +41,17 @@ def summarize(
         notes: Remarks for the user.
     """
     _, covariance = information.solve()
-    factor = information.factor[3:, :-1][:, 3:]  # [AAM; x] with the total momentum eliminated
+    told = slice(3, model.x.stop)
+    factor = _marginal(information.factor[:, :-1], told)
     norms = np.linalg.norm(factor, axis=0)
     singular = np.linalg.svd(factor / norms, compute_uv=False)
-    weak = _weak_directions(factor * prior.std[3:])
+    weak = _weak_directions(factor * prior.std[told])
     names = aam_names(model) + model.minimal.names
     unexcited = tuple(_describe(direction, names) for direction in weak)
     dof = max(information.rows - len(constants), 1)
     chi2 = information.residual / dof
-    aam = constants[3 : 3 + model.n_aam]
-    aam_std = np.sqrt(np.diag(covariance)[3 : 3 + model.n_aam])
+    aam = constants[model.aam]
+    aam_std = np.sqrt(np.diag(covariance)[model.aam])
     reason = _reason(settings, model, unexcited, aam, aam_std, chi2)
     return Estimate(
         method=method,
@@ -58,8 +60,8 @@ def summarize(
         aam_links=tuple(g.link for g in model.robot.target_wheels),
         aam=aam,
         parameter_names=model.minimal.names,
-        parameters=constants[3 + model.n_aam :],
-        covariance=covariance[3:, 3:],
+        parameters=constants[model.x],
+        covariance=covariance[told, told],
         rank=len(names) - len(weak),
         condition=float(singular[0] / singular[-1]),
         unexcited=unexcited,
@@ -69,7 +71,30 @@ def summarize(
         samples=samples,
         stamp_ns=stamp_ns,
         notes=notes,
+        nuisances=nuisance_values(model, constants, covariance),
     )
+
+
+def nuisance_values(
+    model: MomentumModel, constants: Array, covariance: Array
+) -> tuple[NamedValue, ...]:
+    """The nuisances with their standard deviations."""
+    names, units = model.nuisances.names, model.nuisances.units
+    std = np.sqrt(np.diag(covariance))[model.other]
+    return tuple(
+        NamedValue(name, float(value), float(sigma), unit)
+        for name, value, sigma, unit in zip(names, constants[model.other], std, units, strict=True)
+    )
+
+
+def _marginal(factor: Array, told: slice) -> Array:
+    """Square-root information of some constants, the others eliminated."""
+    others = np.ones(factor.shape[1], dtype=bool)
+    others[told] = False
+    ordered = np.column_stack([factor[:, others], factor[:, told]])
+    count = int(np.sum(others))
+    (triangle,) = scipy.linalg.qr(ordered, mode='r')
+    return np.asarray(triangle[count:, count:])
 
 
 def aam_names(model: MomentumModel) -> tuple[str, ...]:

@@ -231,8 +231,13 @@ def test_generic_structure():
 
 def test_measurements_are_deviations_from_the_reference_at_their_own_times():
     data = measure(simulate('zyx', 20.0), 9, joint_every=3, rate_every=2, attitude_every=10)
+    robot = servicer('zyx')
+    model = MomentumModel(robot, minimal_set(robot, 'symmetric'))
     stretch = prepare(data, STDS)
-    reference, measured = stretch.reference, measurements(data, stretch.reference)
+    reference, measured = (
+        stretch.reference,
+        measurements(data, stretch.reference, model.nuisances, np.zeros(0)),
+    )
     times = reference.time
     for values, stamps in (
         (measured.q, data.joint_time),
