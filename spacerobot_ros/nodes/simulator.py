@@ -35,6 +35,7 @@ from ..sensing.sensors import SensorSuite
 LEDGER_PERIOD = 0.1
 POLL_PERIOD = 0.05
 RESEND_PERIOD_NS = 1_000_000_000
+NEWS_DELAY_NS = 200_000_000
 CATCH_UP = 10  # steps in one tick of the real-time timer; beyond, the simulation falls behind
 
 
@@ -201,7 +202,7 @@ class SimulatorNode(Node):
                 f'lockstep: no command stamped {self._awaited * 1e-9:.3f} s on '
                 f'{self._command_topic} for {self._options.lockstep_timeout:g} s; still waiting'
             )
-        has_news = self._peers() != self._sent_to
+        has_news = waited > NEWS_DELAY_NS and self._peers() != self._sent_to
         if has_news or (not self._is_answered and self._now() - self._sent_ns > RESEND_PERIOD_NS):
             self._resend()  # to who came late: a command is owed for these samples
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
+from rclpy.handle import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
@@ -31,6 +32,9 @@ def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> 
             node = factory()
             try:
                 rclpy.spin(node)
+            except (rclpy_implementation.RCLError, InvalidHandle):
+                if rclpy.ok():  # otherwise stopped in the middle of a callback
+                    raise
             finally:
                 node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -1,4 +1,4 @@
-"""One rig a test, and the servicer's parameters; without ROS 2 only what needs none is collected."""
+"""A rig a test, and the servicer's parameters; without ROS 2 only what needs none runs."""
 
 import importlib.util
 import warnings

@@ -105,7 +105,7 @@ def test_a_sensor_that_never_comes_is_named(bench):
         (lambda b: b.star(2000, (0, 0, 0, 1.1)), '/attitude', 'quaternion has norm #, not #'),
         (lambda b: b.star(2000, (np.nan, 0, 0, 1)), '/attitude', 'quaternion is not finite'),
         (lambda b: b.joint(2000, (np.inf, 0, 0)), '/joint_states', 'position is not finite'),
-        (lambda b: b.joint(2000, names=list('abc')), '/joint_states', "joint 'joint_#' is missing"),
+        (lambda b: b.joint(2000, names='abc'), '/joint_states', "joint 'joint_#' is missing"),
         (lambda b: b.joint(2000, (0, 0)), '/joint_states', 'position has # entries for # joints'),
     ],
 )  # fmt: skip

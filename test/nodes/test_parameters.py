@@ -3,6 +3,8 @@
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
@@ -87,3 +89,18 @@ def test_the_process_says_one_line_and_exits_with_2(capfd, arguments, place):
     lines = [line for line in capfd.readouterr().err.splitlines() if line and '[rcl]' not in line]
     assert len(lines) == 1
     assert place in lines[0]
+
+
+def test_a_node_stopped_in_a_callback_exits_with_0(rig):
+    def stopped_while_publishing():
+        node = Node('stopped')
+        publisher = node.create_publisher(String, 'word', 1)
+
+        def stop():
+            rclpy.shutdown()
+            publisher.publish(String())
+
+        node.create_timer(0.001, stop)
+        return node
+
+    assert run_node(stopped_while_publishing, []) == 0
