@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
-from rclpy.handle import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from ..errors import ConfigurationError, SpaceRobotError
 
 CONFIGURATION = (ConfigurationError, ParameterException, rclpy_implementation.RCLError)
+STOPPED = (rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle)
 
 
 def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> int:
@@ -32,7 +32,7 @@ def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> 
             node = factory()
             try:
                 rclpy.spin(node)
-            except (rclpy_implementation.RCLError, InvalidHandle):
+            except STOPPED:
                 if rclpy.ok():  # otherwise stopped in the middle of a callback
                     raise
             finally:
