@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from ..errors import SpaceRobotError
 
-COMMANDS = ('demo', 'simulate', 'identify', 'reproduce')
+COMMANDS = ('demo', 'simulate', 'identify', 'excite', 'reproduce')
 
 _DESCRIPTION = """\
 Estimation and control of a free-floating space robot that has captured a satellite whose

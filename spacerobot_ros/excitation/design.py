@@ -23,7 +23,7 @@ Progress = Callable[[int, float], None]
 
 _STEP = 1e-6  # rad; of the forward differences
 _TOLERANCE = 2e-4  # of the cost: bits an unknown, or log2 of a condition number
-_FIRST_USE = 0.6  # of the limits, by a starting point
+_FIRST_USE = 0.6  # of the limits, by a random starting point
 _SAFE = 1.0 - 1e-6  # of the limits, by a result
 _NEARLY = 1e-3  # of the limits may be missing before the final scaling
 _GROWTH = 1.25  # largest factor on a result whose limits leave room
@@ -117,7 +117,8 @@ def starting_point(problem: Problem, index: int) -> tuple[str, Array]:
     family = problem.family
     x = rng.standard_normal((len(family.start), 2, family.harmonics))
     x /= np.arange(1, family.harmonics + 1)
-    return 'random', scaled_to_limits(problem, x.ravel(), _FIRST_USE, np.inf)
+    use = max(_FIRST_USE, 0.5 * (problem.resting_use + _SAFE))
+    return 'random', scaled_to_limits(problem, x.ravel(), use, np.inf)
 
 
 def scaled_to_limits(problem: Problem, x: Array, use: float, growth: float) -> Array:

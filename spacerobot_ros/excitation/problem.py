@@ -23,7 +23,8 @@ from .unknowns import unknowns_of
 FINE = 10  # times as many nodes for the final check of the limits
 _NODES = 40  # a cycle of the highest harmonic
 _SMOOTHING = 60.0  # of the maximum over time: it overstates by some log(5) / 60
-_ROOM = 0.999  # of a limit that a motion without any joint movement may use
+_ROOM = 0.999  # of a limit that a base with resting joints may use
+_AMPLE = 0.8  # the same, where the start is ours to choose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,10 +120,14 @@ class Problem:
 
     def _choose_start(self) -> tuple[str, Start]:
         wanted = self.settings.excitation.start
-        for kind in ('initial', 'rest') if wanted == 'auto' else (wanted,):
+        choices = (
+            (('initial', _AMPLE), ('rest', _ROOM)) if wanted == 'auto' else ((wanted, _ROOM),)
+        )
+        for kind, room in choices:
             self.start = self._start(kind)
-            use = float(self.worst_use(np.zeros((1, self.family.size)), self.family)[0])
-            if use <= _ROOM:
+            still = np.zeros((1, self.family.size))
+            self.resting_use = float(self.worst_use(still, self.family)[0])
+            if self.resting_use <= room:
                 return kind, self.start
         raise ConfigurationError(
             f'excitation.start ({kind})',

@@ -17,6 +17,7 @@ from ..identification.physical import BodyParameters
 from ..model.settings import IdentifierSettings
 from ..types import Array
 
+_RANK_TOLERANCE = 1e-8
 _STEP = 1e-5  # of the bodies' coordinates, which are of order one
 
 
@@ -35,6 +36,12 @@ class Unknowns:
     def __len__(self) -> int:
         """Number m of unknowns, h_W left out."""
         return len(self.prior_std)
+
+    @property
+    def tellable(self) -> int:
+        """Number of directions that change the constants at all, h_W left out."""
+        singular = np.linalg.svd(self.to_constants[3:, 3:] * self.prior_std, compute_uv=False)
+        return int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
 
 
 def unknowns_of(model: MomentumModel, settings: IdentifierSettings) -> Unknowns:

@@ -1,0 +1,211 @@
+"""What an identification from a motion will reach: the trajectory-aware Cramer-Rao bound.
+
+The bound uses the sensors and rates of the robot file, and is over what the identifier estimates
+(unknowns.py): on the physical manifold it is smaller than over the linear set. The identifier's
+prior stands in for directions that the motion does not tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..control.reference import check_reference
+from ..dynamics.state import initial_state
+from ..identification.cramer_rao import SensorPlan, cramer_rao_bound
+from ..identification.linearize import MomentumModel, Reference
+from ..identification.summary import aam_names
+from ..model.robot import Robot
+from ..types import Array
+from .family import MotionFamily
+from .free_base import BaseMotion, FreeBase, Start
+from .limits import Use
+from .problem import Problem, condition_numbers
+
+REST = 10.0  # s of rest, measured before a spin-up
+_SAMPLING = 0.02  # s; of the motion that the bound is computed along
+_NONZERO = 1e-3  # of the largest parameter; smaller ones have no meaningful relative error
+_TOLD = 3.0  # times better known than before: a direction that the motion tells
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """Expected result of an identification.
+
+    Args:
+        bits: Told of the whole estimate, against the identifier's prior.
+        told: Directions that get at least three times better known.
+        tellable: Directions that any motion could tell.
+        condition: Of the paper's A, raw. unit_condition: With columns of unit norm.
+        names: Of [AAM; x]. values: Of the robot assumed. std: Predicted [N m s; kg m^2].
+        n_aam: Number of wheel-momentum entries.
+        scale_std: Relative standard deviation of the common scale of all [AAM; x].
+        uses: How the motion uses every limit.
+    """
+
+    bits: float
+    told: int
+    tellable: int
+    condition: float
+    unit_condition: float
+    names: tuple[str, ...]
+    values: Array
+    std: Array
+    n_aam: int
+    scale_std: float
+    uses: tuple[Use, ...]
+
+    @property
+    def relative(self) -> Array:
+        """Predicted std over what it is compared with: |h| of the link, or |x|; NaN for zeros."""
+        momenta = self.values[: self.n_aam].reshape(-1, 3)
+        sizes = np.repeat(np.linalg.norm(momenta, axis=1), 3)
+        x = np.abs(self.values[self.n_aam :])
+        x = np.where(x > _NONZERO * x.max(), x, 0.0)
+        scale = np.concatenate([sizes, x])
+        return self.std / np.where(scale > 0.0, scale, np.nan)
+
+    @property
+    def worst_aam(self) -> float:
+        """Largest relative std of a wheel-momentum component; NaN where there is none."""
+        return _nan_safe(np.max, self.relative[: self.n_aam])
+
+    @property
+    def worst_parameter(self) -> float:
+        """Largest relative std of a minimal parameter."""
+        return _nan_safe(np.max, self.relative[self.n_aam :])
+
+    @property
+    def median_parameter(self) -> float:
+        """Median relative std of the minimal parameters."""
+        return _nan_safe(np.median, self.relative[self.n_aam :])
+
+
+def predict_design(problem: Problem, x: Array, *, with_rest: bool = False) -> Prediction:
+    """Prediction for amplitudes x of the problem's family.
+
+    Args:
+        problem: Its robot, limits and start.
+        x: (size,) [rad].
+        with_rest: Count `REST` seconds of rest, own wheels still, measured before a spin-up.
+    """
+    return predict(problem, problem.robot, problem.family, x, problem.start, with_rest=with_rest)
+
+
+def predict_reference(problem: Problem) -> Prediction | None:
+    """Prediction for the robot file's own Fourier motion and first rate; None without one."""
+    reference = problem.settings.reference
+    if reference.kind != 'fourier':
+        return None
+    check_reference(reference, problem.robot.n_joints)
+    initial = initial_state(problem.robot, problem.settings.initial)
+    times = np.array([0.0, reference.duration])
+    family = MotionFamily(reference.duration, reference.harmonics, problem.family.start, times)
+    start = Start(initial.q_WB_xyzw, initial.omega_WB_B)
+    return predict(problem, problem.robot, family, family.amplitudes(reference), start)
+
+
+def predict(
+    problem: Problem,
+    robot: Robot,
+    family: MotionFamily,
+    x: Array,
+    start: Start,
+    *,
+    with_rest: bool = False,
+) -> Prediction:
+    """Prediction for a motion of a robot, which may differ from the problem's in its wheels."""
+    steps = int(np.ceil(family.duration / _SAMPLING - 1e-9))
+    family = family.at(np.linspace(0.0, family.duration, steps + 1))
+    motion = FreeBase(robot).move(family.times, *family.motion(x[None]), start)
+    rates = problem.settings.simulator
+    plan = SensorPlan.regular(
+        problem.sensors,
+        family.duration,
+        rates.joint_rate,
+        rates.imu_rate,
+        rates.attitude_rate,
+    )
+    model = MomentumModel(robot, problem.minimal)
+    factor = cramer_rao_bound(robot, problem.minimal, _reference(motion), plan).factor
+    if with_rest:
+        factor = np.concatenate([factor, _rest_rows(problem, model, motion)])
+    columns, _ = model.regressor(_reference(motion))
+    raw, unit = condition_numbers(columns[None, ::2], motion.R_WB[:, ::2])
+    return _prediction(
+        problem, model, factor, (float(raw[0]), float(unit[0])), problem.limits.uses(motion)
+    )
+
+
+def _prediction(
+    problem: Problem,
+    model: MomentumModel,
+    factor: Array,
+    condition: tuple[float, float],
+    uses: tuple[Use, ...],
+) -> Prediction:
+    unknowns = problem.unknowns
+    triangle = np.asarray(np.linalg.qr(factor @ unknowns.to_constants, mode='r'))[3:, 3:]
+    told = triangle * unknowns.prior_std
+    _, singular, right = np.linalg.svd(told)
+    strength = np.zeros(len(unknowns))
+    strength[: len(singular)] = singular
+    shrink = 1.0 / np.hypot(1.0, strength)
+    root = unknowns.to_constants[3:, 3:] * unknowns.prior_std @ (right.T * shrink)
+    values = model.prior()[3:]
+    return Prediction(
+        bits=float(-np.sum(np.log2(shrink))),
+        told=int(np.sum(strength > _TOLD)),
+        tellable=unknowns.tellable,
+        condition=condition[0],
+        unit_condition=condition[1],
+        names=aam_names(model) + model.minimal.names,
+        values=values,
+        std=np.linalg.norm(root, axis=1),
+        n_aam=model.n_aam,
+        scale_std=_scale_std(values, root),
+        uses=uses,
+    )
+
+
+def _scale_std(values: Array, root: Array) -> float:
+    """Std of the mean relative error of everything that is not zero."""
+    known = np.abs(values) > _NONZERO * np.max(np.abs(values))
+    return float(np.linalg.norm(np.mean(root[known] / values[known, None], axis=0)))
+
+
+def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Array:
+    """(3, p) whitened rows of a rest before the spin-up: R^T h_W - sum_b R_b h_b = 0, eq. (31)."""
+    still = Reference(
+        motion.time[:1],
+        motion.q[0, :1],
+        np.zeros_like(motion.qd[0, :1]),
+        np.zeros((1, 3)),
+        Rotation.from_matrix(motion.R_WB[0, :1]),
+    )
+    row = model.regressor(still)[0][0]
+    rates = problem.settings.simulator
+    gyro = (problem.sensors.gyro_std or 0.0) / np.sqrt(REST * rates.imu_rate)
+    attitude = (problem.sensors.attitude_std or 0.0) / np.sqrt(REST * rates.attitude_rate)
+    D = np.linalg.inv(motion.inverse[0, 0])
+    h_B = motion.R_WB[0, 0].T @ motion.h_W[0]
+    across = attitude**2 * (h_B @ h_B * np.eye(3) - np.outer(h_B, h_B))
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(gyro**2 * D @ D.T + across), row))
+
+
+def _reference(motion: BaseMotion) -> Reference:
+    return Reference(
+        motion.time,
+        motion.q[0],
+        motion.qd[0],
+        motion.omega[0],
+        Rotation.from_matrix(motion.R_WB[0]),
+    )
+
+
+def _nan_safe(function: Any, values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(function(finite)) if len(finite) else float('nan')
