@@ -10,6 +10,7 @@ import tempfile
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
 os.environ['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='spacerobot-test-log-')
 os.environ['MPLBACKEND'] = 'Agg'
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # as the package does
 
 import hypothesis
 import numpy as np

@@ -64,7 +64,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run the demonstration; 0 when it reached its aims, 1 when not."""
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     if not args.live:  # other nodes on these topics would disturb it
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
     results = _results(args)

@@ -75,11 +75,11 @@ def identify_robot(
         stretch = prepare(data, levels)
         prior = weak_prior(model, stretch.reference, settings)
         constants, engine, converged = estimate_constants(model, stretch, prior)
-        information = engine.information
+        information, placebo = engine.information, engine.placebo
         if not converged:
             notes = (*notes, 'the iteration has not converged')
     else:
-        reference = sampled_reference(data)
+        reference, placebo = sampled_reference(data), None
         prior = weak_prior(model, reference, settings)
         constants, information = solve_least_squares(
             model, reference, levels, recursive=method == 'recursive'
@@ -95,8 +95,10 @@ def identify_robot(
         len(data.joint_time),
         stamp_ns,
         notes,
+        placebo,
     )
-    if method != 'ml' or settings.manifold == 'linear':
+    # Below full rank, bodies would turn what the prior says into what the data seem to say.
+    if method != 'ml' or settings.manifold == 'linear' or linear.unexcited:
         return Identification(linear, None)
     return _on_bodies(model, settings, linear, constants, information)
 

@@ -82,30 +82,41 @@ class RateErrorModel:
     Args:
         offset: (N, 3) [rad/s].
         state: (N, 3, 3 + 2 n) by z = [dphi; q - q_ref; q' - q'_ref].
-        constants: (N, 3, p) by the errors of [h_W; AAM; x].
+        constants: (N, 3, p) by the errors of [h_W; AAM; x; nuisances].
+        placebo: (N, 3, p) what the reference's own error makes of `constants`: columns without any
+            meaning, against which excitation is judged.
     """
 
     offset: Array
     state: Array
     constants: Array
+    placebo: Array
 
     def tail(self) -> RateErrorModel:
         """The last time alone."""
-        return RateErrorModel(self.offset[-1:], self.state[-1:], self.constants[-1:])
+        return RateErrorModel(
+            self.offset[-1:], self.state[-1:], self.constants[-1:], self.placebo[-1:]
+        )
 
     def after(self, first: RateErrorModel) -> RateErrorModel:
         """This model behind another."""
-        return RateErrorModel(
-            np.concatenate([first.offset, self.offset]),
-            np.concatenate([first.state, self.state]),
-            np.concatenate([first.constants, self.constants]),
-        )
+        return join_models([first, self])
 
     def with_absolute_joints(self, reference: Reference) -> Array:
-        """(N, 3, 1 + p) of dw by 1 and the constants, with absolute joint states."""
+        """(N, 3, 1 + 2 p) of dw by 1, placebo and constants, with absolute joint states."""
         joints = np.concatenate([reference.q, reference.qd], axis=1)
         offset = self.offset - np.einsum('nab,nb->na', self.state[..., 3:], joints)
-        return np.concatenate([offset[..., None], self.constants], axis=2)
+        return np.concatenate([offset[..., None], self.placebo, self.constants], axis=2)
+
+
+def join_models(models: list[RateErrorModel]) -> RateErrorModel:
+    """Models of consecutive times as one."""
+    return RateErrorModel(
+        np.concatenate([model.offset for model in models]),
+        np.concatenate([model.state for model in models]),
+        np.concatenate([model.constants for model in models]),
+        np.concatenate([model.placebo for model in models]),
+    )
 
 
 class MomentumModel:
@@ -153,19 +164,27 @@ class MomentumModel:
         h0 = np.broadcast_to(self._h0, (len(reference.time), 3))
         return self._coefficients(moving, np.ones((len(h0), 1, 1))), h0
 
-    def linearize(self, reference: Reference, constants: Array) -> RateErrorModel:
-        """Body-rate error of the reference, about given constants (p,)."""
-        parts = [
-            self._linearize(reference.between(start, start + _CHUNK), constants)
-            for start in range(0, len(reference.time), _CHUNK)
-        ]
-        return RateErrorModel(
-            np.concatenate([part.offset for part in parts]),
-            np.concatenate([part.state for part in parts]),
-            np.concatenate([part.constants for part in parts]),
-        )
+    def linearize(
+        self, reference: Reference, constants: Array, disturbed: Reference | None = None
+    ) -> RateErrorModel:
+        """Body-rate error of the reference, about given constants (p,).
 
-    def _linearize(self, reference: Reference, constants: Array) -> RateErrorModel:
+        Args:
+            reference: N times.
+            constants: (p,).
+            disturbed: The reference with its own error once more, for the placebo columns; without
+                it they are zero.
+        """
+        parts = []
+        for start in range(0, len(reference.time), _CHUNK):
+            stop = start + _CHUNK
+            other = None if disturbed is None else disturbed.between(start, stop)
+            parts.append(self._linearize(reference.between(start, stop), constants, other))
+        return join_models(parts)
+
+    def _linearize(
+        self, reference: Reference, constants: Array, disturbed: Reference | None
+    ) -> RateErrorModel:
         moving = _Moving(self.tree, reference)
         time, others = reference.time, constants[self.other]
         left = self.nuisances.decay('target_wheel_drag', others, time)
@@ -188,8 +207,16 @@ class MomentumModel:
         state[..., 3 : 3 + self.n] = -np.einsum('njab,nb->naj', gradient[:, :, :3], moving.u)
         state[..., 3 : 3 + self.n] -= self._turned_wheels(moving, columns, constants)
         state[..., 3 + self.n :] = -inertia[:, :3, 3:]
+        placebo = np.zeros_like(columns)
+        if disturbed is not None:
+            shifted = self._coefficients(_Moving(self.tree, disturbed), left[:, None, None])
+            part = slice(0, self.x.stop)
+            placebo[..., part] = inverse @ (shifted - columns)[..., part]
         return RateErrorModel(
-            np.einsum('nab,nb->na', inverse, offset), inverse @ state, inverse @ columns
+            np.einsum('nab,nb->na', inverse, offset),
+            inverse @ state,
+            inverse @ columns,
+            placebo,
         )
 
     def _turned_wheels(self, moving: _Moving, columns: Array, constants: Array) -> Array:

@@ -40,6 +40,10 @@ def prepare(data: SensorData, levels: dict[str, float]) -> Stretch:
         data: Samples, at least a second of each sensor.
         levels: Noise levels by name, from `noise_levels`.
     """
+    # Splines say nothing outside the samples they are fitted to.
+    start = max(data.joint_time[0], data.rate_time[0])
+    end = min(data.joint_time[-1], data.rate_time[-1])
+    data = data.between(np.nextafter(start, -np.inf), end)
     times = time_grid(data)
     stds = (levels['joint_position_std'], levels['joint_velocity_std'], levels['gyro_std'])
     smoothed = smooth(data, times[0], times[-1], stds)
@@ -96,7 +100,8 @@ def run_stretch(
     """Run the filter over a stretch, everything linearised about `constants`."""
     reference = stretch.reference
     measured = measurements(stretch.data, reference, model.nuisances, constants[model.other])
-    engine.run(reference, model.linearize(reference, constants), measured)
+    disturbed = stretch.smoothed.disturbed(reference)
+    engine.run(reference, model.linearize(reference, constants, disturbed), measured)
 
 
 def measurements(

@@ -67,13 +67,14 @@ class SquareRootInformation:
     """
 
     def __init__(self, size: int) -> None:
+        self.size = size
         self.factor = np.zeros((size, size + 1))
         self.residual = 0.0
         self.rows = 0
 
     def add(self, columns: Array, values: Array) -> None:
         """Add rows columns @ t = values, of unit variance; (r, p) and (r,)."""
-        size = len(self.factor)
+        size = self.size
         stacked = np.vstack([self.factor, np.column_stack([columns, values])])
         (triangle,) = scipy.linalg.qr(stacked, mode='r', check_finite=False)
         self.factor = np.zeros((size, size + 1))
@@ -127,7 +128,8 @@ class MomentumFilter:
         self.information = SquareRootInformation(size)
         start = np.concatenate([np.full(3, _ATTITUDE_START_STD), joint_start_std.ravel()])
         self.covariance = np.diag(start**2)
-        self.affine = np.zeros((3 + 4 * self.n, 1 + size))
+        self.placebo = SquareRootInformation(size)
+        self.affine = np.zeros((3 + 4 * self.n, 1 + 2 * size))
         self.affine[3:, 0] = joint_start.ravel()
         self.last: tuple[Reference, RateErrorModel] | None = None
 
@@ -156,13 +158,15 @@ class MomentumFilter:
             self.covariance,
         )
         if len(rows):
-            self.information.add(-rows[:, 1:], rows[:, 0])
+            p = self.information.size
+            self.information.add(-rows[:, 1 + p :], rows[:, 0])
+            self.placebo.add(rows[:, 1 : 1 + p], np.zeros(len(rows)))
         self.last = (reference.tail(), model.tail())
 
     def shift_constants(self, change: Array) -> None:
         """Count the constants' errors from a new origin."""
         self.information.shift(change)
-        self.affine[:, 0] += self.affine[:, 1:] @ change
+        self.affine[:, 0] += self.affine[:, 1 + len(change) :] @ change
 
     def take_attitude(self) -> Array:
         """Return the mean attitude error (3,) at the end and set it to zero."""

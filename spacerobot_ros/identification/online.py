@@ -113,10 +113,12 @@ class OnlineIdentifier:
 
     def add_rate(self, stamp_ns: int, omega_WB_B: Array) -> None:
         """Add a gyro sample omega_WB_B (3,) [rad/s]; raises as `add_joints`."""
+        self._check_length(omega_WB_B, 3, 'gyro')
         self._add(self._rates, stamp_ns, np.asarray(omega_WB_B, dtype=float), 'gyro')
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Array) -> None:
         """Add an attitude (4,); raises as `add_joints`, also for a norm off by more than 1e-3."""
+        self._check_length(q_WB_xyzw, 4, 'attitude')
         norm = float(np.linalg.norm(q_WB_xyzw))
         if not abs(norm - 1.0) <= 1e-3:
             self.rejected += 1
@@ -136,6 +138,13 @@ class OnlineIdentifier:
         self._forget(end)
         self._last = self._summary(end)
         return self._last
+
+    def _check_length(self, values: Array, length: int, what: str) -> None:
+        if np.shape(values) != (length,):
+            self.rejected += 1
+            raise MessageRejectedError(
+                f'{what}: expected {length} numbers, got {np.shape(values)}'
+            )
 
     def _add(self, stream: _Stream, stamp_ns: int, value: Array, what: str) -> None:
         try:
@@ -189,6 +198,8 @@ class OnlineIdentifier:
             return
         context = data.between(self._done - _CONTEXT, np.inf)
         new = data.between(self._done, end)
+        if not len(new.joint_time) and not len(new.rate_time):
+            return
         stds = (
             self._levels['joint_position_std'],
             self._levels['joint_velocity_std'],
@@ -255,6 +266,7 @@ class OnlineIdentifier:
             self._samples,
             stamp,
             self._notes,
+            engine.placebo,
         )
         if estimate.valid and not self._is_converged:
             estimate = replace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
 from ..types import Array
@@ -81,20 +82,32 @@ class Smoothed:
 
         Fourth-order Magnus steps: dt/6 (w0 + 4 wm + w1) + dt^2/12 w0 x w1 with w in body axes.
         """
-        omega = np.asarray(self.rate.curve(times))
-        middle = np.asarray(self.rate.curve(0.5 * (times[1:] + times[:-1])))
-        dt = np.diff(times)[:, None]
-        turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:]) + dt**2 / 12.0 * np.cross(
-            omega[:-1], omega[1:]
+        return _integrated(self.joints.curve, self.rate.curve, times, start)
+
+    def disturbed(self, reference: Reference) -> Reference:
+        """The reference with a draw of its own error added."""
+        joints, rate = self.joints, self.rate
+        return _integrated(
+            _sum(joints.curve, joints.error),
+            _sum(rate.curve, rate.error),
+            reference.time,
+            reference.rotation[0],
         )
-        rotation = _accumulate(start, turns)
-        return Reference(
-            times,
-            np.asarray(self.joints.curve(times)),
-            self.joints.derivative(times),
-            omega,
-            rotation,
-        )
+
+
+def _sum(curve: BSpline, error: BSpline) -> BSpline:
+    """The sum of two splines on the same knots."""
+    return BSpline(curve.t, curve.c + error.c, curve.k)
+
+
+def _integrated(joints: BSpline, rate: BSpline, times: Array, start: Rotation) -> Reference:
+    omega = np.asarray(rate(times))
+    middle = np.asarray(rate(0.5 * (times[1:] + times[:-1])))
+    dt = np.diff(times)[:, None]
+    turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:])
+    turns += dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
+    q, qd = np.asarray(joints(times)), np.asarray(joints.derivative()(times))
+    return Reference(times, q, qd, omega, _accumulate(start, turns))
 
 
 def smooth(

@@ -17,6 +17,7 @@ from scipy.sparse.linalg import splu
 from ..types import Array
 
 DEGREE = 5
+_SEED = 5  # of the draw of the error; any seed serves
 _SPACINGS = (2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05)
 
 
@@ -43,11 +44,13 @@ class SplineFit:
 
     Args:
         curve: The spline; `curve(t)` gives (N, m).
+        error: A draw of the spline's own error: the same fit to white noise of the samples' level.
         spacing: Distance of its knots [s].
         chi2_per_dof: Weighted residual a degree of freedom.
     """
 
     curve: BSpline
+    error: BSpline
     spacing: float
     chi2_per_dof: float
 
@@ -72,15 +75,15 @@ def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
     affordable = [m for m in intervals if m + DEGREE <= count // 2] or intervals[:1]
     scored = []
     for m in affordable:
-        curve, chi2, dof = _fit(samples, start, end, m)
+        curve, error, chi2, dof = _fit(samples, start, end, m)
         score = chi2 + 2.0 * (m + DEGREE) * samples[0].values.shape[1]
-        scored.append((score, SplineFit(curve, (end - start) / m, chi2 / max(dof, 1))))
+        scored.append((score, SplineFit(curve, error, (end - start) / m, chi2 / max(dof, 1))))
     return min(scored, key=lambda pair: pair[0])[1]
 
 
 def _fit(
     samples: list[Samples], start: float, end: float, intervals: int
-) -> tuple[BSpline, float, int]:
+) -> tuple[BSpline, BSpline, float, int]:
     knots = np.concatenate(
         [np.full(DEGREE, start), np.linspace(start, end, intervals + 1), np.full(DEGREE, end)]
     )
@@ -95,7 +98,9 @@ def _fit(
     coefficients = factor.solve(design.T @ target)
     coefficients += factor.solve(design.T @ (target - design @ coefficients))
     chi2 = float(np.sum((target - design @ coefficients) ** 2))
-    return BSpline(knots, coefficients, DEGREE), chi2, target.size - coefficients.size
+    noise = np.random.default_rng(_SEED).normal(size=target.shape)
+    error = BSpline(knots, factor.solve(design.T @ noise), DEGREE)
+    return BSpline(knots, coefficients, DEGREE), error, chi2, target.size - coefficients.size
 
 
 def _design(knots: Array, samples: Samples) -> sparse.csr_array:

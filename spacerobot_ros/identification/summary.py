@@ -12,8 +12,12 @@ from .linearize import MomentumModel
 from .momentum_filter import SquareRootInformation
 from .prior import Prior
 
-# A direction counts as excited once the data know it this many times better than the prior.
-_EXCITED = 3.0
+# A direction counts as excited once the data know it this many times better than the prior, and
+# have this many times the information that the reference's own error makes up.
+_BETTER_THAN_PRIOR = 3.0
+_BETTER_THAN_PLACEBO = 100.0
+# Beyond this the stated noise does not explain the residual, and no standard deviation holds.
+_LARGEST_CHI2 = 2.0
 
 
 def summarize(
@@ -26,6 +30,7 @@ def summarize(
     samples: int,
     stamp_ns: int,
     notes: tuple[str, ...] = (),
+    placebo: SquareRootInformation | None = None,
 ) -> Estimate:
     """Build the estimate.
 
@@ -39,13 +44,20 @@ def summarize(
         samples: Number of samples used.
         stamp_ns: Time of the last one.
         notes: Remarks for the user.
+        placebo: Information that the reference's own error makes up, where it is known.
     """
     _, covariance = information.solve()
     told = slice(3, model.x.stop)
     factor = _marginal(information.factor[:, :-1], told)
+    made_up = np.zeros_like(factor) if placebo is None else placebo.factor[:, told]
+    scale = prior.std[told]
     norms = np.linalg.norm(factor, axis=0)
     singular = np.linalg.svd(factor / norms, compute_uv=False)
-    weak = _weak_directions(factor * prior.std[told])
+    weak = _weak_directions(factor * scale, made_up * scale)
+    if weak:
+        # The unexcited directions are not straight (everything may scale together), so no linear
+        # covariance tells how far along them the truth may lie: only the prior does.
+        covariance = covariance + np.diag(prior.std**2)
     names = aam_names(model) + model.minimal.names
     unexcited = tuple(_describe(direction, names) for direction in weak)
     dof = max(information.rows - len(constants), 1)
@@ -102,10 +114,19 @@ def aam_names(model: MomentumModel) -> tuple[str, ...]:
     return tuple(f'h_{g.link}_{axis}' for g in model.robot.target_wheels for axis in 'xyz')
 
 
-def _weak_directions(scaled: Array) -> list[Array]:
-    """Unit vectors, in units of the prior's std, that the data hardly improve on."""
-    _, singular, right = np.linalg.svd(scaled)
-    return [right[i] for i in np.flatnonzero(singular < np.hypot(1.0, _EXCITED))]
+def _weak_directions(factor: Array, made_up: Array) -> list[Array]:
+    """Unit vectors that the data hardly tell better than the prior or than a placebo.
+
+    Args:
+        factor: Square-root information, unknowns in units of the prior's std.
+        made_up: The placebo's, likewise.
+    """
+    least = np.hypot(1.0, _BETTER_THAN_PRIOR) * np.eye(factor.shape[1])
+    bar = np.linalg.qr(np.vstack([least, np.sqrt(_BETTER_THAN_PLACEBO) * made_up]), mode='r')
+    relative = scipy.linalg.solve_triangular(bar, factor.T, trans='T').T
+    _, singular, right = np.linalg.svd(relative)
+    weak = [np.linalg.solve(bar, right[i]) for i in np.flatnonzero(singular < 1.0)]
+    return [direction / np.linalg.norm(direction) for direction in weak]
 
 
 def _describe(direction: Array, names: tuple[str, ...]) -> str:
@@ -132,6 +153,6 @@ def _reason(
     if len(aam) and np.max(aam_std) > limit:
         known = f'{np.max(aam_std):.3g} N m s'
         return f'wheel momentum is known to {known} only, the limit is {limit:.3g}'
-    if chi2 > 10.0:
+    if chi2 > _LARGEST_CHI2:
         return f'the model does not explain the data: chi2 per degree of freedom is {chi2:.3g}'
     return ''

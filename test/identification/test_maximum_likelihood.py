@@ -234,6 +234,7 @@ def test_measurements_are_deviations_from_the_reference_at_their_own_times():
     robot = servicer('zyx')
     model = MomentumModel(robot, minimal_set(robot, 'symmetric'))
     stretch = prepare(data, STDS)
+    data = stretch.data  # what all sensors cover
     reference, measured = (
         stretch.reference,
         measurements(data, stretch.reference, model.nuisances, np.zeros(0)),

@@ -40,6 +40,7 @@ class Problem:
             0.1 * rng.standard_normal((N, 3)),
             0.5 * rng.standard_normal((N, 3, 3 + 2 * JOINTS)),
             rng.standard_normal((N, 3, P)),
+            rng.standard_normal((N, 3, P)),  # placebo: no part of the estimate
         )
         self.measured = Measurements(
             rng.standard_normal((N, JOINTS)),
@@ -70,7 +71,10 @@ class Problem:
                 self.reference.rotation[cut],
             ),
             RateErrorModel(
-                self.model.offset[cut], self.model.state[cut], self.model.constants[cut]
+                self.model.offset[cut],
+                self.model.state[cut],
+                self.model.constants[cut],
+                self.model.placebo[cut],
             ),
             Measurements(*(values[cut] for values in vars_of(self.measured))),
         )
@@ -84,7 +88,7 @@ def augmented_kalman(problem):
     """Plain Kalman filter with the constants as states: mean, covariance and sum of squares."""
     d = 3 + 4 * JOINTS
     ref, model = problem.reference, problem.model
-    drives = model.with_absolute_joints(ref)
+    drives = np.delete(model.with_absolute_joints(ref), np.s_[1 : 1 + P], axis=2)  # no placebo
     transition, drive, noise = transitions(ref, model.state, drives, NOISE.snap)
     mean = np.concatenate([np.zeros(3), problem.start.ravel(), problem.mean])
     start_std = np.concatenate([np.full(3, 0.05), problem.start_std.ravel(), problem.std])
@@ -142,9 +146,11 @@ def test_equals_the_augmented_kalman_filter(seed):
     # two algorithms of 60 updates, condition of the covariances about 1e6
     np.testing.assert_allclose(estimate, mean[d:], rtol=0, atol=1e-8)
     np.testing.assert_allclose(covariance, cov[d:, d:], rtol=0, atol=1e-8 * np.max(cov[d:, d:]))
-    state = engine.affine[:, 0] + engine.affine[:, 1:] @ estimate
+    state = engine.affine[:, 0] + engine.affine[:, 1 + P :] @ estimate
     np.testing.assert_allclose(state, mean[:d], rtol=0, atol=1e-8 * np.max(np.abs(mean[:d])))
-    marginal = engine.covariance + engine.affine[:, 1:] @ covariance @ engine.affine[:, 1:].T
+    marginal = (
+        engine.covariance + engine.affine[:, 1 + P :] @ covariance @ engine.affine[:, 1 + P :].T
+    )
     np.testing.assert_allclose(marginal, cov[:d, :d], rtol=0, atol=1e-8 * np.max(cov))
     assert engine.information.residual == pytest.approx(squares, rel=1e-9)
     assert engine.information.rows == rows
@@ -169,14 +175,14 @@ def test_shift_of_the_constants_changes_no_prediction():
     engine = problem.filter()
     engine.run(*problem.part(0, N))
     before, covariance = engine.information.solve()
-    state = engine.affine[:, 0] + engine.affine[:, 1:] @ before
+    state = engine.affine[:, 0] + engine.affine[:, 1 + P :] @ before
     change = np.array([0.3, -2.0, 5.0])
     engine.shift_constants(change)
     after, same = engine.information.solve()
     np.testing.assert_allclose(after, before - change, rtol=0, atol=1e-12)
     np.testing.assert_allclose(same, covariance, rtol=0, atol=1e-12)
     np.testing.assert_allclose(
-        engine.affine[:, 0] + engine.affine[:, 1:] @ after, state, rtol=0, atol=1e-12
+        engine.affine[:, 0] + engine.affine[:, 1 + P :] @ after, state, rtol=0, atol=1e-12
     )
 
 

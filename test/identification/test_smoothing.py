@@ -32,13 +32,13 @@ class Curve:
     def __call__(self, time):
         return np.array([self.value(t) for t in np.atleast_1d(time)])
 
-    def derivative(self, order):
+    def derivative(self, order=1):
         return lambda time: np.zeros((len(time), self.n))
 
 
 def smoothed_with(rate):
-    still = SplineFit(Curve(lambda t: np.zeros(3)), 1.0, 1.0)
-    return Smoothed(still, SplineFit(Curve(rate), 1.0, 1.0))
+    zero = Curve(lambda t: np.zeros(3))
+    return Smoothed(SplineFit(zero, zero, 1.0, 1.0), SplineFit(Curve(rate), zero, 1.0, 1.0))
 
 
 def tumbling(t):
