@@ -1,7 +1,7 @@
 """The family of errors that the project raises on purpose.
 
-Each carries what a user needs to mend the input: the place, the reason and, where it helps, what to do. Command line
-and nodes print `str(error)` as one line and exit with status 2.
+Each carries what a user needs to mend the input: the place, the reason and, where it helps, what
+to do. Command line and nodes print `str(error)` as one line and exit with status 2.
 """
 
 from __future__ import annotations

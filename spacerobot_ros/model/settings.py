@@ -211,7 +211,7 @@ class IdentifierSettings:
     manifold: str = param(
         'physical',
         choices=('physical', 'linear'),
-        doc='physical: the result is what rigid bodies can be; linear: the minimal set is left free.',
+        doc='physical: what rigid bodies can be; linear: the minimal set is left free.',
     )
     nuisances: TextList = param(
         ('gyro_bias',),
