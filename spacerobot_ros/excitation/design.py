@@ -21,7 +21,7 @@ from .problem import Problem, Score
 Progress = Callable[[int, float], None]
 """Called after every step with the number of steps done and the best cost so far."""
 
-_STEP = 1e-6  # rad; of the forward differences
+_STEP = 3e-5  # rad; of the forward differences: the cost is good to some 1e-10
 _TOLERANCE = 2e-4  # of the cost: bits an unknown, or log2 of a condition number
 _FIRST_USE = 0.6  # of the limits, by a random starting point
 _SAFE = 1.0 - 1e-6  # of the limits, by a result

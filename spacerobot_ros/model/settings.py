@@ -310,7 +310,7 @@ class ExcitationSettings:
         'number; unit_condition: the same with columns of unit norm.',
     )
     starts: int = param(3, minimum=1, maximum=1000, doc='Number of starting points.')
-    iterations: int = param(60, minimum=1, maximum=10000, doc='Largest number of steps a start.')
+    iterations: int = param(80, minimum=1, maximum=10000, doc='Largest number of steps a start.')
     seed: int = param(1, minimum=0, doc='Seed of the starting points.')
 
 
