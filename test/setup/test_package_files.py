@@ -99,4 +99,4 @@ def test_launch_file_describes_three_nodes():
         pytest.skip('only compiled: no launch_ros here')
     namespace: dict[str, object] = {}
     exec(compile(source, str(path), 'exec'), namespace)
-    assert len(namespace['generate_launch_description']().entities) == 6
+    assert len(namespace['generate_launch_description']().entities) == 5
