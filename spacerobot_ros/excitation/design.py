@@ -136,12 +136,12 @@ def scaled_to_limits(problem: Problem, x: Array, use: float, growth: float) -> A
     if not np.isfinite(growth):
         x, growth = x / np.max(np.abs(x)), 2.0 * np.pi
     allowed = use
-    for _ in range(_CHECKS):
+    for check in range(_CHECKS):
         scaled = _largest_factor(problem, x, allowed, growth) * x
         found = float(problem.worst_use(scaled[None], problem.fine)[0])
         if found <= use:
             return np.asarray(scaled)
-        allowed *= (1.0 - 1e-5) * use / found
+        allowed *= (1.0 - 1e-5 * 4.0**check) * use / found
     raise ConfigurationError(
         'excitation', 'its limits leave no motion: the joints can not move at all'
     )

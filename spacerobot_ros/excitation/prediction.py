@@ -40,7 +40,7 @@ class Prediction:
         told: Directions that get at least three times better known.
         tellable: Directions that any motion could tell.
         condition: Of the paper's A, raw. unit_condition: With columns of unit norm.
-        names: Of [AAM; x]. values: Of the robot assumed. std: Predicted [N m s; kg m^2].
+        names: Of [AAM; x]. values: Of the robot assumed. covariance: Predicted.
         n_aam: Number of wheel-momentum entries.
         scale_std: Relative standard deviation of the common scale of all [AAM; x].
         uses: How the motion uses every limit.
@@ -53,10 +53,15 @@ class Prediction:
     unit_condition: float
     names: tuple[str, ...]
     values: Array
-    std: Array
+    covariance: Array
     n_aam: int
     scale_std: float
     uses: tuple[Use, ...]
+
+    @property
+    def std(self) -> Array:
+        """Predicted standard deviations of [AAM; x] [N m s; kg m^2]."""
+        return np.sqrt(np.diag(self.covariance))
 
     @property
     def relative(self) -> Array:
@@ -164,7 +169,7 @@ def _prediction(
         unit_condition=condition[1],
         names=aam_names(model) + model.minimal.names,
         values=values,
-        std=np.linalg.norm(root, axis=1),
+        covariance=root @ root.T,
         n_aam=model.n_aam,
         scale_std=_scale_std(values, root),
         uses=uses,

@@ -1,10 +1,14 @@
-"""The predicted motion of the free base, against sums over the bodies and the plant's equations."""
+"""Predicted motion of the free base, against sums over the bodies and the plant's equations."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from support.excitation import TABLE_TWO, robot_file, six_joints
+from support.identification import carried, joint_names, simulate
+from support.models import ATTITUDE_XYZW, H_BASE, H_TARGET, OMEGA, Motion, momentum_and_energy
+from support.models import table_one as table_one_parts
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import simulate_smooth
@@ -12,10 +16,6 @@ from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.excitation.family import MotionFamily
 from spacerobot_ros.excitation.free_base import FreeBase, Start
 from spacerobot_ros.model.settings import ReferenceSettings
-from support.excitation import TABLE_TWO, robot_file, six_joints
-from support.identification import carried, joint_names, simulate
-from support.models import ATTITUDE_XYZW, H_BASE, H_TARGET, OMEGA, Motion, momentum_and_energy
-from support.models import table_one as table_one_parts
 
 START = Start(ATTITUDE_XYZW, OMEGA)
 TREES = {

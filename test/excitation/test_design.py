@@ -1,0 +1,182 @@
+"""The search: limits, gain over Table II, reproducibility, interrupts, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.excitation import TABLE_TWO, robot_file, six_joints, with_excitation
+
+from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.excitation.design import Design, search
+from spacerobot_ros.excitation.prediction import predict_design, predict_reference
+from spacerobot_ros.excitation.problem import Problem
+from spacerobot_ros.excitation.summary import summarise
+
+WIDE = robot_file(reference=TABLE_TWO, excitation={'starts': 1, 'iterations': 40})
+USABLE = robot_file(
+    excitation={
+        'starts': 1,
+        'iterations': 12,
+        'joint_range': [np.pi / 3],
+        'joint_rate': [0.5, 0.4, 0.5],
+        'joint_acceleration': [0.3],
+        'joint_torque': [150.0],
+        'base_rate': 0.1,
+        'base_rotation': 0.5,
+    }
+)
+
+
+def finest_uses(problem: Problem, design: Design):
+    """Uses on a grid that shares few times with the search's, ten times as fine as its nodes."""
+    times = np.linspace(0.0, problem.family.duration, 10 * len(problem.family.times) + 7)
+    return problem.limits.uses(problem.move(design.x[None], problem.family.at(times)))
+
+
+def test_usable_motion_keeps_every_limit():
+    problem = Problem(USABLE)
+    design = search(problem)
+    uses = finest_uses(problem, design)
+    assert len(uses) == 4 * 3 + 2
+    assert max(use.fraction for use in uses) <= 1.0 + 1e-6
+    assert max(use.fraction for use in uses) > 0.95  # and wastes none
+    assert problem.start_kind == 'rest'  # the initial 0.17 rad/s is beyond 0.1 rad/s
+    notes = ' '.join(summarise(problem, design).notes)
+    assert 'bring the base to rest first' in notes
+
+
+def test_tells_more_than_table_two_within_175_degrees():
+    problem = Problem(WIDE)
+    design = search(problem)
+    assert max(use.fraction for use in finest_uses(problem, design)) <= 1.0 + 1e-6
+    ours, table_two = predict_design(problem, design.x), predict_reference(problem)
+    assert ours.bits > table_two.bits + 3.0
+    assert ours.worst_aam < table_two.worst_aam
+    assert ours.median_parameter < table_two.median_parameter
+    np.testing.assert_allclose(table_two.condition, 801.0, rtol=0.01)  # notes, section 3
+    np.testing.assert_allclose(table_two.unit_condition, 248.0, rtol=0.01)
+
+
+@pytest.mark.parametrize('criterion', ['condition', 'unit_condition'])
+def test_condition_number_of_table_two_is_improved(criterion):
+    problem = Problem(with_excitation(WIDE, criterion=criterion))
+    design = search(problem)
+    own = predict_reference(problem)
+    assert design.cost < np.log2(getattr(own, criterion)) - 0.5
+
+
+def test_same_seed_same_motion_to_the_last_bit():
+    file = with_excitation(USABLE, iterations=4, starts=2)
+    first, second = search(Problem(file)), search(Problem(file))
+    assert first.x.tobytes() == second.x.tobytes()
+    other = search(Problem(with_excitation(file, seed=2)))
+    assert first.x.tobytes() != other.x.tobytes()
+
+
+def test_interrupt_keeps_the_best_so_far():
+    problem = Problem(with_excitation(USABLE, starts=5))
+    best = []
+
+    def progress(steps: int, cost: float) -> None:
+        best.append(cost)
+        if steps == 7:
+            raise KeyboardInterrupt
+
+    design = search(problem, progress)
+    assert design.interrupted
+    assert len(design.attempts) == 1
+    assert design.cost < design.attempts[0].first
+    assert max(use.fraction for use in finest_uses(problem, design)) <= 1.0 + 1e-6
+
+
+@pytest.mark.parametrize('dual', [False, True])
+def test_six_joints_without_symmetry(dual):
+    file = robot_file(
+        six_joints(dual=dual),
+        identifier={'structure': 'generic'},
+        excitation={
+            'starts': 1,
+            'iterations': 6,
+            'duration': 30.0,
+            'joint_range': [2.0],
+            'joint_rate': [0.5],
+            'base_rate': 0.1,
+        },
+    )
+    problem = Problem(file)
+    assert len(problem.minimal) == 120
+    design = search(problem)
+    assert design.cost < design.attempts[0].first - 0.1
+    assert max(use.fraction for use in finest_uses(problem, design)) <= 1.0 + 1e-6
+
+
+def test_limits_hold_for_uncertain_wheel_momentum():
+    file = with_excitation(USABLE, momentum_uncertainty=30.0, iterations=3)
+    problem = Problem(file)
+    design = search(problem)
+    motions = problem.all_motions(design.x)
+    assert len(motions) == 7  # nominal, and each axis up and down
+    rates = [float(np.linalg.norm(m.omega, axis=-1).max()) for m in motions]
+    assert max(rates) <= 0.1 + 1e-9
+    assert max(rates) > rates[0]
+
+
+def test_spin_up_starts_at_the_rate_that_the_wheels_give():
+    file = with_excitation(USABLE, start='spin_up', iterations=3)
+    problem = Problem(file)
+    np.testing.assert_allclose(  # notes, section 9
+        problem.start.omega, [-0.0159, -0.0047, -0.0066], rtol=0, atol=6e-5
+    )
+    summary = summarise(problem, search(problem))
+    assert summary.with_rest is not None
+    assert summary.with_rest.bits > summary.design.bits
+
+
+def test_own_wheels_at_rest_are_said_to_leave_the_scale_open():
+    file = robot_file(wheels=(0.0, 0.0, 0.0), excitation={'starts': 1, 'iterations': 1})
+    problem = Problem(file)
+    summary = summarise(problem, search(problem))
+    assert 'only ratios can be told' in summary.advice
+    assert summary.design.scale_std > 0.1
+    assert summary.wheels[0].prediction.scale_std < 0.01
+
+
+def test_faster_own_wheels_tell_the_common_scale():
+    problem = Problem(WIDE)
+    scales = [o.prediction.scale_std for o in summarise(problem, search(problem)).wheels]
+    assert scales[0] > 1.3 * scales[1] > 1.3 * scales[2]
+
+
+@pytest.mark.parametrize(
+    ('changes', 'match'),
+    [
+        ({'start': 'initial', 'base_rotation': None}, r'base_rate of base reaches 0\.\d+ rad/s'),
+        ({'joint_rate': (0.1, 0.2)}, r'joint_rate: expected one number, or 3'),
+        ({'start': 'spin_up', 'base_rate': 1e-3}, 'no motion can keep the limits'),
+    ],
+)
+def test_refusals(changes, match):
+    with pytest.raises(ConfigurationError, match=match):
+        Problem(with_excitation(USABLE, **changes))
+
+
+def test_start_outside_the_joint_range_is_refused():
+    file = robot_file(
+        initial={'joint_position': [2.0, 0.0, 0.0]}, excitation={'joint_range': [1.0]}
+    )
+    with pytest.raises(ConfigurationError, match='joint_range of j_link_1 reaches 2 rad'):
+        Problem(file)
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'match'),
+    [
+        ('duration', 0.0, 'duration.*must be above 0'),
+        ('criterion', 'best', "'best' is not one of"),
+        ('base_rate', -1.0, 'base_rate.*must be above 0'),
+        ('starts', 0, 'starts.*below the smallest'),
+    ],
+)
+def test_bad_settings_are_refused(name, value, match):
+    with pytest.raises(ConfigurationError, match=match):
+        robot_file(excitation={name: value})
