@@ -18,7 +18,7 @@ def forward(
     rate_by_state: Array,
     drives: Array,
     measured: tuple[Array, Array, Array, Array],
-    columns: tuple[Array, Array, Array],
+    columns: tuple[Array, Array, Array, Array],
     std: Array,
     skipped: int,
     affine: Array,
@@ -32,8 +32,8 @@ def forward(
         drives: (M, 3, c) rate error by 1 and the constants.
         measured: q (N, n), qd (N, n), attitude (N, 3), gyro (N, 3); a row that begins with NaN was
             not measured. The first belongs to time index `skipped`.
-        columns: Derivatives of q (N, n, m), attitude (N, 3, m) and gyro (N, 3, m) by the last m
-            constants.
+        columns: Derivatives of q (N, n, m), qd (N, n, m), attitude (N, 3, m) and gyro (N, 3, m) by
+            the last m constants.
         std: (4,) of joint position, joint rate, attitude and gyro.
         skipped: 1 where the first time was already used, else 0.
         affine: (d, c) mean as an affine function of the constants' errors.
@@ -60,12 +60,12 @@ def forward(
         if not np.isnan(q[i, 0]):
             count = _direct(q[i], columns[0][i], 3, std[0], count, H, values, sigma)
         if not np.isnan(qd[i, 0]):
-            count = _direct(qd[i], columns[0][i, :, :0], 3 + n, std[1], count, H, values, sigma)
+            count = _direct(qd[i], columns[1][i], 3 + n, std[1], count, H, values, sigma)
         if not np.isnan(attitude[i, 0]):
-            count = _direct(attitude[i], columns[1][i], 0, std[2], count, H, values, sigma)
+            count = _direct(attitude[i], columns[2][i], 0, std[2], count, H, values, sigma)
         if not np.isnan(gyro[i, 0]):
             first = count
-            count = _direct(gyro[i], columns[2][i], -1, std[3], count, H, values, sigma)
+            count = _direct(gyro[i], columns[3][i], -1, std[3], count, H, values, sigma)
             H[first:count, : 3 + 2 * n] = rate_by_state[k]
             values[first:count] -= drives[k]
         if count > 0:

@@ -115,7 +115,7 @@ def measurements(
         nuisances: Nuisances that act in the measurements.
         values: (m,) their present values, which are taken out of the samples.
     """
-    columns = nuisances.sensor_columns(reference.time, reference.omega)
+    columns = nuisances.sensor_columns(reference.time, reference.omega, reference.qd)
     count, n = len(reference.time), data.q.shape[1]
     q, qd = np.full((count, n), np.nan), np.full((count, n), np.nan)
     gyro, attitude = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
@@ -123,7 +123,8 @@ def measurements(
         np.searchsorted(reference.time, t)
         for t in (data.joint_time, data.rate_time, data.attitude_time)
     )
-    q[j], qd[j] = data.q - columns.q[j] @ values, data.qd
+    q[j] = data.q - columns.q[j] @ values
+    qd[j] = data.qd - columns.qd[j] @ values
     gyro[r] = data.omega - reference.omega[r] - columns.gyro[r] @ values
     if len(a):
         turns = reference.rotation[a].inv() * Rotation.from_quat(data.attitude_xyzw)

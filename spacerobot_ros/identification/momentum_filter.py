@@ -151,7 +151,7 @@ class MomentumFilter:
             model.state,
             drives,
             (measured.q, measured.qd, measured.attitude, measured.gyro),
-            (columns.q, columns.attitude, columns.gyro),
+            (columns.q, columns.qd, columns.attitude, columns.gyro),
             np.array([levels.joint_position, levels.joint_velocity, levels.attitude, levels.gyro]),
             0 if self.last is None else 1,
             self.affine,

@@ -214,9 +214,10 @@ class IdentifierSettings:
         doc='physical: what rigid bodies can be; linear: the minimal set is left free.',
     )
     nuisances: TextList = param(
-        ('gyro_bias',),
-        doc='Further unknowns: gyro_bias, encoder_offset, imu_delay, attitude_delay, '
-        'external_torque_inertial, target_wheel_drag, servicer_wheel_drag.',
+        ('gyro_bias', 'torque_hold'),
+        doc='Further unknowns: gyro_bias, torque_hold (sampled control), encoder_offset, '
+        'imu_delay, attitude_delay, external_torque_inertial, target_wheel_drag, '
+        'servicer_wheel_drag.',
     )
     solve_period: float = param(1.0, unit='s', above=0.0, doc='Period of /estimate.')
     prior_std: float = param(
@@ -266,8 +267,8 @@ class ControllerSettings:
 class ExcitationSettings:
     """Design of an identification motion (`spacerobot excite`): family, limits, search.
 
-    A joint limit is one number for all joints or one a joint. The URDF's position and effort
-    limits hold besides.
+    A joint limit is one number for all joints or one a joint. The URDF's position limits hold
+    besides.
     """
 
     duration: float = param(20.0, unit='s', above=0.0, doc='Duration of the motion.')
@@ -289,7 +290,7 @@ class ExcitationSettings:
         (), unit='rad/s^2', above=0.0, doc='Largest joint acceleration; empty: no limit.'
     )
     joint_torque: FloatList = param(
-        (), unit='N m', above=0.0, doc="Largest joint torque; empty: the URDF's effort limits."
+        (), unit='N m', above=0.0, doc="Largest joint torque; 90 % of the URDF's effort limits hold besides."
     )
     base_rotation: float | None = param(
         None, unit='rad', above=0.0, doc='Largest turn of the base from its first attitude.'
