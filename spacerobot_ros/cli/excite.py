@@ -18,7 +18,8 @@ CRITERIA = ('information', 'condition', 'unit_condition')
 _DESCRIPTION = """\
 Design a joint motion (Fourier series plus quintic) from which wheel momentum and inertia are
 identified as precisely as the limits allow. Limits and search are section `excitation` of the
-robot file; URDF position and effort limits hold besides. ROS is not needed.
+robot file; the URDF's position limits and 90 % of its effort limits hold besides. ROS is not
+needed.
 
 criteria: information     bits told of the whole estimate; does not depend on units
           condition       condition number of the paper's matrix A

@@ -17,6 +17,8 @@ from ..model.settings import ExcitationSettings
 from ..types import Array
 from .free_base import BaseMotion
 
+HEADROOM = 0.9  # of the URDF's effort limits; feedback needs the rest
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Use:
@@ -83,7 +85,7 @@ class Limits:
             upper,
             _per_joint(settings.joint_rate, n, 'joint_rate'),
             _per_joint(settings.joint_acceleration, n, 'joint_acceleration'),
-            np.minimum(torque, robot.effort_limits),
+            np.minimum(torque, HEADROOM * robot.effort_limits),
             _or_infinite(settings.base_rotation),
             _or_infinite(settings.base_rate),
         )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.excitation import TABLE_TWO, robot_file, six_joints, with_excitation
 
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.excitation.design import Design, search
+from spacerobot_ros.excitation.limits import Limits
 from spacerobot_ros.excitation.prediction import predict_design, predict_reference
 from spacerobot_ros.excitation.problem import Problem
 from spacerobot_ros.excitation.summary import summarise
@@ -43,6 +46,13 @@ def test_usable_motion_keeps_every_limit():
     assert problem.start_kind == 'rest'  # the initial 0.17 rad/s is beyond 0.1 rad/s
     notes = ' '.join(summarise(problem, design).notes)
     assert 'bring the base to rest first' in notes
+
+
+def test_effort_limits_leave_room_for_feedback():
+    file = robot_file()
+    robot = replace(file.robot, effort_limits=np.array([200.0, 100.0, np.inf]))
+    limits = Limits.of(robot, with_excitation(file, joint_torque=(150.0,)).settings.excitation)
+    np.testing.assert_allclose(limits.torque, [150.0, 90.0, 150.0], rtol=1e-15, atol=0)
 
 
 def test_tells_more_than_table_two_within_175_degrees():
