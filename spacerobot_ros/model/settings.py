@@ -290,7 +290,10 @@ class ExcitationSettings:
         (), unit='rad/s^2', above=0.0, doc='Largest joint acceleration; empty: no limit.'
     )
     joint_torque: FloatList = param(
-        (), unit='N m', above=0.0, doc="Largest joint torque; 90 % of the URDF's effort limits hold besides."
+        (),
+        unit='N m',
+        above=0.0,
+        doc="Largest joint torque; 90 % of the URDF's effort limits hold besides.",
     )
     base_rotation: float | None = param(
         None, unit='rad', above=0.0, doc='Largest turn of the base from its first attitude.'
