@@ -7,6 +7,7 @@ import json
 import math
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IdentificationError
@@ -23,7 +24,7 @@ _DESCRIPTION = """\
 Estimate the momentum of the captured satellite's wheels and the minimal inertial parameters from
 a recording (rosbag2: mcap or sqlite3; or an npz record). ROS is not needed.
 
-methods: ml        maximum likelihood; the most accurate, and its standard deviations hold
+methods: ml        maximum likelihood; the most accurate, with standard deviations of its own
          recursive least squares row by row in square-root form, as it can run on board
          ls        the paper's least squares, all rows at once
 """
@@ -58,6 +59,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         '--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF'
     )
+    parser.add_argument('--force', action='store_true', help='overwrite what --write names')
     parser.add_argument('--json', action='store_true', help='print JSON, and nothing else')
 
 
@@ -76,16 +78,18 @@ def run(args: argparse.Namespace) -> int:
         settings = replace(settings, manifold=args.manifold)
     result = identify_robot(record, file.robot, settings, args.method)
     estimate = result.estimate
+    if args.json:
+        print(json.dumps(_plain(estimate.to_dict()), indent=2, allow_nan=False))
+    else:
+        _print_human(estimate)
     if args.write:
+        if Path(args.write).exists() and not args.force:
+            raise IdentificationError(f'{args.write}: exists; --force overwrites it')
         if result.robot is None:
             raise IdentificationError(
                 f'{args.write} is not written: no physical bodies were found'
             )
         write_robot_file(result.robot, args.robot, args.write)
-    if args.json:
-        print(json.dumps(_plain(estimate.to_dict()), indent=2, allow_nan=False))
-    else:
-        _print_human(estimate)
     return 0 if estimate.valid else 1
 
 

@@ -76,14 +76,13 @@ def identify_robot(
         prior = weak_prior(model, stretch.reference, settings)
         constants, engine, converged = estimate_constants(model, stretch, prior)
         information, placebo = engine.information, engine.placebo
-        if not converged:
-            notes = (*notes, 'the iteration has not converged')
     else:
         reference, placebo = sampled_reference(data), None
         prior = weak_prior(model, reference, settings)
         constants, information = solve_least_squares(
             model, reference, levels, recursive=method == 'recursive'
         )
+        converged = True
     stamp_ns = origin_ns + round(float(data.joint_time[-1]) * 1e9)
     linear = summarize(
         method,
@@ -97,6 +96,8 @@ def identify_robot(
         notes,
         placebo,
     )
+    if linear.valid and not converged:
+        linear = replace(linear, valid=False, reason='the iteration has not converged')
     # Below full rank, bodies would turn what the prior says into what the data seem to say.
     if method != 'ml' or settings.manifold == 'linear' or linear.unexcited:
         return Identification(linear, None)

@@ -26,7 +26,7 @@ class Estimate:
     """Wheel momentum and minimal inertial parameters with their covariance.
 
     Args:
-        method: How it was obtained: `ls`, `recursive` or `ml`.
+        method: How it was obtained: `online`, `ml`, `ls` or `recursive`.
         valid: Whether it may be used for control.
         reason: Why not valid; empty when valid.
         aam_links: Links that carry the unknown wheels.

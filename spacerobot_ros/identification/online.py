@@ -257,7 +257,7 @@ class OnlineIdentifier:
         change, _ = engine.information.solve()
         stamp = (self._origin_ns or 0) + round(self._done * 1e9)
         estimate = summarize(
-            'recursive',
+            'online',
             self._model,
             self._settings,
             self._constants + change,
@@ -298,7 +298,7 @@ class OnlineIdentifier:
         )
         last = [s.stamps[-1] for s in (self._joints, self._rates, self._attitudes) if s.stamps]
         return Estimate(
-            method='recursive',
+            method='online',
             valid=False,
             reason=reason,
             aam_links=tuple(g.link for g in model.robot.target_wheels),

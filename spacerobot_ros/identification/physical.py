@@ -28,6 +28,7 @@ from ..types import Array
 from .linearize import MomentumModel
 
 _STEP = 1e-6  # of the numerical Jacobian; the unknowns are of order one
+_EVALUATIONS = 5000  # about a millisecond each; narrow valleys take some thousand
 _MISFIT_P = 1e-4  # a projection less likely than this contradicts the robot's structure
 
 
@@ -127,7 +128,8 @@ def project(
     free[model.x] = False
     head = int(np.sum(free))
     # In units of their own sigma, so that all unknowns are of order one.
-    scale = 1.0 / np.linalg.norm(factor[:, free], axis=0)
+    spread = solve_triangular(np.linalg.qr(factor, mode='r'), np.eye(model.size))
+    scale = np.linalg.norm(spread[free], axis=1)
 
     def constants_at(unknowns: Array) -> Array:
         out = np.empty((*unknowns.shape[:-1], model.size))
@@ -144,7 +146,7 @@ def project(
         return _central_differences(residual, unknowns)
 
     start = np.zeros(head + bodies.size)
-    solution = least_squares(residual, start, jac=jacobian, method='lm', max_nfev=200)
+    solution = least_squares(residual, start, jac=jacobian, method='lm', max_nfev=_EVALUATIONS)
     J = jacobian(solution.x)
     manifold = _central_differences(constants_at, solution.x)
     spread = solve_triangular(np.linalg.qr(J, mode='r'), manifold.T, trans='T').T

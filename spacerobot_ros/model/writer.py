@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 
 from ..errors import ConfigurationError
+from .files import read_parameters
 from .robot import Body, Robot
 from .urdf import parse_urdf
 
@@ -30,16 +31,17 @@ def write_robot_file(robot: Robot, template: str | Path, path: str | Path) -> tu
     """
     path = Path(path)
     urdf_path = path.with_suffix('.urdf')
+    parameters = dict(read_parameters(Path(template)))
+    section = parameters['robot'] = dict(parameters['robot'])
+    section['urdf'] = urdf_path.name
+    _set_momentum(section, robot)
+    content = {'/**': {'ros__parameters': parameters}}
     try:
-        content = yaml.safe_load(Path(template).read_text(encoding='utf-8'))
-        section = next(iter(content.values()))['ros__parameters']['robot']
-        section['urdf'] = urdf_path.name
-        _set_momentum(section, robot)
         path.parent.mkdir(parents=True, exist_ok=True)
         urdf_path.write_text(urdf_text(robot), encoding='utf-8')
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
         path.write_text(text, encoding='utf-8')
-    except (OSError, yaml.YAMLError) as error:
+    except OSError as error:
         raise ConfigurationError(str(path), f'can not be written: {error}') from error
     return path, urdf_path
 
@@ -100,4 +102,5 @@ def _inertial(body: Body) -> ElementTree.Element:
 def _set_momentum(section: dict[str, Any], robot: Robot) -> None:
     wheels = section.get('target_wheels')
     if wheels and 'links' in wheels:
+        section['target_wheels'] = wheels = dict(wheels)
         wheels['momentum'] = [float(x) for x in robot.target_momentum]
