@@ -93,7 +93,7 @@ def test_launch_file_describes_three_nodes():
     source = path.read_text(encoding='utf-8')
     compile(source, str(path), 'exec')
     assert {'simulator', 'identifier', 'controller'} <= set(
-        re.findall(r"executable='(\w+)'", source)
+        re.findall(r"part\(\s*'(\w+)'", source)
     )
     if importlib.util.find_spec('launch_ros') is None:
         pytest.skip('only compiled: no launch_ros here')
