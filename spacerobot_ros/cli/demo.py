@@ -66,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the demonstration; 0 when it reached its aims, 1 when not."""
     if not args.live:  # other nodes on these topics would disturb it
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
+    _prepare(Path(args.out))
     results = _results(args)
     from ..demo.page import demo_report
     from ..demo.summary import print_table, reached, write_summary
@@ -76,6 +77,17 @@ def run(args: argparse.Namespace) -> int:
     write_summary(results, out / 'summary.json')
     print_table(results, out)
     return 0 if reached(results) else 1
+
+
+def _prepare(folder: Path) -> None:
+    """Make the folder before the work is done, not after."""
+    from ..errors import SpaceRobotError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / 'summary.json').write_text('', encoding='utf-8')
+    except OSError as error:
+        raise SpaceRobotError(f'{folder}: can not be written: {error.strerror}') from error
 
 
 def _results(args: argparse.Namespace) -> Results:

@@ -68,5 +68,8 @@ def read_text(path: Path, what: str) -> str:
     """Text of a UTF-8 file; `what` it is, for the error message."""
     try:
         return path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(str(path), f'{what} can not be read: {error}') from error
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise ConfigurationError(str(path), f'{what} can not be read: {why}') from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(str(path), f'{what} is not UTF-8 text: {error}') from error

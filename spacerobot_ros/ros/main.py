@@ -48,5 +48,7 @@ def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> 
 
 def _fail(error: Exception, status: int) -> int:
     line = ' '.join(str(error).split())
+    if 'required parameter is missing' in line:
+        line += '; give a robot file: --ros-args --params-file FILE.yaml'
     sys.stderr.write(f'{line}\n')
     return status
