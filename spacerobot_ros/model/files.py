@@ -72,4 +72,4 @@ def read_text(path: Path, what: str) -> str:
         why = error.strerror or str(error)
         raise ConfigurationError(str(path), f'{what} can not be read: {why}') from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(str(path), f'{what} is not UTF-8 text: {error}') from error
+        raise ConfigurationError(str(path), f'{what} can not be read: {error}') from error
