@@ -8,7 +8,7 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..errors import IdentificationError
 from .options import Formatter
@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
     from ..model.writer import write_robot_file
     from ..recording.bag import read_bag
     from ..recording.npz import load_npz
+    from ..report.json_values import json_value
 
     file = load_robot_file(args.robot)
     record = load_npz(args.bag) if args.bag.endswith('.npz') else read_bag(args.bag, file.robot)
@@ -79,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     result = identify_robot(record, file.robot, settings, args.method)
     estimate = result.estimate
     if args.json:
-        print(json.dumps(_plain(estimate.to_dict()), indent=2, allow_nan=False))
+        print(json.dumps(json_value(estimate.to_dict()), indent=2, allow_nan=False))
     else:
         _print_human(estimate)
     if args.write:
@@ -91,17 +92,6 @@ def run(args: argparse.Namespace) -> int:
             )
         write_robot_file(result.robot, args.robot, args.write)
     return 0 if estimate.valid else 1
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no infinity and no NaN: they become null."""
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def _print_human(estimate: Estimate) -> None:

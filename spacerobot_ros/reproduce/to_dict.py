@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
+from ..report.json_values import json_value
 from . import paper
 from .checks import Check
 from .identification import NoiseFreeResult
@@ -35,7 +35,7 @@ def to_dict(results: Reproduction, checks: list[Check]) -> dict[str, Any]:
             for (axes, method), run in results.identified.items()
         ],
     }
-    return dict(_plain(out))
+    return dict(json_value(out))
 
 
 def _noise_free(result: NoiseFreeResult) -> dict[str, Any]:
@@ -108,13 +108,3 @@ def _tracking(run: TrackingRun) -> dict[str, Any]:
         if reference is None
         else {'max_joint_error_deg': reference[0], 'max_end_effector_error_m': reference[1]},
     }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
