@@ -6,7 +6,7 @@ SHELL := /bin/bash
 ENTER := source ./env.sh &&
 export PYTHON
 
-.PHONY: help setup demo test lint fmt check build msgs lock clean
+.PHONY: help setup demo test lint fmt check bench build msgs lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -27,6 +27,10 @@ fmt: setup  ## format the code and mend what ruff can
 	@$(ENTER) ruff format . && ruff check --fix .
 
 check: lint test  ## what CI runs
+
+bench: setup  ## simulators side by side at equal accuracy; ARGS='--peers FOLDER' adds their environments
+	@$(ENTER) OMP_NUM_THREADS=1 python bench/simulation.py $(ARGS)
+	@$(ENTER) OMP_NUM_THREADS=1 python bench/regressor.py
 
 build:  ## build messages and package again with colcon, changed or not
 	@scripts/set_up.sh --rebuild

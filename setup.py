@@ -15,6 +15,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
         (f'share/{PACKAGE}/config', sorted(glob('config/*.urdf') + glob('config/*.yaml'))),
+        (f'share/{PACKAGE}/config/examples', sorted(glob('config/examples/*'))),
         (f'share/{PACKAGE}/launch', sorted(glob('launch/*.py'))),
     ],
     install_requires=['setuptools'],
@@ -27,6 +28,7 @@ setup(
         'console_scripts': [
             'simulator = spacerobot_ros.nodes.simulator:main',
             'identifier = spacerobot_ros.nodes.identifier:main',
+            'monitor = spacerobot_ros.nodes.monitor:main',
             'controller = spacerobot_ros.nodes.controller:main',
             'spacerobot = spacerobot_ros.cli.main:main',
         ],

@@ -1,10 +1,10 @@
-"""Closed loop of simulator, identifier and controller from one parameter file.
+"""Closed loop of simulator, identifier, controller and monitor from one parameter file.
 
 Needs a full ROS 2 installation (`ros2 launch` has no wheels):
 
     ros2 launch spacerobot_ros closed_loop.launch.py params_file:=/path/to/robot.yaml
 
-The simulator owns the clock, the other two run on it. The controller is a lifecycle node that
+The simulator owns the clock, the others run on it. The controller is a lifecycle node that
 configures and activates itself; with `autostart:=false` it waits for
 `ros2 lifecycle set /controller configure`.
 """
@@ -20,7 +20,7 @@ PACKAGE = 'spacerobot_ros'
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return the three nodes."""
+    """Return the four nodes."""
     default_params = PathJoinSubstitution([FindPackageShare(PACKAGE), 'config', 'servicer.yaml'])
     return LaunchDescription(
         [
@@ -36,6 +36,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             part('simulator'),
             part('identifier', {'use_sim_time': True}),
+            part('monitor', {'use_sim_time': True}),
             part(
                 'controller',
                 {

@@ -23,6 +23,8 @@ class Body:
         mass: Mass [kg].
         com: (3,) centre of mass in the body frame [m].
         inertia: (3, 3) about the centre of mass, body axes [kg m^2].
+        motor_inertia: Inertia of the joint's geared motor, reflected to the joint [kg m^2]: it
+            opposes the joint's own acceleration alone (Pinocchio's and MuJoCo's `armature`).
     """
 
     name: str
@@ -34,6 +36,7 @@ class Body:
     mass: float
     com: Vector3
     inertia: Matrix3
+    motor_inertia: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -41,12 +41,7 @@ def read_parameters(path: Path) -> Mapping[str, Any]:
     Raises:
         ConfigurationError: unreadable, not YAML, or not of the form `/**: ros__parameters: ...`.
     """
-    try:
-        content = yaml.load(read_text(path, 'robot file'), _Loader)
-    except yaml.YAMLError as error:
-        raise ConfigurationError(
-            str(path), f'not valid YAML: {" ".join(str(error).split())}'
-        ) from error
+    content = read_yaml(path, 'robot file')
     if not isinstance(content, Mapping) or len(content) != 1:
         raise ConfigurationError(
             str(path), "expected one entry '/**' with ros__parameters below it"
@@ -62,6 +57,20 @@ def read_parameters(path: Path) -> Mapping[str, Any]:
             f'{path}: {node}: ros__parameters', f'expected a map of parameters, got {values!r}'
         )
     return values
+
+
+def read_yaml(path: Path, what: str) -> Any:
+    """Content of a YAML file; `what` it is, for the error message.
+
+    Raises:
+        ConfigurationError: unreadable, or not YAML.
+    """
+    try:
+        return yaml.load(read_text(path, what), _Loader)
+    except yaml.YAMLError as error:
+        raise ConfigurationError(
+            str(path), f'not valid YAML: {" ".join(str(error).split())}'
+        ) from error
 
 
 def read_text(path: Path, what: str) -> str:

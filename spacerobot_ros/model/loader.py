@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from ..effects.catalogue import changed_robot, parse_effects
+from ..effects.effect import AppliedEffect
 from ..errors import ConfigurationError
 from ..types import Array
 from .body import Body, Rotor, effective_inertia
@@ -22,10 +24,33 @@ from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrosta
 
 @dataclass(frozen=True, eq=False)
 class RobotFile:
-    """A loaded robot file: the robot that the model believes in, and all settings."""
+    """A loaded robot file.
+
+    Args:
+        robot: The robot of URDF and `robot` section.
+        settings: All settings.
+        effects: The physical effects that the model believes in beside them.
+    """
 
     robot: Robot
     settings: Settings
+    effects: tuple[AppliedEffect, ...] = ()
+
+    @property
+    def believed(self) -> Robot:
+        """The robot with the changes that the believed effects make to it."""
+        return changed_robot(self.robot, self.effects)
+
+    def before_effects(self, believed: Robot) -> Robot:
+        """The robot that the effects change into a believed one, for writing it beside them."""
+        if not self.effects:
+            return believed
+        change, momentum = self.believed, believed.target_momentum
+        return believed.with_inertial_parameters(
+            believed.inertial_parameters
+            - change.inertial_parameters
+            + self.robot.inertial_parameters
+        ).with_target_momentum(momentum - change.target_momentum + self.robot.target_momentum)
 
 
 def load_robot_file(path: str | Path) -> RobotFile:
@@ -35,7 +60,7 @@ def load_robot_file(path: str | Path) -> RobotFile:
         path: The YAML, in ROS 2 parameter-file form (`/**: ros__parameters: ...`).
 
     Returns:
-        Robot and settings.
+        Robot, settings and effects.
 
     Raises:
         ConfigurationError: unreadable file, or anything wrong in it or in the URDF, with the place
@@ -44,9 +69,8 @@ def load_robot_file(path: str | Path) -> RobotFile:
     path = Path(path)
     settings = parse_settings(read_parameters(path), f'{path}: ')
     urdf_path = resolve_urdf(settings.robot.urdf, beside=path.parent)
-    return RobotFile(
-        build_robot(settings, read_text(urdf_path, 'robot.urdf'), str(urdf_path)), settings
-    )
+    robot = build_robot(settings, read_text(urdf_path, 'robot.urdf'), str(urdf_path))
+    return RobotFile(robot, settings, parse_effects(settings.effects, robot))
 
 
 def resolve_urdf(url: str, beside: Path | None) -> Path:
@@ -135,11 +159,14 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         ).reshape(-1, 2),
         sensors=settings.sensors,
         rotors=rotors,
+        inertia_uncertainty=options.inertia_uncertainty,
     )
 
 
 def true_robot(robot: Robot, settings: Settings) -> Robot:
-    """The plant: the model's robot with free rotors, and with what `truth` says is different.
+    """The plant: the model's robot with free rotors and effects, and with what `truth` says.
+
+    `truth` has the last word: it says what is, whatever the model believes.
 
     `truth.inertial_parameters` replace those of plant bodies, true rotors excluded.
 
@@ -149,10 +176,11 @@ def true_robot(robot: Robot, settings: Settings) -> Robot:
 
     Raises:
         ConfigurationError: unknown link, wrong number of entries, momentum where rotors need
-            rates, or unphysical inertia.
+            rates, unphysical inertia, or effects that don't fit.
     """
     truth = settings.truth
     plant = robot.with_free_rotors(_true_rates(robot, truth))
+    plant = changed_robot(plant, parse_effects(settings.effects, robot))
     for side, momentum in (
         ('target', truth.target_momentum),
         ('servicer', truth.servicer_momentum),

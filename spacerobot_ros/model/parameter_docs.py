@@ -17,12 +17,23 @@ from .settings import Settings
 _HEAD = """# Parameters
 
 Every parameter of a robot file, the ROS 2 parameter file that all nodes and the command line share
-(`config/servicer.yaml` is an example). Written from `spacerobot_ros/model/settings.py` by
+(`config/servicer.yaml` is an example). Written from `spacerobot_ros/model/settings/` by
 `python -m spacerobot_ros.model.parameter_docs > docs/parameters.md`; a test fails when it is
 stale.
 
 Units are SI and radians. A parameter without a default is required. Unknown names, wrong types and
 lengths, numbers out of bounds or not finite are refused with the parameter named.
+"""
+_EFFECTS = """
+## `effects`
+
+Physical effects that the model believes in beside robot and wheels: friction, sensor faults, other
+masses. A map under free names; simulator, controller, identifier, monitor and diagnosis take it
+alike. Ids, places and parameters: effects.md.
+
+    effects:
+      elbow_friction: {effect: joint_viscous_friction, where: joint_2, coefficient: 3.1}
+      tracker_latency: {effect: attitude_delay, delay: 0.02}
 """
 _KINDS = {float: 'number', int: 'whole number', str: 'text', bool: 'true or false'}
 
@@ -36,7 +47,7 @@ def parameter_page() -> str:
         parts.append('|---|---|---|---|---|---|\n')
         hints = typing.get_type_hints(cls)
         parts.extend(_row(f, hints[f.name]) for f in fields(cls) if 'doc' in f.metadata)
-    return ''.join(parts)
+    return ''.join([*parts, _EFFECTS])
 
 
 def _sections(cls: Any, prefix: str) -> Iterator[tuple[str, Any]]:

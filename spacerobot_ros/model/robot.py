@@ -44,6 +44,7 @@ class Robot:
         rotors: True rotors, the servicer's first; locked into `bodies` unless `rotor_count` > 0.
         rotor_count: Number of trailing entries of `joints` that are free rotors: 0 in the gyrostat
             view, `len(rotors)` in the plant view.
+        inertia_uncertainty: Standard deviation of every inertial parameter, as a share of it.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Robot:
     sensors: SensorSettings
     rotors: tuple[Rotor, ...] = ()
     rotor_count: int = 0
+    inertia_uncertainty: float = 0.1
 
     @property
     def n_joints(self) -> int:
@@ -168,6 +170,13 @@ class Robot:
             )
         return replace(self, bodies=tuple(bodies))
 
+    def with_motor_inertia(self, joint: str, inertia: float) -> Robot:
+        """The same robot, a joint's motor of more inertia than it has [kg m^2]."""
+        index = 1 + self.joints.index(joint)
+        bodies = list(self.bodies)
+        bodies[index] = replace(bodies[index], motor_inertia=bodies[index].motor_inertia + inertia)
+        return replace(self, bodies=tuple(bodies))
+
     def with_free_rotors(self, rates: Array) -> Robot:
         """The plant view: rotors become joints, and leave the carriers' inertia and gyrostats.
 
@@ -252,6 +261,7 @@ def _build_pin_model(robot: Robot) -> pin.Model:
             ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]
         )
         model.appendBodyToJoint(ids[index], _pin_inertia(body), pin.SE3.Identity())
+        model.armature[model.joints[ids[index]].idx_v] = body.motor_inertia
     return model
 
 

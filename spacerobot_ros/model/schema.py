@@ -15,6 +15,8 @@ from ..errors import ConfigurationError
 
 FloatList = tuple[float, ...]
 TextList = tuple[str, ...]
+FreeMaps = Mapping[str, Mapping[str, float | str]]
+"""Maps under free names, of numbers and texts whose meaning is checked elsewhere."""
 
 
 def parse_section(cls: type, values: Any, place: str) -> Any:
@@ -48,6 +50,8 @@ def _parse_value(f: Field[Any], hint: Any, value: Any, place: str) -> Any:
     if isinstance(hint, types.UnionType):
         hint = next(a for a in typing.get_args(hint) if a is not type(None))
     parsed: Any
+    if hint == FreeMaps:
+        return _free_maps(value, place)
     if hint == FloatList:
         parsed = tuple(
             _number(v, f'{place}[{i}]', float) for i, v in enumerate(_list(value, place))
@@ -64,6 +68,25 @@ def _parse_value(f: Field[Any], hint: Any, value: Any, place: str) -> Any:
         parsed = _number(value, place, hint)
     _check_bounds(f, parsed, place)
     return parsed
+
+
+def _free_maps(value: Any, place: str) -> dict[str, dict[str, float | str]]:
+    """In the order of the names: parameters of a ROS 2 node keep no other."""
+    if not isinstance(value, Mapping):
+        raise ConfigurationError(place, f'expected a map of named entries, got {value!r}')
+    for name, entry in value.items():
+        if not isinstance(name, str) or not name or '.' in name:
+            raise ConfigurationError(place, f'{name!r} is no name: give text without a dot')
+        if not isinstance(entry, Mapping):
+            raise ConfigurationError(f'{place}.{name}', f'expected a map, got {entry!r}')
+    return {
+        name: {str(key): _scalar(v, f'{place}.{name}.{key}') for key, v in entry.items()}
+        for name, entry in sorted(value.items())
+    }
+
+
+def _scalar(value: Any, place: str) -> float | str:
+    return value if isinstance(value, str) else float(_number(value, place, float))
 
 
 def _list(value: Any, place: str) -> list[Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +32,33 @@ def write_robot_file(robot: Robot, template: str | Path, path: str | Path) -> tu
         ConfigurationError: the template can't be read or the files can't be written.
     """
     path = Path(path)
+    return write_robot(
+        robot, read_parameters(Path(template)), path, path.with_suffix('.urdf').name
+    )
+
+
+def write_robot(
+    robot: Robot, parameters: Mapping[str, Any], path: str | Path, urdf: str
+) -> tuple[Path, Path]:
+    """Write a robot with the parameters of a robot file.
+
+    Args:
+        robot: The robot; its inertial parameters and believed wheel momentum are written.
+        parameters: Content of `ros__parameters`; every other setting is kept.
+        path: The YAML to write; the URDF goes beside it under the same name.
+        urdf: What the YAML calls the URDF.
+
+    Returns:
+        Paths of YAML and URDF.
+
+    Raises:
+        ConfigurationError: the files can't be written.
+    """
+    path = Path(path)
     urdf_path = path.with_suffix('.urdf')
-    parameters = dict(read_parameters(Path(template)))
-    section = parameters['robot'] = dict(parameters['robot'])
-    section['urdf'] = urdf_path.name
+    section = {**parameters['robot'], 'urdf': urdf}
     _set_momentum(section, robot)
-    content = {'/**': {'ros__parameters': parameters}}
+    content = {'/**': {'ros__parameters': {**parameters, 'robot': section}}}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         urdf_path.write_text(urdf_text(robot), encoding='utf-8')
@@ -44,6 +67,24 @@ def write_robot_file(robot: Robot, template: str | Path, path: str | Path) -> tu
     except OSError as error:
         raise ConfigurationError(str(path), f'can not be written: {error}') from error
     return path, urdf_path
+
+
+def parameters_of(settings: Any) -> dict[str, Any]:
+    """A settings section as the mapping that it is parsed from, without what is not set.
+
+    Args:
+        settings: `Settings` or one of its sections.
+    """
+    out: dict[str, Any] = {}
+    for f in fields(settings):
+        value = getattr(settings, f.name)
+        if is_dataclass(value):
+            value = parameters_of(value)
+        elif isinstance(value, tuple):
+            value = list(value)
+        if value not in (None, '', [], {}):
+            out[f.name] = value
+    return out
 
 
 def urdf_text(robot: Robot) -> str:
