@@ -1,4 +1,6 @@
-r"""Equations of motion of a tree of bodies with spinning wheels, on top of Pinocchio.
+r"""Equations of motion of a tree of bodies with spinning wheels.
+
+Forward dynamics are compiled (`forward_kernel`), all else is on top of Pinocchio.
 
 A gyrostat on body b carries the relative momentum h_b, constant in the body's frame. It changes
 neither the mass matrix nor the kinetic energy of the locked system; it adds the angular momentum
@@ -21,8 +23,10 @@ import pinocchio as pin
 
 from ..model.robot import Robot
 from ..types import Array, IntArray, Matrix3, Vector3, Vector6
-from .rotation import pose_rate, skew
+from . import forward_kernel
+from .rotation import skew
 from .state import State
+from .tree_records import machine_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +74,7 @@ class Dynamics:
     def __init__(self, robot: Robot, *, joint_reaction: bool = True) -> None:
         self.robot = robot
         self._joint_reaction = joint_reaction
+        self.machine = machine_of(robot, joint_reaction)
         self._model = robot.pin_model
         self._data = self._model.createData()
         self._n = robot.n_joints
@@ -82,6 +87,8 @@ class Dynamics:
         self._joints: slice | IntArray = slice(base, base + self._n) if in_order else base + order
         self._wheels = _wheels_by_joint(robot)
         self._external = pin.StdVec_Force([pin.Force.Zero() for _ in range(self._model.njoints)])
+        self._x, self._tau = np.zeros(13 + 2 * self._n), np.zeros(self._n)
+        self._wrench = np.zeros(6)
         # Views into Pinocchio's memory, which lives as long as this object. A wheel's
         # torque is -omega x h = skew(h) @ omega.
         self._wheel_views = [
@@ -102,21 +109,22 @@ class Dynamics:
             (13 + 2 n,) rate; the quaternion is integrated by its own rate, which keeps momentum to
             the order of the integrator.
         """
-        n, base = self._n, self._base_dim
-        q_pin, v_pin = self._to_pin(x)
-        tau_pin = np.zeros(base + n)
-        tau_pin[self._joints] = tau
-        if base_wrench is not None and base:
-            tau_pin[:6] = base_wrench
-        forces = self._wheel_forces(q_pin, v_pin)
-        a = pin.aba(self._model, self._data, q_pin, v_pin, tau_pin, forces)
-        out = np.zeros_like(x)
-        if base:
-            out[:7] = pose_rate(x[3:7], x[7 + n : 10 + n], x[10 + n : 13 + n])
-            out[7 + n : 13 + n] = a[:6]
-        out[7 : 7 + n] = x[13 + n :]
-        out[13 + n :] = a[self._joints]
+        out = np.empty(13 + 2 * self._n)
+        forward_kernel.rate(self.machine, *self.inputs(x, tau, base_wrench), out)
         return out
+
+    def inputs(
+        self, x: Array, tau: Array, base_wrench: Vector6 | None = None
+    ) -> tuple[Array, Array, Vector6]:
+        """State, torques and wrench as the compiled functions take them.
+
+        Copies into memory of this object, which the next call overwrites: whatever their types
+        and layouts, the compiled functions see one, and lengths are checked.
+        """
+        self._x[:] = x
+        self._tau[:] = tau
+        self._wrench[:] = 0.0 if base_wrench is None else base_wrench
+        return self._x, self._tau, self._wrench
 
     def inverse(
         self, state: State, base_acceleration: Vector6, qdd: Array
@@ -190,8 +198,11 @@ class Dynamics:
     def energy(self, state: State) -> tuple[float, float]:
         """Kinetic energy without the gyrostats' constant part, and potential energy [J]."""
         q_pin, v_pin = self._to_pin(state.to_vector())
-        kinetic = pin.computeKineticEnergy(self._model, self._data, q_pin, v_pin)
-        return float(kinetic), float(pin.computePotentialEnergy(self._model, self._data))
+        # Pinocchio 4.1's own kinetic energy forgets the motors of joints about skew axes.
+        upper = np.triu(pin.crba(self._model, self._data, q_pin))
+        kinetic = v_pin @ upper @ v_pin - 0.5 * v_pin @ (np.diag(upper) * v_pin)
+        potential = pin.computePotentialEnergy(self._model, self._data, q_pin)
+        return float(kinetic), float(potential)
 
     def link_angular_velocity(self, state: State, body: int) -> Vector3:
         """(3,) angular velocity of a body in its own frame [rad/s]."""

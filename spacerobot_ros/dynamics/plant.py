@@ -5,16 +5,18 @@ Times are whole numbers: `time_ns = step_index * period_ns`, never a sum of floa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ConfigurationError, MessageRejectedError, SimulationDivergedError
+from ..effects.effect import AppliedEffect
+from ..errors import ConfigurationError, MessageRejectedError
 from ..model.robot import Robot
 from ..types import Array, Vector3, Vector6
 from .equations import Dynamics
-from .integrate import hold_step, rk4_step
-from .rotation import cross, rotation_matrix
+from .forced import Book, ForcedMotion
+from .integrate import hold_step
 from .state import State
 
 
@@ -24,12 +26,15 @@ class MomentumLedger:
 
     Args:
         linear: (3,) linear momentum in the inertial frame [N s].
-        angular: (3,) angular momentum about the system's centre of mass, wheels included, inertial
-            frame [N m s].
+        angular: (3,) angular momentum about the centre of mass, wheels and what effects hold
+            included, inertial frame [N m s].
         kinetic: Kinetic energy without the gyrostats' own constant spin energy [J].
         potential: Energy in the gravity field [J].
         joint_work: Work of the joint torques since the start [J].
         base_work: Work of the base force and torque since the start [J].
+        effect_work: Work of all physical effects since the start [J].
+        linear_impulse: (3,) time integral of the external force, gravity included, inertial frame
+            [N s].
         angular_impulse: (3,) time integral of the external torque about the centre of mass,
             inertial frame [N m s].
         momentum_drift: |h - h0 - angular_impulse| / |h0|; absolute [N m s] when h0 is zero. Zero
@@ -43,6 +48,8 @@ class MomentumLedger:
     potential: float
     joint_work: float
     base_work: float
+    effect_work: float
+    linear_impulse: Vector3
     angular_impulse: Vector3
     momentum_drift: float
     energy_drift: float
@@ -56,17 +63,27 @@ class Plant:
     the step that ended at k (zero at k = 0). True rotors turn without torque on their axis.
 
     Args:
-        robot: What the machine really is (`model.loader.true_robot`).
+        robot: What the machine really is, its effects' changes made (`model.loader.true_robot`).
         initial: State at step 0.
         period: Control period [s], a whole number of nanoseconds after rounding.
-        substeps: Runge-Kutta steps in one period.
+        substeps: Runge-Kutta steps in one period; more are made where an effect is fast.
+        effects: Physical effects that act on it.
 
     Raises:
-        ConfigurationError: period or substeps not positive, or a state that doesn't fit the robot.
+        ConfigurationError: period or substeps not positive, a state that doesn't fit the robot, or
+            an effect that is too fast for the period.
     """
 
-    def __init__(self, robot: Robot, initial: State, period: float, substeps: int) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        initial: State,
+        period: float,
+        substeps: int,
+        effects: Sequence[AppliedEffect] = (),
+    ) -> None:
         self.robot = robot
+        self.effects = tuple(effects)
         self.n_arm = robot.n_joints - robot.rotor_count
         self.period_ns = round(period * 1e9)
         self.substeps = substeps
@@ -84,9 +101,10 @@ class Plant:
         self.effort: Array = np.zeros(self.n_arm)
         self._x = initial.to_vector()
         self._joint_work = 0.0
-        self._base_work = 0.0
-        self._impulse = np.zeros(3)
-        self._start_momentum = self.dynamics.momentum(initial)[3:]
+        self._forced = ForcedMotion(self.dynamics, effects, self.period, substeps)
+        self._book = Book()
+        self._weight = robot.is_free * robot.gravity * np.sum(robot.inertial_parameters[:, 0])
+        self._start_momentum = self._momentum()[3:]
         self._start_energy = sum(self.dynamics.energy(initial))
 
     @property
@@ -104,6 +122,11 @@ class Plant:
         """The state at `time_ns`; a copy."""
         return State.from_vector(self._x.copy())
 
+    @property
+    def hidden(self) -> Array:
+        """Own states of all effects, one effect after the other (`forced.own_states`)."""
+        return self._forced.hidden
+
     def step(self, tau: Array, base_wrench: Vector6 | None = None) -> None:
         """Advance by one control period.
 
@@ -120,83 +143,52 @@ class Plant:
         tau = _checked(tau, self.n_arm, 'joint torque')
         wrench = None if base_wrench is None else _checked(base_wrench, 6, 'base wrench')
         torque = np.concatenate([tau, np.zeros(self.robot.rotor_count)])
-        t = self.time_ns / 1e9
-        if wrench is None or not wrench.any() or not self.robot.is_free:
+        if wrench is None or not self.robot.is_free:
+            wrench = np.zeros(6)
+        t, book = self.time_ns / 1e9, self._book
+        if self._forced.is_free_of_forces and not wrench.any():
             x = hold_step(self.dynamics, self._x, torque, self.period, self.substeps, t=t)
         else:
-            x = self._step_with_wrench(torque, wrench, t)
+            x, book = self._forced.step(self._x, torque, wrench, t, book)
         arm = slice(7, 7 + self.n_arm)
         self._joint_work += float(
             tau @ (x[arm] - self._x[arm])
         )  # exact: the torque is constant over the step
-        self._x = x
+        self._x, self._book = x, book
         self.effort = tau
         self.step_index += 1
 
     def ledger(self) -> MomentumLedger:
         """Momentum and energy now, and what of them is unaccounted for."""
         state = State.from_vector(self._x)
-        momentum = self.dynamics.momentum(state)
+        momentum, book = self._momentum(), self._book
         kinetic, potential = self.dynamics.energy(state)
+        work = self._joint_work + book.base_work + book.effect_work
         drift = 0.0
         if self.robot.is_free:
             scale = float(np.linalg.norm(self._start_momentum))
-            drift = float(np.linalg.norm(momentum[3:] - self._start_momentum - self._impulse)) / (
-                scale or 1.0
-            )
+            change = momentum[3:] - self._start_momentum
+            drift = float(np.linalg.norm(change - book.angular_impulse)) / (scale or 1.0)
         return MomentumLedger(
             linear=momentum[:3],
             angular=momentum[3:],
             kinetic=kinetic,
             potential=potential,
             joint_work=self._joint_work,
-            base_work=self._base_work,
-            angular_impulse=self._impulse.copy(),
+            base_work=book.base_work,
+            effect_work=book.effect_work,
+            linear_impulse=book.linear_impulse + self._weight * self.time_ns / 1e9,
+            angular_impulse=book.angular_impulse.copy(),
             momentum_drift=drift,
-            energy_drift=kinetic
-            + potential
-            - self._start_energy
-            - self._joint_work
-            - self._base_work,
+            energy_drift=kinetic + potential - self._start_energy - work,
         )
 
-    def _step_with_wrench(self, torque: Array, wrench: Vector6, t: float) -> Array:
-        """One period with a base wrench; impulse and work are integrated beside the state."""
-        size = len(self._x)
-
-        def rate(_: float, y: Array) -> Array:
-            return np.concatenate(
-                [
-                    self.dynamics.rate(y[:size], torque, wrench),
-                    self._external_rates(y[:size], wrench),
-                ]
-            )
-
-        y = np.concatenate([self._x, np.zeros(4)])
-        for _ in range(self.substeps):
-            y = rk4_step(rate, t, y, self.period / self.substeps)
-            y[3:7] /= np.linalg.norm(y[3:7])
-        if not np.all(np.isfinite(y)):
-            raise SimulationDivergedError(
-                t, f'non-finite state under a base wrench of {np.max(np.abs(wrench)):g}'
-            )
-        self._impulse = self._impulse + y[size : size + 3]
-        self._base_work += float(y[size + 3])
-        return y[:size]
-
-    def _external_rates(self, x: Array, wrench: Vector6) -> Array:
-        """(4,) torque about the centre of mass, inertial frame, and power of the wrench."""
-        state = State.from_vector(x)
-        torque = wrench[3:]
-        if wrench[:3].any():
-            torque = torque - cross(self._centre_of_mass(state.q), wrench[:3])
-        power = wrench[:3] @ state.v_WB_B + wrench[3:] @ state.omega_WB_B
-        return np.append(rotation_matrix(state.q_WB_xyzw) @ torque, power)
-
-    def _centre_of_mass(self, q: Array) -> Vector3:
-        """(3,) centre of mass in base coordinates; the mass matrix holds m skew(c)."""
-        M = self.dynamics.mass_matrix(q)
-        return np.array([M[5, 1], M[3, 2], M[4, 0]]) / M[0, 0]
+    def _momentum(self) -> Vector6:
+        """(6,) [linear; angular about the centre of mass], what effects hold included."""
+        total = self.dynamics.momentum(State.from_vector(self._x))
+        torque = np.concatenate([self.effort, np.zeros(self.robot.rotor_count)])
+        linear, angular = self._forced.momentum(self._x, torque, self.time_ns / 1e9)
+        return total + np.concatenate([linear, angular])
 
 
 def _checked(values: Array, size: int, what: str) -> Array:

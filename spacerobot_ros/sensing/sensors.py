@@ -1,8 +1,4 @@
-"""Sensors of the simulated robot: rates, and Gaussian noise from one seeded stream a sensor.
-
-A stream is keyed by the seed and by the sensor's place in `STREAMS`, so a sensor that is added,
-silenced or sampled at another rate leaves the noise of all others as it was.
-"""
+"""Sensors of the simulated robot: when they sample, what they see, what they say."""
 
 from __future__ import annotations
 
@@ -11,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..dynamics.state import State
+from ..effects.effect import CLOCKS as EFFECT_CLOCKS
 from ..errors import ConfigurationError
 from ..model.settings import SensorSettings, SimulatorSettings
 from ..types import Array, Quaternion, Vector3
-
-# Append only: the place of a name is part of what a seed means.
-STREAMS = ('joint_position', 'joint_velocity', 'joint_effort', 'gyro', 'attitude', 'wheel_rate')
+from .faults import SensorFaults
+from .history import StateHistory, turned
+from .imperfections import CLOCKS, Imperfections
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,49 +54,46 @@ class SensorSuite:
     """All sensors of one simulated robot.
 
     Each noise stream advances once a sample that is due, so `sample` is called once a step, in
-    order.
+    order. A sensor that is late says what was true before its stamp.
 
     Args:
-        noise: Standard deviations; a missing one means an exact sensor.
+        noise: Noise and limits; a missing standard deviation means an exact sensor.
         settings: Period, rates, seed, and whether there is noise at all.
         n_joints: Number of manipulator joints.
-        n_wheels: Number of the servicer's true rotors with a tachometer; it shares rate and noise
-            of the joint rates.
+        n_wheels: Number of the servicer's true rotors with a tachometer; it shares rate, noise and
+            clock of the joint rates.
+        faults: What physical effects do to the sensors.
 
     Raises:
         ConfigurationError: a rate that doesn't divide the control rate.
     """
 
     def __init__(
-        self, noise: SensorSettings, settings: SimulatorSettings, n_joints: int, n_wheels: int = 0
+        self,
+        noise: SensorSettings,
+        settings: SimulatorSettings,
+        n_joints: int,
+        n_wheels: int = 0,
+        faults: SensorFaults | None = None,
     ) -> None:
         self._n_joints = n_joints
         self._n_wheels = n_wheels
-        self._joint_every = steps_between(
-            settings.joint_rate, settings.period, 'simulator.joint_rate'
-        )
-        self._imu_every = steps_between(settings.imu_rate, settings.period, 'simulator.imu_rate')
-        self._attitude_every = steps_between(
-            settings.attitude_rate, settings.period, 'simulator.attitude_rate'
-        )
-        stds = (
-            noise.joint_position_std,
-            noise.joint_velocity_std,
-            noise.joint_effort_std,
-            noise.gyro_std,
-            noise.attitude_std,
-            noise.joint_velocity_std,
-        )
-        self._std = {
-            name: (std or 0.0) if settings.noise else 0.0
-            for name, std in zip(STREAMS, stds, strict=True)
+        self._period = settings.period
+        self._every = {
+            'joints': steps_between(settings.joint_rate, settings.period, 'simulator.joint_rate'),
+            'imu': steps_between(settings.imu_rate, settings.period, 'simulator.imu_rate'),
+            'attitude': steps_between(
+                settings.attitude_rate, settings.period, 'simulator.attitude_rate'
+            ),
         }
-        self._streams = {
-            name: np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(place,)))
-            for place, name in enumerate(STREAMS)
-        }
+        self._imperfections = Imperfections(noise, settings)
+        self._faults = faults
+        self._delay = dict.fromkeys(EFFECT_CLOCKS, 0.0) if faults is None else faults.delay
+        self._history = StateHistory()
 
-    def sample(self, step_index: int, state: State, effort: Array) -> Measurements:
+    def sample(
+        self, step_index: int, state: State, effort: Array, hidden: Array | None = None
+    ) -> Measurements:
         """Measure what is due at a step.
 
         Args:
@@ -107,64 +101,81 @@ class SensorSuite:
             state: True state at that time.
             effort: (n_joints,) torque applied over the step that ended there (`Plant.effort`) [N
                 m].
+            hidden: Own states of all effects (`Plant.hidden`).
         """
-        joints = step_index % self._joint_every == 0
+        own = np.zeros(0) if hidden is None else hidden
+        time = step_index * self._period
+        self._history.add(time, state, effort, own, self._span(time))
+        joints = self._seen('joints', step_index)
+        imu = self._seen('imu', step_index)
+        attitude = self._seen('attitude', step_index)
         return Measurements(
-            joints=self._joints(state, effort) if joints else None,
-            omega=self._noisy('gyro', state.omega_WB_B)
-            if step_index % self._imu_every == 0
-            else None,
-            attitude_xyzw=self._attitude(state.q_WB_xyzw)
-            if step_index % self._attitude_every == 0
-            else None,
-            wheel_rates=self._wheels(state) if joints and self._n_wheels else None,
+            joints=None if joints is None else self._joints(joints),
+            omega=None if imu is None else self._rate(imu),
+            attitude_xyzw=None if attitude is None else self._attitude(attitude),
+            wheel_rates=self._wheels(joints) if joints is not None and self._n_wheels else None,
         )
 
-    def _joints(self, state: State, effort: Array) -> JointMeasurement:
-        n = self._n_joints
-        return JointMeasurement(
-            self._noisy('joint_position', state.q[:n]),
-            self._noisy('joint_velocity', state.qd[:n]),
-            self._noisy('joint_effort', effort),
-        )
+    def _seen(self, clock: str, step_index: int) -> float | None:
+        """Time that a sensor's sample shows [s]; None where it says nothing."""
+        if step_index % self._every[clock]:
+            return None
+        time = step_index * self._period
+        late = self._delay[clock] + self._imperfections.late(clock, time)
+        return None if self._imperfections.is_lost(clock, step_index) else time - late
 
-    def _wheels(self, state: State) -> Array:
-        return self._noisy(
-            'wheel_rate', state.qd[self._n_joints : self._n_joints + self._n_wheels]
-        )
-
-    def _attitude(self, q_xyzw: Quaternion) -> Quaternion:
-        """The true attitude, turned on the body side: R_meas = R_WB exp(skew(noise_B))."""
-        error = self._noisy('attitude', np.zeros(3))
-        return turned(q_xyzw, error)
-
-    def _noisy(self, name: str, values: Array) -> Array:
-        std = self._std[name]
-        if std == 0.0:
-            return np.array(values, dtype=float)
-        return np.asarray(values + std * self._streams[name].standard_normal(len(values)))
-
-
-def turned(q_WB_xyzw: Quaternion, rotation_vector_B: Vector3) -> Quaternion:
-    """Attitude turned about its own axes: q_WB * exp(rotation_vector_B), normalised.
-
-    Args:
-        q_WB_xyzw: (4,) attitude.
-        rotation_vector_B: (3,) rotation vector in base coordinates [rad].
-    """
-    half = 0.5 * float(np.linalg.norm(rotation_vector_B))
-    a, b, c = 0.5 * np.sinc(half / np.pi) * rotation_vector_B
-    x, y, z, w = q_WB_xyzw
-    d = np.cos(half)
-    q = np.array(
-        [
-            w * a + x * d + y * c - z * b,
-            w * b + y * d + z * a - x * c,
-            w * c + z * d + x * b - y * a,
-            w * d - x * a - y * b - z * c,
+    def _span(self, time: float) -> float:
+        late = [
+            self._delay[clock] + self._imperfections.most_late(clock, time) for clock in CLOCKS
         ]
-    )
-    return np.asarray(q / np.linalg.norm(q))
+        return max(late) + self._delay['effort']
+
+    def _joints(self, time: float) -> JointMeasurement:
+        n, noisy = self._n_joints, self._imperfections.noisy
+        state = self._history.state(time)
+        effort = self._history.effort(time - self._delay['effort'])
+        sensed = self._sensed(
+            time,
+            {
+                'joint_position': state.q[:n],
+                'joint_velocity': state.qd[:n],
+                'joint_effort': effort,
+            },
+        )
+        return JointMeasurement(*(noisy(name, value) for name, value in sensed.items()))
+
+    def _wheels(self, time: float) -> Array:
+        n = self._n_joints
+        rates = self._history.state(time).qd[n : n + self._n_wheels]
+        return self._imperfections.noisy('wheel_rate', rates)
+
+    def _rate(self, time: float) -> Vector3:
+        state = self._history.state(time)
+        sensed = self._sensed(time, {'gyro': state.omega_WB_B})
+        return self._imperfections.rate(sensed['gyro'])
+
+    def _attitude(self, time: float) -> Quaternion | None:
+        """The true attitude, turned on the body side: R_meas = R_WB exp(skew(error_B))."""
+        state = self._history.state(time)
+        error = self._sensed(time, {'attitude': np.zeros(3)})['attitude']
+        noise = self._imperfections.noisy('attitude', np.zeros(3))
+        if self._imperfections.is_blind(state.omega_WB_B):
+            return None
+        q = turned(state.q_WB_xyzw, error) if error.any() else state.q_WB_xyzw
+        return turned(q, noise)
+
+    def _sensed(self, time: float, channels: dict[str, Array]) -> dict[str, Array]:
+        """True values of channels at a time with what physical effects do to them."""
+        faults = self._faults
+        if faults is None or faults.are_none:
+            return channels
+        history = self._history
+        motion = faults.motion(time, history.state(time), history.effort(time))
+        hidden = history.hidden(time)
+        return {
+            name: faults.sensed(name, value[None], motion, hidden)[0]
+            for name, value in channels.items()
+        }
 
 
 def steps_between(rate: float, period: float, place: str) -> int:
@@ -187,3 +198,6 @@ def steps_between(rate: float, period: float, place: str) -> int:
             f'(simulator.period = {period:g} s)',
         )
     return steps
+
+
+__all__ = ['JointMeasurement', 'Measurements', 'SensorSuite', 'steps_between', 'turned']

@@ -1,7 +1,7 @@
 """Plant, sensors and controller in one loop, without ROS: what the nodes do in lockstep.
 
 At each step the sensors measure, the controller answers the joint sample of that stamp, and the
-plant moves on under that torque, held until the next joint sample.
+plant moves on under that torque, and that on the base, held until the next joint sample.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..control.loop import Command, ControlLoop
-from ..dynamics.plant import Plant
-from ..dynamics.state import State, initial_state
+from ..dynamics.state import State
 from ..errors import ConfigurationError
 from ..identification.estimate import Estimate
-from ..model.loader import true_robot
 from ..model.robot import Robot
 from ..model.settings import Settings
+from ..sensing.faults import SensorFaults
 from ..sensing.sensors import Measurements, SensorSuite
+from ..types import Array
+from .truth import build_plant
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +45,7 @@ class ClosedLoop:
 
     Args:
         robot: What the controller believes (`model.loader.load_robot_file`).
-        settings: All settings; the plant is the robot with their `truth`.
+        settings: All settings; the plant is the robot with their `truth` and `effects`.
         estimate: What the controller knows from an identification; None: the robot file alone.
 
     Raises:
@@ -57,16 +58,19 @@ class ClosedLoop:
             raise ConfigurationError(
                 'reference.kind', "'topic' needs the nodes: use fourier, set_point or hold"
             )
-        options, truth = settings.simulator, true_robot(robot, settings)
-        self.plant = _plant(truth, settings)
-        arm = self.plant.n_arm
+        self.plant = build_plant(robot, settings)
+        truth, arm = self.plant.robot, self.plant.n_arm
         self.joints = truth.joints[:arm]
         self.wheels = tuple(r.joint for r in truth.rotors if not r.is_target)
         self.controller = ControlLoop(robot, settings)
         if estimate is not None:
             self.controller.set_estimate(estimate)
-        self._sensors = SensorSuite(settings.sensors, options, arm, len(self.wheels))
+        faults = SensorFaults(truth, self.plant.effects)
+        self._sensors = SensorSuite(
+            settings.sensors, settings.simulator, arm, len(self.wheels), faults
+        )
         self._tau = np.zeros(arm)
+        self._wrench: Array | None = None
 
     def run(self, steps: int) -> Iterator[Step]:
         """Measure and move on.
@@ -80,26 +84,21 @@ class ClosedLoop:
         for k in range(steps + 1):
             yield self._measure()
             if k < steps:
-                self.plant.step(self._tau)
+                self.plant.step(self._tau, self._wrench)
 
     def _measure(self) -> Step:
         plant = self.plant
         stamp, state = plant.time_ns, plant.state
-        measured = self._sensors.sample(plant.step_index, state, plant.effort)
+        measured = self._sensors.sample(plant.step_index, state, plant.effort, plant.hidden)
         if measured.omega is not None and plant.robot.is_free:
             self.controller.add_rate(stamp, measured.omega)
+        if measured.attitude_xyzw is not None and self.controller.controls_attitude:
+            self.controller.add_attitude(stamp, measured.attitude_xyzw)
         command = None
         if measured.joints is not None:
             joints = measured.joints
             command = self.controller.add_joints(stamp, joints.position, joints.velocity)
             self._tau = command.tau
+            if command.base is not None:
+                self._wrench = np.concatenate([np.zeros(3), command.base])
         return Step(stamp, state, measured, command)
-
-
-def _plant(truth: Robot, settings: Settings) -> Plant:
-    """The plant at its start, its centre of mass at rest."""
-    options = settings.simulator
-    start = initial_state(truth, settings.initial)
-    plant = Plant(truth, start, options.period, options.substeps)
-    at_rest = plant.dynamics.at_rest_centre(start)
-    return Plant(truth, at_rest, options.period, options.substeps)

@@ -27,6 +27,8 @@ class RunSummary:
         momentum_drift: Relative, see `MomentumLedger`.
         energy_drift: [J].
         saturated: Commands that a torque limit cut.
+        max_attitude_error: Largest measured attitude error [rad]; None where the law leaves the
+            base free.
     """
 
     steps: int
@@ -36,6 +38,7 @@ class RunSummary:
     momentum_drift: float
     energy_drift: float
     saturated: int
+    max_attitude_error: float | None
 
 
 def record_run(
@@ -62,6 +65,7 @@ def record_run(
     plant = loop.plant
     every = max(1, round(LEDGER_PERIOD / plant.period))
     error, saturated = 0.0, 0
+    attitude_error: float | None = None
     with BagWriter(path, overwrite=overwrite, base_link=plant.robot.base_link) as bag:
         if plant.robot.urdf:
             bag.text('/robot_description', plant.time_ns, plant.robot.urdf)
@@ -71,7 +75,10 @@ def record_run(
                 bag.ledger(step.stamp_ns, plant.ledger())
             if step.command is not None:
                 error = max(error, _joint_error(step, step.command))
-                saturated += bool(step.command.saturated.any())
+                saturated += bool(step.command.saturated.any() or step.command.base_saturated)
+                if step.command.attitude_error is not None:
+                    angle = float(np.linalg.norm(step.command.attitude_error))
+                    attitude_error = max(attitude_error or 0.0, angle)
             progress(k)
     ledger = plant.ledger()
     return RunSummary(
@@ -82,6 +89,7 @@ def record_run(
         momentum_drift=ledger.momentum_drift,
         energy_drift=ledger.energy_drift,
         saturated=saturated,
+        max_attitude_error=attitude_error,
     )
 
 
@@ -104,3 +112,5 @@ def _write(bag: BagWriter, loop: ClosedLoop, step: Step) -> None:
         bag.joint_states(ns, loop.wheels, velocity=rates, topic='/wheel_states')
     if step.command is not None:
         bag.joint_states(ns, loop.joints, effort=step.command.tau, topic='/joint_commands')
+        if step.command.base is not None:
+            bag.base_torque(ns, step.command.base)

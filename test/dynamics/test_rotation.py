@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.dynamics.rotation import (
     cross,
-    pose_rate,
     quaternion_of,
     quaternion_rate,
     rotation_error,
@@ -97,13 +96,6 @@ def test_quaternion_rate_is_the_derivative_along_a_body_rate(q, omega):
         quaternion_rate(q, omega), (ahead(dt / 2) - ahead(-dt / 2)) / dt, rtol=0, atol=1e-7
     )
     assert abs(q @ quaternion_rate(q, omega)) < 1e-13  # keeps the length
-
-
-@given(quaternions(), vectors, vectors, st.floats(0.1, 10.0))
-def test_pose_rate_is_both_rates(q, v, omega, scale):
-    rate = pose_rate(scale * q, v, omega)
-    np.testing.assert_allclose(rate[:3], rotation_matrix(q) @ v, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(rate[3:], quaternion_rate(scale * q, omega), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize('angle', [0.0, 1e-15, 1e-9, 1e-3, 1.0, np.pi - 1e-9, np.pi])

@@ -115,7 +115,7 @@ FILES = [
         TEXT.replace('momentum: [25', 'moment: [25'),
         r"servicer_wheels.moment: unknown .*'momentum'",
     ),
-    ('nothing close', TEXT + '    zzz: {}\n', r'zzz: unknown parameter \(known: controller, '),
+    ('nothing close', TEXT + '    zzz: {}\n', r'zzz: unknown parameter \(known: adaptive, '),
     (
         'section null',
         TEXT + '    simulator:\n',

@@ -1,0 +1,235 @@
+r"""One control period of a robot under physical effects and a wrench on its base.
+
+The effects' generalised forces act in every stage of every integration step; their own states, the
+impulses and the works are integrated beside the robot's state. For the ledger, with C the robot's
+centre of mass, P the momentum of the whole and f, m the external force and torque on C,
+
+    P' = f,    h_C' = m - v_C x P,
+
+where the last term vanishes unless an effect holds a mass of its own that moves against the robot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..effects.effect import AppliedEffect
+from ..effects.motion import Motion
+from ..errors import ConfigurationError, SimulationDivergedError
+from ..model.robot import Robot
+from ..types import Array, Vector3, Vector6
+from .equations import Dynamics
+from .integrate import rk8_step
+from .rotation import cross, rotation_matrix
+from .state import State
+
+_ANGLE_PER_STEP = 1.0
+"""Largest product of step and natural frequency: order 8 is then right to about 1e-7 a step."""
+_MOST_STEPS = 200
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Book:
+    """Integrals since the start.
+
+    Args:
+        linear_impulse: (3,) of the external force, inertial frame [N s].
+        angular_impulse: (3,) of the external torque about the centre of mass, inertial frame
+            [N m s].
+        base_work: Work of the wrench on the base [J].
+        effect_work: Work of the effects' forces, internal and external [J].
+    """
+
+    linear_impulse: Vector3 = field(default_factory=lambda: np.zeros(3))
+    angular_impulse: Vector3 = field(default_factory=lambda: np.zeros(3))
+    base_work: float = 0.0
+    effect_work: float = 0.0
+
+    def with_period(self, rates: Array) -> Book:
+        """The book after a period that adds (8,) in the order of the fields."""
+        return Book(
+            self.linear_impulse + rates[:3],
+            self.angular_impulse + rates[3:6],
+            self.base_work + float(rates[6]),
+            self.effect_work + float(rates[7]),
+        )
+
+
+class ForcedMotion:
+    """Integrates the robot and its effects over control periods.
+
+    Args:
+        dynamics: Equations of motion of the robot as all effects have made it.
+        effects: Physical effects.
+        period: Control period [s].
+        substeps: Fewest Runge-Kutta steps in a period; a fast effect makes it more.
+
+    Raises:
+        ConfigurationError: an effect that is too fast for the period.
+    """
+
+    def __init__(
+        self, dynamics: Dynamics, effects: Sequence[AppliedEffect], period: float, substeps: int
+    ) -> None:
+        self._dynamics = dynamics
+        self._robot = dynamics.robot
+        places = list(zip(effects, own_states(effects), strict=True))
+        active = [(e, own) for e, own in places if e.acts('force') or e.effect.hidden]
+        self._forces = tuple(e for e, _ in active)
+        self._own = [own for _, own in active]
+        self._holders = tuple(e.acts('momentum') for e in self._forces)
+        # what wheels hold is a couple; only effects with states of their own move a mass
+        self._holds_mass = any(
+            e.effect.hidden and holds for e, holds in zip(self._forces, self._holders, strict=True)
+        )
+        self.hidden: Array = np.zeros(sum(e.effect.hidden for e in effects))
+        self.substeps = max([substeps, *(_steps(e, self._robot, period) for e in effects)])
+        self._period = period
+        self._size = 13 + 2 * self._robot.n_joints
+
+    @property
+    def is_free_of_forces(self) -> bool:
+        """Whether no effect exerts a force."""
+        return not self._forces
+
+    def step(
+        self, x: Array, torque: Array, wrench: Vector6, t: float, book: Book
+    ) -> tuple[Array, Book]:
+        """Advance by one period; the effects' own states move along.
+
+        Args:
+            x: (13 + 2 n,) state.
+            torque: (n,) joint torques [N m].
+            wrench: (6,) [force; torque] on the base in base coordinates [N, N m].
+            t: Time at the start [s].
+            book: Integrals until then.
+
+        Raises:
+            SimulationDivergedError: the new state is not finite; nothing has changed.
+        """
+        size, own = self._size, len(self.hidden)
+
+        def rate(at: float, y: Array) -> Array:
+            return self._rate(at, y[:size], y[size : size + own], torque, wrench)
+
+        y = np.concatenate([x, self.hidden, np.zeros(8)])
+        dt = self._period / self.substeps
+        for k in range(self.substeps):
+            y = rk8_step(rate, t + k * dt, y, dt)
+            y[3:7] /= np.linalg.norm(y[3:7])
+        if not np.all(np.isfinite(y)):
+            raise SimulationDivergedError(
+                t,
+                f'non-finite state under effects {", ".join(e.name for e in self._forces)}'
+                if self._forces
+                else f'non-finite state under a base wrench of {np.max(np.abs(wrench)):g}',
+            )
+        self.hidden = y[size : size + own].copy()
+        return y[:size], book.with_period(y[size + own :])
+
+    def momentum(self, x: Array, torque: Array, t: float) -> tuple[Vector3, Vector3]:
+        """Momentum that the effects hold themselves.
+
+        Returns:
+            (3,) linear [N s], and (3,) angular about the robot's centre of mass [N m s], both in
+            the inertial frame.
+        """
+        if not any(self._holders):
+            return np.zeros(3), np.zeros(3)
+        state = State.from_vector(x)
+        own = self._own_momentum(self._motion(t, state, torque), self.hidden)
+        R = rotation_matrix(state.q_WB_xyzw)
+        return R @ own[:3], R @ (own[3:] - cross(self._centre_of_mass(state.q)[0], own[:3]))
+
+    def _rate(self, t: float, x: Array, hidden: Array, torque: Array, wrench: Vector6) -> Array:
+        """Rates of state, own states and book."""
+        state = State.from_vector(x)
+        motion = self._motion(t, state, torque)
+        total, external = np.zeros(6 + self._robot.n_joints), wrench.copy()
+        for effect, own in zip(self._forces, self._own, strict=True):
+            force = effect.force(motion, hidden[None, own])[0]
+            total += force
+            if effect.effect.is_external:
+                external += force[:6]
+        dx = self._dynamics.rate(x, torque + total[6:], wrench + total[:6])
+        slopes = np.empty(len(hidden))
+        if len(hidden):
+            motion.acceleration = dx[None, 7 + self._robot.n_joints :]
+            for effect, own in zip(self._forces, self._own, strict=True):
+                slopes[own] = effect.hidden_rate(motion, hidden[None, own])[0]
+        rates = x[7 + self._robot.n_joints :]
+        works = [wrench @ rates[:6], total @ rates]
+        return np.concatenate([dx, slopes, self._impulses(state, motion, hidden, external), works])
+
+    def _impulses(self, state: State, motion: Motion, hidden: Array, external: Vector6) -> Array:
+        """(6,) rates of the linear and of the angular impulse, inertial frame."""
+        if not self._robot.is_free:
+            return np.zeros(6)
+        R = rotation_matrix(state.q_WB_xyzw)
+        force, torque = external[:3], external[3:]
+        if self._holds_mass or force.any():
+            c, v, mass = self._centre_of_mass(state.q, state)
+            torque = torque - cross(c, force)
+            if self._holds_mass:
+                own = self._own_momentum(motion, hidden)
+                torque = torque - cross(v, mass * v + own[:3])
+        return np.concatenate([R @ force, R @ torque])
+
+    def _own_momentum(self, motion: Motion, hidden: Array) -> Vector6:
+        total = np.zeros(6)
+        for effect, own, holds in zip(self._forces, self._own, self._holders, strict=True):
+            if holds:
+                total += effect.momentum(motion, hidden[None, own])[0]
+        return total
+
+    def _motion(self, t: float, state: State, torque: Array) -> Motion:
+        return Motion(
+            self._robot,
+            np.array([t]),
+            state.q[None],
+            state.qd[None],
+            torque[None],
+            rotation=rotation_matrix(state.q_WB_xyzw)[None],
+            omega=state.omega_WB_B[None],
+            velocity=state.v_WB_B[None],
+        )
+
+    def _centre_of_mass(
+        self, q: Array, state: State | None = None
+    ) -> tuple[Vector3, Vector3, float]:
+        """Centre of mass, its velocity where a state is given, and mass, in base coordinates.
+
+        The mass matrix holds m skew(c).
+        """
+        M = self._dynamics.mass_matrix(q)
+        mass = float(M[0, 0])
+        c = np.array([M[5, 1], M[3, 2], M[4, 0]]) / mass
+        if state is None:
+            return c, np.zeros(3), mass
+        rates = np.concatenate([state.v_WB_B, state.omega_WB_B, state.qd])
+        return c, M[:3] @ rates / mass, mass
+
+
+def own_states(effects: Sequence[AppliedEffect]) -> list[slice]:
+    """Places of every effect's own states in the vector of all, `ForcedMotion.hidden`."""
+    sizes = [effect.effect.hidden for effect in effects]
+    return [slice(sum(sizes[:i]), sum(sizes[: i + 1])) for i in range(len(sizes))]
+
+
+def _steps(effect: AppliedEffect, robot: Robot, period: float) -> int:
+    """Runge-Kutta steps that an effect needs in a period."""
+    fastest = effect.fastest(robot)
+    steps = max(1, math.ceil(fastest * period / _ANGLE_PER_STEP))
+    if steps > _MOST_STEPS:
+        raise ConfigurationError(
+            f'effects.{effect.name}',
+            f'moves at {fastest:.3g} rad/s: needs integration steps of '
+            f'{_ANGLE_PER_STEP / fastest:.2g} s, {steps} in a simulator.period of {period:g} s '
+            f'(at most {_MOST_STEPS}): give a period of at most '
+            f'{_MOST_STEPS * _ANGLE_PER_STEP / fastest:.2g} s',
+        )
+    return steps

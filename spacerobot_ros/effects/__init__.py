@@ -1,0 +1,1 @@
+"""Physical effects: each written once, simulated and fitted alike."""

@@ -1,0 +1,116 @@
+"""What physical effects do to sensors, done to the truth and undone from measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..dynamics.forced import own_states
+from ..dynamics.rotation import rotation_matrix
+from ..dynamics.state import State
+from ..effects.effect import CLOCKS, AppliedEffect
+from ..effects.motion import Motion
+from ..model.robot import Robot
+from ..types import Array
+
+_PASSES = 3  # of the fixed point that undoes a fault; faults are small
+
+
+class SensorFaults:
+    """Sensor effects of one robot.
+
+    Args:
+        robot: The robot.
+        effects: Physical effects; only their `sense` and `delay` matter here.
+    """
+
+    def __init__(self, robot: Robot, effects: Sequence[AppliedEffect] = ()) -> None:
+        self._robot = robot
+        places = zip(effects, own_states(effects), strict=True)
+        self._effects = tuple((e, own) for e, own in places if e.acts('sense'))
+        self.delay = {clock: sum(e.delay(clock) for e in effects) for clock in CLOCKS}
+        """Lateness of every clock's stamps [s]; the efforts' comes on top of the joints'."""
+
+    @property
+    def are_none(self) -> bool:
+        """Whether no sensor says anything but the truth; it may say it late."""
+        return not self._effects
+
+    def sensed(
+        self, channel: str, value: Array, motion: Motion, hidden: Array | None = None
+    ) -> Array:
+        """What a channel says of N true states; see `Effect.sense`.
+
+        Args:
+            channel: One of `effects.effect.CHANNELS`.
+            value: (N, n) or (N, 3) truth.
+            motion: The N states.
+            hidden: Own states of all effects at a single state (`Plant.hidden`); None: at rest.
+        """
+        for effect, own in self._effects:
+            rest = np.zeros((len(motion), effect.effect.hidden))
+            value = effect.sense(
+                channel, value, motion, rest if hidden is None else hidden[None, own]
+            )
+        return value
+
+    def motion(self, time: float, state: State, effort: Array) -> Motion:
+        """One true state as a motion; the torques are the manipulator's."""
+        torque = np.zeros(self._robot.n_joints)
+        torque[: len(effort)] = effort
+        return Motion(
+            self._robot,
+            np.array([time]),
+            state.q[None],
+            state.qd[None],
+            torque[None],
+            rotation=rotation_matrix(state.q_WB_xyzw)[None],
+            omega=state.omega_WB_B[None],
+            velocity=state.v_WB_B[None],
+        )
+
+    def undo_joints(self, q: Array, qd: Array, effort: Array) -> tuple[Array, Array, Array]:
+        """True joint positions, rates and torques behind the measured ones.
+
+        Args:
+            q: (n,) or (N, n) [rad].
+            qd: Likewise [rad/s].
+            effort: Likewise [N m].
+        """
+        if self.are_none:
+            return q, qd, effort
+        names = ('joint_position', 'joint_velocity', 'joint_effort')
+        measured = [np.atleast_2d(values) for values in (q, qd, effort)]
+        true = measured
+        for _ in range(_PASSES):
+            motion = Motion(self._robot, np.zeros(len(true[0])), *true)
+            true = [
+                said - (self.sensed(name, value, motion) - value)
+                for name, said, value in zip(names, measured, true, strict=True)
+            ]
+        position, rate, torque = (value.reshape(np.shape(q)) for value in true)
+        return position, rate, torque
+
+    def undo_rate(self, omega: Array) -> Array:
+        """True base rate behind a measured one, (3,) or (N, 3) [rad/s]."""
+        if self.are_none:
+            return omega
+        measured = true = np.atleast_2d(omega)
+        for _ in range(_PASSES):
+            true = measured - (self.sensed('gyro', true, self._turning(true)) - true)
+        return true.reshape(np.shape(omega))
+
+    def undo_attitude(self, q_WB_xyzw: Array) -> Array:
+        """True attitude behind a measured one, (4,) or (N, 4)."""
+        if self.are_none:
+            return q_WB_xyzw
+        zeros = np.zeros((len(np.atleast_2d(q_WB_xyzw)), 3))
+        error = self.sensed('attitude', zeros, self._turning(zeros))
+        true = Rotation.from_quat(np.atleast_2d(q_WB_xyzw)) * Rotation.from_rotvec(error).inv()
+        return np.asarray(true.as_quat().reshape(np.shape(q_WB_xyzw)))
+
+    def _turning(self, omega: Array) -> Motion:
+        still = np.zeros((len(omega), self._robot.n_joints))
+        return Motion(self._robot, np.zeros(len(omega)), still, still, still, omega=omega)

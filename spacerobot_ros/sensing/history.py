@@ -1,0 +1,151 @@
+"""The recent past of a simulated robot, for sensors that are late."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+
+import numpy as np
+
+from ..dynamics.rotation import cross
+from ..dynamics.state import State
+from ..types import Array, Quaternion, Vector3
+
+_SAME = 1e-9  # s: a sum of floating-point periods and the time it stands for
+
+
+class StateHistory:
+    """States of past steps, and between them by cubic Hermite interpolation.
+
+    Positions and their rates are matched at both ends of a step, under a torque that is held over
+    it: rates are right to h^3 / 125 of their third derivative. Before the first step the robot
+    coasts into it.
+    """
+
+    def __init__(self) -> None:
+        self._times: list[float] = []
+        self._states: list[State] = []
+        self._efforts: list[Array] = []
+        self._hidden: list[Array] = []
+
+    def __len__(self) -> int:
+        """Number of steps that are remembered."""
+        return len(self._times)
+
+    def add(self, time: float, state: State, effort: Array, hidden: Array, span: float) -> None:
+        """Take the state at a time later than all before; forget what is older than `span`.
+
+        Args:
+            time: [s].
+            state: True state.
+            effort: (n,) torque over the step that ended there [N m].
+            hidden: Own states of all effects.
+            span: Time that may be asked for, back from now [s].
+        """
+        self._times.append(time)
+        self._states.append(state)
+        self._efforts.append(effort)
+        self._hidden.append(hidden)
+        old = bisect_left(self._times, time - span) - 1  # the step that spans the oldest time
+        if old > 0:
+            del self._times[:old], self._states[:old], self._efforts[:old], self._hidden[:old]
+
+    def state(self, time: float) -> State:
+        """State at a time not after the newest [s]."""
+        k = bisect_left(self._times, time - _SAME)
+        if k == 0:
+            if abs(self._times[0] - time) <= _SAME:
+                return self._states[0]
+            return _coasted(self._states[0], time - self._times[0])
+        before, after = self._states[k - 1], self._states[k]
+        if abs(self._times[k] - time) <= _SAME:
+            return after
+        return _between(
+            before, after, time - self._times[k - 1], self._times[k] - self._times[k - 1]
+        )
+
+    def effort(self, time: float) -> Array:
+        """(n,) torque over the step that ends at or after a time [N m]; zero before the first."""
+        k = bisect_left(self._times, time - _SAME)
+        return self._efforts[k]
+
+    def hidden(self, time: float) -> Array:
+        """Own states of all effects at a time, linear between steps; at rest before the first."""
+        k = bisect_left(self._times, time - _SAME)
+        if k == 0 or abs(self._times[k] - time) <= _SAME:
+            return self._hidden[k]
+        share = (time - self._times[k - 1]) / (self._times[k] - self._times[k - 1])
+        return self._hidden[k - 1] + share * (self._hidden[k] - self._hidden[k - 1])
+
+
+def _coasted(state: State, dt: float) -> State:
+    return State(
+        state.p_WB,
+        turned(state.q_WB_xyzw, state.omega_WB_B * dt),
+        state.q + state.qd * dt,
+        state.v_WB_B,
+        state.omega_WB_B,
+        state.qd,
+    )
+
+
+def _between(a: State, b: State, t: float, h: float) -> State:
+    q, qd = _hermite(a.q, b.q, a.qd, b.qd, t, h)
+    step = _rotation_vector(a.q_WB_xyzw, b.q_WB_xyzw)
+    # rate of the rotation vector from a: J^-1 omega, to third order of the small step
+    end = b.omega_WB_B + 0.5 * cross(step, b.omega_WB_B)
+    end = end + cross(step, cross(step, b.omega_WB_B)) / 12.0
+    turn, rate = _hermite(np.zeros(3), step, a.omega_WB_B, end, t, h)
+    omega = rate - 0.5 * cross(turn, rate) + cross(turn, cross(turn, rate)) / 6.0
+    share = t / h
+    return State(
+        a.p_WB + share * (b.p_WB - a.p_WB),
+        turned(a.q_WB_xyzw, turn),
+        q,
+        a.v_WB_B + share * (b.v_WB_B - a.v_WB_B),
+        omega,
+        qd,
+    )
+
+
+def _hermite(
+    x0: Array, x1: Array, v0: Array, v1: Array, t: float, h: float
+) -> tuple[Array, Array]:
+    """Cubic through two points with given slopes, and its slope, at t of [0, h]."""
+    u = t / h
+    chord = (x1 - x0) / h
+    bend, twist = chord - v0, v1 + v0 - 2.0 * chord
+    value = x0 + t * (v0 + u * (bend + (u - 1.0) * twist))
+    slope = v0 + 2.0 * u * bend + u * (3.0 * u - 2.0) * twist
+    return value, slope
+
+
+def _rotation_vector(a_xyzw: Quaternion, b_xyzw: Quaternion) -> Vector3:
+    """Rotation vector of a^-1 b, less than half a turn."""
+    vector = a_xyzw[3] * b_xyzw[:3] - b_xyzw[3] * a_xyzw[:3] - cross(a_xyzw[:3], b_xyzw[:3])
+    sine, cosine = float(np.linalg.norm(vector)), float(a_xyzw @ b_xyzw)
+    if sine == 0.0:
+        return np.zeros(3)
+    angle = 2.0 * np.arctan2(sine, abs(cosine))
+    return np.asarray(vector * (np.copysign(angle, cosine) / sine))
+
+
+def turned(q_WB_xyzw: Quaternion, rotation_vector_B: Vector3) -> Quaternion:
+    """Attitude turned about its own axes: q_WB * exp(rotation_vector_B), normalised.
+
+    Args:
+        q_WB_xyzw: (4,) attitude.
+        rotation_vector_B: (3,) rotation vector in base coordinates [rad].
+    """
+    half = 0.5 * float(np.linalg.norm(rotation_vector_B))
+    a, b, c = 0.5 * np.sinc(half / np.pi) * rotation_vector_B
+    x, y, z, w = q_WB_xyzw
+    d = np.cos(half)
+    q = np.array(
+        [
+            w * a + x * d + y * c - z * b,
+            w * b + y * d + z * a - x * c,
+            w * c + z * d + x * b - y * a,
+            w * d - x * a - y * b - z * c,
+        ]
+    )
+    return np.asarray(q / np.linalg.norm(q))
