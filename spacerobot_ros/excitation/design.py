@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 
 from ..errors import ConfigurationError
 from ..types import Array
+from .motions import Bounded
 from .problem import Problem, Score
 
 Progress = Callable[[int, float], None]
@@ -121,7 +122,7 @@ def starting_point(problem: Problem, index: int) -> tuple[str, Array]:
     return 'random', scaled_to_limits(problem, x.ravel(), use, np.inf)
 
 
-def scaled_to_limits(problem: Problem, x: Array, use: float, growth: float) -> Array:
+def scaled_to_limits(problem: Bounded, x: Array, use: float, growth: float) -> Array:
     """The motion with all amplitudes times the largest factor that keeps the limits.
 
     Args:
@@ -147,7 +148,7 @@ def scaled_to_limits(problem: Problem, x: Array, use: float, growth: float) -> A
     )
 
 
-def _largest_factor(problem: Problem, x: Array, use: float, growth: float) -> float:
+def _largest_factor(problem: Bounded, x: Array, use: float, growth: float) -> float:
     """Largest factor up to the growth with which x keeps the limits at the nodes."""
     low, high = 0.0, growth
     for _ in range(_ROUNDS):

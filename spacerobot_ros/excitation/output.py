@@ -6,25 +6,38 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import yaml
 
 from ..errors import ConfigurationError
 from ..model.files import read_parameters
 from ..types import Array
-from .problem import Problem
+from .family import MotionFamily
+from .free_base import Start
+
+
+class Designed(Protocol):
+    """Where a designed motion comes from.
+
+    Attributes:
+        family: The family that its amplitudes belong to. start: How the base starts.
+    """
+
+    family: MotionFamily
+    start: Start
+
 
 _REFERENCE = ('kind', 'duration', 'harmonics', 'sine', 'cosine')
 
 
-def write_trajectory(problem: Problem, x: Array, template: str | Path, path: str | Path) -> Path:
+def write_trajectory(problem: Designed, x: Array, template: str | Path, path: str | Path) -> Path:
     """Write the robot file with the designed `reference`, and the base rate that it starts from.
 
     Everything else is kept; a relative `robot.urdf` is rewritten to be found from the new place.
 
     Args:
-        problem: The design problem.
+        problem: Has the family and the start.
         x: (size,) amplitudes of the motion [rad].
         template: The robot file.
         path: The file to write.

@@ -14,14 +14,15 @@ from ..types import Array
 from .estimate import Estimate
 from .least_squares import sampled_reference, solve_least_squares
 from .linearize import MomentumModel
+from .manifold import on_bodies
 from .maximum_likelihood import estimate_constants, prepare
 from .minimal import minimal_set
-from .momentum_filter import SquareRootInformation
 from .noise import noise_levels
-from .physical import project
+from .plausibility import sensor_faults, swapped_joints
 from .prior import weak_prior
 from .smoothing import SensorData
-from .summary import nuisance_values, summarize
+from .summary import LARGEST_CHI2, summarize
+from .torque_hold import find_holds
 
 METHODS = ('ml', 'recursive', 'ls')
 _SHORTEST = 2.0  # s
@@ -66,14 +67,14 @@ def identify_robot(
     """
     if method not in METHODS:
         raise IdentificationError(f'method {method!r} is not one of {", ".join(METHODS)}')
-    data, origin_ns = sensor_data(record)
+    data, origin_ns = sensor_data(record, settings.torque_hold_period)
     nuisances = settings.nuisances if method == 'ml' else ()
     model = MomentumModel(robot, minimal_set(robot, settings.structure), nuisances)
     levels, notes = noise_levels(robot.sensors, data)
     notes = (*record.notes, *notes)
     if method == 'ml':
         stretch = prepare(data, levels)
-        prior = weak_prior(model, stretch.reference, settings)
+        prior = weak_prior(model, stretch.reference, settings, data.holds)
         constants, engine, converged = estimate_constants(model, stretch, prior)
         information, placebo = engine.information, engine.placebo
     else:
@@ -98,53 +99,29 @@ def identify_robot(
     )
     if linear.valid and not converged:
         linear = replace(linear, valid=False, reason='the iteration has not converged')
-    # Below full rank, bodies would turn what the prior says into what the data seem to say.
-    if method != 'ml' or settings.manifold == 'linear' or linear.unexcited:
+    joints = robot.joints[: data.q.shape[1]]
+    faults = sensor_faults(data, joints)
+    if method == 'ml' and linear.chi2_per_dof > LARGEST_CHI2:
+        faults += swapped_joints(model, stretch.reference, joints)
+    if faults:
+        return Identification(replace(linear, valid=False, reason='; '.join(faults)), None)
+    if method != 'ml':
         return Identification(linear, None)
-    return _on_bodies(model, settings, linear, constants, information)
-
-
-def _on_bodies(
-    model: MomentumModel,
-    settings: IdentifierSettings,
-    linear: Estimate,
-    constants: Array,
-    information: SquareRootInformation,
-) -> Identification:
-    """The estimate over physical bodies, or the linear one with the reason where none fit."""
     change, _ = information.solve()
-    physical = project(
-        model,
-        settings.structure,
-        constants + change,
-        information.factor[:, :-1],
-        settings.prior_std,
+    estimate, bodies = on_bodies(
+        model, settings, linear, constants + change, information.factor[:, :-1]
     )
-    if physical.contradiction:
-        notes = (*linear.notes, f'{physical.contradiction}; the linear estimate stands')
-        return Identification(replace(linear, notes=notes), None)
-    aam = physical.constants[model.aam]
-    dimension = physical.dimension - 3 - model.nuisances.size
-    estimate = replace(
-        linear,
-        aam=aam,
-        parameters=physical.constants[model.x],
-        covariance=physical.covariance[3 : model.x.stop, 3 : model.x.stop],
-        nuisances=nuisance_values(model, physical.constants, physical.covariance),
-        total_momentum=physical.constants[:3],
-        total_momentum_covariance=physical.covariance[:3, :3],
-        notes=(
-            *linear.notes,
-            f'estimated over physical bodies: {dimension} dimensions for '
-            f'{linear.unknowns} numbers; misfit {physical.misfit:.3g} for {physical.dof} '
-            'degrees of freedom',
-        ),
+    return Identification(
+        estimate, None if bodies is None else bodies.robot.with_target_momentum(estimate.aam)
     )
-    return Identification(estimate, physical.robot.with_target_momentum(aam))
 
 
-def sensor_data(record: Record) -> tuple[SensorData, int]:
+def sensor_data(record: Record, torque_hold_period: float = 0.0) -> tuple[SensorData, int]:
     """Samples of a record in seconds from its first stamp, and that stamp [ns].
+
+    Args:
+        record: Joint states, gyro and attitude.
+        torque_hold_period: Period over which torques are held; zero where not stated [s].
 
     Raises:
         IdentificationError: a sensor is missing, or the record is too short.
@@ -171,6 +148,7 @@ def sensor_data(record: Record) -> tuple[SensorData, int]:
             f'{record.source}: {times[0][-1] - times[0][0]:.2f} s is too short to identify from'
         )
     qd = joints.velocity if joints.velocity is not None else np.full_like(joints.position, np.nan)
+    holds = find_holds(times[0], joints.effort, torque_hold_period)
     return SensorData(
-        times[0], joints.position, qd, times[1], rates.omega, times[2], attitudes.q_xyzw
+        times[0], joints.position, qd, times[1], rates.omega, times[2], attitudes.q_xyzw, holds
     ), origin

@@ -44,6 +44,8 @@ class Estimate:
         stamp_ns: Time of the last sample used [ns].
         notes: Remarks for the user.
         nuisances: Further unknowns that were estimated along, such as a gyro bias.
+        weak: (m, 3 n_links + k) the unexcited directions as unit vectors; empty in an estimate
+            that came as a message.
     """
 
     method: str
@@ -64,6 +66,7 @@ class Estimate:
     stamp_ns: int
     notes: tuple[str, ...] = field(default=())
     nuisances: tuple[NamedValue, ...] = field(default=())
+    weak: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def unknowns(self) -> int:

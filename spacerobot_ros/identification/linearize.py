@@ -15,6 +15,7 @@ Symbols: N times, n joints, p = 3 + 3 n_links + k constants.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,6 +26,10 @@ from ..model.robot import Robot
 from ..types import Array
 from .minimal import MinimalSet
 from .nuisances import Nuisances
+from .torque_hold import held_jerk
+
+if TYPE_CHECKING:
+    from .smoothing import Smoothed
 
 _CHUNK = (
     512  # times linearised at once; the temporaries take about a kilobyte a time and joint squared
@@ -163,6 +168,13 @@ class MomentumModel:
         moving = _Moving(self.tree, reference)
         h0 = np.broadcast_to(self._h0, (len(reference.time), 3))
         return self._coefficients(moving, np.ones((len(h0), 1, 1))), h0
+
+    def held_jerk(self, smoothed: Smoothed, time: Array, constants: Array) -> Array:
+        """(N, 3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
+        aam = constants[self.aam].reshape(-1, 3)
+        wheels = [(b, R @ h) for (b, R), h in zip(self._wheels, aam, strict=True)]
+        pi = self.minimal.lift @ constants[self.x]
+        return held_jerk(self.tree, pi, wheels, smoothed, time)
 
     def linearize(
         self, reference: Reference, constants: Array, disturbed: Reference | None = None

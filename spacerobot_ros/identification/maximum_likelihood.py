@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from ..types import Array
 from .linearize import MomentumModel, Reference
 from .momentum_filter import Measurements, MomentumFilter, Noise
-from .nuisances import Nuisances
+from .nuisances import SensorColumns
 from .prior import Prior
 from .smoothing import SensorData, Smoothed, align, smooth, time_grid
 
@@ -99,23 +99,37 @@ def run_stretch(
 ) -> None:
     """Run the filter over a stretch, everything linearised about `constants`."""
     reference = stretch.reference
-    measured = measurements(stretch.data, reference, model.nuisances, constants[model.other])
+    measured = measurements(
+        stretch.data,
+        reference,
+        model.nuisances.sensor_columns(
+            reference.time, reference.omega, _held(model, stretch, constants)
+        ),
+        constants[model.other],
+    )
     disturbed = stretch.smoothed.disturbed(reference)
     engine.run(reference, model.linearize(reference, constants, disturbed), measured)
 
 
+def _held(model: MomentumModel, stretch: Stretch, constants: Array) -> Array | None:
+    """(N, 3 + n) what holding torques takes off the rates, a unit of k; None: not estimated."""
+    holds, time = stretch.data.holds, stretch.reference.time
+    if holds is None or 'torque_hold' not in model.nuisances.parts:
+        return None
+    return holds.shape(time)[:, None] * model.held_jerk(stretch.smoothed, time, constants)
+
+
 def measurements(
-    data: SensorData, reference: Reference, nuisances: Nuisances, values: Array
+    data: SensorData, reference: Reference, columns: SensorColumns, values: Array
 ) -> Measurements:
     """Put samples on the reference's times, as deviations from it where the filter wants that.
 
     Args:
         data: Samples, their stamps among the reference's times.
         reference: Reference.
-        nuisances: Nuisances that act in the measurements.
+        columns: Derivatives of the measurements by the nuisances.
         values: (m,) their present values, which are taken out of the samples.
     """
-    columns = nuisances.sensor_columns(reference.time, reference.omega, reference.qd)
     count, n = len(reference.time), data.q.shape[1]
     q, qd = np.full((count, n), np.nan), np.full((count, n), np.nan)
     gyro, attitude = np.full((count, 3), np.nan), np.full((count, 3), np.nan)

@@ -1,23 +1,19 @@
 r"""Unknowns that are estimated beside the momentum and the inertial parameters, each as columns.
 
-Every one is an effect of the catalogue (DESIGN: the same ids) seen as a small, constant unknown:
+Every one is an effect of the catalogue (docs/effects.md, the same ids) seen as a small, constant
+unknown:
 
     gyro_bias                 y = w + b
     encoder_offset            y = q + o, one a joint
     imu_delay                 y(t) = w(t - d)              ~ w - w' d
     attitude_delay            R_measured(t) = R(t - d)     ~ R exp(-w d)
-    torque_hold               y(t) = w(t) - k w'', likewise the joint rates
+    torque_hold               y(t) = w(t) - k s(t) j, likewise the joint rates (torque_hold.py)
     external_torque_inertial  h_W(t) = h_W + T t
     target_wheel_drag         h_b(t) = h_b exp(-t/tau), unknown 1/tau
     servicer_wheel_drag       h_0(t) = h_0 exp(-t/tau), unknown 1/tau
 
 The first five act in a measurement, the others in the momentum equation. Times count from the
 first sample of a run; delays count against the joint states.
-
-A torque that is held over a control period T makes the rates piecewise linear. Sampled at the
-period's ends they lie k, of the order of T^2/12, times their own second derivative off the smooth
-rate that angles and attitudes integrate: 4e-6 rad/s at T = 10 ms, which ignored moves the estimate
-by a standard deviation.
 """
 
 from __future__ import annotations
@@ -28,6 +24,7 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..types import Array
+from .torque_hold import Holds
 
 _KINDS: dict[str, tuple[str, float]] = {  # unit, prior standard deviation
     'gyro_bias': ('rad/s', 1e-3),
@@ -106,18 +103,28 @@ class Nuisances:
         """Unit of each unknown."""
         return tuple(_KINDS[kind][0] for kind in self.kinds for _ in range(self._width(kind)))
 
-    @property
-    def prior_std(self) -> Array:
-        """(m,) prior standard deviations about zero: larger than any of them is in practice."""
-        return np.array([_KINDS[k][1] for k in self.kinds for _ in range(self._width(k))])
+    def prior(self, holds: Holds | None = None) -> tuple[Array, Array]:
+        """(m,) means and standard deviations: zero, and larger than any is in practice.
 
-    def sensor_columns(self, time: Array, omega: Array, qd: Array) -> SensorColumns:
+        Args:
+            holds: When torques were set: a known period tells `torque_hold`.
+        """
+        mean = np.zeros(self.size)
+        std = np.array([_KINDS[k][1] for k in self.kinds for _ in range(self._width(k))])
+        told = None if holds is None else holds.prior()
+        if told is not None and 'torque_hold' in self.parts:
+            part = self.parts['torque_hold']
+            mean[part], std[part] = told
+        return mean, std
+
+    def sensor_columns(self, time: Array, omega: Array, held: Array | None) -> SensorColumns:
         """Derivatives of the measurements at N times.
 
         Args:
             time: (N,) [s].
             omega: (N, 3) body rate [rad/s].
-            qd: (N, n) joint rates [rad/s].
+            held: (N, 3 + n) what holding torques takes off [omega_WB_B; q'], a unit of k
+                [rad/s^3]; None where `torque_hold` is not estimated.
         """
         count = len(time)
         q, qd_columns, gyro, attitude = (
@@ -127,10 +134,10 @@ class Nuisances:
             q[..., self.parts['encoder_offset']] = np.eye(self._n)
         if 'gyro_bias' in self.parts:
             gyro[..., self.parts['gyro_bias']] = np.eye(3)
-        if 'torque_hold' in self.parts and count > 2:
+        if 'torque_hold' in self.parts and held is not None:
             part = self.parts['torque_hold']
-            qd_columns[..., part] = -_second_derivative(qd, time)[..., None]
-            gyro[..., part] = -_second_derivative(omega, time)[..., None]
+            gyro[..., part] = -held[:, :3, None]
+            qd_columns[..., part] = -held[:, 3:, None]
         if 'imu_delay' in self.parts and count > 2:
             gyro[..., self.parts['imu_delay']] = -np.gradient(omega, time, axis=0)[..., None]
         if 'attitude_delay' in self.parts:
@@ -166,10 +173,6 @@ class Nuisances:
         if kind == 'encoder_offset':
             return self._n
         return 3 if kind in ('gyro_bias', 'external_torque_inertial') else 1
-
-
-def _second_derivative(values: Array, time: Array) -> Array:
-    return np.asarray(np.gradient(np.gradient(values, time, axis=0), time, axis=0))
 
 
 def _names(kind: str, width: int, n: int) -> list[str]:

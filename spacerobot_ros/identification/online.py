@@ -1,16 +1,18 @@
 """The identifier's core: asynchronous samples in, estimates out, in bounded memory.
 
-Samples are collected a sensor at a time. Each `solve` smooths the newest stretch (with some
-context before and a lag behind it, because a spline is worst at its ends), runs the momentum
-filter over it and continues the square-root information. While the whole run fits into the buffer
-it is run through again each time its length has doubled, about the better constants; later
-stretches are linearised about constants that no longer move.
+Samples are collected a sensor at a time, late ones put in their place as long as their stretch is
+not solved: anything up to `identifier.lateness` behind the newest joint and gyro samples. Each
+`solve` smooths the newest stretch (with some context before and a lag behind it, because a spline
+is worst at its ends), runs the momentum filter over it and continues the square-root information.
+While the whole run fits into the buffer it is run through again each time its length has doubled,
+about the better constants; later stretches are linearised about constants that no longer move.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,44 +23,21 @@ from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate
 from .linearize import MomentumModel
+from .manifold import on_bodies
 from .maximum_likelihood import Stretch, estimate_constants, prepare, run_stretch
 from .minimal import minimal_set
 from .momentum_filter import MomentumFilter, Noise
 from .noise import noise_levels
+from .plausibility import sensor_faults
 from .prior import Prior, weak_prior
+from .samples import SampleBuffer
 from .smoothing import SensorData, smooth, time_grid
 from .summary import summarize
 
-_LAG = 0.5  # s of data kept back, where the spline is not settled yet
+_LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
 _MOVED = 3.0  # sigmas of shift that ask for a new run through the buffer
 _FIRST = 4.0  # s of data before the first solution
-
-
-@dataclass(slots=True)
-class _Stream:
-    """Samples of one sensor, stamps increasing."""
-
-    stamps: deque[int] = field(default_factory=deque)
-    values: deque[Array] = field(default_factory=deque)
-
-    def add(self, stamp_ns: int, value: Array, what: str) -> None:
-        if not np.all(np.isfinite(value)):
-            raise MessageRejectedError(f'{what}: not finite')
-        if self.stamps and stamp_ns <= self.stamps[-1]:
-            how = 'duplicated' if stamp_ns == self.stamps[-1] else 'backwards'
-            raise MessageRejectedError(f'{what}: stamp {how}')
-        self.stamps.append(stamp_ns)
-        self.values.append(value)
-
-    def forget(self, before_ns: int) -> None:
-        while self.stamps and self.stamps[0] < before_ns:
-            self.stamps.popleft()
-            self.values.popleft()
-
-    def arrays(self, origin_ns: int, width: int) -> tuple[Array, Array]:
-        time = np.asarray((np.array(self.stamps, dtype=np.int64) - origin_ns) * 1e-9, dtype=float)
-        return time, np.array(self.values).reshape(len(time), width)
 
 
 class OnlineIdentifier:
@@ -74,6 +53,7 @@ class OnlineIdentifier:
 
     def __init__(self, robot: Robot, settings: IdentifierSettings) -> None:
         self._settings = settings
+        self._lag = max(_LAG, settings.lateness)
         self._model = MomentumModel(
             robot, minimal_set(robot, settings.structure), settings.nuisances
         )
@@ -82,8 +62,7 @@ class OnlineIdentifier:
     def reset(self) -> None:
         """Forget everything that was measured."""
         self.rejected = 0
-        self._joints, self._rates, self._attitudes = _Stream(), _Stream(), _Stream()
-        self._origin_ns: int | None = None
+        self._samples = SampleBuffer(self._model.n, self._lag, self._settings.torque_hold_period)
         self._levels: dict[str, float] = {}
         self._notes: tuple[str, ...] = ()
         self._engine: MomentumFilter | None = None
@@ -93,41 +72,34 @@ class OnlineIdentifier:
         self._next_rerun = 0.0
         self._is_converged = False
         self._rerun_constants, self._rerun_std = self._constants, np.zeros(self._model.size)
-        self._samples = 0
+        self._used = 0
+        self._faults: tuple[str, ...] = ()
+        self._bodies: Array | None = None  # where the next search for bodies starts
         self._last: Estimate | None = None
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array) -> None:
         """Add a joint sample: q (n,) [rad], qd (n,) [rad/s].
 
         Raises:
-            MessageRejectedError: not finite, wrong length, or stamp not increasing; the sample is
-                not used.
+            MessageRejectedError: not finite, wrong length, a stamp seen before, one so late that
+                its stretch is solved, or one far ahead of all others; the sample is not used.
         """
-        n = self._model.n
-        if q.shape != (n,) or qd.shape != (n,):
-            self.rejected += 1
-            raise MessageRejectedError(
-                f'joint states: expected {n} joints, got {len(q)} positions and {len(qd)} rates'
-            )
-        self._add(self._joints, stamp_ns, np.concatenate([q, qd]), 'joint states')
+        with self._counting():
+            self._samples.add_joints(stamp_ns, q, qd)
 
     def add_rate(self, stamp_ns: int, omega_WB_B: Array) -> None:
         """Add a gyro sample omega_WB_B (3,) [rad/s]; raises as `add_joints`."""
-        self._check_length(omega_WB_B, 3, 'gyro')
-        self._add(self._rates, stamp_ns, np.asarray(omega_WB_B, dtype=float), 'gyro')
+        with self._counting():
+            self._samples.add_rate(stamp_ns, omega_WB_B)
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Array) -> None:
         """Add an attitude (4,); raises as `add_joints`, also for a norm off by more than 1e-3."""
-        self._check_length(q_WB_xyzw, 4, 'attitude')
-        norm = float(np.linalg.norm(q_WB_xyzw))
-        if not abs(norm - 1.0) <= 1e-3:
-            self.rejected += 1
-            raise MessageRejectedError(f'attitude: quaternion norm is {norm:.6g}')
-        self._add(self._attitudes, stamp_ns, np.asarray(q_WB_xyzw, dtype=float) / norm, 'attitude')
+        with self._counting():
+            self._samples.add_attitude(stamp_ns, q_WB_xyzw)
 
     def solve(self) -> Estimate:
         """Use all settled samples; it says why it isn't valid while they don't suffice."""
-        data = self._data()
+        data = self._samples.data()
         end = self._settled(data)
         if data is None or end - self._done < 1e-3 or (self._engine is None and end < _FIRST):
             return self._last or self._nothing(self._missing(data))
@@ -139,58 +111,34 @@ class OnlineIdentifier:
         self._last = self._summary(end)
         return self._last
 
-    def _check_length(self, values: Array, length: int, what: str) -> None:
-        if np.shape(values) != (length,):
-            self.rejected += 1
-            raise MessageRejectedError(
-                f'{what}: expected {length} numbers, got {np.shape(values)}'
-            )
-
-    def _add(self, stream: _Stream, stamp_ns: int, value: Array, what: str) -> None:
+    @contextmanager
+    def _counting(self) -> Iterator[None]:
+        """Count what is rejected."""
         try:
-            if (
-                self._origin_ns is not None
-                and (stamp_ns - self._origin_ns) * 1e-9 <= self._done
-                and self._done > 0.0
-            ):
-                raise MessageRejectedError(
-                    f'{what}: stamp too late, that stretch is already solved'
-                )
-            stream.add(stamp_ns, value, what)
+            yield
         except MessageRejectedError:
             self.rejected += 1
             raise
-        if self._origin_ns is None:
-            self._origin_ns = stamp_ns
-
-    def _data(self) -> SensorData | None:
-        if self._origin_ns is None or not (
-            self._joints.stamps and self._rates.stamps and self._attitudes.stamps
-        ):
-            return None
-        joint_time, joints = self._joints.arrays(self._origin_ns, 2 * self._model.n)
-        q, qd = np.hsplit(joints, 2)
-        rates = self._rates.arrays(self._origin_ns, 3)
-        return SensorData(joint_time, q, qd, *rates, *self._attitudes.arrays(self._origin_ns, 4))
 
     def _settled(self, data: SensorData | None) -> float:
         if data is None:
             return 0.0
-        return float(min(data.joint_time[-1], data.rate_time[-1])) - _LAG
+        return float(min(data.joint_time[-1], data.rate_time[-1])) - self._lag
 
     def _run_all(self, data: SensorData, end: float) -> None:
         self._levels, self._notes = noise_levels(self._model.robot.sensors, data)
         stretch = prepare(data, self._levels)
         if self._prior is None:
-            self._prior = weak_prior(self._model, stretch.reference, self._settings)
+            self._prior = weak_prior(self._model, stretch.reference, self._settings, data.holds)
         self._constants, self._engine, self._is_converged = estimate_constants(
             self._model, stretch, self._prior, None if self._engine is None else self._constants
         )
         self._rerun_constants = self._constants
         self._rerun_std = np.sqrt(np.diag(self._engine.information.solve()[1]))
+        self._faults = sensor_faults(data, self._model.robot.joints[: self._model.n])
         self._continue(stretch)
         self._next_rerun = 2.0 * end
-        self._samples = len(data.joint_time)
+        self._used = len(data.joint_time)
 
     def _run_new(self, data: SensorData, end: float) -> None:
         engine, prior = self._engine, self._prior
@@ -221,7 +169,7 @@ class OnlineIdentifier:
         engine.shift_constants(proposed - self._constants)
         self._constants = proposed
         self._continue(stretch)
-        self._samples += len(new.joint_time)
+        self._used += len(new.joint_time)
 
     def _is_rerun_due(self, end: float) -> bool:
         """Whether the linearisation of what was run through is no longer good enough."""
@@ -239,14 +187,11 @@ class OnlineIdentifier:
         last, model = engine.last
         correction = Rotation.from_rotvec(engine.take_attitude())
         engine.last = (last.turned(correction), model)
-        self._done = float(stretch.reference.time[-1])
+        self._done = self._samples.solved = float(stretch.reference.time[-1])
 
     def _forget(self, end: float) -> None:
-        if self._origin_ns is None:
-            return
-        keep = end - (self._settings.buffer if end <= self._settings.buffer else _CONTEXT + _LAG)
-        for stream in (self._joints, self._rates, self._attitudes):
-            stream.forget(self._origin_ns + int(keep * 1e9))
+        whole = end <= self._settings.buffer
+        self._samples.forget(end - (self._settings.buffer if whole else _CONTEXT + self._lag))
 
     def _summary(self, end: float) -> Estimate:
         engine, prior = self._engine, self._prior
@@ -255,7 +200,7 @@ class OnlineIdentifier:
         # The information's own solution is the best estimate, also where the point of
         # linearisation was held back.
         change, _ = engine.information.solve()
-        stamp = (self._origin_ns or 0) + round(self._done * 1e9)
+        stamp = (self._samples.origin_ns or 0) + round(self._done * 1e9)
         estimate = summarize(
             'online',
             self._model,
@@ -263,7 +208,7 @@ class OnlineIdentifier:
             self._constants + change,
             engine.information,
             prior,
-            self._samples,
+            self._used,
             stamp,
             self._notes,
             engine.placebo,
@@ -274,13 +219,23 @@ class OnlineIdentifier:
                 valid=False,
                 reason='the estimate still moves when the data are run through again',
             )
+        if self._faults:
+            return replace(estimate, valid=False, reason='; '.join(self._faults))
+        estimate, bodies = on_bodies(
+            self._model,
+            self._settings,
+            estimate,
+            self._constants + change,
+            engine.information.factor[:, :-1],
+            self._bodies,
+        )
+        if bodies is not None:
+            self._bodies = bodies.coordinates
         return estimate
 
     def _missing(self, data: SensorData | None) -> str:
-        names = {'joint states': self._joints, 'gyro': self._rates, 'attitude': self._attitudes}
-        missing = [name for name, stream in names.items() if not stream.stamps]
-        if missing:
-            return f'no {" and no ".join(missing)} yet'
+        if self._samples.missing:
+            return f'no {" and no ".join(self._samples.missing)} yet'
         return f'only {max(self._settled(data), 0.0):.1f} s of data yet, {_FIRST:g} s are needed'
 
     def _nothing(self, reason: str) -> Estimate:
@@ -296,7 +251,6 @@ class OnlineIdentifier:
                 ),
             ]
         )
-        last = [s.stamps[-1] for s in (self._joints, self._rates, self._attitudes) if s.stamps]
         return Estimate(
             method='online',
             valid=False,
@@ -313,5 +267,5 @@ class OnlineIdentifier:
             total_momentum_covariance=np.eye(3) * (10.0 * settings.momentum_prior_std) ** 2,
             chi2_per_dof=0.0,
             samples=0,
-            stamp_ns=max(last, default=0),
+            stamp_ns=self._samples.newest_ns,
         )

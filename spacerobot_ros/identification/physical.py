@@ -28,7 +28,8 @@ from ..types import Array
 from .linearize import MomentumModel
 
 _STEP = 1e-6  # of the numerical Jacobian; the unknowns are of order one
-_EVALUATIONS = 5000  # about a millisecond each; narrow valleys take some thousand
+_EVALUATIONS = 500  # a millisecond or two each; trust regions need some thirty in narrow valleys
+_FREED_EVALUATIONS = 200
 _MISFIT_P = 1e-4  # a projection less likely than this contradicts the robot's structure
 
 
@@ -44,6 +45,7 @@ class PhysicalEstimate:
         misfit: Chi-square of the projection.
         dof: Its degrees of freedom, size of the linear set minus `dimension`.
         contradiction: What contradicts the structure, empty where nothing does.
+        coordinates: Of the bodies, to start the next projection from.
     """
 
     robot: Robot
@@ -53,6 +55,7 @@ class PhysicalEstimate:
     misfit: float
     dof: int
     contradiction: str
+    coordinates: Array
 
 
 class BodyParameters:
@@ -110,8 +113,84 @@ class BodyParameters:
         return replace(self._robot, bodies=bodies)
 
 
+class _Problem:
+    """Least squares of a linear estimate over momenta, nuisances and bodies.
+
+    Unknowns are the constants that bodies do not constrain, in units of their own sigma, then the
+    bodies' coordinates, then any numbers that are added to block parameters beside the bodies.
+
+    Args:
+        model: Robot and minimal set.
+        bodies: The bodies' coordinates.
+        constants: (p,) linear estimate.
+        factor: (p, p) square root of its information.
+        prior_std: Of the bodies' coordinates.
+        beside: (k, m) directions in x that the added numbers go.
+    """
+
+    def __init__(
+        self,
+        model: MomentumModel,
+        bodies: BodyParameters,
+        constants: Array,
+        factor: Array,
+        prior_std: float,
+        beside: Array | None = None,
+    ) -> None:
+        self._model, self._bodies, self._constants = model, bodies, constants
+        self._factor, self._prior_std = factor, prior_std
+        self._free = np.ones(model.size, dtype=bool)
+        self._free[model.x] = False
+        spread = solve_triangular(np.linalg.qr(factor, mode='r'), np.eye(model.size))
+        self._scale = np.linalg.norm(spread[self._free], axis=1)
+        self._beside = np.zeros((len(model.minimal), 0)) if beside is None else beside
+        head = int(np.sum(self._free))
+        self.coordinates = slice(head, head + bodies.size)
+        self.size = self.coordinates.stop + self._beside.shape[1]
+
+    def constants_at(self, unknowns: Array) -> Array:
+        """(..., p) constants."""
+        free, part = self._free, self.coordinates
+        out = np.empty((*unknowns.shape[:-1], self._model.size))
+        pi = self._model.tree.block_parameters(*self._bodies.bodies(unknowns[..., part]))
+        out[..., free] = self._constants[free] + self._scale * unknowns[..., : part.start]
+        out[..., self._model.x] = pi @ self._model.minimal.grouping.T
+        out[..., self._model.x] += unknowns[..., part.stop :] @ self._beside.T
+        return out
+
+    def misfit(self, unknowns: Array) -> float:
+        """Chi-square against the linear estimate, without the prior."""
+        return float(np.sum((self._factor @ (self.constants_at(unknowns) - self._constants)) ** 2))
+
+    def solve(self, start: Array, evaluations: int) -> tuple[Array, bool]:
+        """Unknowns of the least misfit, and whether the search has settled."""
+        solution = least_squares(
+            self.residual, start, jac=self.jacobian, method='trf', max_nfev=evaluations
+        )
+        return solution.x, bool(solution.status > 0)
+
+    def residual(self, unknowns: Array) -> Array:
+        """(..., p + size of the bodies) misfit and prior."""
+        misfit = (self.constants_at(unknowns) - self._constants) @ self._factor.T
+        prior = unknowns[..., self.coordinates] / self._prior_std
+        return np.concatenate([misfit, prior], axis=-1)
+
+    def jacobian(self, unknowns: Array) -> Array:
+        """Derivative of `residual` at one point."""
+        return _central_differences(self.residual, unknowns)
+
+    def manifold(self, unknowns: Array) -> Array:
+        """(p, size) derivative of `constants_at` at one point."""
+        return _central_differences(self.constants_at, unknowns)
+
+
 def project(
-    model: MomentumModel, structure: str, constants: Array, factor: Array, prior_std: float
+    model: MomentumModel,
+    structure: str,
+    constants: Array,
+    factor: Array,
+    prior_std: float,
+    start: Array | None = None,
 ) -> PhysicalEstimate:
     """Project a linear estimate onto the physical manifold.
 
@@ -122,48 +201,72 @@ def project(
         factor: (p, p) square root of its information.
         prior_std: Standard deviation of the coordinates about the robot file's values; it only
             decides between bodies that the data cannot tell apart.
+        start: Coordinates to start from, of an earlier projection; the robot file's by default.
     """
     bodies = BodyParameters(model.robot, structure)
-    free = np.ones(model.size, dtype=bool)  # momenta and nuisances, which bodies do not constrain
-    free[model.x] = False
-    head = int(np.sum(free))
-    # In units of their own sigma, so that all unknowns are of order one.
-    spread = solve_triangular(np.linalg.qr(factor, mode='r'), np.eye(model.size))
-    scale = np.linalg.norm(spread[free], axis=1)
-
-    def constants_at(unknowns: Array) -> Array:
-        out = np.empty((*unknowns.shape[:-1], model.size))
-        pi = model.tree.block_parameters(*bodies.bodies(unknowns[..., head:]))
-        out[..., free] = constants[free] + scale * unknowns[..., :head]
-        out[..., model.x] = pi @ model.minimal.grouping.T
-        return out
-
-    def residual(unknowns: Array) -> Array:
-        misfit = (constants_at(unknowns) - constants) @ factor.T
-        return np.concatenate([misfit, unknowns[..., head:] / prior_std], axis=-1)
-
-    def jacobian(unknowns: Array) -> Array:
-        return _central_differences(residual, unknowns)
-
-    start = np.zeros(head + bodies.size)
-    solution = least_squares(residual, start, jac=jacobian, method='lm', max_nfev=_EVALUATIONS)
-    J = jacobian(solution.x)
-    manifold = _central_differences(constants_at, solution.x)
+    problem = _Problem(model, bodies, constants, factor, prior_std)
+    first = np.zeros(problem.size)
+    if start is not None:
+        first[problem.coordinates] = start
+    unknowns, is_settled = problem.solve(first, _EVALUATIONS)
+    J, manifold = problem.jacobian(unknowns), problem.manifold(unknowns)
     spread = solve_triangular(np.linalg.qr(J, mode='r'), manifold.T, trans='T').T
-    covariance = spread @ spread.T
-    misfit = float(np.sum((factor @ (constants_at(solution.x) - constants)) ** 2))
-    dimension = _rank(factor @ manifold)
+    misfit, dimension = problem.misfit(unknowns), _rank(factor @ manifold)
     dof = len(constants) - dimension
-    robot = bodies.robot(solution.x[head:])
     contradiction = ''
-    if dof > 0 and chi2_distribution.sf(misfit, dof) < _MISFIT_P:
+    if _is_unlikely(misfit, dof) and not is_settled:
+        contradiction = 'the search for physical bodies has not settled'
+    elif _is_unlikely(misfit, dof):
+        names = _explaining_bodies(model, bodies, constants, factor, prior_std, unknowns, dof)
         contradiction = (
             f'no physical bodies of this {structure} structure explain the linear estimate: '
-            f'chi-square {misfit:.4g} for {dof} degrees of freedom'
+            f'chi-square {misfit:.4g} for {dof} degrees of freedom; {names}'
         )
     return PhysicalEstimate(
-        robot, constants_at(solution.x), covariance, dimension, misfit, dof, contradiction
+        bodies.robot(unknowns[problem.coordinates]),
+        problem.constants_at(unknowns),
+        spread @ spread.T,
+        dimension,
+        misfit,
+        dof,
+        contradiction,
+        unknowns[problem.coordinates],
     )
+
+
+def _explaining_bodies(
+    model: MomentumModel,
+    bodies: BodyParameters,
+    constants: Array,
+    factor: Array,
+    prior_std: float,
+    unknowns: Array,
+    dof: int,
+) -> str:
+    """Which bodies would have to be unphysical, in words.
+
+    Each body's own inertia is freed of being that of a mass distribution, and the bodies are
+    sought again: whichever bodies alone remove the contradiction are named.
+    """
+    misfits = {}
+    for index, body in enumerate(model.robot.bodies):
+        own = slice(6 * index, 6 * index + 6)  # its inertia among the block parameters
+        directions = model.minimal.grouping[:, own]
+        sizes = np.linalg.norm(factor[:, model.x] @ directions, axis=0)
+        kept = sizes > 0.0
+        problem = _Problem(
+            model, bodies, constants, factor, prior_std, directions[:, kept] / sizes[kept]
+        )
+        first = np.concatenate([unknowns, np.zeros(int(np.sum(kept)))])
+        misfits[body.name] = problem.misfit(problem.solve(first, _FREED_EVALUATIONS)[0])
+    explaining = [n for n, m in misfits.items() if not _is_unlikely(m, max(dof - 6, 1))]
+    if explaining:
+        return f'{" or ".join(explaining)} alone, with an inertia that no body has, would'
+    return f'no single body is at fault; {min(misfits, key=lambda n: misfits[n])} is nearest'
+
+
+def _is_unlikely(misfit: float, dof: int) -> bool:
+    return dof > 0 and bool(chi2_distribution.sf(misfit, dof) < _MISFIT_P)
 
 
 def _second_moment_factor(body: Body) -> Array:

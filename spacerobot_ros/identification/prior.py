@@ -9,6 +9,7 @@ import numpy as np
 from ..model.settings import IdentifierSettings
 from ..types import Array
 from .linearize import MomentumModel, Reference
+from .torque_hold import Holds
 
 _PROBES = 20  # states of the reference at which a proposed inertia must be positive
 
@@ -41,7 +42,12 @@ class Prior:
         return current
 
 
-def weak_prior(model: MomentumModel, reference: Reference, settings: IdentifierSettings) -> Prior:
+def weak_prior(
+    model: MomentumModel,
+    reference: Reference,
+    settings: IdentifierSettings,
+    holds: Holds | None = None,
+) -> Prior:
     """The robot file's values with the identifier's prior standard deviations.
 
     Every minimal parameter gets `prior_std` times the largest of them, since single ones may be
@@ -57,7 +63,7 @@ def weak_prior(model: MomentumModel, reference: Reference, settings: IdentifierS
     std = np.full(len(mean), inertia)
     std[:3] = free
     std[model.aam] = settings.momentum_prior_std
-    std[model.other] = model.nuisances.prior_std
+    mean[model.other], std[model.other] = model.nuisances.prior(holds)
     return Prior(mean, std)
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
+from ..errors import IdentificationError
 from ..types import Array
 from .linearize import Reference
 from .spline import Samples, SplineFit, fit_spline
+from .torque_hold import Holds
 
 # The spline's snap, seen as white noise over its knots' spacing, overstates what the filter needs:
 # with this share the innovations of smooth motions have unit variance. Estimates do not depend on
@@ -19,6 +22,8 @@ _SNAP_SHARE = 0.3
 _LONGEST_STEP = (
     0.02  # s; the filter's trapezoid and the attitude integration stay below the sensors' noise
 )
+LONGEST_GAP = 60.0
+"""Time without any sample that is still bridged [s]; beyond it: another run or a bad clock."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +34,7 @@ class SensorData:
         joint_time: (Nj,). q: (Nj, n). qd: (Nj, n); NaN where not measured.
         rate_time: (Ng,). omega: (Ng, 3).
         attitude_time: (Na,). attitude_xyzw: (Na, 4).
+        holds: When torques were set; None where that is of no interest.
     """
 
     joint_time: Array
@@ -38,6 +44,7 @@ class SensorData:
     omega: Array
     attitude_time: Array
     attitude_xyzw: Array
+    holds: Holds | None = None
 
     def between(self, start: float, end: float) -> SensorData:
         """The samples with start < t <= end."""
@@ -53,6 +60,7 @@ class SensorData:
             self.omega[r],
             self.attitude_time[a],
             self.attitude_xyzw[a],
+            self.holds,
         )
 
 
@@ -101,13 +109,25 @@ def _sum(curve: BSpline, error: BSpline) -> BSpline:
 
 
 def _integrated(joints: BSpline, rate: BSpline, times: Array, start: Rotation) -> Reference:
+    q, qd = np.asarray(joints(times)), np.asarray(joints.derivative()(times))
+    rotation = integrated_rotation(rate, times, start)
+    return Reference(times, q, qd, np.asarray(rate(times)), rotation)
+
+
+def integrated_rotation(rate: Callable[[Array], Array], times: Array, start: Rotation) -> Rotation:
+    """Attitudes at increasing times whose body rate is given, `start` at the first.
+
+    Args:
+        rate: Times (N,) to body rates (N, 3) [rad/s].
+        times: (N,) [s].
+        start: Attitude at the first time.
+    """
     omega = np.asarray(rate(times))
     middle = np.asarray(rate(0.5 * (times[1:] + times[:-1])))
     dt = np.diff(times)[:, None]
     turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:])
     turns += dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
-    q, qd = np.asarray(joints(times)), np.asarray(joints.derivative()(times))
-    return Reference(times, q, qd, omega, _accumulate(start, turns))
+    return accumulate(start, turns)
 
 
 def smooth(
@@ -131,9 +151,19 @@ def smooth(
 
 
 def time_grid(data: SensorData) -> Array:
-    """All stamps in order, with extra times where a gap would be longer than the filter's step."""
+    """All stamps in order, with extra times where a gap would be longer than the filter's step.
+
+    Raises:
+        IdentificationError: a gap that can not be bridged.
+    """
     stamps = np.unique(np.concatenate([data.joint_time, data.rate_time, data.attitude_time]))
     gaps = np.diff(stamps)
+    if len(gaps) and np.max(gaps) > LONGEST_GAP:
+        place = int(np.argmax(gaps))
+        raise IdentificationError(
+            f'no samples for {gaps[place]:.6g} s after t = {stamps[place]:.6g} s, at most '
+            f'{LONGEST_GAP:g} s can be bridged: check the stamps, or use one part of the data'
+        )
     wide = np.flatnonzero(gaps > 1.5 * _LONGEST_STEP)
     filled = [_inside(stamps[k], stamps[k + 1]) for k in wide]
     return np.sort(np.concatenate([stamps, *filled]))
@@ -144,7 +174,7 @@ def _inside(start: float, end: float) -> Array:
     return np.linspace(start, end, int(np.ceil((end - start) / _LONGEST_STEP)) + 1)[1:-1]
 
 
-def _accumulate(start: Rotation, turns: Array) -> Rotation:
+def accumulate(start: Rotation, turns: Array) -> Rotation:
     """start, start exp(turns[0]), start exp(turns[0]) exp(turns[1]), ... by pairwise doubling."""
     product = Rotation.concatenate([start, Rotation.from_rotvec(turns)])
     step = 1

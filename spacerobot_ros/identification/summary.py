@@ -17,7 +17,7 @@ from .prior import Prior
 _BETTER_THAN_PRIOR = 3.0
 _BETTER_THAN_PLACEBO = 100.0
 # Beyond this the stated noise does not explain the residual, and no standard deviation holds.
-_LARGEST_CHI2 = 2.0
+LARGEST_CHI2 = 2.0
 
 
 def summarize(
@@ -65,6 +65,8 @@ def summarize(
     aam = constants[model.aam]
     aam_std = np.sqrt(np.diag(covariance)[model.aam])
     reason = _reason(settings, model, unexcited, aam, aam_std, chi2)
+    if not np.any(model.robot.servicer_wheels.body_momentum):
+        notes = (*notes, _ratios(names, constants[told]))
     return Estimate(
         method=method,
         valid=not reason,
@@ -84,6 +86,7 @@ def summarize(
         stamp_ns=stamp_ns,
         notes=notes,
         nuisances=nuisance_values(model, constants, covariance),
+        weak=np.array(weak).reshape(len(weak), len(names)),
     )
 
 
@@ -138,6 +141,18 @@ def _describe(direction: Array, names: tuple[str, ...]) -> str:
     return ' '.join(terms).removeprefix('+')
 
 
+def _ratios(names: tuple[str, ...], values: Array) -> str:
+    """What is left where no momentum is known: everything over the largest number."""
+    largest = int(np.argmax(np.abs(values)))
+    ratios = ', '.join(
+        f'{name} {value / values[largest]:.5g}' for name, value in zip(names, values, strict=True)
+    )
+    return (
+        "the servicer's own wheels are at rest, so the common scale is not observable; "
+        f'ratios to {names[largest]}: {ratios}'
+    )
+
+
 def _reason(
     settings: IdentifierSettings,
     model: MomentumModel,
@@ -153,6 +168,6 @@ def _reason(
     if len(aam) and np.max(aam_std) > limit:
         known = f'{np.max(aam_std):.3g} N m s'
         return f'wheel momentum is known to {known} only, the limit is {limit:.3g}'
-    if chi2 > _LARGEST_CHI2:
+    if chi2 > LARGEST_CHI2:
         return f'the model does not explain the data: chi2 per degree of freedom is {chi2:.3g}'
     return ''

@@ -108,6 +108,15 @@ def test_ends_where_the_batch_ends(fed):
     assert 0.9 <= online.chi2_per_dof <= 1.1
 
 
+def test_ends_on_physical_bodies(fed):
+    _, data, estimates = fed
+    linear = feed(identifier(manifold='linear'), data, period=5.0)[-1]
+    assert any('over physical bodies' in note for note in estimates[-1].notes)
+    assert not any('physical' in note for note in linear.notes)
+    assert np.all(estimates[-1].std <= 1.001 * linear.std)
+    assert np.max(np.abs(estimates[-1].aam - linear.aam) / linear.std[:3]) < 3.0
+
+
 def test_becomes_valid_soon_and_better(fed):
     run, _, estimates = fed
     first = next(i for i, e in enumerate(estimates) if e.valid)
@@ -312,6 +321,8 @@ def test_order_between_sensors_does_not_matter():
 
 ONE, UNIT = np.ones(3), np.array([0.0, 0.0, 0.0, 1.0])
 NAN = np.array([0.0, np.nan, 0.0])
+EARLY = 99 - 500_000_000  # just beyond the lateness
+AHEAD = 100 + 36_000 * 10**9
 BAD = {
     'nan in a position': ('add_joints', 200, (NAN, ONE), 'joint states: not finite'),
     'infinite rate': ('add_joints', 200, (ONE, np.inf * ONE), 'joint states: not finite'),
@@ -322,9 +333,17 @@ BAD = {
     'joint stamp duplicated': ('add_joints', 100, (ONE, ONE), 'joint states: stamp duplicated'),
     'gyro stamp duplicated': ('add_rate', 100, (ONE,), 'gyro: stamp duplicated'),
     'attitude stamp duplicated': ('add_attitude', 100, (UNIT,), 'attitude: stamp duplicated'),
-    'joint stamp backwards': ('add_joints', 99, (ONE, ONE), 'joint states: stamp backwards'),
-    'gyro stamp backwards': ('add_rate', 99, (ONE,), 'gyro: stamp backwards'),
-    'attitude stamp backwards': ('add_attitude', 99, (UNIT,), 'attitude: stamp backwards'),
+    'joint stamp backwards': ('add_joints', EARLY, (ONE, ONE), 'joint states: stamp backwards'),
+    'gyro stamp backwards': ('add_rate', EARLY, (ONE,), 'gyro: stamp backwards'),
+    'attitude stamp backwards': ('add_attitude', EARLY, (UNIT,), 'attitude: stamp backwards'),
+    'joint stamp hours ahead': (
+        'add_joints',
+        AHEAD,
+        (ONE, ONE),
+        'joint states: stamp 36000 s ahead',
+    ),
+    'gyro stamp hours ahead': ('add_rate', AHEAD, (ONE,), 'gyro: stamp 36000 s ahead'),
+    'attitude stamp hours ahead': ('add_attitude', AHEAD, (UNIT,), 'attitude: stamp 36000 s'),
     'too few joints': ('add_joints', 200, (ONE[:2], ONE[:2]), 'expected 3 joints, got 2'),
     'no joint rates': ('add_joints', 200, (ONE, ONE[:0]), 'got 3 positions and 0 rates'),
 }
@@ -388,6 +407,36 @@ def test_samples_of_a_solved_stretch_are_rejected():
     assert online.rejected == 1
 
 
+@pytest.mark.parametrize(('lateness', 'delay'), [(0.5, 0.4), (2.0, 1.5)])
+def test_late_and_disordered_samples_serve_as_well_as_prompt_ones(lateness, delay, rng):
+    data = measure(simulate('zyx', 14.0), 2, attitude_every=50)
+    prompt, late = identifier(lateness=lateness), identifier(lateness=lateness)
+    in_order = [e for e in events(data) if e[1] != 'add_attitude' or not 5 < seconds(e) < 9]
+    # the tracker, with a gap of four seconds, up to the delay late and in any order
+    arrival = [
+        seconds(e) + (delay * rng.uniform() if e[1] == 'add_attitude' else 0.0) for e in in_order
+    ]
+    for online, order in (
+        (prompt, range(len(in_order))),
+        (late, np.argsort(arrival, kind='stable')),
+    ):
+        due = 1.0
+        for k in order:
+            stamp, method, values = in_order[k]
+            getattr(online, method)(stamp, *values)
+            if method == 'add_joints' and seconds(in_order[k]) > due:
+                online.solve()
+                due += 1.0
+    assert late.rejected == 0
+    one, other = late.solve(), prompt.solve()
+    assert one.valid
+    same(one, other)
+
+
+def seconds(event):
+    return (event[0] - ORIGIN) * 1e-9
+
+
 def test_fixed_base_and_sliding_joints_are_refused(rng):
     with pytest.raises(ConfigurationError, match='free base'):
         OnlineIdentifier(robot_of(random_tree(rng, [0]), base='fixed'), IdentifierSettings())
@@ -444,7 +493,7 @@ def test_long_runs_keep_a_bounded_buffer():
 
 
 def streams(online):
-    return online._joints, online._rates, online._attitudes
+    return online._samples.streams.values()
 
 
 @pytest.mark.parametrize('axes', ['zyx', 'xyy'])

@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.identification import errors_of, measure, record_of, servicer, simulate, truth_of
+from support.models import H_TARGET
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.identification.batch import identify, identify_robot
-from spacerobot_ros.identification.physical import BodyParameters
+from spacerobot_ros.identification.linearize import MomentumModel
+from spacerobot_ros.identification.minimal import minimal_set
+from spacerobot_ros.identification.physical import BodyParameters, project
 from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.model.settings import IdentifierSettings
 from spacerobot_ros.model.urdf import check_inertia
@@ -42,6 +45,24 @@ def test_bodies_sharpen_the_estimate_and_stay_honest(run, believed, found):
     # 45 numbers of a generic arm come from bodies of 30 dimensions: the worst AAM gains twice.
     assert np.max(found.estimate.std[:3]) < 0.6 * np.max(linear.std[:3])
     assert np.max(np.abs(error[3:6] / std[3:6])) <= 4.0
+
+
+def test_a_body_that_can_not_be_is_named():
+    """Inertia of the last link against the triangle inequality, as exact constants say it."""
+    robot = servicer('zyx')
+    model = MomentumModel(robot, minimal_set(robot, 'symmetric'))
+    pi = model.tree.parameters()
+    place = model.tree.names.index('J3xx')
+    impossible = np.array([5.0, 100.0, 300.0])  # of link 3: 300 > 5 + 100
+    pi[[place, place + 3, place + 5]] += impossible - np.diag(robot.bodies[3].inertia)
+    constants = np.concatenate([np.ones(3), H_TARGET, model.minimal.grouping @ pi])
+    factor = np.diag(1.0 / np.maximum(1e-3 * np.abs(constants), 1e-2))
+    found = project(model, 'symmetric', constants, factor, 1.0)
+    assert 'link_3' in found.contradiction
+    assert 'base_link' not in found.contradiction
+    fits = model.minimal.grouping @ model.tree.parameters()
+    constants[model.x] = fits
+    assert not project(model, 'symmetric', constants, factor, 1.0).contradiction
 
 
 def test_bodies_are_physical(found):

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from support.identification import STDS, measure, simulate
 
+from spacerobot_ros.errors import IdentificationError
 from spacerobot_ros.identification.linearize import Reference
 from spacerobot_ros.identification.smoothing import (
     SensorData,
@@ -185,3 +186,11 @@ def test_start_of_the_joints_and_its_spread():
     want = np.sqrt(np.mean(np.gradient(run.qd, run.time, axis=0) ** 2, axis=0))
     np.testing.assert_allclose(spread[2], want, rtol=0.05, atol=0)
     assert np.all(smoothed.snap_density(run.time) > 0.0)
+
+
+def test_a_gap_that_cannot_be_bridged_is_refused_with_its_place():
+    data = measure(simulate('zyx', 20.0), 0)
+    late = data.joint_time.copy()
+    late[-1] += 36_000.0  # one stamp ten hours ahead must not be filled with steps of 20 ms
+    with pytest.raises(IdentificationError, match=r'no samples for 36000 s after t = 20 s'):
+        time_grid(replace(data, joint_time=late))

@@ -1,0 +1,85 @@
+"""Data that are not what they should be are named, and never give a confident wrong number."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.identification import measure, record_of, servicer, simulate
+
+from spacerobot_ros.identification.batch import identify
+from spacerobot_ros.identification.plausibility import sensor_faults
+from spacerobot_ros.model.settings import IdentifierSettings
+
+NAMES = ('j_link_1', 'j_link_2', 'j_link_3')
+DEGREE = np.pi / 180.0
+
+
+@lru_cache(maxsize=1)
+def good():
+    return measure(simulate('zyx', 20.0), 1)
+
+
+def inertial_gyro(data):
+    turned = Rotation.from_quat(simulate('zyx', 20.0).attitude_xyzw).apply(data.omega)
+    return replace(data, omega=turned)
+
+
+FAULTS = {
+    'scalar first': (
+        lambda d: replace(d, attitude_xyzw=d.attitude_xyzw[:, [3, 0, 1, 2]]),
+        'scalar first',
+    ),
+    'inverse': (
+        lambda d: replace(d, attitude_xyzw=d.attitude_xyzw * [-1.0, -1.0, -1.0, 1.0]),
+        'quaternions seem to be inverse',
+    ),
+    'gyro in deg/s': (lambda d: replace(d, omega=d.omega / DEGREE), 'gyro seems to be in deg/s'),
+    'gyro in the inertial frame': (inertial_gyro, 'inertial frame'),
+    'joint rates in deg/s': (
+        lambda d: replace(d, qd=d.qd / DEGREE),
+        'joint rates seem to be in deg/s',
+    ),
+    'swapped joint rates': (
+        lambda d: replace(d, qd=d.qd[:, [0, 2, 1]]),
+        'of j_link_2 and j_link_3 seem to be swapped',
+    ),
+    'foreign gyro': (lambda d: replace(d, omega=d.omega[:, ::-1]), 'do not belong together'),
+}
+
+
+@pytest.mark.parametrize(('change', 'named'), FAULTS.values(), ids=FAULTS.keys())
+def test_faults_are_named(change, named):
+    (fault,) = sensor_faults(change(good()), NAMES)
+    assert named in fault
+
+
+def test_good_and_resting_data_have_none():
+    assert sensor_faults(good(), NAMES) == ()
+    assert sensor_faults(measure(simulate('zyx', 20.0, 'still'), 1), NAMES) == ()
+
+
+def test_swapped_columns_are_found_by_momentum():
+    data = good()
+    swapped = replace(data, q=data.q[:, [2, 1, 0]], qd=data.qd[:, [2, 1, 0]])
+    estimate = identify(record_of(swapped), servicer('zyx'), IdentifierSettings())
+    assert not estimate.valid
+    assert 'j_link_1 and j_link_3 seem to be swapped' in estimate.reason
+
+
+def test_a_fault_is_the_verdict():
+    data = good()
+    estimate = identify(
+        record_of(replace(data, omega=data.omega / DEGREE)), servicer('zyx'), IdentifierSettings()
+    )
+    assert not estimate.valid
+    assert 'deg/s' in estimate.reason
+
+
+def test_own_wheels_at_rest_leave_ratios():
+    robot = servicer('zyx')
+    robot = replace(robot, servicer_wheels=replace(robot.servicer_wheels, momentum=np.zeros(3)))
+    estimate = identify(record_of(good()), robot, IdentifierSettings())
+    assert not estimate.valid
+    assert any('ratios to J' in note for note in estimate.notes)
