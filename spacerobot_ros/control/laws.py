@@ -27,30 +27,16 @@ from ..errors import ConfigurationError
 from ..identification.estimate import Estimate
 from ..identification.reduced import EstimatedDynamics
 from ..model.robot import Robot
+from ..model.settings import COMPUTED_TORQUE_LAWS
 from ..types import Array, Vector3
+from .compensation import FeedForward
 from .reference import Point, Reference
+from .samples import Sample
 
 Model = Callable[[Array, Array, Vector3], ReducedEquation]
 """Arm positions (n,), rates (n,) and omega_WB_B (3,) to the arm's reduced equation."""
 
-LAWS = ('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper')
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sample:
-    """What the law knows of the robot at one time.
-
-    Args:
-        q: (n,) joint positions [rad].
-        qd: (n,) joint rates [rad/s].
-        omega_WB_B: (3,) angular velocity of the base [rad/s].
-        omega_slope: (3,) its time derivative [rad/s^2]; only used to look half a period ahead.
-    """
-
-    q: Array
-    qd: Array
-    omega_WB_B: Vector3
-    omega_slope: Vector3
+LAWS = COMPUTED_TORQUE_LAWS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,45 +46,35 @@ class Torque:
     Args:
         tau: (n,) torque within the limits [N m].
         saturated: (n,) bool, where a limit cut it.
+        base: (3,) torque on the base within the limits, in base coordinates [N m]; None where the
+            law leaves the base free.
+        base_saturated: Whether a limit cut that.
+        attitude_error: (3,) rotation vector from the base to where it should point, in base
+            coordinates [rad]; None where the law leaves the base free.
     """
 
     tau: Array
     saturated: np.ndarray
+    base: Vector3 | None = None
+    base_saturated: bool = False
+    attitude_error: Vector3 | None = None
 
 
-def robot_model(
-    robot: Robot, *, joint_reaction: bool = True, rotor_rates: Array | None = None
-) -> Model:
+def robot_model(robot: Robot, *, joint_reaction: bool = True) -> Model:
     """Reduced equation of the arm from the robot file.
 
     Args:
-        robot: The robot as the model believes it to be.
+        robot: The robot as the model believes it to be, its rotors locked (gyrostat view).
         joint_reaction: False for the paper's printed equations.
-        rotor_rates: (rotor_count,) rates of true rotors [rad/s]; None: those of the robot file.
     """
     dynamics = Dynamics(robot, joint_reaction=joint_reaction)
-    n = robot.n_joints - robot.rotor_count
-    rates = robot.rotor_rates if rotor_rates is None else rotor_rates
-    zeros, angles = np.zeros(3), np.zeros(robot.rotor_count)
-    identity = np.array([0.0, 0.0, 0.0, 1.0])
+    zeros, identity = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
 
     def reduced(q: Array, qd: Array, omega_WB_B: Vector3) -> ReducedEquation:
         # uniform gravity moves base and arm alike: the attitude of a free base does not matter
-        joints, velocities = np.concatenate([q, angles]), np.concatenate([qd, rates])
-        state = State(zeros, identity, joints, zeros, omega_WB_B, velocities)
-        return eliminate_rotors(dynamics.reduced(state), n)
+        return dynamics.reduced(State(zeros, identity, q, zeros, omega_WB_B, qd))
 
     return reduced
-
-
-def eliminate_rotors(equation: ReducedEquation, n: int) -> ReducedEquation:
-    """Equation of the first n joints where the others carry no torque."""
-    if len(equation.c) == n:
-        return equation
-    H, c = equation.H, equation.c
-    coupling = np.linalg.solve(H[n:, n:], np.column_stack([H[n:, :n], c[n:]]))
-    H_arm, c_arm = coupling[:, :-1], coupling[:, -1]
-    return ReducedEquation(H[:n, :n] - H[:n, n:] @ H_arm, c[:n] - H[:n, n:] @ c_arm)
 
 
 def estimated_model(
@@ -110,14 +86,9 @@ def estimated_model(
         IdentificationError: the estimate's names don't fit the robot.
     """
     dynamics = EstimatedDynamics.from_estimate(robot, structure, estimate)
-    n, still = robot.n_joints - robot.rotor_count, np.zeros(robot.rotor_count)
 
     def reduced(q: Array, qd: Array, omega_WB_B: Vector3) -> ReducedEquation:
-        rates = np.concatenate([qd, robot.rotor_rates])
-        equation = dynamics.reduced(
-            np.concatenate([q, still]), rates, omega_WB_B, joint_reaction=joint_reaction
-        )
-        return eliminate_rotors(equation, n)
+        return dynamics.reduced(q, qd, omega_WB_B, joint_reaction=joint_reaction)
 
     return reduced
 
@@ -151,12 +122,19 @@ class ComputedTorque:
         bandwidth: Double pole w of the error dynamics [rad/s].
         limits: (n,) torque limits [N m], infinite where there is none.
         damping: Decay of the joint rates while damping [1/s].
+        feed_forward: Makes up for physical effects along the reference; None: there are none.
     """
 
     def __init__(
-        self, model: Model, bandwidth: float, limits: Array, damping: float = 1.0
+        self,
+        model: Model,
+        bandwidth: float,
+        limits: Array,
+        damping: float = 1.0,
+        feed_forward: FeedForward | None = None,
     ) -> None:
         self.model = model
+        self._feed_forward = feed_forward
         self._kp, self._kd = bandwidth**2, 2.0 * bandwidth
         self._limits = np.array(limits, dtype=float)
         self._damping = damping
@@ -178,9 +156,14 @@ class ComputedTorque:
         v = self.acceleration(reference.at(t), sample.q, sample.qd)
         q = sample.q + half * sample.qd + 0.5 * half**2 * v
         qd = sample.qd + half * v
+        point = reference.at(t + half)
         if hold:
-            v = self.acceleration(reference.at(t + half), q, qd)
-        return self._limit(self._torque(q, qd, sample.omega_WB_B + half * sample.omega_slope, v))
+            v = self.acceleration(point, q, qd)
+        omega = sample.omega_WB_B + half * sample.omega_slope
+        tau = self._torque(q, qd, omega, v)
+        if self._feed_forward is not None:
+            tau = self._feed_forward(point, omega, tau)
+        return self._limit(tau)
 
     def damp(self, sample: Sample, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay, q'' = -damping q'.
@@ -199,10 +182,15 @@ class ComputedTorque:
         return equation.H @ v + equation.c
 
     def _limit(self, tau: Array) -> Torque:
-        if not np.all(np.isfinite(tau)):
-            return Torque(np.zeros(len(tau)), np.ones(len(tau), dtype=bool))
-        limited = np.clip(tau, -self._limits, self._limits)
-        return Torque(limited, limited != tau)
+        return Torque(*within_limits(tau, self._limits))
+
+
+def within_limits(tau: Array, limits: Array) -> tuple[Array, np.ndarray]:
+    """Torques (n,) within limits (n,), and where they were cut; zeros where one is not finite."""
+    if not np.all(np.isfinite(tau)):
+        return np.zeros(len(tau)), np.ones(len(tau), dtype=bool)
+    limited = np.clip(tau, -limits, limits)
+    return limited, limited != tau
 
 
 def torque_limits(robot: Robot, limits: tuple[float, ...]) -> Array:
@@ -211,11 +199,40 @@ def torque_limits(robot: Robot, limits: tuple[float, ...]) -> Array:
     Raises:
         ConfigurationError: a wrong number of limits.
     """
-    n = robot.n_joints - robot.rotor_count
+    n = robot.n_joints
     if not limits:
-        return robot.effort_limits[:n]
+        return robot.effort_limits
     if len(limits) != n:
         raise ConfigurationError(
             'controller.torque_limit', f'expected {n} numbers (one a joint), got {len(limits)}'
         )
     return np.array(limits)
+
+
+def base_torque_limits(limits: tuple[float, ...]) -> Vector3:
+    """(3,) limits of the torque on the base [N m]; infinite where none are given.
+
+    Raises:
+        ConfigurationError: a wrong number of limits.
+    """
+    if len(limits) not in (0, 3):
+        raise ConfigurationError(
+            'controller.base_torque_limit',
+            f'expected 3 numbers (one an axis), got {len(limits)}',
+        )
+    return np.array(limits) if limits else np.full(3, np.inf)
+
+
+__all__ = [
+    'LAWS',
+    'ComputedTorque',
+    'Model',
+    'Sample',
+    'Torque',
+    'base_torque_limits',
+    'estimated_model',
+    'law_model',
+    'robot_model',
+    'torque_limits',
+    'within_limits',
+]

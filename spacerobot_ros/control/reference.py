@@ -5,73 +5,13 @@ Every reference holds its first point before t = 0 and its last one, at rest, af
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
-
 import numpy as np
-from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from ..errors import ConfigurationError
 from ..model.settings import ReferenceSettings
 from ..types import Array
-
-
-class Point(NamedTuple):
-    """A point of a motion.
-
-    Args:
-        q: (n,) joint positions [rad].
-        qd: (n,) joint rates [rad/s].
-        qdd: (n,) joint accelerations [rad/s^2].
-    """
-
-    q: Array
-    qd: Array
-    qdd: Array
-
-
-class Reference(Protocol):
-    """A motion of n joints."""
-
-    @property
-    def duration(self) -> float:
-        """Time from which on the motion rests [s]: 0 for a hold, infinite for one that repeats."""
-
-    def at(self, t: float) -> Point:
-        """The point at time t [s] since the start of the motion."""
-
-
-def quintic_coefficients(duration: float, start: Point, end: Point) -> Array:
-    """Fifth-order polynomial between two points.
-
-    Args:
-        duration: Time between them [s].
-        start: At t = 0.
-        end: At t = duration.
-
-    Returns:
-        (6, n) coefficients of 1, s, ..., s^5 with s = t / duration.
-    """
-    T = duration
-    c0, c1, c2 = start.q, start.qd * T, 0.5 * start.qdd * T**2
-    p, v, a = end.q - c0 - c1 - c2, end.qd * T - c1 - 2.0 * c2, end.qdd * T**2 - 2.0 * c2
-    c3 = 10.0 * p - 4.0 * v + 0.5 * a
-    c4 = -15.0 * p + 7.0 * v - a
-    c5 = 6.0 * p - 3.0 * v + 0.5 * a
-    return np.array([c0, c1, c2, c3, c4, c5])
-
-
-def _evaluate_quintic(coefficients: Array, duration: float, t: float) -> Point:
-    s = t / duration
-    c = coefficients
-    q = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
-    qd = c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5])))
-    qdd = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]))
-    return Point(q, qd / duration, qdd / duration**2)
-
-
-def rest(q: Array) -> Point:
-    """The point q at rest."""
-    return Point(np.array(q, dtype=float), np.zeros(len(q)), np.zeros(len(q)))
+from .point import Point, Reference, evaluate_quintic, quintic_coefficients, rest
+from .sampled import Sampled
 
 
 class Hold:
@@ -111,7 +51,7 @@ class SetPoint:
             return self._ends[0]
         if t >= self.duration:
             return self._ends[1]
-        return _evaluate_quintic(self._coefficients, self.duration, t)
+        return evaluate_quintic(self._coefficients, self.duration, t)
 
 
 class Fourier:
@@ -151,7 +91,7 @@ class Fourier:
         if t <= 0.0 or t >= self._period:
             return self._start
         series = self._series(t)
-        quintic = _evaluate_quintic(self._quintic, self._period, t)
+        quintic = evaluate_quintic(self._quintic, self._period, t)
         return Point(series.q + quintic.q, series.qd + quintic.qd, series.qdd + quintic.qdd)
 
     def _series(self, t: float) -> Point:
@@ -160,54 +100,31 @@ class Fourier:
         return Point(q, self._a @ c + self._b @ s, self._b @ (w * c) - self._a @ (w * s))
 
 
-class Sampled:
-    """A motion through given points.
+class Harmonic:
+    """Sines around the start, q = start + amplitude sin(2 pi t / period), for ever.
 
-    Quintic between points with accelerations, cubic Hermite between points with rates only; with
-    positions alone a cubic spline at rest at both ends, so that the rate has no jumps.
+    The rate at t = 0 is not zero: a robot at rest has to catch up.
 
     Args:
-        times: (m,) increasing times since the start, not negative [s].
-        q: (m, n) joint positions [rad].
-        qd: (m, n) joint rates [rad/s], or None.
-        qdd: (m, n) joint accelerations [rad/s^2], or None; needs rates.
-        start: Point at t = 0 to come from, used where `times[0]` > 0.
-
-    Raises:
-        ConfigurationError: wrong shapes, times that do not increase, or non-finite numbers.
+        start: (n,) joint positions at the start [rad].
+        amplitude: (n,) [rad].
+        period: [s].
     """
 
-    def __init__(
-        self,
-        times: Array,
-        q: Array,
-        qd: Array | None = None,
-        qdd: Array | None = None,
-        start: Point | None = None,
-    ) -> None:
-        times = np.asarray(times, dtype=float)
-        columns = [
-            np.asarray(values, dtype=float) for values in (q, qd, qdd) if values is not None
-        ]
-        _check_samples(times, columns)
-        if qd is None:
-            columns = columns[:1]
-        if times[0] > 0.0 and start is not None:
-            times = np.concatenate([[0.0], times])
-            columns = [np.vstack([s, c]) for s, c in zip(start, columns, strict=False)]
-        self._first = rest(columns[0][0])
-        self._last = rest(columns[0][-1])
-        self._start_time = float(times[0])
-        self.duration = float(times[-1])
-        self._curves = _curves(times, columns) if len(times) > 1 else ()
+    duration = float('inf')
+
+    def __init__(self, start: Array, amplitude: Array, period: float) -> None:
+        self._start = rest(start)
+        self._amplitude = np.array(amplitude, dtype=float)
+        self._w = 2.0 * np.pi / period
 
     def at(self, t: float) -> Point:
         """The point at time t [s]."""
-        if t >= self.duration:
-            return self._last
-        if t < self._start_time:
-            return self._first
-        return Point(*(np.asarray(curve(t)) for curve in self._curves))
+        if t < 0.0:
+            return self._start
+        w, s, c = self._w, np.sin(self._w * t), np.cos(self._w * t)
+        a = self._amplitude
+        return Point(self._start.q + a * s, a * (w * c), a * (-(w**2) * s))
 
 
 class Blend:
@@ -235,27 +152,8 @@ class Blend:
         since = t - self._t_start
         if since >= self._blend:
             return point
-        offset = _evaluate_quintic(self._offset, self._blend, max(since, 0.0))
+        offset = evaluate_quintic(self._offset, self._blend, max(since, 0.0))
         return Point(point.q + offset.q, point.qd + offset.qd, point.qdd + offset.qdd)
-
-
-def _curves(times: Array, columns: list[Array]) -> tuple[PPoly | BPoly, ...]:
-    if len(columns) == 1:
-        curve = CubicSpline(times, columns[0], bc_type='clamped')
-    else:
-        curve = BPoly.from_derivatives(times, np.stack(columns, axis=1))
-    return (curve, curve.derivative(1), curve.derivative(2))
-
-
-def _check_samples(times: Array, columns: list[Array]) -> None:
-    if times.ndim != 1 or len(times) == 0:
-        raise ConfigurationError('reference', 'has no points')
-    if any(c.shape != columns[0].shape or c.ndim != 2 or len(c) != len(times) for c in columns):
-        raise ConfigurationError('reference', 'every point needs one number a joint and kind')
-    if not all(np.all(np.isfinite(values)) for values in (times, *columns)):
-        raise ConfigurationError('reference', 'is not finite')
-    if times[0] < 0.0 or np.any(np.diff(times) <= 0.0):
-        raise ConfigurationError('reference', 'times must start at zero or later and increase')
 
 
 def check_reference(settings: ReferenceSettings, n_joints: int) -> None:
@@ -268,20 +166,19 @@ def check_reference(settings: ReferenceSettings, n_joints: int) -> None:
     Raises:
         ConfigurationError: wrong numbers of coefficients or of goals.
     """
-    if settings.kind == 'set_point' and len(settings.set_point) != n_joints:
-        raise ConfigurationError(
-            'reference.set_point',
-            f'expected {n_joints} numbers (one a joint), got {len(settings.set_point)}',
-        )
-    if settings.kind != 'fourier':
-        return
-    for name in ('sine', 'cosine'):
-        got, size = len(getattr(settings, name)), n_joints * settings.harmonics
-        if got != size:
+    size = n_joints * settings.harmonics
+    fourier = f'{n_joints} joints x {settings.harmonics} harmonics'
+    needed = {
+        'set_point': (('set_point', n_joints, 'one a joint'),),
+        'step': (('set_point', n_joints, 'one a joint'),),
+        'harmonic': (('amplitude', n_joints, 'one a joint'),),
+        'fourier': (('sine', size, fourier), ('cosine', size, fourier)),
+    }
+    for name, count, what in needed.get(settings.kind, ()):
+        got = len(getattr(settings, name))
+        if got != count:
             raise ConfigurationError(
-                f'reference.{name}',
-                f'expected {size} numbers ({n_joints} joints x {settings.harmonics} harmonics), '
-                f'got {got}',
+                f'reference.{name}', f'expected {count} numbers ({what}), got {got}'
             )
 
 
@@ -299,8 +196,28 @@ def build_reference(settings: ReferenceSettings, start: Array) -> Reference:
     check_reference(settings, n)
     if settings.kind == 'set_point':
         return SetPoint(start, np.array(settings.set_point), settings.duration)
+    if settings.kind == 'step':
+        return Hold(np.array(settings.set_point))
+    if settings.kind == 'harmonic':
+        return Harmonic(start, np.array(settings.amplitude), settings.duration)
     if settings.kind == 'fourier':
         sine = np.reshape(settings.sine, (n, settings.harmonics))
         cosine = np.reshape(settings.cosine, (n, settings.harmonics))
         return Fourier(sine, cosine, settings.duration, start, repeat=settings.repeat)
     return Hold(start)
+
+
+__all__ = [
+    'Blend',
+    'Fourier',
+    'Harmonic',
+    'Hold',
+    'Point',
+    'Reference',
+    'Sampled',
+    'SetPoint',
+    'build_reference',
+    'check_reference',
+    'quintic_coefficients',
+    'rest',
+]

@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 from spacerobot_ros.control.laws import (
     ComputedTorque,
     Sample,
-    eliminate_rotors,
     law_model,
     robot_model,
     torque_limits,
@@ -127,14 +126,6 @@ def test_no_aam_takes_the_wheels_as_at_rest(truth, rng):
     still = robot_model(truth.with_target_momentum(np.zeros(3)))(q, qd, omega)
     assert np.array_equal(blind.c, still.c)
     assert np.abs(law_model('computed_torque', truth)(q, qd, omega).c - blind.c).max() > 1.0
-
-
-def test_rotors_without_torque_are_eliminated(rng):
-    A = rng.normal(size=(5, 5))
-    H, c, tau = A @ A.T, rng.normal(size=5), np.concatenate([rng.normal(size=3), np.zeros(2)])
-    qdd = np.linalg.solve(H, tau - c)
-    arm = eliminate_rotors(ReducedEquation(H, c), 3)
-    assert_allclose(arm.H @ qdd[:3] + arm.c, tau[:3], rtol=1e-9, atol=1e-10)
 
 
 def test_settings_that_do_not_fit_are_refused(truth):

@@ -1,0 +1,1 @@
+"""Adaptive control of a free-flying robot: base attitude and joints, translation free."""

@@ -1,0 +1,301 @@
+r"""Adaptive and passivity-based control of base attitude and joints, translation free.
+
+With the reference velocity V_r (wanted motion plus Lambda times the error), sigma = V_r - V and
+
+    u = Y_SL(q, V, V_r, A_r) pi + K_D sigma     (force rows zero: they drive V_r's linear part)
+
+the loop obeys M sigma' + C sigma + K_D sigma = Y_SL (pi_true - pi) exactly, for any pi. Where the
+base's velocity is not measured it follows from zero momentum with the parameters in force.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...dynamics.equations import Dynamics
+from ...errors import ConfigurationError, MessageRejectedError
+from ...identification.estimate import Estimate
+from ...model.robot import Robot
+from ...types import Array, Vector3
+from .gains import sampling_ratio, sampling_warning, without_translation
+from .hand_over import standard_parameters
+from .law_kernel import (
+    command,
+    into_base,
+    reference_motion,
+    rest_centre,
+    total_mass,
+)
+from .learner import Learner
+from .learning_kernel import is_within
+from .prior import discretisation_floor, rate_noise, torque_noise
+from .regression import DifferencedRates, FilteredMomentum
+from .regressors import Regressors
+from .settings import AdaptiveSettings
+from .tree import parameter_names, parameter_units, with_parameters
+from .types import Health, Measured, ParametersInForce, Target, Torques
+
+_UNKNOWN = np.zeros(3)  # in place of a base velocity or force
+_GAP = 1.5  # periods between two samples from which on some were lost
+_STILL = 5.0  # standard deviations of the rates' sensors within which the robot counts as at rest
+_CUT = 1e-9  # relative difference between command and applied torque that counts as a limit
+
+
+class AdaptiveController:
+    """One adaptive law on one robot.
+
+    Args:
+        robot: The robot as the model believes it to be; the start of the adaptation.
+        settings: Law, bandwidths, adaptation.
+        period: Control period [s]; torques are held over it.
+
+    Raises:
+        ConfigurationError: fixed base, no positive total mass, or bandwidths beyond what the
+            period can sample.
+    """
+
+    def __init__(self, robot: Robot, settings: AdaptiveSettings, period: float) -> None:
+        self.robot, self.settings, self.period = robot, settings, period
+        self.n = robot.n_joints
+        self._sampling = sampling_ratio(settings, period)
+        self._warning = sampling_warning(settings, period)
+        self._regressors = Regressors(robot)
+        self._learner = Learner(robot, settings)
+        if not total_mass(self._regressors.tree, self._learner.pi) > 0.0:
+            raise ConfigurationError('robot', 'the total mass must be above zero')
+        self._is_paper = settings.law.endswith('_paper')
+        self._regression = (
+            DifferencedRates(self._regressors)
+            if settings.law == 'adaptive_rls_paper'
+            else FilteredMomentum(self._regressors, settings.filter_rate)
+        )
+        self._allocate()
+        self._is_started = False
+        self._reason = 'not started'
+        self._adapting = False
+
+    def _allocate(self) -> None:
+        rows, n = self._regressors.shape[0], self.n
+        self._V, self._Vr, self._Ar = np.zeros(rows), np.zeros(rows), np.zeros(rows)
+        self._sigma, self._u, self._applied = np.zeros(rows), np.zeros(rows), np.zeros(rows)
+        self._Y = np.zeros(self._regressors.shape)
+        self._state, self._target = np.zeros(10 + 2 * n), np.zeros(10 + 3 * n)
+        self._error = np.zeros(3 + n)
+        self._bandwidths = np.full(1 + n, self.settings.joint_bandwidth)
+        self._bandwidths[0] = self.settings.attitude_bandwidth
+        self._gravity_speed = np.zeros(3)
+        self._has_gravity = bool(self.robot.gravity.any())
+        self._K, self._P = np.zeros((rows, rows)), np.zeros((3, rows))
+        self._variances = np.ones(rows)
+        self._still = _STILL * rate_noise(self.robot)
+        self._has_noise = bool(self._still.any())
+        self._measures_velocity = True
+        self._is_cut = False
+
+    def start(self, measured: Measured) -> None:
+        """Begin, or begin again, at a measured state; the parameters in force stay.
+
+        Raises:
+            MessageRejectedError: a state of the wrong size or not finite.
+        """
+        self._read(measured)
+        q = self._state[10 : 10 + self.n]
+        physical = with_parameters(self.robot, self._learner.physical_pi)
+        M = Dynamics(physical).mass_matrix(q)
+        reduced = without_translation(M)
+        self._K[:] = self.settings.kappa * reduced
+        self._learner.weigh(self._tracking_energy(reduced), self.settings.kappa * M)
+        extra = (self.settings.filter_rate, self.settings.torque_noise)
+        self._variances = torque_noise(physical, q, *extra) + discretisation_floor(physical, q)
+        self._gravity_speed[:] = 0.0
+        self._is_started = True
+        self._begin(measured.v_WB_B is not None)
+
+    def _tracking_energy(self, reduced: Array) -> float:
+        """Energy of the error dynamics at `adaptation_error` in the attitude, times two [J]."""
+        rate = self.settings.attitude_bandwidth * self.settings.adaptation_error
+        return float(np.trace(reduced[3:6, 3:6]) / 3.0 * rate**2)
+
+    def _begin(self, measures_velocity: bool) -> None:
+        """Start regression and internal reference anew; the state has been read."""
+        self._measures_velocity = measures_velocity
+        self._regression.restart()
+        self._learner.forget()
+        self._Vr[:3] = self._state[4:7]
+        self._is_cut = False
+
+    def step(self, measured: Measured, target: Target, elapsed: float | None = None) -> Torques:
+        """Adapt to what was measured and command the next period's torques.
+
+        Args:
+            measured: State at this sample.
+            target: Point to follow at this sample.
+            elapsed: Time since the last step [s]; None: one period. After more than one and a half
+                periods (lost samples) the regression starts again.
+
+        Raises:
+            MessageRejectedError: an input of the wrong size or not finite; nothing has changed.
+        """
+        if not self._is_started:
+            self.start(measured)
+        h = self.period if elapsed is None else float(elapsed)
+        self._read(measured)
+        self._read_target(target)
+        lost = h > _GAP * self.period
+        if lost or (measured.v_WB_B is not None) != self._measures_velocity:
+            self._begin(measured.v_WB_B is not None)
+        self._fall(h)
+        r = self._regressors
+        is_reduced = self._is_paper or not self._measures_velocity
+        motion = (self._state, self._target, self._bandwidths, r.rotations, r.positions)
+        reference_motion(r.tree, *motion, self._V, self._Vr, self._Ar, self._error)
+        self._adapt(h, lost)
+        learner = self._learner
+        pi, kappa = learner.pi, 0.0 if is_reduced else self.settings.kappa
+        if is_reduced:
+            if not self._measures_velocity:
+                rest_centre(r.tree, r.rotations, r.positions, self._V, pi, r.motion)
+            rest_centre(r.tree, r.rotations, r.positions, self._Vr, pi, r.motion)
+        out = (r.motion, r.columns, self._P, self._Y, learner.slope, self._sigma, self._u)
+        arrays = (self._V, self._Vr, self._Ar, self.period, self._K, kappa, pi)
+        command(r.tree, r.rotations, r.positions, *arrays, *out)
+        learner.has_slope = True
+        self._applied[:] = self._u
+        return self._torques()
+
+    def _adapt(self, h: float, lost: bool) -> None:
+        """Learn from the interval that ends now."""
+        learner = self._learner
+        reason = ''
+        if self.settings.law == 'passivity':
+            reason = 'fixed parameters'
+        elif lost:
+            reason = 'samples were lost'
+        elif self._is_cut:
+            reason = 'a torque limit was reached'
+        elif self._has_noise and is_within(self._V, self._still):
+            reason = 'the rates are within the noise of their sensors'
+        if learner.uses_regression:
+            reason = self._regress(h, reason)
+        if learner.uses_gradient and not reason:
+            learner.descend(h, self._Y)
+        learner.forget()
+        self._is_cut = False
+        self._adapting, self._reason = not reason, reason
+
+    def _regress(self, h: float, reason: str) -> str:
+        r, learner = self._regressors, self._learner
+        if not self._measures_velocity:
+            rest_centre(r.tree, r.rotations, r.positions, self._V, learner.pi, r.motion)
+        args = (self._V, self._applied, h, learner.pi, self._measures_velocity)
+        if not self._regression.add(*args):
+            return reason or 'the first sample'
+        if reason:
+            return reason
+        learner.regress(self._regression.F, self._regression.T, self._variances)
+        return ''
+
+    def applied(self, base: Vector3, joints: Array, limited: bool | None = None) -> None:
+        """Say what the actuators apply until the next step, where that is not the command.
+
+        Torques cut by a limit pause the adaptation at the next step. Without a call the command
+        counts as applied.
+
+        Args:
+            base: (3,) attitude torque [N m].
+            joints: (n,) joint torques [N m].
+            limited: Whether a limit was reached; None: where they are not the command. Say it for
+                measured torques, whose noise is no limit.
+        """
+        _join('applied', (_UNKNOWN, base, joints), (3, 3, self.n), self._applied)
+        if limited is None:
+            tolerance = _CUT * float(np.max(np.abs(self._u), initial=1e-3))
+            limited = bool(np.any(np.abs(self._applied - self._u)[3:] > tolerance))
+        self._is_cut = limited
+
+    def hand_over(self, estimate: Estimate, structure: str) -> None:
+        """Start the adaptation from an identifier's estimate, mean and covariance.
+
+        Args:
+            estimate: Valid estimate of wheel momentum and minimal parameters.
+            structure: `identifier.structure`, which names its parameters.
+
+        Raises:
+            IdentificationError: it does not fit the robot, or its covariance is indefinite.
+        """
+        learner = self._learner
+        prior = (learner.physical_pi, learner.G)
+        learner.take(*standard_parameters(self.robot, structure, estimate, *prior))
+
+    @property
+    def parameters(self) -> ParametersInForce:
+        """The parameters that the next step starts from."""
+        learner = self._learner
+        covariance = learner.G.copy() if learner.uses_regression else None
+        names, units = parameter_names(self.robot), parameter_units(self.robot)
+        return ParametersInForce(names, units, learner.pi.copy(), covariance)
+
+    def robot_in_force(self) -> Robot:
+        """The robot with the parameters in force, for a robot file.
+
+        Raises:
+            ConfigurationError: the parameters in force are not physical.
+        """
+        if not self._learner.is_physical:
+            raise ConfigurationError(
+                'parameters in force',
+                'are not those of physical bodies: choose physical_consistency project or natural',
+            )
+        return with_parameters(self.robot, self._learner.pi)
+
+    @property
+    def health(self) -> Health:
+        """State of the adaptation after the last step."""
+        return Health(
+            adapting=self._adapting,
+            reason=self._reason,
+            excitation=self._learner.excitation,
+            sampling=self._sampling,
+            sampling_warning=self._warning,
+            physical=self._learner.is_physical,
+            base_velocity_measured=self._measures_velocity,
+        )
+
+    def _fall(self, h: float) -> None:
+        """Take out the velocity of free fall: uniform gravity moves everything alike."""
+        if self._has_gravity and self._measures_velocity:
+            self._state[4:7] -= into_base(self._state[:4], self._gravity_speed)
+            self._gravity_speed += h * self.robot.gravity
+
+    def _read(self, measured: Measured) -> None:
+        n, v = self.n, measured.v_WB_B
+        base = (measured.q_WB_xyzw, _UNKNOWN if v is None else v, measured.omega_WB_B)
+        parts = (*base, measured.q, measured.qd)
+        _join('measured', parts, (4, 3, 3, n, n), self._state)
+
+    def _read_target(self, target: Target) -> None:
+        n = self.n
+        base = (target.q_WD_xyzw, target.omega_WD_D, target.omega_dot_D)
+        joints = (target.q, target.qd, target.qdd)
+        _join('target', base + joints, (4, 3, 3, n, n, n), self._target)
+
+    def _torques(self) -> Torques:
+        u, error = self._u.copy(), self._error.copy()
+        return Torques(u[3:6], u[6:], error[:3], error[3:])
+
+
+def _join(what: str, parts: tuple[Array, ...], sizes: tuple[int, ...], out: Array) -> None:
+    """Write the parts one behind the other.
+
+    Raises:
+        MessageRejectedError: a part of another size, or not finite.
+    """
+    found = tuple(map(len, parts))
+    if found != sizes:
+        raise MessageRejectedError(f'{what}: expected {sizes} numbers, got {found}')
+    np.concatenate(parts, out=out)
+    # one pass: squares of finite numbers of any use do not overflow
+    if not math.isfinite(out @ out):
+        raise MessageRejectedError(f'{what}: not finite')

@@ -1,0 +1,110 @@
+"""The motion in force: its clock, and how another one or a lost one is joined."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..model.settings import ReferenceSettings
+from ..types import Array, Quaternion
+from .attitude import AttitudeBlend, AttitudePoint, AttitudeReference, build_attitude
+from .reference import Blend, Point, Reference, build_reference
+from .samples import NS, Sample
+
+
+class Motion:
+    """Joint motion and, where it is controlled, attitude, on the clock of the joint samples.
+
+    Args:
+        settings: Section `reference` of the robot file.
+        joining: Time over which an offset dies away when a motion is joined [s].
+    """
+
+    def __init__(self, settings: ReferenceSettings, joining: float) -> None:
+        self._settings, self._joining = settings, joining
+        self.reset()
+
+    def reset(self) -> None:
+        """The motion starts again at the next sample."""
+        # as asked for; what is followed is that with the blend that joined it
+        self._asked: Reference | None = None
+        self._joints: Reference | None = None
+        self._asked_attitude: AttitudeReference | None = None
+        self._attitude: AttitudeReference | None = None
+        self._start_ns = self._attitude_start_ns = 0
+        self._pending: tuple[Reference, int | None] | None = None
+
+    @property
+    def joints(self) -> Reference:
+        """The joint motion."""
+        if self._joints is None:
+            raise RuntimeError('the motion has not begun')
+        return self._joints
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is a joint motion."""
+        return self._joints is not None
+
+    def time(self, stamp_ns: int) -> float:
+        """Time of the joint motion at a stamp [s]."""
+        return (stamp_ns - self._start_ns) * NS
+
+    def point(self, stamp_ns: int) -> Point:
+        """Point of the joints at a stamp."""
+        return self.joints.at(self.time(stamp_ns))
+
+    def attitude(self, stamp_ns: int) -> AttitudePoint:
+        """Point of the attitude at a stamp."""
+        if self._attitude is None:
+            raise RuntimeError('the attitude is not known')
+        return self._attitude.at((stamp_ns - self._attitude_start_ns) * NS)
+
+    def rests(self, stamp_ns: int) -> bool:
+        """Whether all rests from a stamp on."""
+        turning = self._attitude is not None and (
+            (stamp_ns - self._attitude_start_ns) * NS < self._attitude.duration
+        )
+        return not turning and self.time(stamp_ns) >= self.joints.duration
+
+    def begin(self, stamp_ns: int, q: Array) -> None:
+        """Start the joint motion at a sample."""
+        self._asked = self._joints = build_reference(self._settings, q)
+        self._start_ns = stamp_ns
+
+    def begin_attitude(self, q_WB_xyzw: Quaternion) -> None:
+        """Start the attitude's motion there, unless it runs already."""
+        if self._attitude is None:
+            self._attitude_start_ns = self._start_ns
+            self._asked_attitude = self._attitude = build_attitude(self._settings, q_WB_xyzw)
+
+    def wait(self, elapsed_ns: int) -> None:
+        """Let the motion stand still for a time."""
+        self._start_ns += elapsed_ns
+        self._attitude_start_ns += elapsed_ns
+
+    def follow(self, reference: Reference, start_ns: int | None) -> None:
+        """Follow another joint motion from its start (None: the next sample) on."""
+        self._pending = (reference, start_ns)
+
+    def rejoin(self, stamp_ns: int, sample: Sample) -> None:
+        """Join the motion from where the robot is."""
+        if self._asked is not None:
+            here = Point(sample.q, sample.qd, np.zeros(len(sample.q)))
+            self._joints = Blend(self._asked, self.time(stamp_ns), here, self._joining)
+        if self._asked_attitude is not None and sample.q_WB_xyzw is not None:
+            t = (stamp_ns - self._attitude_start_ns) * NS
+            start = (t, sample.q_WB_xyzw, self._joining)
+            self._attitude = AttitudeBlend(self._asked_attitude, *start)
+
+    def take_pending(self, stamp_ns: int) -> None:
+        """Join the motion that was asked for, if its time has come."""
+        if self._pending is None or (self._pending[1] or stamp_ns) > stamp_ns:
+            return
+        here = self.point(stamp_ns)
+        self._asked, start_ns = self._pending
+        self._start_ns = stamp_ns if start_ns is None else start_ns
+        t = self.time(stamp_ns)
+        # its acceleration may begin with a step, as that of every cubic does
+        start = Point(here.q, here.qd, self._asked.at(t).qdd)
+        self._joints = Blend(self._asked, t, start, self._joining)
+        self._pending = None
