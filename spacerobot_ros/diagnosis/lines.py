@@ -1,0 +1,101 @@
+"""Frequencies that the data themselves propose for effects that go as sin(p u(t) + phase).
+
+A torque ripple goes with the joint's angle, an imbalance with time: p is a harmonic or a
+frequency, and no grid of guesses is fine enough. The correlation of the innovations with such a
+force at every p is one transform of what `Innovations.wanted_force` gives, so all p are looked at.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from scipy.ndimage import median_filter
+
+from ..effects.effect import Effect, Parameter
+from ..effects.motion import Motion
+from ..types import Array
+
+_PEAKS = 3
+_OVERSAMPLING = 2.0
+_NEIGHBOURHOOD = 101  # values of p over which the background is judged
+_MOST = 4000
+_CHUNK = 256  # turns after which rounding is started afresh
+
+
+def searched(effect: Effect) -> Parameter | None:
+    """The parameter that multiplies the effect's argument; None where it has no such argument."""
+    if type(effect).argument is Effect.argument:
+        return None
+    return next(p for p in effect.parameters if p.role == 'search')
+
+
+def propose(
+    effect: Effect, where: str | None, motion: Motion, wanted: Array
+) -> tuple[tuple[float, ...], int]:
+    """Values of p that stand out, and how many were looked at.
+
+    Args:
+        effect: An effect with an argument.
+        where: Its place.
+        motion: The reference motion.
+        wanted: (N, 6 + n) from `Innovations.wanted_force`.
+    """
+    parameter = searched(effect)
+    argument = effect.argument(motion, where)
+    if parameter is None or argument is None:
+        return (), 0
+    values = _values(parameter, argument)
+    signals = _signals(effect, where, motion, wanted, parameter.name)
+    power = _power(values, argument, signals)
+    background = median_filter(power, _NEIGHBOURHOOD, mode='nearest')
+    ratio = power / np.maximum(background, 1e-300)
+    chosen: list[float] = []
+    apart = 2.0 * _OVERSAMPLING * float(values[1] - values[0])
+    for k in np.argsort(-ratio):
+        if all(abs(values[k] - other) > apart for other in chosen):
+            chosen.append(float(values[k]))
+        if len(chosen) == _PEAKS:
+            break
+    return tuple(chosen), len(values)
+
+
+def _values(parameter: Parameter, argument: Array) -> Array:
+    """Values of p as close as the argument's range can resolve, up to Nyquist's limit."""
+    span = float(np.ptp(argument))
+    step = 2.0 * np.pi / max(span, 1e-6) / _OVERSAMPLING
+    rate = float(np.median(np.abs(np.diff(argument))))
+    high = min(max(parameter.grid), np.pi / rate if rate > 0.0 else np.inf)
+    low = min(parameter.grid)
+    count = int(np.clip((high - low) / step, 2, _MOST)) + 1
+    return np.linspace(low, high, count)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _power(values: Array, argument: Array, signals: Array) -> Array:
+    """(P,) sum of |sum_t signals e^(i p u)|^2 at even steps of p, turned from each to the next."""
+    power = np.zeros(len(values))
+    turn = np.exp(1j * (values[1] - values[0]) * argument)
+    wave = turn.copy()
+    for k in range(len(values)):
+        if k % _CHUNK == 0:
+            wave = np.exp(1j * values[k] * argument)
+        for c in range(signals.shape[1]):
+            total = 0.0j
+            for t in range(len(wave)):
+                total += wave[t] * signals[t, c]
+            power[k] += total.real**2 + total.imag**2
+        for t in range(len(wave)):
+            wave[t] *= turn[t]
+    return power
+
+
+def _signals(effect: Effect, where: str | None, motion: Motion, wanted: Array, name: str) -> Array:
+    """(N, 2) correlation with the force that the effect has at p = 0, for two phases."""
+    (amplitude,) = [p.name for p in effect.parameters if p.role == 'linear'][:1]
+    (phase,) = [p.name for p in effect.parameters if p.role == 'phase']
+    hidden = np.zeros((len(motion), effect.hidden))
+    still = {**effect.nominal, amplitude: 1.0, name: 0.0}
+    forces = [
+        effect.force(motion, where, {**still, phase: turn}, hidden) for turn in (0.0, 0.5 * np.pi)
+    ]
+    return np.stack([np.sum(wanted * force, axis=1) for force in forces], axis=1)

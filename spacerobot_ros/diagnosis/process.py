@@ -1,0 +1,158 @@
+"""The torque-driven process: what the believed robot does under the measured torques.
+
+Velocities of the filter are the m = 3 + n of base rate and joint rates (m = n for a fixed base).
+The base's position and linear velocity are no part of it: by Galileo's principle they do not
+matter to the rest. Generalised forces are (N, 6 + n) as in `effects.motion`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+
+from ..effects.catalogue import changed_robot
+from ..effects.effect import AppliedEffect, Effect
+from ..effects.motion import Motion
+from ..model.robot import Robot
+from ..types import Array
+from .reference import Kinematics
+from .response import InverseDynamics
+from .wheel_torque import WheelTorque
+
+_STEP = 1e-6  # of the differences that give the gradient of believed forces; rad, rad/s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """Derivatives of the m accelerations at N times.
+
+    Args:
+        by_position: (N, m, m) by [dphi; q]. The attitude itself does not matter.
+        by_velocity: (N, m, m) by [omega; qd].
+        by_force: (N, m, 6 + n) by the generalised force: rows of the inverse mass matrix.
+    """
+
+    by_position: Array
+    by_velocity: Array
+    by_force: Array
+
+
+class TorqueDriven:
+    """The believed robot with its believed effects.
+
+    Args:
+        robot: The robot file's robot.
+        effects: Effects believed in.
+    """
+
+    def __init__(self, robot: Robot, effects: Sequence[AppliedEffect] = ()) -> None:
+        self.robot = changed_robot(robot, effects)
+        self.effects = tuple(e for e in effects if type(e.effect).force is not Effect.force)
+        # what has states of its own is driven by the reference and adds no gradient
+        self._direct = tuple(e for e in self.effects if not e.effect.hidden)
+        self.first = 3 if robot.is_free else 6
+        self.n = robot.n_joints
+        self.m = self.n + 6 - self.first
+        self._inverse = InverseDynamics(self.robot)
+
+    def motion(self, kinematics: Kinematics, effort: Array) -> Motion:
+        """The reference with the accelerations of base and joints that belong to it."""
+        return self._inverse.motion(kinematics, effort)
+
+    def forces(self, motion: Motion) -> Array:
+        """(N, 6 + n) generalised force of the believed effects, motor torques excluded."""
+        return self._sum(self.effects, motion)
+
+    def force_error(self, motion: Motion) -> Array:
+        """(N, 6 + n) force that the torques and effects give beyond what the motion needs.
+
+        With the inverse mass matrix it gives the model's accelerations less the motion's.
+        """
+        force = self.forces(motion) - self._inverse(motion)
+        force[:, 6:] += motion.effort
+        return force
+
+    def linearise(self, motion: Motion) -> Linearised:
+        """Derivatives of the accelerations about a motion."""
+        robot, first = self.robot, self.first
+        model, data = robot.pin_model, robot.pin_model.createData()
+        columns = motion.pin_columns
+        count, width = len(motion), 6 + self.n
+        by_q, by_v = np.zeros((count, width, width)), np.zeros((count, width, width))
+        inverse = np.zeros((count, width, width))
+        forces = self.forces(motion) if self.effects else motion.zeros()
+        forces[:, 6:] += motion.effort
+        rates = motion.rates[:, columns]
+        wheels = WheelTorque(robot)
+        at = np.ix_(columns, columns)
+        for k, (q, v, tau) in enumerate(
+            zip(motion.configurations, rates, forces[:, columns], strict=True)
+        ):
+            external = wheels.forces(q, v)
+            dq, dv, minv = pin.computeABADerivatives(model, data, q, v, tau, external)
+            minv = np.where(_lower(len(tau)), minv.T, minv)
+            gq, gv = wheels.gradients(q, v)
+            by_q[k][at], by_v[k][at] = dq + minv @ gq, dv + minv @ gv
+            inverse[k][at] = minv
+        by_position, by_velocity = by_q[:, first:, first:].copy(), by_v[:, first:, first:].copy()
+        if robot.is_free:
+            by_position[:, :, :3] = 0.0
+        if self._direct:
+            self._add_effects(motion, inverse, by_position, by_velocity)
+        return Linearised(by_position, by_velocity, inverse[:, first:])
+
+    def _add_effects(self, motion: Motion, inverse: Array, by_q: Array, by_v: Array) -> None:
+        """Add the gradient of the believed forces, by differences."""
+        here = self._sum(self._direct, motion)
+        for i in range(self.m):
+            column = self.first + i
+            for gradient, moved in (
+                (by_v, _moved(motion, column, rate=_STEP)),
+                (by_q, _moved(motion, column, position=_STEP)),
+            ):
+                if moved is not None:
+                    change = (self._sum(self._direct, moved) - here) / _STEP
+                    gradient[:, :, i] += np.einsum('nij,nj->ni', inverse[:, self.first :], change)
+
+    def _sum(self, effects: Sequence[AppliedEffect], motion: Motion) -> Array:
+        total = motion.zeros()
+        for effect in effects:
+            total += effect.force(motion, effect.driven(motion))
+        return total
+
+
+@cache
+def _lower(size: int) -> np.ndarray:
+    """(size, size) bool, below the diagonal: what Pinocchio leaves out of a symmetric matrix."""
+    return np.tri(size, k=-1, dtype=bool)
+
+
+def _moved(
+    motion: Motion, column: int, *, rate: float = 0.0, position: float = 0.0
+) -> Motion | None:
+    """The motion with one velocity or joint position changed; None for a base position."""
+    q, qd, omega = motion.q, motion.qd, motion.omega
+    if column < 6:
+        if position:
+            return None
+        omega = omega.copy()
+        omega[:, column - 3] += rate
+    else:
+        q, qd = q.copy(), qd.copy()
+        q[:, column - 6] += position
+        qd[:, column - 6] += rate
+    return Motion(
+        motion.robot,
+        motion.time,
+        q,
+        qd,
+        motion.effort,
+        rotation=motion.rotation,
+        omega=omega,
+        velocity=motion.velocity,
+        acceleration=motion.acceleration,
+    )

@@ -1,0 +1,230 @@
+"""Which effects the data want: forward selection over the whole catalogue, with second thoughts.
+
+Each round scores every candidate beside the causes chosen so far, on the first part of the record,
+and asks the rest of the record whether it agrees; the best few are fitted as they really are, not
+as their columns, before one is chosen. A chosen cause is dropped when later ones make it
+superfluous, and exchanged when another one now does better in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effects.effect import AppliedEffect, Effect
+from ..model.robot import Robot
+from .candidates import Candidate, candidates, is_possible
+from .evidence import Gram, Score, score
+from .fit import Fit, Run, refine
+from .fit_test import fit_test, lines
+from .innovations import Innovations
+
+TRAIN_SHARE = 0.6
+_FALSE_ALARMS = 1e-3  # a record, over all candidates
+_MOST_CAUSES = 6
+_HALVINGS = 12
+_SUSPICIOUS = 0.1  # p-value of the fit below which the dear candidates are looked at, too
+_SHORTLIST = 4
+_CLOSE_SHARE, _CLOSE_GAP = 0.9, 25.0  # of the best one's evidence: who is fitted as well
+_ALIKE_SHARE, _MOST_ALIKE = 0.5, 2
+_BATCH = 32  # candidates that pass through the filter at once
+_TINY = 1e-12  # keeps a column without any effect from making the elimination singular
+EQUIVALENT = 6.0  # gap in log evidence within which two causes are not told apart
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """A candidate with its score beside the chosen causes."""
+
+    candidate: Candidate
+    score: Score
+
+    @property
+    def applied(self) -> AppliedEffect:
+        """The candidate with its estimated values."""
+        return self.candidate.applied(self.candidate.values(self.score.estimate))
+
+    def guess(self, robot: Robot) -> AppliedEffect:
+        """Its estimated values, drawn towards no effect until a physical robot has them."""
+        for k in range(_HALVINGS):
+            values = self.candidate.values(0.5**k * self.score.estimate)
+            if is_possible(applied := self.candidate.applied(values), robot):
+                return applied
+        return self.candidate.applied(self.candidate.directions[0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """A chosen cause, why, and what might stand in its place.
+
+    Args:
+        key: Effect and place.
+        score: Its score when it was chosen.
+        rivals: (effect, place, gap in log evidence) that fit nearly as well.
+    """
+
+    key: tuple[str, str | None]
+    score: Score
+    rivals: tuple[tuple[str, str | None, float], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Result of the search.
+
+    Args:
+        null: The model as it stands.
+        fit: The model with all causes.
+        choices: One a cause of `fit`, in the same order.
+        first: Every candidate's score against the model as it stands, best first.
+    """
+
+    null: Fit
+    fit: Fit
+    choices: tuple[Choice, ...]
+    first: tuple[Judged, ...]
+
+
+class Search:
+    """Forward selection on one run.
+
+    Args:
+        run: The run.
+        effects: The catalogue, or a part of it.
+        report: Called with what is being done and how far it is, from 0 to 1.
+    """
+
+    def __init__(
+        self, run: Run, effects: Sequence[Effect], report: Callable[[str, float], None]
+    ) -> None:
+        self.run = run
+        self.report = report
+        self._effects = effects
+
+    def find(self) -> Found:
+        """Select until nothing more is wanted."""
+        null = fit = Fit(self.run, ())
+        self.report('judging every effect at every place', 0.1)
+        ranking = first = self.judge(null)
+        choices: list[Choice] = []
+        while len(choices) < _MOST_CAUSES:
+            wanted = wanted_of(ranking)
+            if not wanted:
+                break
+            self.report(f'fitting {wanted[0].candidate.effect.title}', 0.2 + 0.1 * len(choices))
+            fit, choice = self._choose(fit, wanted)
+            choices.append(choice)
+            if len(choices) > 1:
+                fit, choices = self._reconsider(fit, choices)
+            ranking = self.judge(fit)
+        return Found(null, fit, tuple(choices), tuple(first))
+
+    def judge(self, fit: Fit) -> list[Judged]:
+        """Every candidate's score beside a fit's causes, best evidence first.
+
+        Of each effect at each place only its best variant is kept. Effects with states of their
+        own (springs, sloshing) are dear, and leave slow errors or lines that `fit_test` sees: they
+        are looked at where it sees any.
+        """
+        chosen = {(c.effect.id, c.where) for c in fit.causes}
+        p_value, channels = fit_test(fit.filter, fit.data)
+        effects = [e for e in self._effects if p_value < _SUSPICIOUS or not e.hidden]
+        pool = [
+            c
+            for c in candidates(effects, fit.filter, fit.data, lines(channels))
+            if c.key not in chosen
+        ]
+        judged = []
+        for start in range(0, len(pool), _BATCH):
+            judged += self._judge_batch(fit, pool[start : start + _BATCH])
+        judged.sort(key=lambda j: -j.score.evidence)
+        best = {j.candidate.key: j for j in reversed(judged)}
+        return sorted(best.values(), key=lambda j: -j.score.evidence)
+
+    def _judge_batch(self, fit: Fit, pool: Sequence[Candidate]) -> list[Judged]:
+        """Scores of some candidates: as many as fit into the processor's cache."""
+        directions = [
+            (c.applied(d), s) for c in pool for d, s in zip(c.directions, c.steps, strict=True)
+        ]
+        columns = np.concatenate([fit.tangents, fit.signatures.whitened(directions)], axis=1)
+        grams = [Gram.of(columns[part], fit.data[part]) for part in split_rows(fit.filter)]
+        held = len(fit.free)
+        precision = fit.precision + _TINY
+        judged, start = [], held
+        for candidate in pool:
+            stop = start + len(candidate.steps)
+            own = np.concatenate([np.arange(held), np.arange(start, stop)])
+            train, test = (gram.part(own).without(held, precision) for gram in grams)
+            bounds = (candidate.lower, candidate.upper)
+            judged.append(Judged(candidate, score(train, candidate.sizes, bounds, test)))
+            start = stop
+        return judged
+
+    def _choose(self, fit: Fit, wanted: Sequence[Judged]) -> tuple[Fit, Choice]:
+        """The best of the shortlist, each fitted as it really is."""
+        shortlist = _shortlist(wanted)
+        fits = [
+            refine(self.run, [*fit.causes, j.guess(fit.filter.process.robot)]) for j in shortlist
+        ]
+        order = sorted(range(len(fits)), key=lambda i: -fits[i].evidence)
+        top = order[0]
+        rivals = tuple(
+            (*shortlist[i].candidate.key, fits[top].evidence - fits[i].evidence)
+            for i in order[1:]
+            if fits[top].evidence - fits[i].evidence < EQUIVALENT
+        )
+        return fits[top], Choice(shortlist[top].candidate.key, shortlist[top].score, rivals)
+
+    def _reconsider(self, fit: Fit, choices: list[Choice]) -> tuple[Fit, list[Choice]]:
+        """Drop or exchange earlier causes in the light of the latest."""
+        for i in reversed(range(len(choices) - 1)):
+            others = [c for k, c in enumerate(fit.causes) if k != i]
+            rest = refine(self.run, others)
+            ranking = self.judge(rest)
+            wanted = wanted_of(ranking)
+            kept = choices[:i] + choices[i + 1 :]
+            if not wanted:
+                fit, choices = rest, kept
+            elif wanted[0].candidate.key != choices[i].key:
+                other, choice = self._choose(rest, wanted)
+                if other.evidence > fit.evidence:
+                    fit, choices = other, [*kept, choice]
+        return fit, choices
+
+
+def wanted_of(ranking: Sequence[Judged]) -> list[Judged]:
+    """Candidates that are significant among all, worth their parameters, and held up."""
+    count = sum(j.candidate.trials for j in ranking)
+    return [
+        j
+        for j in ranking
+        if j.score.evidence > 0.0
+        and j.score.bic_gain > 0.0
+        and j.score.p_value * count < _FALSE_ALARMS
+        and j.score.held_out > 0.0
+    ]
+
+
+def _shortlist(wanted: Sequence[Judged]) -> list[Judged]:
+    """The best, those nearly as good, and its like elsewhere: neighbours share what they carry."""
+    best = wanted[0].score.evidence
+    floor = min(_CLOSE_SHARE * best, best - _CLOSE_GAP)
+    close = [j for j in wanted[:_SHORTLIST] if j.score.evidence >= floor]
+    alike = [
+        j
+        for j in wanted
+        if j.candidate.effect is wanted[0].candidate.effect
+        and j.score.evidence >= _ALIKE_SHARE * best
+        and j not in close
+    ]
+    return close + alike[:_MOST_ALIKE]
+
+
+def split_rows(filtered: Innovations) -> tuple[slice, slice]:
+    """Rows of the first part of the record, to fit on, and of the rest, to score on."""
+    times = filtered.row_times
+    split = times[0] + TRAIN_SHARE * (times[-1] - times[0])
+    first = int(np.searchsorted(times, split, side='right'))
+    return slice(0, first), slice(first, len(times))

@@ -1,0 +1,242 @@
+"""Every fault of the data is named as one; nothing physical is called a fault."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco')
+
+from support.mujoco_truth import EXCITATIONS, ROBOTS, generate
+
+from spacerobot_ros.diagnosis.data_faults import data_faults
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.recording.record import AttitudeSeries, RateSeries
+
+FREE = ['servicer', 'sixdof']
+DEGREES = 180.0 / np.pi
+
+
+@pytest.fixture(scope='module')
+def known(tmp_path_factory):
+    """Record and robot by name."""
+    out = {}
+    for name in ROBOTS:
+        case = generate(name, folder=tmp_path_factory.mktemp(name), seed=5, duration=8.0)
+        out[name] = case.data, load_robot_file(case.robot).robot
+    return out
+
+
+def joints(record, position=1.0, velocity=1.0, effort=1.0):
+    """The record with its joints' channels scaled."""
+    j = record.joints
+    scaled = j.position * position, j.velocity * velocity, j.effort * effort
+    return chosen(record, dict(zip(('position', 'velocity', 'effort'), scaled, strict=True)))
+
+
+def chosen(record, channels):
+    """The record with some of its joints' channels exchanged for others."""
+    return replace(record, joints=replace(record.joints, **channels))
+
+
+def gyro(record, factor):
+    return replace(record, rates=RateSeries(record.rates.stamp_ns, record.rates.omega * factor))
+
+
+def attitude(record, q_xyzw):
+    return replace(record, attitudes=AttitudeSeries(record.attitudes.stamp_ns, q_xyzw))
+
+
+def swapped(record, *channels):
+    """Columns of the first two joints exchanged."""
+    order = [1, 0, *range(2, len(record.joints.names))]
+    return chosen(record, {c: getattr(record.joints, c)[:, order] for c in channels})
+
+
+def flipped(record):
+    """Signs of one joint."""
+    return np.where(np.arange(len(record.joints.names)) == 1, -1.0, 1.0)
+
+
+def held(values, column):
+    """One column that never changes."""
+    out = values.copy()
+    out[:, column] = values[0, column]
+    return out
+
+
+def late(stamps, seconds=3.0):
+    """A clock that is set forward half way."""
+    return stamps + np.where(np.arange(len(stamps)) > len(stamps) // 2, int(seconds * 1e9), 0)
+
+
+def part(record, count):
+    channels = ('stamp_ns', 'position', 'velocity', 'effort')
+    return chosen(record, {c: getattr(record.joints, c)[:count] for c in channels})
+
+
+def slowed(record, factor):
+    """Stamps in a smaller unit than was thought."""
+    return chosen(record, {'stamp_ns': record.joints.stamp_ns * factor})
+
+
+JOINT_FAULTS = {
+    'rates in degrees': (lambda r: joints(r, velocity=DEGREES), 'degrees instead of radians'),
+    'positions in degrees': (lambda r: joints(r, position=DEGREES), 'as if they were degrees'),
+    'rates in milliradians': (lambda r: joints(r, velocity=1e3), 'a thousand times too large'),
+    'all in degrees': (
+        lambda r: joints(r, position=DEGREES, velocity=DEGREES),
+        'degrees instead of radians',
+    ),
+    'efforts in milli': (lambda r: joints(r, effort=1e3), 'a thousand times too large'),
+    'efforts in kilo': (lambda r: joints(r, effort=1e-3), 'a thousand times too small'),
+    'rates exchanged': (lambda r: swapped(r, 'velocity'), 'joint_1 and joint_2 are exchanged'),
+    'efforts exchanged': (lambda r: swapped(r, 'effort'), 'joint_1 and joint_2 are exchanged'),
+    'joints exchanged': (
+        lambda r: swapped(r, 'position', 'velocity', 'effort'),
+        'joint_1 and joint_2 are exchanged',
+    ),
+    'a rate flipped': (lambda r: joints(r, velocity=flipped(r)), 'joint_2: rates against posi'),
+    'an effort flipped': (lambda r: joints(r, effort=flipped(r)), 'joint_2: of the wrong sign'),
+    'efforts flipped': (lambda r: joints(r, effort=-1.0), 'all efforts are of the wrong sign'),
+    'a joint flipped': (
+        lambda r: joints(r, flipped(r), flipped(r), flipped(r)),
+        'joints/joint_2: position, rate and effort are of the wrong sign',
+    ),
+    'no effort': (lambda r: joints(r, effort=0.0), 'all efforts are zero'),
+    'a dead effort': (
+        lambda r: chosen(r, {'effort': held(r.joints.effort, 1)}),
+        'joint_torque/joint_2: never changes',
+    ),
+    'a dead joint': (
+        lambda r: chosen(
+            r,
+            {
+                'position': held(r.joints.position, 1),
+                'velocity': np.where(
+                    np.arange(r.joints.velocity.shape[1]) == 1, 0.0, r.joints.velocity
+                ),
+            },
+        ),
+        'joint_position/joint_2: never changes',
+    ),
+    'a dead encoder': (
+        lambda r: chosen(r, {'position': held(r.joints.position, 1)}),
+        'joint_position/joint_2: never changes',
+    ),
+    'a clock set forward': (
+        lambda r: chosen(r, {'stamp_ns': late(r.joints.stamp_ns)}),
+        'the clock jumps by 3.01 s',
+    ),
+    'milliseconds for seconds': (lambda r: slowed(r, 1000), 'the stamps are not in seconds'),
+    'too few': (lambda r: part(r, 30), 'has 30 samples'),
+    'too short': (lambda r: part(r, 100), 'a diagnosis needs 2 s or more'),
+    'no joints': (lambda r: replace(r, joints=None), '/joint_states: is missing'),
+}
+
+BASE_FAULTS = {
+    'gyro in degrees': (lambda r: gyro(r, DEGREES), 'gyro: rates against the attitude are deg'),
+    'gyro flipped': (lambda r: gyro(r, -1.0), 'of the wrong sign'),
+    'gyro axes flipped': (lambda r: gyro(r, np.array([1.0, -1.0, -1.0])), 'x, -y, -z'),
+    'gyro dead': (lambda r: gyro(r, 0.0), 'never changes'),
+    'gyro axis dead': (lambda r: gyro(r, np.array([1.0, 0.0, 1.0])), 'gyro/y: never changes'),
+    'scalar first': (
+        lambda r: attitude(r, np.roll(r.attitudes.q_xyzw, 1, axis=1)),
+        'the quaternion has its scalar first',
+    ),
+    'inverse': (
+        lambda r: attitude(r, r.attitudes.q_xyzw * np.array([-1.0, -1.0, -1.0, 1.0])),
+        None,
+    ),
+    'attitude dead': (
+        lambda r: attitude(r, np.tile(r.attitudes.q_xyzw[:1], (len(r.attitudes.q_xyzw), 1))),
+        'attitude: never changes',
+    ),
+    'gyro set forward': (
+        lambda r: replace(r, rates=RateSeries(late(r.rates.stamp_ns), r.rates.omega)),
+        'gyro: the clock jumps by 3.0',
+    ),
+    'tracker set forward': (
+        lambda r: replace(
+            r, attitudes=AttitudeSeries(late(r.attitudes.stamp_ns), r.attitudes.q_xyzw)
+        ),
+        'attitude: the clock jumps by 3.1',
+    ),
+    'another epoch': (
+        lambda r: replace(
+            r, rates=RateSeries(r.rates.stamp_ns + 1_700_000_000_000_000_000, r.rates.omega)
+        ),
+        'gyro: begins 1.7e+09 s after the joints',
+    ),
+    'no base': (lambda r: replace(r, rates=None, attitudes=None), 'are both missing'),
+}
+
+
+@pytest.mark.parametrize('robot', FREE)
+@pytest.mark.parametrize('fault', [*JOINT_FAULTS, *BASE_FAULTS])
+def test_a_fault_of_a_free_robot_is_named(known, robot, fault):
+    record, model = known[robot]
+    spoil, words = {**JOINT_FAULTS, **BASE_FAULTS}[fault]
+    faults = data_faults(spoil(record), model)
+    assert faults
+    assert words is None or words in '; '.join(faults)
+
+
+@pytest.mark.parametrize('fault', [f for f in JOINT_FAULTS if f != 'joints exchanged'])
+def test_a_fault_of_an_arm_on_the_ground_is_named(known, fault):
+    record, model = known['ground']
+    spoil, words = JOINT_FAULTS[fault]
+    faults = data_faults(spoil(record), model)
+    assert faults
+    assert words is None or words in '; '.join(faults)
+
+
+def test_a_diagnosis_refuses_faulty_data_in_one_line(known):
+    record, model = known['servicer']
+    with pytest.raises(RecordingError, match='faulty data: gyro: rates against the att') as error:
+        diagnose(gyro(record, DEGREES), model)
+    assert '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize('robot', ['servicer', 'ground', 'pendulum'])
+@pytest.mark.parametrize('excitation', EXCITATIONS)
+def test_clean_data_have_no_fault(tmp_path, robot, excitation):
+    case = generate(robot, folder=tmp_path, seed=9, duration=3.0, excitation=excitation)
+    assert data_faults(case.data, load_robot_file(case.robot).robot) == ()
+
+
+CAUSES = {
+    'friction': [('joint_coulomb_friction', 'joint_2', {'torque': 3.0})],
+    'ripple': [
+        ('joint_torque_ripple', 'joint_2', {'amplitude': 2.0, 'harmonic': 24.0, 'phase': 0.3})
+    ],
+    'torque constant': [('joint_torque_constant', 'joint_1', {'gain': -0.3})],
+    'encoder': [('encoder_offset', 'joint_2', {'offset': 0.05})],
+    'scales': [
+        ('encoder_scale', 'joint_1', {'gain': 0.05}),
+        ('joint_rate_scale', 'joint_2', {'gain': 0.03}),
+        ('gyro_scale', None, {'x': 0.02, 'y': -0.02, 'z': 0.03}),
+    ],
+    'angles': [
+        ('gyro_misalignment', None, {'x': 0.03, 'y': -0.02, 'z': 0.05}),
+        ('attitude_misalignment', None, {'x': 0.02, 'y': 0.05, 'z': -0.03}),
+    ],
+    'clocks': [
+        ('imu_delay', None, {'delay': 0.02}),
+        ('attitude_delay', None, {'delay': 0.1}),
+        ('joint_delay', None, {'delay': 0.02}),
+    ],
+    'gyro bias': [('gyro_bias', None, {'x': 1e-3, 'y': 2e-3, 'z': -1e-3})],
+    'torque': [('external_torque_body', None, {'x': 1.0, 'y': -0.5, 'z': 0.3})],
+    'harness': [('joint_stiffness', 'joint_2', {'stiffness': 20.0, 'rest_angle': 0.3})],
+}
+
+
+@pytest.mark.parametrize('cause', CAUSES)
+def test_a_physical_cause_is_no_fault(tmp_path, cause):
+    case = generate('servicer', CAUSES[cause], folder=tmp_path, seed=8, duration=3.0)
+    assert data_faults(case.data, load_robot_file(case.robot).robot) == ()

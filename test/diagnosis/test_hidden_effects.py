@@ -1,0 +1,104 @@
+"""One effect of each kind, hidden at a drawn place in data of another engine: the first name.
+
+As in `test_hidden.py`, a test has the bag and the robot file; the truth is read after the verdict.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco')
+
+from support.mujoco_robots import ROBOTS
+from support.mujoco_truth import generate
+
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.recording.read import read_record
+
+DURATION = 15.0  # s
+SIGMA = 4.0  # of a dozen numbers, one is beyond it by chance in one of 1300 sets of seeds
+
+
+def answer(case):
+    """Verdict from data and robot file alone."""
+    robot = load_robot_file(case.robot).robot
+    return diagnose(read_record(case.data, robot), robot)
+
+
+def hide(folder, robot, *effects, seed):
+    return generate(robot, effects, folder=folder, seed=seed, duration=DURATION, bag=True)
+
+
+def joint(robot, seed):
+    return str(np.random.default_rng(seed).choice(ROBOTS[robot].joints))
+
+
+def drawn(seed, low, high):
+    """A number of random size and sign."""
+    rng = np.random.default_rng(seed)
+    return float(rng.uniform(low, high) * rng.choice([-1.0, 1.0]))
+
+
+CASES = {
+    'dry friction': ('servicer', 21, 'joint_coulomb_friction', 'torque', 0.3, 1.0),
+    'sensor bias': ('sixdof', 22, 'torque_sensor_bias', 'bias', 0.3, 1.0),
+    'encoder': ('sixdof', 23, 'encoder_offset', 'offset', 3e-3, 1e-2),
+    'rate': ('servicer', 24, 'joint_rate_scale', 'gain', 5e-3, 2e-2),
+}
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_what_a_joint_hides_is_named_at_that_joint(tmp_path, name):
+    robot, seed, effect, parameter, low, high = CASES[name]
+    value = drawn(seed, low, high)
+    value = abs(value) if 'friction' in effect else value
+    case = hide(tmp_path, robot, (effect, joint(robot, seed), {parameter: value}), seed=seed)
+    said = answer(case)
+    assert said.verdict == 'explained', said.sentence
+    (cause,) = said.causes
+    ((hidden, where, truth),) = case.hidden
+    assert (cause.applied.effect.id, cause.applied.where) == (hidden, where)
+    estimated = cause.parameters[parameter]
+    off = estimated.value - truth[parameter] - cause.applied.effect.nominal[parameter]
+    assert abs(off) <= SIGMA * estimated.std
+
+
+SYSTEM = {
+    'imu_delay': ('servicer', 25, {'delay': 0.013}),
+    'external_torque_inertial': ('servicer', 26, {'x': 0.4, 'y': -0.3, 'z': 0.5}),
+    'gyro_misalignment': ('sixdof', 27, {'x': 2e-3, 'y': -3e-3, 'z': 4e-3}),
+}
+
+
+@pytest.mark.parametrize('effect', SYSTEM)
+def test_what_the_whole_hides_is_named(tmp_path, effect):
+    robot, seed, values = SYSTEM[effect]
+    case = hide(tmp_path, robot, (effect, None, values), seed=seed)
+    said = answer(case)
+    assert said.verdict == 'explained', said.sentence
+    (cause,) = said.causes
+    ((hidden, _, truth),) = case.hidden
+    assert cause.applied.effect.id == hidden
+    turned = -1.0 if effect == 'gyro_misalignment' else 1.0  # the truth turns the sensor instead
+    for name, value in truth.items():
+        estimated = cause.parameters[name]
+        assert abs(estimated.value - turned * value) <= SIGMA * estimated.std
+
+
+def test_a_payload_is_weighed(tmp_path):
+    payload = ('inertial_parameters', 'link_6', {'mass': 3.0, 'com': (0.05, 0.02, 0.1)})
+    case = hide(tmp_path, 'sixdof', payload, seed=28)
+    said = answer(case)
+    assert said.verdict == 'explained', said.sentence
+    (cause,) = said.causes
+    ((hidden, where, truth),) = case.hidden
+    assert (cause.applied.effect.id, cause.applied.where) == (hidden, where)
+    # the figure asked for
+    np.testing.assert_allclose(cause.parameters['mass'].value, truth['mass'], rtol=0.1, atol=0.0)
+
+
+def test_an_arm_on_the_ground_as_it_is_gives_none(tmp_path):
+    said = answer(hide(tmp_path, 'pendulum', seed=29))
+    assert (said.verdict, said.causes) == ('consistent', ()), said.sentence

@@ -1,0 +1,139 @@
+"""The monitor: silent where the model is right, quick and right about the channel where not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.faults_in_flight import FAULTS, in_flight
+from support.flights import Flight, monitor_of, watch
+
+from spacerobot_ros.errors import MessageRejectedError
+
+ONSET = 6.0
+SHORT = {'learn': 5.0}
+
+
+@pytest.fixture(scope='module')
+def nominal():
+    """Return 30 s without a fault."""
+    return list(Flight(seed=4).samples(30.0))
+
+
+def alarms(monitor, samples):
+    """Raised and cleared: (time, what spoke first, reason) and times."""
+    raised, cleared, was = [], [], None
+    for state in watch(monitor, samples):
+        if state.raised_ns is not None and was is None:
+            raised.append((state.raised_ns * 1e-9, state.first, state.reason))
+        if state.raised_ns is None and was is not None:
+            cleared.append(state.judged_ns * 1e-9)
+        was = state.raised_ns
+    return raised, cleared
+
+
+def test_silent_where_the_model_is_right_and_the_momentum_is_found(nominal):
+    flight = Flight(seed=4)
+    monitor = monitor_of(flight, **SHORT)
+    assert alarms(monitor, nominal) == ([], [])
+    state = monitor.state
+    assert state.level == 'ok', state.reason
+    assert 'held torque' in state.notes[0]  # a sampled controller holds its torque
+    truth = np.array(flight.parameters()['truth']['target_momentum'])
+    # 4 standard deviations: one in 5000 seeds fails
+    assert np.all(np.abs(np.array(state.momentum) - truth) < 4 * np.array(state.momentum_std))
+    assert max(state.momentum_std) < 0.05  # of 76 N m s, after half a minute
+    floors = [c.rms for c in state.channels if np.isfinite(c.rms)]
+    assert min(floors) > 0.8  # few samples of the tracker
+    assert max(floors) < 1.2
+
+
+@pytest.mark.parametrize(('name', 'size'), [('gyro_bias', 5e-5), ('star_turned', 1e-3)])
+def test_sensor_fault_is_raised_and_named(nominal, name, size):
+    change = in_flight(name, size, Flight()).change
+    samples = [change(s) if s.stamp_ns * 1e-9 >= ONSET else s for s in nominal[:900]]
+    raised, _ = alarms(monitor_of(Flight(seed=4), **SHORT), samples)
+    when, first, reason = raised[0]
+    assert ONSET <= when <= ONSET + 2.0
+    assert first.startswith(FAULTS[name].channels), first
+    assert 'unexplained' in reason or 'a jump of' in reason
+    assert len(raised) == 1
+
+
+@pytest.mark.parametrize(
+    ('name', 'size', 'within'),
+    [
+        ('coulomb_friction', 0.3, 2.0),
+        ('payload', 10.0, 2.0),
+        ('thruster_leak', 0.1, 2.0),
+        ('wheel_drag', 3e-3, 4.0),
+    ],
+)
+def test_fault_of_the_machine_is_raised_and_named(name, size, within):
+    flight = in_flight(name, size, Flight(seed=2, onset=ONSET))
+    raised, _ = alarms(monitor_of(flight, **SHORT), flight.samples(ONSET + 0.5 + within))
+    assert raised, 'no alarm'
+    when, first, _ = raised[0]
+    assert ONSET <= when <= ONSET + within
+    assert first.startswith(FAULTS[name].channels), first
+
+
+def test_alarm_ends_when_the_fault_does(nominal):
+    change = in_flight('gyro_bias', 2e-4, Flight()).change
+    end = ONSET + 1.0
+    samples = [change(s) if ONSET <= s.stamp_ns * 1e-9 < end else s for s in nominal]
+    monitor = monitor_of(Flight(seed=4), clear_after=2.0, **SHORT)
+    raised, cleared = alarms(monitor, samples)
+    assert len(raised) == len(cleared) == 1
+    assert cleared[0] - end < 20.0  # 8 s of window, 2 nats at half a nat a second, and chance
+    assert monitor.state.level != 'error'
+
+
+def test_gaps_and_absent_sensors_are_no_alarm(nominal):
+    def drop(sample):
+        t = sample.stamp_ns * 1e-9
+        if 6.0 < t < 9.5:  # everything is silent
+            return replace(sample, joints=None, omega=None, attitude_xyzw=None)
+        if 11.0 < t < 14.0:
+            return replace(sample, omega=None)
+        if 16.0 < t < 18.0:
+            return replace(sample, attitude_xyzw=None)
+        return replace(sample, joints=None) if sample.stamp_ns % 70_000_000 == 0 else sample
+
+    monitor = monitor_of(Flight(seed=4), **SHORT)
+    assert alarms(monitor, [drop(s) for s in nominal[:2000]]) == ([], [])
+    assert monitor.state.level in ('ok', 'warn'), monitor.state.reason
+
+
+def test_order_within_what_is_not_yet_judged_does_not_matter(nominal):
+    first, second = (monitor_of(Flight(seed=4), **SHORT) for _ in range(2))
+    part = nominal[:700]
+    shuffled = [s for k in range(0, len(part), 10) for s in reversed(part[k : k + 10])]
+    states = [list(watch(m, s))[-1] for m, s in ((first, part), (second, shuffled))]
+    for a, b in zip(states[0].channels, states[1].channels, strict=True):
+        assert a == b or np.isnan(a.rms)
+
+
+@pytest.mark.parametrize(
+    ('give', 'reason'),
+    [
+        (lambda m: m.add_rate(5, np.array([np.nan, 0, 0])), 'not finite'),
+        (lambda m: m.add_rate(5, np.zeros(2)), 'shape'),
+        (lambda m: m.add_rate(0, np.zeros(3)), 'duplicate stamp'),
+        (lambda m: m.add_attitude(5, np.array([0, 0, 0, 1.1])), 'norm 1.1'),
+        (lambda m: m.add_joints(5, np.zeros(2), np.zeros(3), None), 'position has 2 entries'),
+        (lambda m: m.add_joints(5, np.zeros(3), np.zeros(3), np.full(3, np.inf)), 'effort is not'),
+    ],
+)
+def test_bad_samples_are_refused(give, reason):
+    monitor = monitor_of(Flight())
+    monitor.add_rate(0, np.zeros(3))
+    with pytest.raises(MessageRejectedError, match=reason):
+        give(monitor)
+
+
+def test_what_is_judged_already_is_too_late(nominal):
+    monitor = monitor_of(Flight(seed=4), **SHORT)
+    for _ in watch(monitor, nominal[:700]):
+        pass
+    with pytest.raises(MessageRejectedError, match='too late'):
+        monitor.add_rate(1_005_000_000, np.zeros(3))
