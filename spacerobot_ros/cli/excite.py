@@ -31,6 +31,8 @@ examples:
   spacerobot excite --robot config/servicer.yaml -o out/trajectory.yaml
   spacerobot excite --robot config/servicer_excite.yaml -o out/usable.yaml --report out/usable.html
   spacerobot simulate --robot out/trajectory.yaml -o run
+  spacerobot excite --robot config/servicer.yaml -o out/separate.yaml \\
+      --separate joint_viscous_friction@joint_2 joint_coulomb_friction@joint_2
 
 The output is a complete robot file. Ctrl-C ends the search and keeps the best motion so far.
 
@@ -51,6 +53,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
     parser.add_argument(
         '-o', '--output', required=True, metavar='YAML', help='robot file with the motion to write'
+    )
+    parser.add_argument(
+        '--separate',
+        nargs=2,
+        metavar='EFFECT[@WHERE]',
+        help='design the motion that tells two effects of the diagnosis apart instead',
     )
     parser.add_argument('--criterion', choices=CRITERIA, help="what to optimise (default: file's)")
     parser.add_argument(
@@ -76,10 +84,13 @@ def run(args: argparse.Namespace) -> int:
     from ..model.loader import load_robot_file
     from ..report.html import write_report
     from .excite_report import report_of
+    from .excite_separate import run_separate
     from .excite_tables import print_summary
     from .simulate import progress_bar
 
     _check_target(args.output, args.robot, args.force)
+    if args.separate:
+        return run_separate(args)
     if args.report:
         _check_target(args.report, args.robot, args.force)
     problem = Problem(with_options(load_robot_file(args.robot), args))

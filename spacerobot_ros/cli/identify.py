@@ -6,7 +6,7 @@ import argparse
 import json
 import math
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from .options import Formatter
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from ..identification.advice import Advice
     from ..identification.estimate import Estimate
 
 METHODS = ('ml', 'recursive', 'ls')
@@ -65,24 +66,37 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
+    from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
+    from ..identification.grouping import standard_parameters
+    from ..identification.linearize import MomentumModel
+    from ..identification.minimal import minimal_set
     from ..model.loader import load_robot_file
     from ..model.writer import write_robot_file
     from ..recording.bag import read_bag
     from ..recording.npz import load_npz
     from ..report.json_values import json_value
+    from ..sensing.correction import corrected_record
 
     file = load_robot_file(args.robot)
     record = load_npz(args.bag) if args.bag.endswith('.npz') else read_bag(args.bag, file.robot)
-    settings = file.settings.identifier
+    record = corrected_record(record, file.robot, file.effects)
+    robot, settings = file.believed, file.settings.identifier
     if args.manifold:
         settings = replace(settings, manifold=args.manifold)
-    result = identify_robot(record, file.robot, settings, args.method)
+    result = identify_robot(record, robot, settings, args.method)
     estimate = result.estimate
+    minimal = minimal_set(robot, settings.structure)
+    groups = standard_parameters(robot, minimal, settings.structure)
+    advice = advise_on(record, MomentumModel(robot, minimal), estimate)
     if args.json:
-        print(json.dumps(json_value(estimate.to_dict()), indent=2, allow_nan=False))
+        data = estimate.to_dict()
+        for parameter, group in zip(data['parameters'], groups, strict=True):
+            parameter['groups'] = group
+        data['advice'] = [asdict(one) for one in advice]
+        print(json.dumps(json_value(data), indent=2, allow_nan=False))
     else:
-        _print_human(estimate)
+        _print_human(estimate, groups, advice)
     if args.write:
         if Path(args.write).exists() and not args.force:
             raise IdentificationError(f'{args.write}: exists; --force overwrites it')
@@ -90,21 +104,25 @@ def run(args: argparse.Namespace) -> int:
             raise IdentificationError(
                 f'{args.write} is not written: no physical bodies were found'
             )
-        write_robot_file(result.robot, args.robot, args.write)
+        write_robot_file(file.before_effects(result.robot), args.robot, args.write)
     return 0 if estimate.valid else 1
 
 
-def _print_human(estimate: Estimate) -> None:
+def _print_human(estimate: Estimate, groups: tuple[str, ...], advice: tuple[Advice, ...]) -> None:
     from rich.console import Console
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
-    for title, rows in (
-        ('wheel momentum of the captured body', _aam_rows(estimate)),
-        ('total angular momentum, inertial frame', _momentum_rows(estimate)),
-        ('minimal inertial parameters', _parameter_rows(estimate)),
+    for title, rows, notes in (
+        ('wheel momentum of the captured body', _aam_rows(estimate), ()),
+        ('total angular momentum, inertial frame', _momentum_rows(estimate), ()),
+        (
+            'minimal inertial parameters, each with the numbers of the bodies that it groups',
+            _parameter_rows(estimate),
+            groups,
+        ),
     ):
         console.print(title)
-        console.print(_table(rows))
+        console.print(_table(rows, notes))
     console.print(
         f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
         f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
@@ -115,8 +133,12 @@ def _print_human(estimate: Estimate) -> None:
         console.print(f'note: {note}', markup=False)
     if not estimate.valid:
         console.print(f'not valid: {estimate.reason}', markup=False)
-    for direction in estimate.unexcited:
-        console.print(f'not excited: {direction}', markup=False)
+    if advice:
+        console.print(
+            '\nwhat the data cannot tell, and the cheapest motions that would, in this order'
+            '\n(A with -1.00 B: where A and B change so together, the data stay the same)'
+        )
+        console.print(_advice_table(advice))
 
 
 def _aam_rows(estimate: Estimate) -> list[tuple[str, float, float, str]]:
@@ -142,7 +164,7 @@ def _rows(
     return [(name, v, s, unit) for name, v, s in zip(names, values, stds, strict=True)]
 
 
-def _table(rows: list[tuple[str, float, float, str]]) -> Table:
+def _table(rows: list[tuple[str, float, float, str]], notes: tuple[str, ...] = ()) -> Table:
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -152,10 +174,23 @@ def _table(rows: list[tuple[str, float, float, str]]) -> Table:
     for column in ('value', '+- std'):
         table.add_column(column, justify='right')
     table.add_column('unit')
-    for name, value, std, unit in rows:
+    if notes:
+        table.add_column('groups')
+    for i, (name, value, std, unit) in enumerate(rows):
         digits = decimals(std)
-        cells = (name, f'{value:.{digits}f}', f'{std:.{digits}f}', unit)
+        cells = (name, f'{value:.{digits}f}', f'{std:.{digits}f}', unit, *notes[i : i + 1])
         table.add_row(*(Text(cell) for cell in cells))
+    return table
+
+
+def _advice_table(advice: tuple[Advice, ...]) -> Table:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table('extra motion', 'tells', box=box.SIMPLE_HEAD, pad_edge=False)
+    for one in advice:
+        table.add_row(Text(one.motion or 'none of those tried'), Text('\n'.join(one.tells)))
     return table
 
 

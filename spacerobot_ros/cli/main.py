@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from ..errors import SpaceRobotError
 
-COMMANDS = ('demo', 'simulate', 'identify', 'excite', 'reproduce')
+COMMANDS = ('demo', 'simulate', 'identify', 'diagnose', 'excite', 'reproduce')
 
 _DESCRIPTION = """\
 Estimation and control of a free-floating space robot that has captured a satellite whose
@@ -26,6 +26,7 @@ examples:
   spacerobot demo                                      the whole loop on ROS 2 nodes, with a report
   spacerobot simulate --robot config/servicer.yaml -o run
   spacerobot identify run --robot config/servicer.yaml
+  spacerobot diagnose run --robot config/servicer.yaml --out out/diagnosis
   spacerobot reproduce wheel-momentum                  the paper's tables, beside the printed ones
 
 exit status: 0 done, 1 done but the answer is no, 2 input that can't be used, 130 interrupted

@@ -7,28 +7,42 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from .options import Formatter
+from ..errors import ConfigurationError
+from .options import Formatter, positive_float
 
 if TYPE_CHECKING:
     from ..report.html import Table
     from ..reproduce.checks import Check
-    from ..reproduce.wheel_momentum import Options
+    from .reproduce_report import Page
 
-EXPERIMENTS = ('wheel-momentum',)
-_RUNS, _QUICK_RUNS = 10, 2
+_RUNS = {'wheel-momentum': 10, 'adaptive-control': 6, 'diagnosis': 300}
+EXPERIMENTS = tuple(_RUNS)
+_QUICK_RUNS = 2
+_CAMPAIGN, _QUICK_CAMPAIGN = 200, 12
+
+_Outcome = tuple[list['Check'], dict[str, Any], 'Page']
 
 _DESCRIPTION = """\
-Repeat a paper's experiments and show every figure beside the printed one.
+Repeat experiments and show every figure beside the one that is printed or wanted.
 
 wheel-momentum: momentum-based identification of the captured wheels (docs/reproduction.md):
   minimal sets, condition numbers, Table III without and with noise, estimators against the
   Cramer-Rao bound, tracking with and without knowledge of the wheels (Figs 4-7), on the correct
   plant and on the one that the paper's equations describe
+
+adaptive-control: adaptive control of base attitude and joints (docs/adaptive.md), on a robot of
+  our own, since the paper's is not published: set-points with wrong parameters, Lambda sweep,
+  harmonic tracking with all laws, inertia histories, noise, sampling limit, time of a cycle
+
+diagnosis: hidden effects found and named (docs/diagnosis.md): clean records, every effect at
+  several strengths, pairs, effects taken out of the catalogue; confusion, detection, false alarms.
+  A night's work that goes on where it stopped (OUT/diagnosis.jsonl); --quick takes minutes
 
 writes OUT/report.html and OUT/results.json
 """
@@ -37,6 +51,9 @@ _EPILOG = """\
 examples:
   spacerobot reproduce wheel-momentum
   spacerobot reproduce wheel-momentum --quick
+  spacerobot reproduce wheel-momentum --campaign coverage --runs 200 --out out/coverage
+  spacerobot reproduce adaptive-control --runs 20
+  spacerobot reproduce diagnosis --jobs 2 --out out/diagnosis-campaign
   spacerobot reproduce wheel-momentum --json | jq '.checks[] | select(.is_met | not)'
 
 exit status: 0 every figure is reached, 1 some are not (they are listed), 2 unusable input
@@ -47,54 +64,137 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the sub-command's arguments."""
     parser = subparsers.add_parser(
         'reproduce',
-        help="repeat a paper's experiments beside its printed figures",
+        help='repeat published experiments and the diagnosis campaign beside their figures',
         description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=Formatter,
     )
-    parser.add_argument('experiment', choices=EXPERIMENTS, help='which paper')
+    parser.add_argument('experiment', choices=EXPERIMENTS, help='which experiments')
     parser.add_argument('--json', action='store_true', help='print JSON, and nothing else')
     parser.add_argument('--out', default='out/reproduce', metavar='DIR', help='folder to write to')
+    parser.add_argument(
+        '--jobs', type=_at_least_one, metavar='N', help='processes (default: one a core)'
+    )
+    parser.add_argument(
+        '--minutes',
+        type=positive_float,
+        metavar='M',
+        help='diagnosis: begin nothing new after that time (default: none)',
+    )
     parser.add_argument('--quick', action='store_true', help='a fifth of the work')
+    parser.add_argument(
+        '--campaign',
+        choices=('coverage',),
+        help='wheel-momentum: do 95 %% intervals hold in many runs? Goes on where it stopped '
+        '(OUT/coverage.jsonl)',
+    )
     parser.add_argument(
         '--runs',
         type=_at_least_two,
         metavar='N',
-        help=f'noisy records an estimator (default: {_RUNS}; {_QUICK_RUNS} with --quick)',
+        help='noisy records an estimator, wrong priors a law, or clean records (default: '
+        f'{", ".join(f"{name} {runs}" for name, runs in _RUNS.items())}, '
+        f'coverage {_CAMPAIGN}; fewer with --quick)',
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Reproduce, write the report and print; 0 where every figure is reached."""
+    from .reproduce_report import prepare, write
+
+    started = time.monotonic()
+    prepare(Path(args.out))
+    experiments = {
+        'wheel-momentum': _wheel_momentum,
+        'adaptive-control': _adaptive_control,
+        'diagnosis': _diagnosis,
+    }
+    work = _coverage if args.campaign else experiments[args.experiment]
+    found, plain, shown = work(args)
+    data = {**plain, 'wall_s': round(time.monotonic() - started, 1)}
+    page = write(shown, found, Path(args.out), data)
+    if args.json:
+        print(json.dumps(data, indent=2, allow_nan=False))
+    else:
+        _print_human(shown.tables, found, page)
+    return 0 if all(check.is_met for check in found) else 1
+
+
+def _wheel_momentum(args: argparse.Namespace) -> _Outcome:
     from ..reproduce.checks import checks
     from ..reproduce.to_dict import to_dict
     from ..reproduce.wheel_momentum import count_tasks
     from ..reproduce.wheel_momentum import run as reproduce
-    from .reproduce_report import prepare, write
-    from .reproduce_tables import tables
+    from .reproduce_report import wheel_momentum_page
 
-    started = time.monotonic()
     options = _options(args)
-    prepare(Path(args.out))
     with _progress(count_tasks(options)) as done:
         results = reproduce(options, done)
     found = checks(results)
-    data = {**to_dict(results, found), 'wall_s': round(time.monotonic() - started, 1)}
-    page = write(results, found, Path(args.out), data)
-    if args.json:
-        print(json.dumps(data, indent=2, allow_nan=False))
-    else:
-        _print_human(tables(results), found, page)
-    return 0 if all(check.is_met for check in found) else 1
+    return found, to_dict(results, found), wheel_momentum_page(results, found)
 
 
-def _options(args: argparse.Namespace) -> Options:
-    from ..reproduce.wheel_momentum import Options
+def _coverage(args: argparse.Namespace) -> _Outcome:
+    from ..reproduce.coverage import campaign_checks, run_campaign, score_campaign
+    from .reproduce_coverage import page, to_dict
 
-    workers = min(len(os.sched_getaffinity(0)), 8)
+    if args.experiment != 'wheel-momentum':
+        raise ConfigurationError('--campaign coverage', 'belongs to wheel-momentum')
+    runs = args.runs or (_QUICK_CAMPAIGN if args.quick else _CAMPAIGN)
+    with _progress(runs) as done:
+        there = run_campaign(Path(args.out), runs, _workers(args), done)
+    scores = score_campaign(there)
+    found = campaign_checks(scores)
+    return found, to_dict(scores, found), page(scores, found)
+
+
+def _adaptive_control(args: argparse.Namespace) -> _Outcome:
+    from ..reproduce.adaptive_checks import checks
+    from ..reproduce.adaptive_control import count_tasks
+    from ..reproduce.adaptive_control import run as reproduce
+    from .reproduce_adaptive import page, to_dict
+
+    options = _options(args)
+    with _progress(count_tasks(options)) as done:
+        results = reproduce(options, done)
+    found = checks(results)
+    return found, to_dict(results, found), page(results, found)
+
+
+def _diagnosis(args: argparse.Namespace) -> _Outcome:
+    from ..reproduce.diagnosis_campaign import Options, cases, run_campaign
+    from ..reproduce.diagnosis_score import campaign_checks, score
+    from .reproduce_diagnosis import page, to_dict
+
+    workers = _workers(args)
+    options = Options.quick(workers) if args.quick else Options(workers=workers)
+    if args.runs or not args.quick:
+        options = replace(options, clean=args.runs or _RUNS['diagnosis'])
+    if args.minutes:
+        options = replace(options, minutes=args.minutes)
+    with _progress(len(cases(options))) as done:
+        lines = run_campaign(Path(args.out), options, done)
+    scores = score(lines)
+    found = campaign_checks(scores)
+    return found, to_dict(scores, found), page(scores, found)
+
+
+def _options(args: argparse.Namespace) -> Any:
+    from ..reproduce import adaptive_control, wheel_momentum
+
+    kinds = {
+        'wheel-momentum': wheel_momentum.Options,
+        'adaptive-control': adaptive_control.Options,
+    }
+    kind: Any = kinds[args.experiment]
+    workers = _workers(args)
     if args.quick:
-        return Options.quick(runs=args.runs or _QUICK_RUNS, workers=workers)
-    return Options(runs=args.runs or _RUNS, workers=workers)
+        return kind.quick(runs=args.runs or _QUICK_RUNS, workers=workers)
+    return kind(runs=args.runs or _RUNS[args.experiment], workers=workers)
+
+
+def _workers(args: argparse.Namespace) -> int:
+    return args.jobs or min(len(os.sched_getaffinity(0)), 8)
 
 
 @contextmanager
@@ -110,7 +210,7 @@ def _progress(total: int) -> Iterator[Callable[[], None]]:
         yield lambda: bar.advance(task)
 
 
-def _print_human(tables: list[tuple[str, Table]], found: list[Check], page: Path) -> None:
+def _print_human(tables: Sequence[tuple[str, Table]], found: list[Check], page: Path) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table as Printed
@@ -138,6 +238,13 @@ def _print_human(tables: list[tuple[str, Table]], found: list[Check], page: Path
 
 def _is_number(text: str) -> bool:
     return not text or text == '-' or text[0].isdigit() or text[0] in '+-<'
+
+
+def _at_least_one(text: str) -> int:
+    """A number of processes."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number of processes')
+    return int(text)
 
 
 def _at_least_two(text: str) -> int:

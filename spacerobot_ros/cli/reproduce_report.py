@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -42,35 +44,60 @@ def prepare(folder: Path) -> None:
         raise ReportError(f'{folder}: can not be written: {error.strerror}') from error
 
 
-def write(results: Reproduction, found: list[Check], folder: Path, data: dict[str, Any]) -> Path:
+@dataclass(frozen=True, slots=True)
+class Page:
+    """What a report shows of one experiment.
+
+    Args:
+        title: Title of the page.
+        subtitle: One line below it.
+        headlines: Checks to show as key figures.
+        figures: Sections with the redrawn figures.
+        tables: Title and table of every experiment.
+    """
+
+    title: str
+    subtitle: str
+    headlines: Sequence[Check]
+    figures: Sequence[Section]
+    tables: Sequence[tuple[str, Table]]
+
+
+def write(page: Page, found: list[Check], folder: Path, data: dict[str, Any]) -> Path:
     """Write `report.html` and `results.json` into a folder; returns the page's path.
 
     Raises:
         ReportError: the folder can't be written.
     """
-    sections = [Section('Figures to reach', [_key_figures(found), _checks(found)])]
-    sections += [_figures(results, axes) for axes in results.noisy_axes]
-    sections += [Section(title, [table]) for title, table in tables(results)]
-    report = Report(
-        'Wheel-momentum identification, reproduced',
-        'Robot of Table I, motion of Table II; seeded, joint axes named by their letters',
-        sections,
-    )
-    page = write_report(report, folder / 'report.html')
+    sections = [Section('Figures to reach', [_key_figures(page, found), _checks(found)])]
+    sections += page.figures
+    sections += [Section(title, [table]) for title, table in page.tables]
+    path = write_report(Report(page.title, page.subtitle, sections), folder / 'report.html')
     (folder / 'results.json').write_text(
         json.dumps(data, indent=2, allow_nan=False) + '\n', encoding='utf-8'
     )
-    return page
+    return path
 
 
-def _key_figures(found: list[Check]) -> KeyFigures:
+def wheel_momentum_page(results: Reproduction, found: list[Check]) -> Page:
+    """The page of the wheel-momentum paper."""
+    chosen = [c for c in found if 'symmetric moving' in c.what and c.what.startswith('condition')]
+    chosen += [c for c in found if 'zyx, no_aam, correct' in c.what]
+    return Page(
+        'Wheel-momentum identification, reproduced',
+        'Robot of Table I, motion of Table II; seeded, joint axes named by their letters',
+        chosen,
+        [_figures(results, axes) for axes in results.noisy_axes],
+        tables(results),
+    )
+
+
+def _key_figures(page: Page, found: list[Check]) -> KeyFigures:
     met = sum(check.is_met for check in found)
     total = KeyFigure(
         'figures reached', f'{met} of {len(found)}', status='good' if met == len(found) else 'bad'
     )
-    chosen = [c for c in found if 'symmetric moving' in c.what and c.what.startswith('condition')]
-    chosen += [c for c in found if 'zyx, no_aam, correct' in c.what]
-    return KeyFigures([total, *(_key_figure(check) for check in chosen)])
+    return KeyFigures([total, *(_key_figure(check) for check in page.headlines)])
 
 
 def _key_figure(check: Check) -> KeyFigure:

@@ -16,7 +16,19 @@ if TYPE_CHECKING:
     from ..model.settings import Settings
     from ..simulation.to_bag import RunSummary
 
-LAWS = ('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper')
+LAWS = (
+    'computed_torque',
+    'computed_torque_no_aam',
+    'computed_torque_paper',
+    'passivity',
+    'adaptive_rls',
+    'adaptive_lyapunov',
+    'adaptive_composite',
+    'adaptive_rls_paper',
+    'adaptive_lyapunov_paper',
+)
+
+_DEGREES = 57.29577951308232
 
 _DESCRIPTION = """\
 Simulate the robot of a robot file in closed loop, without ROS, and record a rosbag2 (mcap).
@@ -25,7 +37,8 @@ The plant is the robot with the file's `truth`; the controller sees noisy sensor
 what the file believes. The same file and seed give the same bag to the last bit.
 
 topics: /joint_states /imu/data /attitude /joint_commands /simulator/ledger /robot_description,
-and /wheel_states where the servicer's wheels are true rotors
+/base_torque where the law controls the attitude, too; /wheel_states where the servicer's wheels
+are true rotors
 """
 
 _EPILOG = """\
@@ -33,6 +46,7 @@ examples:
   spacerobot simulate --robot config/servicer.yaml -o run
   spacerobot simulate --robot config/servicer.yaml -o quiet --no-noise --duration 5
   spacerobot simulate --robot config/servicer.yaml -o run2 --seed 2 --law computed_torque_no_aam
+  spacerobot simulate --robot config/minisat.yaml -o adapting --law adaptive_composite
   ros2 bag info run
 """
 
@@ -60,7 +74,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument('--law', choices=LAWS, help="control law (default: the file's)")
     parser.add_argument(
         '--reference',
-        choices=('fourier', 'hold', 'set_point'),
+        choices=('fourier', 'harmonic', 'hold', 'set_point', 'step'),
         help="motion to follow (default: the file's)",
     )
     parser.add_argument('--no-noise', action='store_true', help='exact sensors')
@@ -80,6 +94,9 @@ def run(args: argparse.Namespace) -> int:
     duration = args.duration or settings.reference.duration
     steps = max(1, round(duration / settings.simulator.period))
     loop = ClosedLoop(file.robot, settings)
+    adaptive = loop.controller.adaptive
+    if adaptive is not None and adaptive.health.sampling_warning:
+        sys.stderr.write(f'warning: {adaptive.health.sampling_warning}\n')
     started = time.perf_counter()
     with progress_bar(steps, 'simulating') as advance:
         summary = record_run(loop, steps, args.output, overwrite=args.force, progress=advance)
@@ -128,8 +145,11 @@ def progress_bar(total: int, what: str) -> Iterator[Callable[[int], None]]:
 
 def _line(path: str, summary: RunSummary, wall: float) -> str:
     cut = f', torque limits cut {summary.saturated} commands' if summary.saturated else ''
+    attitude = ''
+    if summary.max_attitude_error is not None:
+        attitude = f', of the attitude {_DEGREES * summary.max_attitude_error:.3g} deg'
     return (
         f'{path}: {summary.duration:g} s in {summary.messages} messages, largest joint error '
-        f'{summary.max_joint_error * 57.29577951308232:.3g} deg{cut}, momentum drift '
+        f'{_DEGREES * summary.max_joint_error:.3g} deg{attitude}{cut}, momentum drift '
         f'{summary.momentum_drift:.1e}, {summary.duration / wall:.0f} times real time'
     )

@@ -1,4 +1,4 @@
-"""Controller node (lifecycle): joint states in, joint torques out, by the latest valid estimate.
+"""Controller node (lifecycle): joint states in, torques on joints and base out.
 
 See docs/nodes/controller.md.
 """
@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
+from geometry_msgs.msg import QuaternionStamped, WrenchStamped
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
@@ -20,20 +20,26 @@ from ..control.loop import Command, ControlLoop
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..ros import convert
-from ..ros.diagnostics import ERROR, OK, STALE, WARN, Health, Status
+from ..ros.diagnostics import Health, Status
 from ..ros.jumps import on_backward_jump
 from ..ros.main import run_node
 from ..ros.params import declare_settings, open_robot
 from ..ros.qos import LATCHED, STATE
-from ..sensing.sensors import steps_between
-
-Joints = tuple[int, np.ndarray, np.ndarray]
+from .controller_status import (
+    adaptation_status,
+    control_status,
+    estimate_status,
+    input_status,
+)
+from .pairing import Joints, Pairing
+from .parameters_in_force import ParametersInForce
 
 
 class ControllerNode(LifecycleNode):
     """Answers every joint sample with a torque while active."""
 
     loop: ControlLoop
+    _in_force: ParametersInForce | None = None
 
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
@@ -44,16 +50,16 @@ class ControllerNode(LifecycleNode):
         self.last_command: Command | None = None
         self._is_active = False
         self._latest: Joints | None = None
-        self._deferred: Joints | None = None
-        self._deferred_since = 0
         self._arrived_ns = 0
         self._estimate_note = 'none received'
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timeout_ns = round(self.settings.controller.state_timeout * 1e9)
         self._effort_publisher = self.create_lifecycle_publisher(
             JointState, '/joint_commands', STATE
         )
         self._tracking_publisher = self.create_lifecycle_publisher(Tracking, '/tracking', STATE)
+        self._wrench_publisher = self.create_lifecycle_publisher(
+            WrenchStamped, '/base_torque', STATE
+        )
         open_robot(self, self.settings, self._open)
 
     # ------------------------------------------------------------ life cycle
@@ -72,6 +78,8 @@ class ControllerNode(LifecycleNode):
         self._is_active = True
         if self._latest_rate is not None:
             self.loop.add_rate(*self._latest_rate)
+        if self._latest_attitude is not None:
+            self.loop.add_attitude(*self._latest_attitude)
         if self._latest is not None:
             self._answer_when_complete(self._latest)
         return result
@@ -82,7 +90,7 @@ class ControllerNode(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the estimate."""
+        """Forget the estimate and what was learnt."""
         if self.is_open:
             self.loop.set_estimate(None)
             self._estimate_note = 'none received'
@@ -93,39 +101,53 @@ class ControllerNode(LifecycleNode):
         self._release()
         return super().on_shutdown(state)
 
+    def destroy_node(self) -> None:
+        """Save the parameters in force, if that is asked for."""
+        if self._in_force is not None:
+            self._in_force.save_at_end()
+        super().destroy_node()
+
     def _release(self) -> None:
         if self._is_active and self.last_command is not None:
             self._is_active = False
             stamp = self.last_command.stamp_ns
-            zero = convert.joint_state(stamp, self._names, effort=np.zeros(len(self._names)))
-            self._effort_publisher.publish(zero)
+            free = np.zeros(3) if self.loop.controls_attitude else None
+            self._send(stamp, np.zeros(len(self._names)), free)
         self._is_active = False
-        self._deferred = None
+        if self.is_open:
+            self._pairing.waiting = None
 
     def _open(self, robot: Robot) -> None:
         self.loop = ControlLoop(robot, self.settings)
-        self._names = list(robot.joints[: robot.n_joints - robot.rotor_count])
+        self._names = list(robot.joints)
         self._base_link = robot.base_link
         self._latest_rate: tuple[int, np.ndarray] | None = None
-        simulator = self.settings.simulator
-        self._imu_period_ns = round(simulator.period * 1e9) * steps_between(
-            simulator.imu_rate, simulator.period, 'simulator.imu_rate'
-        )
+        self._latest_attitude: tuple[int, np.ndarray] | None = None
+        self._pairing = Pairing(self.loop, self.settings.simulator, self._timeout_ns)
         self.is_open = True
-        self._is_lockstep = simulator.lockstep and robot.is_free
-        self.create_subscription(Imu, '/imu/data', self._on_imu, STATE)
-        self.create_subscription(EstimateMessage, '/estimate', self._on_estimate, LATCHED)
-        self.create_subscription(JointTrajectory, '/reference', self._on_reference, STATE)
-        self.create_subscription(JointState, '/joint_states', self._on_joints, STATE)
+        self._subscribe()
         self.create_timer(self.settings.controller.state_timeout / 4.0, self._on_watch)
-        if self._is_lockstep:
+        if self._pairing.is_lockstep:
             period = self.settings.controller.state_timeout
-            self.create_timer(period, self._on_incomplete, clock=self._steady)
+            self.create_timer(period, self._on_incomplete, clock=self._pairing.clock)
         self._jump = on_backward_jump(self, self._on_clock_jump)
-        self.health.watch(self._input_status, self._control_status, self._estimate_status)
+        if self.loop.adaptive is not None:
+            self._in_force = ParametersInForce(self, self.loop, self.settings)
+            warning = self.loop.adaptive.health.sampling_warning
+            if warning:
+                self.get_logger().warning(warning)
+        self._watch()
         if self.get_parameter('autostart').value:
             self.trigger_configure()
             self.trigger_activate()
+
+    def _subscribe(self) -> None:
+        self.create_subscription(Imu, '/imu/data', self._on_imu, STATE)
+        if self.loop.controls_attitude:
+            self.create_subscription(QuaternionStamped, '/attitude', self._on_attitude, STATE)
+        self.create_subscription(EstimateMessage, '/estimate', self._on_estimate, LATCHED)
+        self.create_subscription(JointTrajectory, '/reference', self._on_reference, STATE)
+        self.create_subscription(JointState, '/joint_states', self._on_joints, STATE)
 
     # ------------------------------------------------------------ inputs
 
@@ -138,8 +160,20 @@ class ControllerNode(LifecycleNode):
             self.health.reject('/imu/data', error)
             return
         self._latest_rate = (stamp, omega)
-        if self._deferred is not None:
-            self._answer_when_complete(self._deferred)
+        if self._pairing.waiting is not None:
+            self._answer_when_complete(self._pairing.waiting)
+
+    def _on_attitude(self, message: QuaternionStamped) -> None:
+        try:
+            stamp, attitude = convert.attitude(message)
+            self._go_back(stamp, self._latest_attitude and self._latest_attitude[0], '/attitude')
+            self.loop.add_attitude(stamp, attitude)
+        except MessageRejectedError as error:
+            self.health.reject('/attitude', error)
+            return
+        self._latest_attitude = (stamp, attitude)
+        if self._pairing.waiting is not None:
+            self._answer_when_complete(self._pairing.waiting)
 
     def _on_joints(self, message: JointState) -> None:
         try:
@@ -184,38 +218,31 @@ class ControllerNode(LifecycleNode):
             self._restart(f'stamps of {topic} went back by {(last - stamp) * 1e-9:.3f} s')
 
     def _on_clock_jump(self) -> None:
-        newest = max(self._latest[0] if self._latest else 0, self.loop.rate_ns or 0)
+        joints = self._latest[0] if self._latest else 0
+        newest = max(joints, self.loop.rate_ns or 0, self.loop.attitude_ns or 0)
         if newest > self._now():  # not if the stamps told already
             self._restart('/clock went back')
 
     def _restart(self, why: str) -> None:
         self.get_logger().info(f'{why}: the motion starts again')
         self.loop.reset()
-        self._latest = self._latest_rate = self._deferred = self.last_command = None
+        self._latest = self._latest_rate = self._latest_attitude = None
+        self._pairing.waiting = self.last_command = None
 
     # ------------------------------------------------------------ commands
 
     def _answer_when_complete(self, joints: Joints) -> None:
-        """Answer now; in lockstep only with the gyro sample that belongs to these joint states.
-
-        Otherwise the torque would depend on which of two messages was handled first.
-        """
-        expected = joints[0] // self._imu_period_ns * self._imu_period_ns
-        if self._is_lockstep and (self.loop.rate_ns is None or self.loop.rate_ns < expected):
-            if self._deferred is None:
-                self._deferred_since = self._steady.now().nanoseconds
-            self._deferred = joints
-            return
-        self._answer(joints)
+        if not self._pairing.hold_back(joints):
+            self._answer(joints)
 
     def _on_incomplete(self) -> None:
-        """Lockstep with a gyro that stopped: time would stand still, so answer without it."""
-        waited = self._steady.now().nanoseconds - self._deferred_since
-        if self._deferred is not None and waited > self._timeout_ns:
-            self._answer(self._deferred)
+        """Lockstep with a sensor that stopped: answer without it."""
+        joints = self._pairing.overdue()
+        if joints is not None:
+            self._answer(joints)
 
     def _answer(self, joints: Joints) -> None:
-        self._deferred = None
+        self._pairing.waiting = None
         if self._is_active:
             self._publish(self.loop.add_joints(*joints))
 
@@ -225,7 +252,7 @@ class ControllerNode(LifecycleNode):
             self._publish(self.last_command)
 
     def _on_watch(self) -> None:
-        if not self._is_active or self._latest is None or self._deferred is not None:
+        if not self._is_active or self._latest is None or self._pairing.waiting is not None:
             return
         command = self.loop.blind(self._now() - self._arrived_ns)
         if command is not None:
@@ -236,53 +263,36 @@ class ControllerNode(LifecycleNode):
         if command.mode == 'damping' and command.reason:
             self.get_logger().warning(f'damping: {command.reason}', throttle_duration_sec=2.0)
         self.last_command = command
-        message = convert.joint_state(command.stamp_ns, self._names, effort=command.tau)
-        self._effort_publisher.publish(message)
+        self._send(command.stamp_ns, command.tau, command.base)
+        if self._in_force is not None:
+            self._in_force.publish(command.stamp_ns)
         law = self.settings.controller.law
         self._tracking_publisher.publish(convert.tracking_message(command, self._names, law))
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    # ------------------------------------------------------------ health
+    def _send(self, stamp: int, tau: np.ndarray, base: np.ndarray | None) -> None:
+        if base is not None:
+            self._wrench_publisher.publish(convert.base_torque(stamp, self._base_link, base))
+        self._effort_publisher.publish(convert.joint_state(stamp, self._names, effort=tau))
+
+    def _watch(self) -> None:
+        """Say on /diagnostics how things are."""
+        law = self.settings.controller.law
+        self.health.watch(
+            self._input_status,
+            lambda: control_status(self._is_active, self.last_command, law),
+            lambda: estimate_status(self.loop, self._estimate_note),
+        )
+        if self.loop.adaptive is not None:
+            self.health.watch(lambda: adaptation_status(self.loop, self.last_command))
 
     def _input_status(self) -> Status:
-        if self._latest is None:
-            return Status('inputs', STALE, 'no joint states yet')
-        age = (self._now() - self._arrived_ns) * 1e-9
-        values: dict[str, object] = {'age of joint states [s]': age}
-        rate_ns = self.loop.rate_ns
-        if rate_ns is not None:
-            values['gyro behind joint states [s]'] = (self._latest[0] - rate_ns) * 1e-9
+        stamp = self._latest[0] if self._latest else None
         command = self.last_command
-        if self._is_active and command is not None and command.reason:
-            return Status('inputs', ERROR, command.reason, values)
-        return Status('inputs', OK, 'fresh', values)
-
-    def _control_status(self) -> Status:
-        if not self._is_active:
-            return Status('control', OK, 'inactive: no torque is commanded')
-        command = self.last_command
-        if command is None:
-            return Status('control', STALE, 'active, nothing to answer yet')
-        values: dict[str, object] = {
-            'law': self.settings.controller.law,
-            'largest joint error [rad]': float(np.abs(command.error).max()),
-            'saturated joints': int(np.count_nonzero(command.saturated)),
-        }
-        if command.mode == 'damping':
-            return Status('control', WARN, f'damping to zero: {command.reason}', values)
-        if command.saturated.any():
-            return Status('control', WARN, f'{command.mode}, torque at its limit', values)
-        return Status('control', OK, command.mode, values)
-
-    def _estimate_status(self) -> Status:
-        if not self.loop.takes_estimates:
-            return Status('estimate', OK, 'not used by this law')
-        is_used = self.loop.estimate is not None
-        source = 'an estimate' if is_used else "the robot file's model"
-        level = OK if is_used else WARN
-        return Status('estimate', level, f'running on {source}; {self._estimate_note}')
+        reason = command.reason if self._is_active and command else ''
+        return input_status(self.loop, stamp, (self._now() - self._arrived_ns) * 1e-9, reason)
 
 
 def main(args: list[str] | None = None) -> int:

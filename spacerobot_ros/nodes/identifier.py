@@ -16,6 +16,7 @@ from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from std_srvs.srv import Trigger
 
+from ..effects.catalogue import changed_robot, parse_effects
 from ..errors import IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..identification.online import OnlineIdentifier
@@ -27,9 +28,11 @@ from ..ros.main import run_node
 from ..ros.merge import Merger
 from ..ros.params import declare_settings, open_robot
 from ..ros.qos import LATCHED, SAMPLES
+from ..sensing.faults import SensorFaults
 
 TOPICS = ('/imu/data', '/attitude', '/joint_states')  # in the order in which equal stamps are used
 RATE, ATTITUDE, JOINTS = range(3)
+CLOCKS_OF = ('imu', 'attitude', 'joints')
 PATIENCE_NS = 1_000_000_000
 SLACK_NS = 50_000_000
 
@@ -87,7 +90,9 @@ class IdentifierNode(Node):
     # ------------------------------------------------------------ set-up
 
     def _open(self, robot: Robot) -> None:
-        self.identifier = OnlineIdentifier(robot, self.settings.identifier)
+        effects = parse_effects(self.settings.effects, robot)
+        self._faults = SensorFaults(robot, effects)
+        self.identifier = OnlineIdentifier(changed_robot(robot, effects), self.settings.identifier)
         self.is_open = True
         self._names = list(robot.joints[: robot.n_joints - robot.rotor_count])
         self._base_link = robot.base_link
@@ -118,16 +123,33 @@ class IdentifierNode(Node):
     def _take(self, stream: int, to_arrays: Any, message: Any, *args: Any) -> None:
         try:
             stamp, *content = to_arrays(message, *args)
+            stamp, content = self._without_faults(stream, stamp, content)
             newest = self._merger.newest[stream]
             if newest is not None and stamp < newest - STAMP_JUMP_NS:
                 back = (newest - stamp) * 1e-9
                 self.reset(f'stamps of {TOPICS[stream]} went back by {back:.3f} s')
-            released = self._merger.add(stream, stamp, content, self._steady.now().nanoseconds)
+            if self._merger.is_past(stamp):  # the core puts it in its place, if it still can
+                released = [(stamp, stream, content)]
+            else:
+                now = self._steady.now().nanoseconds
+                released = self._merger.add(stream, stamp, content, now)
         except MessageRejectedError as error:
             self.health.reject(TOPICS[stream], error)
             return
         for sample in released:
             self._use(*sample)
+
+    def _without_faults(
+        self, stream: int, stamp: int, content: list[np.ndarray]
+    ) -> tuple[int, list[np.ndarray]]:
+        """Stamp and content as a sensor without the believed faults would have given them."""
+        faults = self._faults
+        stamp -= round(faults.delay[CLOCKS_OF[stream]] * 1e9)
+        if stream == JOINTS:
+            q, qd = content
+            return stamp, list(faults.undo_joints(q, qd, np.zeros(len(q))))[:2]
+        undo = faults.undo_rate if stream == RATE else faults.undo_attitude
+        return stamp, [undo(content[0])]
 
     def _use(self, stamp: int, stream: int, content: list[np.ndarray]) -> None:
         if self._next_ns is None:

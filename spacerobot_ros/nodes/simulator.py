@@ -10,27 +10,28 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from geometry_msgs.msg import QuaternionStamped, WrenchStamped
-from rclpy.clock import Clock, ClockType
+from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock as ClockMessage
-from sensor_msgs.msg import Imu, JointState
-from spacerobot_msgs.msg import Ledger
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from ..dynamics.plant import Plant
-from ..dynamics.state import initial_state
 from ..errors import MessageRejectedError
-from ..model.loader import true_robot
 from ..model.robot import Robot
+from ..model.settings import ADAPTIVE_LAWS
 from ..ros import convert
-from ..ros.diagnostics import ERROR, OK, WARN, Health, Status
+from ..ros.diagnostics import Health
 from ..ros.main import run_node
 from ..ros.params import declare_settings, open_robot
 from ..ros.qos import LATCHED, STATE
+from ..sensing.faults import SensorFaults
 from ..sensing.sensors import SensorSuite
+from ..simulation.truth import build_plant
+from .commands import Answer, HeldCommands
+from .pace import Pace
+from .simulator_status import Progress, command_status, momentum_status, time_status
+from .simulator_topics import SimulatorTopics
 
 LEDGER_PERIOD = 0.1
 POLL_PERIOD = 0.05
@@ -55,7 +56,8 @@ class SimulatorNode(Node):
         self.observers: list[Callable[[Plant], None]] = []  # shown the truth at every step
         self._is_started = False
         self._is_paused = False
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        period_ns = round(self._options.period * 1e9)
+        self._pace = Pace(period_ns, self._options.real_time_factor, CATCH_UP)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         open_robot(self, self.settings, self._open)
@@ -75,14 +77,14 @@ class SimulatorNode(Node):
     @property
     def awaited_ns(self) -> int | None:
         """Stamp of the command that lockstep waits for [ns]; None while it waits for none."""
-        return self._awaited
+        return self._answer.stamp_ns
 
     def start(self) -> None:
         """Publish the samples of step 0, if that has not happened yet."""
         if not self._is_started and self.is_open:
             self._is_started = True
             self._sent_to = self._peers()
-            self._anchor()
+            self._pace.anchor(self.step_index)
             self._publish()
 
     def step(self) -> None:
@@ -90,8 +92,9 @@ class SimulatorNode(Node):
         if not self.is_open:
             return
         self.start()
-        wrench = self._wrench if self._is_fresh(self._wrench_step) else None
-        self.plant.step(self._torque(), wrench)
+        step, forever = self.step_index, self._options.lockstep
+        wrench = self._held.wrench(step, forever=forever and self._answer.needs_base)
+        self.plant.step(self._held.tau(step, forever=forever), wrench)
         self._publish()
 
     def reset(self) -> None:
@@ -100,13 +103,13 @@ class SimulatorNode(Node):
         self.get_logger().info('reset: time starts again at zero')
         if self._is_started:
             self._sent_to = self._peers()
-            self._anchor()
+            self._pace.anchor(self.step_index)
             self._publish()
 
     def pause(self, is_paused: bool) -> None:
         """Stop or go on."""
         self._is_paused = is_paused
-        self._anchor()
+        self._pace.anchor(self.step_index)
         if self.is_open:
             self._advance()
 
@@ -114,54 +117,55 @@ class SimulatorNode(Node):
 
     def _open(self, robot: Robot) -> None:
         self._robot = robot
-        self._truth = true_robot(robot, self.settings)
         self._names = list(robot.joints)
-        self._wheels = [r.joint for r in self._truth.rotors if not r.is_target]
-        self._ledger_every = max(1, round(LEDGER_PERIOD / self._options.period))
-        self._build()
+        options = self._options
+        self._held = HeldCommands(len(self._names), options.command_timeout / options.period)
+        self._answer = Answer(needs_base=self.settings.controller.law in ADAPTIVE_LAWS)
         self._make_topics()
+        self._build()
         self.is_open = True
         if self.get_parameter('robot_description').value or self.settings.robot.urdf:
             self._description_publisher = self.create_publisher(
                 String, '/robot_description', LATCHED
             )
             self._description_publisher.publish(String(data=robot.urdf))
-        self.health.watch(self._time_status, self._command_status, self._momentum_status)
+        self.health.watch(
+            lambda: time_status(self._progress(), self._pace.take_slips()),
+            lambda: command_status(self._progress()),
+            lambda: momentum_status(self.plant.ledger()),
+        )
         period = POLL_PERIOD
         if not self._options.lockstep:
             period = self._options.period / self._options.real_time_factor
-        self._timer = self.create_timer(period, self._on_timer, clock=self._steady)
+        self._timer = self.create_timer(period, self._on_timer, clock=self._pace.clock)
 
     def _build(self) -> None:
-        options, robot = self._options, self._truth
-        state = initial_state(robot, self.settings.initial)
-        plant = Plant(robot, state, options.period, options.substeps)
-        self.plant = Plant(
-            robot, plant.dynamics.at_rest_centre(state), options.period, options.substeps
-        )
+        self.plant = build_plant(self._robot, self.settings)
         self._sensors = SensorSuite(
-            self.settings.sensors, options, len(self._names), len(self._wheels)
+            self.settings.sensors,
+            self._options,
+            len(self._names),
+            self._topics.n_wheels,
+            SensorFaults(self.plant.robot, self.plant.effects),
         )
-        self._tau = np.zeros(len(self._names))
-        self._wrench = np.zeros(6)
-        self._tau_step = self._wrench_step = -sys.maxsize
-        self._awaited: int | None = None
-        self._answer: np.ndarray | None = None
-        self._last_joints: JointState | None = None
-        self._last_imu: Imu | None = None
+        self._held.clear()
+        self._answer.clear()
+        self._topics.forget()
         self._waiting_since = 0
         self._is_late = False
         self._is_answered = False
         self._sent_ns, self._sent_to = 0, (0, 0)
 
     def _make_topics(self) -> None:
-        self._clock_publisher = self.create_publisher(ClockMessage, '/clock', STATE)
-        self._imu_publisher = self.create_publisher(Imu, '/imu/data', STATE)
-        self._attitude_publisher = self.create_publisher(QuaternionStamped, '/attitude', STATE)
-        self._joint_publisher = self.create_publisher(JointState, '/joint_states', STATE)
-        self._ledger_publisher = self.create_publisher(Ledger, '~/ledger', STATE)
-        if self._wheels:
-            self._wheel_publisher = self.create_publisher(JointState, '/wheel_states', STATE)
+        wheels = [r.joint for r in self._robot.rotors if not r.is_target]
+        self._topics = SimulatorTopics(
+            self,
+            self._names,
+            wheels,
+            self._robot.base_link,
+            self.settings.sensors.gyro_std,
+            ledger_every=max(1, round(LEDGER_PERIOD / self._options.period)),
+        )
         subscription = self.create_subscription(
             JointState, '/joint_commands', self._on_command, STATE
         )
@@ -177,15 +181,9 @@ class SimulatorNode(Node):
         self.start()
         if self._is_paused:
             return
-        period_ns = self.plant.period_ns / self._options.real_time_factor
-        due = self._anchor_step + int((self._now() - self._anchor_ns) / period_ns)
-        behind = due - self.step_index
-        for _ in range(min(behind, CATCH_UP)):
+        for _ in range(self._pace.due(self.step_index)):
             if not self._is_done():
                 self.step()
-        if behind > CATCH_UP:
-            self._slips += 1
-            self._anchor()
 
     def _poll(self) -> None:
         """Lockstep: start once connected, and say when the command does not come."""
@@ -193,110 +191,84 @@ class SimulatorNode(Node):
             if self.is_connected and not self._is_paused:
                 self.start()
             return
-        waited = self._now() - self._waiting_since
-        if self._awaited is None or self._is_paused or self._is_done():
+        waited = self._pace.now() - self._waiting_since
+        if self._answer.stamp_ns is None or self._is_paused or self._is_done():
             return
         if waited > self._options.lockstep_timeout * 1e9 and not self._is_late:
             self._is_late = True
             self.get_logger().warning(
-                f'lockstep: no command stamped {self._awaited * 1e-9:.3f} s on '
+                f'lockstep: no command stamped {self._answer.stamp_ns * 1e-9:.3f} s on '
                 f'{self._command_topic} for {self._options.lockstep_timeout:g} s; still waiting'
             )
         has_news = waited > NEWS_DELAY_NS and self._peers() != self._sent_to
-        if has_news or (not self._is_answered and self._now() - self._sent_ns > RESEND_PERIOD_NS):
+        if has_news or (
+            not self._is_answered and self._pace.now() - self._sent_ns > RESEND_PERIOD_NS
+        ):
             self._resend()  # to who came late: a command is owed for these samples
 
     def _peers(self) -> tuple[int, int]:
-        takers = self._joint_publisher.get_subscription_count()
-        return takers, self.count_publishers(self._command_topic)
+        return self._topics.takers, self.count_publishers(self._command_topic)
 
     def _resend(self) -> None:
-        self._sent_ns, self._sent_to = self._now(), self._peers()
-        if self._last_imu is not None:
-            self._imu_publisher.publish(self._last_imu)
-        if self._last_joints is not None:
-            self._joint_publisher.publish(self._last_joints)
+        self._sent_ns, self._sent_to = self._pace.now(), self._peers()
+        self._topics.resend(with_attitude=self._answer.needs_base)
 
     def _advance(self) -> None:
         """Lockstep: take the answer, and step until the joints are sampled again."""
-        if self._answer is None or self._is_paused or self._is_done():
+        torques = self._answer.complete()
+        if torques is None or self._is_paused or self._is_done():
             return
-        self._tau, self._answer, self._awaited = self._answer, None, None
+        tau, wrench = torques
+        self._held.set_tau(tau, self.step_index)
+        if wrench is not None:
+            self._held.set_wrench(wrench, self.step_index)
+        self._answer.clear()
         self.step()
-        while self._awaited is None and not self._is_done():
+        while self._answer.stamp_ns is None and not self._is_done():
             self.step()
 
     def _is_done(self) -> bool:
         return self.stop_at is not None and self.step_index >= self.stop_at
 
-    def _anchor(self) -> None:
-        self._anchor_ns, self._anchor_step, self._slips = self._now(), self.step_index, 0
-
-    def _now(self) -> int:
-        return int(self._steady.now().nanoseconds)
-
-    # ------------------------------------------------------------ samples out
-
     def _publish(self) -> None:
         plant = self.plant
-        ns = plant.time_ns
-        sample = self._sensors.sample(plant.step_index, plant.state, plant.effort)
+        sample = self._sensors.sample(plant.step_index, plant.state, plant.effort, plant.hidden)
         for observe in self.observers:
             observe(plant)
-        self._clock_publisher.publish(ClockMessage(clock=convert.to_time(ns)))
-        if sample.omega is not None and self._robot.is_free:
-            std = self.settings.sensors.gyro_std
-            self._last_imu = convert.imu(ns, self._robot.base_link, sample.omega, std)
-            self._imu_publisher.publish(self._last_imu)
-        if sample.attitude_xyzw is not None:
-            self._attitude_publisher.publish(convert.quaternion(ns, sample.attitude_xyzw))
-        if sample.wheel_rates is not None:
-            message = convert.joint_state(ns, self._wheels, velocity=sample.wheel_rates)
-            self._wheel_publisher.publish(message)
-        if plant.step_index % self._ledger_every == 0:
-            self._ledger_publisher.publish(convert.ledger_message(ns, plant.ledger()))
-        if sample.joints is not None:
-            j = sample.joints
-            if self._options.lockstep:
-                self._awaited, self._waiting_since, self._is_late = ns, self._now(), False
-                self._sent_ns = self._waiting_since
-            self._last_joints = convert.joint_state(
-                ns, self._names, j.position, j.velocity, j.effort
-            )
-            self._joint_publisher.publish(self._last_joints)
+        if sample.joints is not None and self._options.lockstep:
+            self._answer.ask(plant.time_ns)
+            self._waiting_since = self._sent_ns = self._pace.now()
+            self._is_late = False
+        self._topics.publish(plant, sample)
 
     # ------------------------------------------------------------ commands in
-
-    def _torque(self) -> np.ndarray:
-        if self._options.lockstep or self._is_fresh(self._tau_step):
-            return self._tau
-        return np.zeros(len(self._names))
-
-    def _is_fresh(self, step: int) -> bool:
-        return (self.step_index - step) * self._options.period <= self._options.command_timeout
 
     def _on_command(self, message: JointState) -> None:
         try:
             stamp, tau = convert.joint_efforts(message, self._names)
-            if self._options.lockstep and stamp != self._awaited:
-                raise MessageRejectedError(_not_awaited(stamp, self._awaited))
+            if self._options.lockstep:
+                self._answer.give_tau(stamp, tau)
         except MessageRejectedError as error:
             self.health.reject('/joint_commands', error)
             return
-        self._tau_step = self.step_index
         if self._options.lockstep:
-            self._answer, self._is_answered = tau, True
+            self._is_answered = True
             self._advance()
         else:
-            self._tau = tau
+            self._held.set_tau(tau, self.step_index)
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         try:
-            self._wrench = convert.base_wrench(message, self._robot.base_link)
+            wrench = convert.base_wrench(message, self._robot.base_link)
+            stamp = convert.stamp_ns(message.header.stamp)
+            is_answer = self._options.lockstep and self._answer.give_wrench(stamp, wrench)
         except MessageRejectedError as error:
             self.health.reject('/base_torque', error)
             return
-        self._wrench_step = self.step_index
+        if is_answer:
+            self._advance()
+        else:
+            self._held.set_wrench(wrench, self.step_index)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.is_open:
@@ -314,49 +286,18 @@ class SimulatorNode(Node):
 
     # ------------------------------------------------------------ health
 
-    def _time_status(self) -> Status:
-        mode = 'lockstep' if self._options.lockstep else 'real time'
-        values: dict[str, object] = {
-            'step': self.step_index,
-            'time [s]': self.plant.time_ns * 1e-9,
-        }
-        if not self._is_started:
-            return Status('time', WARN, f'{mode}: waiting for a controller', values)
-        if self._is_paused:
-            return Status('time', OK, f'{mode}: paused', values)
-        elapsed = max(self._now() - self._anchor_ns, 1)
-        done = (self.step_index - self._anchor_step) * self.plant.period_ns
-        values['real-time factor'] = done / elapsed
-        if self._slips:
-            values['fell behind [times]'] = self._slips
-            return Status('time', WARN, f'{mode}: slower than real_time_factor asks for', values)
-        return Status('time', OK, mode, values)
-
-    def _command_status(self) -> Status:
-        if self._options.lockstep:
-            if self._awaited is None or not self._is_late:
-                return Status('commands', OK, 'in step')
-            values: dict[str, object] = {'awaited stamp [s]': self._awaited * 1e-9}
-            return Status('commands', ERROR, 'no command for the last joint states', values)
-        if self._is_fresh(self._tau_step):
-            return Status('commands', OK, 'fresh')
-        return Status('commands', WARN, 'none, or too old: joint torques are zero')
-
-    def _momentum_status(self) -> Status:
-        ledger = self.plant.ledger()
-        values: dict[str, object] = {
-            'angular momentum drift, relative': ledger.momentum_drift,
-            'energy drift [J]': ledger.energy_drift,
-        }
-        is_kept = ledger.momentum_drift < 1e-8  # far above round-off, far below what matters
-        message = 'kept' if is_kept else 'not kept: period or substeps are too coarse'
-        return Status('momentum', OK if is_kept else WARN, message, values)
-
-
-def _not_awaited(stamp: int, awaited: int | None) -> str:
-    if awaited is None:
-        return 'lockstep: no command is awaited'
-    return f'lockstep: stamp {stamp * 1e-9:.6f} s, awaited is {awaited * 1e-9:.6f} s'
+    def _progress(self) -> Progress:
+        step = self.step_index
+        return Progress(
+            is_lockstep=self._options.lockstep,
+            is_started=self._is_started,
+            is_paused=self._is_paused,
+            step=step,
+            time_ns=self.plant.time_ns,
+            reached=self._pace.reached(step),
+            late_ns=self._answer.stamp_ns if self._is_late else None,
+            is_fresh=self._held.is_fresh(step),
+        )
 
 
 def main(args: list[str] | None = None) -> int:

@@ -26,6 +26,7 @@ from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Rec
 
 __all__ = ['BagWriter', 'Topics', 'check_target', 'read_bag']
 
+LATE_LIMIT = 10  # messages in a row behind the newest stamp: more is a clock that jumped back
 NORM_LIMIT = 1e-3  # a quaternion further from unit norm is a bad message
 _TYPES = {
     'joints': 'sensor_msgs/msg/JointState',
@@ -68,8 +69,8 @@ def read_bag(path: str | Path, robot: Robot, topics: Topics | None = None) -> Re
         The record; a sensor whose topic is absent is None, and a note says so.
 
     Raises:
-        RecordingError: not readable, none of the topics, a topic of another type, or one without a
-            good message.
+        RecordingError: not readable, none of the topics, a topic of another type, one without a
+            good message, or one whose clock jumps back.
     """
     topics = topics or Topics()
     path = Path(path)
@@ -264,6 +265,7 @@ def _columns(path: Path, channel: _Channel) -> tuple[IntArray, list[Array]] | No
         return None
     stamps = np.array(channel.stamps, dtype=np.int64)
     if np.any(np.diff(stamps) < 0):
+        _check_clock(f'{path}: {channel.topic}', stamps)
         channel.remarks['messages out of order, sorted by stamp'] = None
     unique, first = np.unique(stamps, return_index=True)
     if len(unique) < len(stamps):
@@ -271,6 +273,22 @@ def _columns(path: Path, channel: _Channel) -> tuple[IntArray, list[Array]] | No
     return unique, [
         np.array([channel.rows[i][c] for i in first]) for c in range(len(channel.rows[0]))
     ]
+
+
+def _check_clock(place: str, stamps: IntArray) -> None:
+    """Refuse stamps that stay behind the newest one: not messages out of order, another clock."""
+    newest = np.maximum.accumulate(stamps)
+    on_time = np.flatnonzero(stamps == newest)
+    late = np.diff(np.append(on_time, len(stamps))) - 1
+    if late.max() <= LATE_LIMIT:
+        return
+    first = int(on_time[np.argmax(late)]) + 1
+    back = (newest[first] - stamps[first]) / 1e9
+    raise RecordingError(
+        f'{place}, message {first}',
+        f'the clock jumps back by {back:.6g} s, {(newest[first] - stamps[0]) / 1e9:.6g} s '
+        'after the first message',
+    )
 
 
 def _joint_series(

@@ -174,6 +174,13 @@ class BagWriter:
             topic, 'geometry_msgs/msg/QuaternionStamped', stamp_ns, INERTIAL_FRAME, quaternion
         )
 
+    def base_torque(self, stamp_ns: int, torque: Vector3, topic: str = '/base_torque') -> None:
+        """Write a torque on the base, (3,) in base coordinates [N m]."""
+        vector = self._type('geometry_msgs', 'Vector3')
+        wrench = self._type('geometry_msgs', 'Wrench')
+        held = wrench(vector(0.0, 0.0, 0.0), vector(*(float(v) for v in torque)))
+        self._add(topic, 'geometry_msgs/msg/WrenchStamped', stamp_ns, self._base_link, held)
+
     def ledger(
         self, stamp_ns: int, ledger: MomentumLedger, topic: str = '/simulator/ledger'
     ) -> None:

@@ -111,17 +111,17 @@ class Record:
 
     Args:
         joints: Manipulator joints, in the robot's order.
-        rates: Gyro.
-        attitudes: Star tracker.
+        rates: Gyro; a fixed base has none.
+        attitudes: Star tracker; a fixed base has none.
         wheels: The servicer's own wheels (rates).
         source: Where it came from, for messages.
         notes: What whoever read it should know: dropped messages, absent topics, which stamps were
             used.
     """
 
-    joints: JointSeries | None
-    rates: RateSeries | None
-    attitudes: AttitudeSeries | None
+    joints: JointSeries | None = None
+    rates: RateSeries | None = None
+    attitudes: AttitudeSeries | None = None
     wheels: JointSeries | None = None
     source: str = ''
     notes: tuple[str, ...] = ()

@@ -100,6 +100,37 @@ def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float =
     return _inline(buffer.getvalue(), ', '.join(panel.title for panel in panels))
 
 
+def bars(
+    labels: Sequence[str], values: Sequence[float], *, abscissa: str, marked: Sequence[bool]
+) -> str:
+    """Horizontal bars on a logarithmic scale, the first on top.
+
+    Args:
+        labels: One a bar.
+        values: Above zero; others leave their line empty.
+        abscissa: Label of the scale, with unit.
+        marked: Which bars are the ones that count.
+
+    Returns:
+        An `<svg>` element that scales to the width of its container.
+    """
+    with mpl.rc_context(_RC):
+        figure = Figure(figsize=(8.0, 0.8 + 0.26 * len(labels)), layout='constrained')
+        ax = figure.subplots()
+        places = np.arange(len(labels))
+        heights = np.array([value if value > 0.0 else np.nan for value in values])
+        colours = [COLOURS[0] if mark else '#aab4bf' for mark in marked]
+        ax.barh(places, heights, color=colours, height=0.7)
+        ax.set_xscale('log')
+        ax.set_yticks(places, labels)
+        ax.invert_yaxis()
+        ax.grid(visible=False, axis='y')
+        ax.set_xlabel(abscissa)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
+    return _inline(buffer.getvalue(), abscissa)
+
+
 def _figure(panels: Sequence[Panel], abscissa: str, height: float) -> Figure:
     figure = Figure(figsize=(8.0, 0.35 + height * len(panels)), layout='constrained')
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]

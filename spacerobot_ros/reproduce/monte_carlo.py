@@ -84,7 +84,7 @@ def noisy_run(axes: str, scale: float, seed: int) -> NoisyRun:
     """Run every method on one noisy record."""
     case = scenario(axes)
     record = noisy_record(case.robot.joints, cached_motion(axes), scale, seed)
-    believed = _wrong_robot(case, scale)
+    believed = wrong_robot(case, scale)
     linear = replace(case.identifier, manifold='linear')
     bodies = replace(case.identifier, manifold='physical')
     estimates = {
@@ -98,16 +98,18 @@ def noisy_run(axes: str, scale: float, seed: int) -> NoisyRun:
 
 
 def online_estimate(record: Record, believed: Robot, settings: IdentifierSettings) -> Estimate:
-    """The identifier node's result after a record of sensors that share their stamps."""
+    """The identifier node's result after a record; joints and gyro share their stamps."""
     joints, rates, attitudes = record.joints, record.rates, record.attitudes
     if joints is None or rates is None or attitudes is None or joints.velocity is None:
         raise ValueError('the record lacks a sensor')
     identifier = OnlineIdentifier(believed, settings)
     next_solve = _SOLVE_PERIOD
-    for k, stamp in enumerate(joints.stamp_ns):
-        identifier.add_joints(int(stamp), joints.position[k], joints.velocity[k])
-        identifier.add_rate(int(stamp), rates.omega[k])
-        identifier.add_attitude(int(stamp), attitudes.q_xyzw[k])
+    tracked = dict(zip(attitudes.stamp_ns.tolist(), attitudes.q_xyzw, strict=True))
+    for k, stamp in enumerate(joints.stamp_ns.tolist()):
+        identifier.add_joints(stamp, joints.position[k], joints.velocity[k])
+        identifier.add_rate(stamp, rates.omega[k])
+        if stamp in tracked:
+            identifier.add_attitude(stamp, tracked[stamp])
         if stamp * 1e-9 >= next_solve:
             identifier.solve()
             next_solve += _SOLVE_PERIOD
@@ -150,7 +152,8 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _wrong_robot(case: Scenario, scale: float) -> Robot:
+def wrong_robot(case: Scenario, scale: float) -> Robot:
+    """What is believed before identification: inertial parameters up to 50 % wrong."""
     believed = case.believed.with_inertial_parameters(
         case.believed.inertial_parameters * _WRONG[:, None]
     )

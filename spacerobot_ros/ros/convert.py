@@ -1,53 +1,46 @@
-"""Messages to arrays and back, with every check that a message must pass before it is used.
+"""Messages to arrays, with every check that a message must pass before it is used, and back.
 
 A message that fails raises `MessageRejectedError` with the reason; nothing is repaired.
 """
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import QuaternionStamped, Vector3, WrenchStamped
+from geometry_msgs.msg import QuaternionStamped, WrenchStamped
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
-from spacerobot_msgs.msg import Ledger, Tracking
 from trajectory_msgs.msg import JointTrajectory
 
-from ..control.loop import Command
 from ..control.reference import Point, Sampled
-from ..dynamics.plant import MomentumLedger
 from ..errors import ConfigurationError, IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..types import Array, Quaternion, Vector6
 from ..types import Vector3 as Triple
+from .compose import (
+    INERTIAL_FRAME,
+    base_torque,
+    doubles,
+    estimate_message,
+    imu,
+    joint_state,
+    ledger_message,
+    parameters_message,
+    quaternion,
+    to_time,
+    tracking_message,
+    vector,
+)
 
-INERTIAL_FRAME = 'inertial'
 UNIT_TOLERANCE = 1e-3
-PARAMETER_UNIT = 'kg m^2'
 
 
 def stamp_ns(stamp: Time) -> int:
     """Stamp of a header [ns]."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-
-
-def to_time(ns: int) -> Time:
-    """Whole nanoseconds to a stamp."""
-    return Time(sec=ns // 1_000_000_000, nanosec=ns % 1_000_000_000)
-
-
-def doubles(values: Array) -> array[float]:
-    """A float64 vector in the form that message fields take without a check of each entry."""
-    out = array('d')
-    out.frombytes(np.ascontiguousarray(values, dtype=np.float64).tobytes())
-    return out
-
-
-# ---------------------------------------------------------------- messages to arrays
 
 
 def joint_sample(message: JointState, names: list[str]) -> tuple[int, Array, Array]:
@@ -216,108 +209,25 @@ def _frame(frame: str, expected: str) -> None:
         raise MessageRejectedError(f'frame_id is {frame!r}, expected {expected!r}')
 
 
-# ---------------------------------------------------------------- arrays to messages
-
-
-def joint_state(
-    ns: int,
-    names: list[str],
-    position: Array | None = None,
-    velocity: Array | None = None,
-    effort: Array | None = None,
-) -> JointState:
-    """A JointState message; what is None stays empty."""
-    message = JointState()
-    message.header.stamp = to_time(ns)
-    message.name = names
-    if position is not None:
-        message.position = doubles(position)
-    if velocity is not None:
-        message.velocity = doubles(velocity)
-    if effort is not None:
-        message.effort = doubles(effort)
-    return message
-
-
-def imu(ns: int, base_link: str, omega_WB_B: Triple, std: float | None) -> Imu:
-    """An Imu message with the angular velocity only (REP 145)."""
-    message = Imu()
-    message.header.stamp = to_time(ns)
-    message.header.frame_id = base_link
-    message.angular_velocity = vector(omega_WB_B)
-    message.orientation_covariance[0] = -1.0
-    message.linear_acceleration_covariance[0] = -1.0
-    if std is not None:
-        message.angular_velocity_covariance[0::4] = std**2
-    return message
-
-
-def quaternion(ns: int, q_WB_xyzw: Quaternion) -> QuaternionStamped:
-    """An attitude message."""
-    message = QuaternionStamped()
-    message.header.stamp = to_time(ns)
-    message.header.frame_id = INERTIAL_FRAME
-    q = message.quaternion
-    q.x, q.y, q.z, q.w = (float(v) for v in q_WB_xyzw)
-    return message
-
-
-def vector(values: Triple) -> Vector3:
-    """A Vector3 message."""
-    x, y, z = values.tolist()
-    return Vector3(x=x, y=y, z=z)
-
-
-def estimate_message(value: Estimate, rejected: int) -> EstimateMessage:
-    """An Estimate message."""
-    message = EstimateMessage()
-    message.header.stamp = to_time(value.stamp_ns)
-    message.header.frame_id = INERTIAL_FRAME
-    for name in ('method', 'valid', 'reason', 'rank', 'unknowns', 'samples'):
-        setattr(message, name, getattr(value, name))
-    message.condition, message.chi2_per_dof = float(value.condition), float(value.chi2_per_dof)
-    message.aam_links = list(value.aam_links)
-    message.parameter_names = list(value.parameter_names)
-    message.parameter_units = [PARAMETER_UNIT] * len(value.parameter_names)
-    message.unexcited = list(value.unexcited)
-    for name in ('aam', 'parameters', 'covariance'):
-        setattr(message, name, doubles(getattr(value, name)))
-    message.total_momentum = np.array(value.total_momentum, dtype=np.float64)
-    message.total_momentum_covariance = np.ravel(value.total_momentum_covariance)
-    message.rejected = rejected
-    return message
-
-
-def tracking_message(command: Command, names: list[str], law: str) -> Tracking:
-    """A Tracking message."""
-    message = Tracking()
-    message.header.stamp = to_time(command.stamp_ns)
-    message.joint_names = names
-    message.reference_position = doubles(command.point.q)
-    message.reference_velocity = doubles(command.point.qd)
-    message.reference_acceleration = doubles(command.point.qdd)
-    message.position_error = doubles(command.error)
-    message.velocity_error = doubles(command.error_rate)
-    message.effort = doubles(command.tau)
-    message.saturated = command.saturated.tolist()
-    message.law = law
-    message.state = command.mode
-    message.uses_estimate = command.uses_estimate
-    message.max_error = float(np.abs(command.error).max())
-    return message
-
-
-def ledger_message(ns: int, ledger: MomentumLedger) -> Ledger:
-    """A Ledger message."""
-    message = Ledger()
-    message.header.stamp = to_time(ns)
-    message.header.frame_id = INERTIAL_FRAME
-    message.linear_momentum = vector(ledger.linear)
-    message.angular_momentum = vector(ledger.angular)
-    message.kinetic_energy = ledger.kinetic
-    message.potential_energy = ledger.potential
-    message.joint_work = ledger.joint_work
-    message.angular_impulse = vector(ledger.angular_impulse)
-    message.momentum_drift = ledger.momentum_drift
-    message.energy_drift = ledger.energy_drift
-    return message
+__all__ = [
+    'INERTIAL_FRAME',
+    'angular_rate',
+    'attitude',
+    'base_torque',
+    'base_wrench',
+    'doubles',
+    'estimate',
+    'estimate_message',
+    'imu',
+    'joint_efforts',
+    'joint_sample',
+    'joint_state',
+    'ledger_message',
+    'parameters_message',
+    'quaternion',
+    'stamp_ns',
+    'to_time',
+    'tracking_message',
+    'trajectory',
+    'vector',
+]

@@ -39,6 +39,10 @@ class Merger:
         """Newest stamp of each stream [ns]; None where nothing came yet."""
         return tuple(self._newest)
 
+    def is_past(self, stamp_ns: int) -> bool:
+        """Whether a sample with this stamp would come too late for its place."""
+        return self._released_ns is not None and stamp_ns < self._released_ns
+
     def add(self, stream: int, stamp_ns: int, content: Any, now_ns: int) -> list[Sample]:
         """Take a sample; return what is released by it, in order.
 
@@ -54,7 +58,7 @@ class Merger:
         newest = self._newest[stream]
         if (stamp_ns, stream) in self._content or stamp_ns == newest:
             raise MessageRejectedError('duplicate stamp')
-        if self._released_ns is not None and stamp_ns < self._released_ns:
+        if self.is_past(stamp_ns):
             raise MessageRejectedError('stamp goes backwards, too late to be put in order')
         if all(stamp is None for stamp in self._newest):
             self._first_ns = stamp_ns

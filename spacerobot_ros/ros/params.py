@@ -56,6 +56,12 @@ def declare_settings(node: Node) -> Settings:
         node.declare_parameter(name, own[name], _descriptor(doc), ignore_override=True)
     for name, field, kind, value in leaves(settings):
         _declare(node, name, field, kind, value)
+    for name, entry in settings.effects.items():
+        for key, value in entry.items():
+            descriptor = _descriptor('Of a physical effect that the model believes in.')
+            node.declare_parameter(
+                f'effects.{name}.{key}', value, descriptor, ignore_override=True
+            )
     return settings
 
 
@@ -88,7 +94,7 @@ def leaves(section: Any, prefix: str = '') -> Iterator[tuple[str, Field[Any], An
         value = getattr(section, field.name)
         if is_dataclass(value):
             yield from leaves(value, f'{prefix}{field.name}.')
-        else:
+        elif not isinstance(value, Mapping):  # entries under free names
             yield f'{prefix}{field.name}', field, hints[field.name], value
 
 

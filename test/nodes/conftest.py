@@ -14,7 +14,8 @@ else:
     collect_ignore = [
         f'test_{name}.py'
         for name in (
-            'closed_loop', 'controller', 'convert', 'demo', 'identifier', 'parameters', 'simulator'
+            'closed_loop', 'controller', 'convert', 'demo', 'free_flying', 'identifier',
+            'monitor', 'parameters', 'simulator',
         )
     ]  # fmt: skip
 

@@ -465,3 +465,11 @@ def test_makes_the_folders_above(tmp_path):
     with BagWriter(tmp_path / 'out' / 'demo' / 'bag') as bag:
         fill(bag, 1)
     assert (tmp_path / 'out' / 'demo' / 'bag' / 'metadata.yaml').is_file()
+
+
+def test_a_clock_that_jumps_back_is_refused_with_its_place(tmp_path):
+    stamps = [k * 10**7 - (3 * 10**9 if k >= 400 else 0) for k in range(600)]
+    bag = write(tmp_path / 'bag', [('/imu/data', imu(k)) for k in stamps])
+    one_line(
+        bag, r'/imu/data, message 400: the clock jumps back by 2.99 s, 3.99 s after the first'
+    )

@@ -88,15 +88,15 @@ def test_every_ros_package_that_is_imported_is_declared():
     assert {name for name in imported if known.match(name)} <= declared
 
 
-def test_launch_file_describes_three_nodes():
+def test_launch_file_describes_all_nodes():
     path = ROOT / 'launch' / 'closed_loop.launch.py'
     source = path.read_text(encoding='utf-8')
     compile(source, str(path), 'exec')
-    assert {'simulator', 'identifier', 'controller'} <= set(
+    assert {'simulator', 'identifier', 'controller', 'monitor'} <= set(
         re.findall(r"part\(\s*'(\w+)'", source)
     )
     if importlib.util.find_spec('launch_ros') is None:
         pytest.skip('only compiled: no launch_ros here')
     namespace: dict[str, object] = {}
     exec(compile(source, str(path), 'exec'), namespace)
-    assert len(namespace['generate_launch_description']().entities) == 5
+    assert len(namespace['generate_launch_description']().entities) == 6

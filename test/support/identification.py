@@ -8,7 +8,7 @@ summed over the bodies.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -194,7 +194,19 @@ def last_joint_only(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return q * [0.0, 0.0, 1.0], qd * [0.0, 0.0, 1.0]
 
 
-MOTIONS = {'table_two': table_two, 'still': still, 'last_joint_only': last_joint_only}
+def locked(t: np.ndarray, joint: int) -> tuple[np.ndarray, np.ndarray]:
+    """Table II with one joint locked."""
+    moves = np.arange(3) != joint
+    q, qd = table_two(t)
+    return q * moves, qd * moves
+
+
+MOTIONS = {
+    'table_two': table_two,
+    'still': still,
+    'last_joint_only': last_joint_only,
+    **{f'locked_{i + 1}': partial(locked, joint=i) for i in range(3)},
+}
 
 
 @lru_cache(maxsize=16)

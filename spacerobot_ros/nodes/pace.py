@@ -1,0 +1,50 @@
+"""Pace of a simulation on the clock on the wall."""
+
+from __future__ import annotations
+
+from rclpy.clock import Clock, ClockType
+
+
+class Pace:
+    """Steps that are due at a pace, and how far the simulation keeps up.
+
+    Args:
+        period_ns: Simulated time of a step [ns].
+        factor: Simulated time per wall time.
+        catch_up: Largest number of steps to do at once; beyond, the simulation falls behind.
+
+    Attributes:
+        clock: The clock on the wall.
+    """
+
+    def __init__(self, period_ns: int, factor: float, catch_up: int) -> None:
+        self.clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._period_ns, self._factor, self._catch_up = period_ns, factor, catch_up
+        self._slips = 0
+        self.anchor(0)
+
+    def now(self) -> int:
+        """Wall time [ns]."""
+        return int(self.clock.now().nanoseconds)
+
+    def anchor(self, step: int) -> None:
+        """Count from now and from this step on."""
+        self._since, self._step = self.now(), step
+
+    def due(self, step: int) -> int:
+        """Number of steps to do now; after too long a delay what is missed is let go."""
+        behind = self._step - step
+        behind += int((self.now() - self._since) * self._factor / self._period_ns)
+        if behind > self._catch_up:
+            self._slips += 1
+            self.anchor(step + self._catch_up)
+        return min(behind, self._catch_up)
+
+    def reached(self, step: int) -> float:
+        """Simulated time per wall time since the anchor."""
+        return (step - self._step) * self._period_ns / max(self.now() - self._since, 1)
+
+    def take_slips(self) -> int:
+        """How often it fell behind since this was last asked."""
+        slips, self._slips = self._slips, 0
+        return slips

@@ -1,0 +1,65 @@
+"""Samples that belong together: joint states wait for the gyro and attitude of their stamp.
+
+In lockstep the torque would otherwise depend on which of two messages was handled first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from rclpy.clock import Clock, ClockType
+
+from ..control.loop import ControlLoop
+from ..model.settings import SimulatorSettings
+from ..sensing.sensors import steps_between
+
+Joints = tuple[int, np.ndarray, np.ndarray]
+"""Stamp [ns], positions and rates (n,) of the joints."""
+
+
+class Pairing:
+    """Joint states that wait for the other sensors.
+
+    Args:
+        loop: Takes the samples; knows the newest gyro sample and attitude.
+        simulator: Rates of the simulated sensors, and whether they come in lockstep.
+        patience_ns: Wall time to wait for a sensor that stopped [ns].
+
+    Raises:
+        ConfigurationError: rates that don't divide the control rate.
+    """
+
+    def __init__(self, loop: ControlLoop, simulator: SimulatorSettings, patience_ns: int) -> None:
+        self.is_lockstep = simulator.lockstep and loop.robot.is_free
+        self.waiting: Joints | None = None
+        self.clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._loop, self._patience_ns, self._since = loop, patience_ns, 0
+        self._gyro_ns = _period_ns(simulator, 'imu_rate')
+        self._attitude_ns = _period_ns(simulator, 'attitude_rate')
+
+    def hold_back(self, joints: Joints) -> bool:
+        """Keep joint states back until the samples of their stamp are there; whether it does."""
+        if not self.is_lockstep or self._is_complete(joints[0]):
+            return False
+        if self.waiting is None:
+            self._since = self.clock.now().nanoseconds
+        self.waiting = joints
+        return True
+
+    def overdue(self) -> Joints | None:
+        """Joint states that have waited too long: time would stand still in lockstep."""
+        waited = self.clock.now().nanoseconds - self._since
+        return self.waiting if waited > self._patience_ns else None
+
+    def _is_complete(self, stamp: int) -> bool:
+        streams = [(self._loop.rate_ns, self._gyro_ns)]
+        if self._loop.controls_attitude:
+            streams.append((self._loop.attitude_ns, self._attitude_ns))
+        return all(
+            newest is not None and newest >= stamp // period * period for newest, period in streams
+        )
+
+
+def _period_ns(simulator: SimulatorSettings, rate: str) -> int:
+    """Time between two samples of a simulated sensor [ns]."""
+    steps = steps_between(getattr(simulator, rate), simulator.period, f'simulator.{rate}')
+    return round(simulator.period * 1e9) * steps

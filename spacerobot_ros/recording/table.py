@@ -1,0 +1,227 @@
+"""Tables of measured columns, read from CSV, JSON and npz files; numbers are made on use.
+
+A cell that is empty (JSON: null or absent) was not sampled; whether that is allowed is for the
+reader of the columns to say. Everything else that is no finite number is refused with its place.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import RecordingError
+from ..types import Array
+
+FORMATS = ('csv', 'npz', 'json')
+_NUMBER = (int, float)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a file by name; each a sequence of cells, or an array with one row a sample.
+
+    Args:
+        source: The file, for messages.
+        columns: Cells of each column; all of one length in CSV and JSON.
+        row_name: What a row is called in messages: `line`, `entry` or `row`.
+        row_numbers: The place of each row in the file; counted from zero where None.
+    """
+
+    source: str
+    columns: Mapping[str, Any]
+    row_name: str = 'row'
+    row_numbers: tuple[int, ...] | None = None
+
+    def row(self, index: int) -> str:
+        """The place of a row, such as `run.csv: line 12`."""
+        number = self.row_numbers[index] if self.row_numbers else index
+        return f'{self.source}: {self.row_name} {number}'
+
+    def numbers(self, name: str) -> Array:
+        """A column as numbers, (N, k); NaN where a cell is empty, and only there.
+
+        Raises:
+            RecordingError: no such column, or a cell that is no finite number.
+        """
+        cells = self._cells(name)
+        if isinstance(cells, np.ndarray):
+            return self._array(name, cells)
+        values = np.array([[self._number(name, i, cell)] for i, cell in enumerate(cells)])
+        return values.reshape(-1, 1)
+
+    def where(self, name: str, wanted: Any) -> Table:
+        """Only the rows in which a column of a CSV or JSON file says what is wanted.
+
+        Raises:
+            RecordingError: no such column, or no such row.
+        """
+        cells = self._cells(name)
+        kept = [i for i, cell in enumerate(cells) if _same(cell, wanted)]
+        if not kept:
+            raise RecordingError(self.source, f'no {self.row_name} has {wanted!r} in {name!r}')
+        numbers = self.row_numbers or tuple(range(len(cells)))
+        columns = {
+            key: values[kept] if isinstance(values, np.ndarray) else [values[i] for i in kept]
+            for key, values in self.columns.items()
+        }
+        return Table(self.source, columns, self.row_name, tuple(numbers[i] for i in kept))
+
+    def with_column(self, name: str, values: Array) -> Table:
+        """The same table with one column more, or with other numbers in it.
+
+        Args:
+            name: Of the column.
+            values: (N, k); NaN for an empty cell.
+        """
+        cells = [None if math.isnan(v) else v for v in values[:, 0].tolist()]
+        return Table(self.source, {**self.columns, name: cells}, self.row_name, self.row_numbers)
+
+    def _cells(self, name: str) -> Any:
+        if name not in self.columns:
+            known = ', '.join(sorted(self.columns)) or 'none'
+            raise RecordingError(self.source, f'has no column {name!r} (it has {known})')
+        return self.columns[name]
+
+    def _number(self, name: str, index: int, cell: Any) -> float:
+        if cell is None or cell == '':
+            return math.nan
+        try:
+            value = float(cell)
+        except (TypeError, ValueError):
+            raise RecordingError(
+                self.row(index), f'column {name!r}: {cell!r} is not a number'
+            ) from None
+        if not math.isfinite(value):
+            raise RecordingError(self.row(index), f'column {name!r}: {value} is not finite')
+        return value
+
+    def _array(self, name: str, cells: Array) -> Array:
+        numeric = np.issubdtype(cells.dtype, np.number) and not np.iscomplexobj(cells)
+        if not numeric or cells.ndim not in (1, 2):
+            raise RecordingError(
+                f'{self.source}: {name}',
+                f'expected a number, or a row of them, a sample, got {cells.dtype} {cells.shape}',
+            )
+        values = cells.astype(float).reshape(len(cells), -1)
+        if not np.all(np.isfinite(values)):
+            index = int(np.argwhere(~np.isfinite(values))[0, 0])
+            raise RecordingError(self.row(index), f'{name!r} is not finite')
+        return values
+
+
+def _same(cell: Any, wanted: Any) -> bool:
+    """Whether a cell says it, whatever its case: `True`, `true` and JSON's true are one."""
+    return str(cell).strip().lower() == str(wanted).lower()
+
+
+def read_table(path: Path, kind: str, rows: str = '', delimiter: str = ',') -> Table:
+    """Read a table.
+
+    Args:
+        path: The file.
+        kind: One of `FORMATS`.
+        rows: JSON only: name of the list of samples; empty where the file is that list, or a map
+            of columns.
+        delimiter: CSV only: between cells.
+
+    Raises:
+        RecordingError: not readable, not of that format, or without a sample.
+    """
+    readers = {
+        'csv': lambda: _read_csv(path, delimiter),
+        'npz': lambda: _read_npz(path),
+        'json': lambda: _read_json(path, rows),
+    }
+    return readers[kind]()
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding='utf-8-sig')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise RecordingError(str(path), f'can not be read: {reason}') from error
+
+
+def _read_csv(path: Path, delimiter: str) -> Table:
+    reader = csv.reader(_read_text(path).splitlines(), delimiter=delimiter, strict=True)
+    rows: list[tuple[int, list[str]]] = []
+    try:
+        for cells in reader:
+            stripped = [cell.strip() for cell in cells]
+            if any(stripped):
+                rows.append((reader.line_num, stripped))
+    except csv.Error as error:
+        raise RecordingError(f'{path}: line {reader.line_num}', str(error)) from error
+    if len(rows) < 2:
+        raise RecordingError(str(path), 'has no sample: expected a line of names, then numbers')
+    (_, names), *samples = rows
+    twice = next((name for name in names if name and names.count(name) > 1), None)
+    if twice is not None:
+        raise RecordingError(f'{path}: line {rows[0][0]}', f'names column {twice!r} twice')
+    for line, cells in samples:
+        if len(cells) != len(names):
+            raise RecordingError(
+                f'{path}: line {line}', f'has {len(cells)} cells, expected {len(names)}'
+            )
+    columns = {name: [cells[i] for _, cells in samples] for i, name in enumerate(names) if name}
+    return Table(str(path), columns, 'line', tuple(line for line, _ in samples))
+
+
+def _read_json(path: Path, rows: str) -> Table:
+    try:
+        content = json.loads(_read_text(path))
+    except ValueError as error:
+        raise RecordingError(str(path), f'not valid JSON: {error}') from error
+    if rows:
+        if not isinstance(content, Mapping) or rows not in content:
+            raise RecordingError(str(path), f'has no entry {rows!r} (`rows` of the mapping)')
+        content = content[rows]
+    if isinstance(content, Mapping):
+        return _json_table(path, content)
+    if not isinstance(content, Sequence) or isinstance(content, str) or not content:
+        raise RecordingError(f'{path}: {rows}'.rstrip(': '), 'expected a list of samples')
+    for i, entry in enumerate(content):
+        if not isinstance(entry, Mapping):
+            raise RecordingError(f'{path}: entry {i}', f'expected a map of values, got {entry!r}')
+    names = dict.fromkeys(name for entry in content for name in entry)
+    return _json_table(path, {name: [entry.get(name) for entry in content] for name in names})
+
+
+def _json_table(path: Path, content: Mapping[str, Any]) -> Table:
+    """A map of lists, one a column; rows of numbers become an array, what is no list is left."""
+    columns = {
+        name: np.array(values, dtype=float) if _is_matrix(values) else values
+        for name, values in content.items()
+        if isinstance(values, list)
+    }
+    return Table(str(path), columns, 'entry')
+
+
+def _is_matrix(values: list[Any]) -> bool:
+    widths = {len(row) if isinstance(row, list) else -1 for row in values}
+    return (
+        len(widths) == 1
+        and -1 not in widths
+        and all(isinstance(cell, _NUMBER) for row in values for cell in row)
+    )
+
+
+def _read_npz(path: Path) -> Table:
+    try:
+        file = np.load(path, allow_pickle=False)
+        if isinstance(file, np.ndarray):
+            raise ValueError('it holds one array without a name')
+        with file:
+            return Table(str(path), {name: file[name] for name in file.files}, 'row')
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        reason = ' '.join(str(error).split())
+        raise RecordingError(str(path), f'not a readable npz file: {reason}') from error

@@ -1,0 +1,106 @@
+"""The algebra behind the adaptive laws, measured on random states of the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from ..control.adaptive.regressors import Regressors
+from ..control.adaptive.tree import parameter_values
+from ..types import Array
+from .adaptive_scenario import minisat
+
+_STATES = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Identities:
+    """Residuals, largest over random states, and ranks.
+
+    Args:
+        inverse_dynamics: Y(q, V, V, A) pi against Pinocchio's RNEA.
+        slotine_li: Against the two-call recipe on Pinocchio's regressor.
+        coriolis: Y_SL pi against M A_r + C V_r with Pinocchio's C.
+        lyapunov: d/dt (sigma^T M sigma / 2) against -sigma^T K sigma + sigma^T Y (pi - pi_hat).
+        rank: Of Y with ten rows.
+        rank_without_force: With the paper's seven.
+    """
+
+    inverse_dynamics: float
+    slotine_li: float
+    coriolis: float
+    lyapunov: float
+    rank: int
+    rank_without_force: int
+
+
+def identities(seed: int = 0) -> Identities:
+    """Measure them."""
+    robot = minisat()
+    model, regressors, pi = robot.pin_model, Regressors(robot), parameter_values(robot)
+    data, rng = model.createData(), np.random.default_rng(seed)
+    worst, rows = np.zeros(4), []
+    for _ in range(_STATES):
+        q = rng.uniform(-np.pi, np.pi, 4)
+        V, Vr, Ar, A = rng.standard_normal((4, 10))
+        q_pin = np.concatenate([np.zeros(6), [1.0], q])
+        Y = regressors.slotine_li(q, V, Vr, Ar)
+        rows.append(regressors.slotine_li(q, V, V, A))
+        M = pin.crba(model, data, q_pin)
+        M = np.triu(M) + np.triu(M, 1).T
+        C = pin.computeCoriolisMatrix(model, data, q_pin, V)
+        twice = two_calls(model, data, q_pin, V, Vr, Ar)
+        wrong = pi * (1.0 + 0.4 * rng.standard_normal(len(pi)))
+        residuals = [
+            np.max(np.abs(rows[-1] @ pi - pin.rnea(model, data, q_pin, V, A))),
+            np.max(np.abs(twice - Y)),
+            np.max(np.abs(Y @ pi - M @ Ar - C @ Vr)),
+            _lyapunov_residual(M, C, V, Vr, Ar, Y, pi, wrong),
+        ]
+        worst = np.maximum(worst, residuals)
+    whole = np.array(rows)
+    return Identities(
+        inverse_dynamics=float(worst[0]),
+        slotine_li=float(worst[1]),
+        coriolis=float(worst[2]),
+        lyapunov=float(worst[3]),
+        rank=_rank(whole.reshape(-1, len(pi))),
+        rank_without_force=_rank(whole[:, 3:].reshape(-1, len(pi))),
+    )
+
+
+def two_calls(
+    model: pin.Model, data: pin.Data, q_pin: Array, V: Array, Vr: Array, Ar: Array
+) -> Array:
+    """Slotine-Li regressor from two of Pinocchio's ordinary ones, without gravity.
+
+        Y_SL = 1/4 [Y(q, V + V_r, 2 a) - Y(q, V - V_r, -2 a)],  a = A_r + 1/2 [V_0 x V_r,0; 0]
+
+    The cross product of the base's twists is the Lie bracket of the quasi-velocities: without it
+    the polarisation is wrong by as much as the torques themselves.
+    """
+    a = Ar.copy()
+    a[:6] += 0.5 * pin.Motion(V[:6]).cross(pin.Motion(Vr[:6])).vector
+    plus = pin.computeJointTorqueRegressor(model, data, q_pin, V + Vr, 2.0 * a).copy()
+    minus = pin.computeJointTorqueRegressor(model, data, q_pin, V - Vr, -2.0 * a)
+    return np.asarray(0.25 * (plus - minus))
+
+
+def _lyapunov_residual(
+    M: Array, C: Array, V: Array, Vr: Array, Ar: Array, Y: Array, pi: Array, wrong: Array
+) -> float:
+    """Rate of sigma^T M sigma / 2 along the loop, against what the proof says it is."""
+    sigma, K = Vr - V, 2.0 * M
+    u = Y @ wrong + K @ sigma
+    A = np.linalg.solve(M, u - C @ V)
+    rate = sigma @ M @ (Ar - A) + 0.5 * sigma @ (C + C.T) @ sigma
+    claimed = -sigma @ K @ sigma + sigma @ Y @ (pi - wrong)
+    return float(abs(rate - claimed))
+
+
+def _rank(matrix: Array) -> int:
+    norms = np.linalg.norm(matrix, axis=0)
+    singular = np.linalg.svd(matrix / np.where(norms > 0.0, norms, 1.0), compute_uv=False)
+    return int(np.sum(singular > 1e-9 * singular[0]))

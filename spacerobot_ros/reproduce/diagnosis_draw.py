@@ -1,0 +1,139 @@
+"""Random effects of a stated strength: so many times what a record of that motion can show.
+
+The detection limit of a direction of parameters is where its likelihood gain is `LIMIT` on
+average: size^2 |column|^2 = LIMIT, with the whitened column of the clean record.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..diagnosis.candidates import is_possible
+from ..diagnosis.coordinate import PROPORTIONAL, coordinate_of, origin_of, size_of, value_of
+from ..diagnosis.fit import Fit
+from ..effects.catalogue import CATALOGUE
+from ..effects.effect import AppliedEffect, Effect
+from ..model.robot import Robot
+
+LIMIT = 30.0
+"""Twice the gain in log likelihood at the detection limit."""
+_STEPS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # of a plausible size, where the column is taken
+_HALVINGS = 20
+_REACH = 0.3  # m, of a payload's place
+_FASTEST = 40.0  # largest harmonic or frequency [rad/s] that is drawn
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """Effects of one kind at one place that differ in strength.
+
+    Args:
+        effect: Catalogue entry.
+        where: Its place.
+        rest: Values of what the strength does not change.
+        sizes: Coordinate of every other parameter at strength one, about no effect.
+    """
+
+    effect: Effect
+    where: str | None
+    rest: Mapping[str, float]
+    sizes: Mapping[str, float]
+
+    def applied(self, strength: float) -> AppliedEffect:
+        """The effect, its values within their bounds."""
+        values = dict(self.rest)
+        for p in self.effect.parameters:
+            if p.name in self.sizes:
+                values[p.name] = value_of(p, origin_of(p) + strength * self.sizes[p.name])
+        return AppliedEffect(name='hidden', effect=self.effect, where=self.where, values=values)
+
+    def reaches(self, strength: float, robot: Robot) -> bool:
+        """Whether bounds and bodies leave room for so much."""
+        applied = self.applied(strength)
+        return is_possible(applied, robot) and all(
+            math.isclose(
+                coordinate_of(p, applied.values[p.name]),
+                origin_of(p) + strength * self.sizes[p.name],
+                rel_tol=1e-6,
+                abs_tol=1e-12,
+            )
+            for p in self.effect.parameters
+            if p.name in self.sizes
+        )
+
+
+def places(robot: Robot) -> list[tuple[str, str | None]]:
+    """Every effect that the diagnosis looks for, at every place."""
+    return [
+        (effect.id, where)
+        for effect in CATALOGUE.values()
+        if effect.is_fitted and (robot.is_free or not effect.needs_free_base)
+        for where in effect.places(robot)
+    ]
+
+
+def drawn(
+    clean: Fit, effect_id: str, where: str | None, multiple: float, rng: np.random.Generator
+) -> tuple[AppliedEffect, float]:
+    """An effect at a place, of a strength by what the motion can show.
+
+    Args:
+        clean: The model on a clean record of the motion.
+        effect_id: Id in the catalogue.
+        where: Its place.
+        multiple: Strength wanted, by the detection limit.
+        rng: Draws direction, phases and frequencies.
+
+    Returns:
+        The effect, and its strength by the detection limit: less where bounds leave no more.
+    """
+    robot = clean.run.robot
+    direction = _direction(CATALOGUE[effect_id], robot, where, rng)
+    step = next((s for s in _STEPS if direction.reaches(s, robot)), _STEPS[-1])
+    column = clean.signatures.whitened([(direction.applied(step), step)])[:, 0]
+    limit = math.sqrt(LIMIT) / max(float(np.linalg.norm(column)), 1e-12)
+    shares = (0.5**k for k in range(_HALVINGS))
+    share = next((s for s in shares if direction.reaches(s * multiple * limit, robot)), 0.0)
+    return direction.applied(share * multiple * limit), share * multiple
+
+
+def _direction(
+    effect: Effect, robot: Robot, where: str | None, rng: np.random.Generator
+) -> Direction:
+    """Random proportions of the parameters, phases and frequencies."""
+    rest = dict(rng.choice(np.array(effect.variants(robot, where), dtype=object)))
+    sizes = {}
+    for p in effect.parameters:
+        if p.role in PROPORTIONAL:
+            amount = float(rng.standard_normal()) * size_of(p)
+            one_sided = p.role != 'linear' or max(p.minimum, p.above) >= p.nominal
+            sizes[p.name] = abs(amount) if one_sided else amount
+        elif p.role == 'phase':
+            rest[p.name] = float(rng.uniform(-math.pi, math.pi))
+        elif min(p.grid, default=0.0) > 0.0 and len(p.grid) > 1:
+            low, high = math.log(min(p.grid)), math.log(min(max(p.grid), _FASTEST))
+            rest[p.name] = math.exp(rng.uniform(low, high))
+    if effect.id == 'inertial_parameters':
+        sizes = _payload(rng)
+    return Direction(effect, where, rest, sizes)
+
+
+def _payload(rng: np.random.Generator) -> dict[str, float]:
+    """A kilogram at one point: mass, first moment, inertia about the body's origin."""
+    x, y, z = rng.normal(0.0, _REACH, 3).tolist()
+    return {
+        'mass': 1.0,
+        'mx': x,
+        'my': y,
+        'mz': z,
+        'ixx': y * y + z * z,
+        'ixy': -x * y,
+        'iyy': x * x + z * z,
+        'ixz': -x * z,
+        'iyz': -y * z,
+        'izz': x * x + y * y,
+    }

@@ -1,0 +1,181 @@
+"""Monitor node: silent in flight, raises, records, bad messages, resets."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import QuaternionStamped
+from sensor_msgs.msg import Imu, JointState
+from std_srvs.srv import Trigger
+from support.faults_in_flight import in_flight
+from support.flights import Flight
+
+from spacerobot_ros.nodes.monitor import MonitorNode
+from spacerobot_ros.recording.bag import read_bag
+from spacerobot_ros.ros import convert
+from spacerobot_ros.ros.qos import SAMPLES, STATE
+
+pytestmark = pytest.mark.ros
+
+NAMES = ['joint_1', 'joint_2', 'joint_3']
+MS = 1_000_000
+
+
+@pytest.fixture(scope='module')
+def nominal():
+    """Return 10 s without a fault."""
+    return list(Flight(seed=4).samples(10.0))
+
+
+class Bench:
+    """A monitor with a probe that plays the sensors."""
+
+    def __init__(self, rig, parameters, **more):
+        self.rig, self.probe = rig, rig.plain()
+        self.diagnostics = rig.listen(self.probe, DiagnosticArray, '/diagnostics', STATE)
+        topics = {'/imu/data': Imu, '/attitude': QuaternionStamped, '/joint_states': JointState}
+        self.publishers = {
+            topic: self.probe.create_publisher(kind, topic, SAMPLES)
+            for topic, kind in topics.items()
+        }
+        more = {'monitor.learn': 4.0, **more}
+        self.node = rig.add(MonitorNode, parameters, **more)
+
+    def send(self, topic, message):
+        self.publishers[topic].publish(message)
+
+    def joint(self, ns, q=(0.0, 0.0, 0.0), qd=(0.0, 0.0, 0.0), effort=(), names=NAMES):
+        message = convert.joint_state(ns, list(names), np.array(q), np.array(qd))
+        message.effort = [float(x) for x in effort]
+        self.send('/joint_states', message)
+
+    def play(self, samples):
+        for k, s in enumerate(samples):
+            if s.omega is not None:
+                self.send('/imu/data', convert.imu(s.stamp_ns, 'base_link', s.omega, None))
+            if s.attitude_xyzw is not None:
+                self.send('/attitude', convert.quaternion(s.stamp_ns, s.attitude_xyzw))
+            if s.joints is not None:
+                self.joint(s.stamp_ns, *s.joints)
+            if k % 50 == 49:  # less than the queues hold
+                self.rig.drain()
+        self.rig.drain()
+
+    def status(self, name):
+        return next(s for s in self.node.health.statuses() if s.name == name)
+
+
+@pytest.fixture
+def parameters(servicer):
+    """Return the servicer's parameters."""
+    return servicer
+
+
+def test_says_that_all_is_well(rig, parameters, nominal):
+    bench = Bench(rig, parameters)
+    assert bench.status('model').message == 'nothing received yet'
+    bench.play(nominal[:300])
+    assert bench.status('model').message.startswith('learning')
+    bench.play(nominal[300:700])
+    assert bench.status('model').message == 'the model explains the data'
+    assert bench.status('inputs').message == 'all sensors arrive'
+    channel = bench.status('gyro x')
+    assert channel.message == 'as the model says'
+    assert 0.8 < channel.values['rms over noise floor'] < 1.2
+    assert 'whiteness p' in channel.values
+    assert 'unexplained [N m]' in bench.status('joint_2 torque').values
+
+
+def test_raises_at_once_and_records_around_it(rig, parameters, nominal, tmp_path):
+    change = in_flight('gyro_bias', 2e-4, Flight()).change
+    bench = Bench(
+        rig, parameters,
+        **{'monitor.record_folder': str(tmp_path / 'events'), 'monitor.pre_trigger': 2.0,
+           'monitor.post_trigger': 1.0},
+    )  # fmt: skip
+    bench.play([change(s) if s.stamp_ns >= 6000 * MS else s for s in nominal])
+    model = bench.status('model')
+    assert model.message.startswith('gyro x: unexplained 0.0002 rad/s'), model.message
+    assert model.values['spoke first'] == 'gyro x'
+    assert any(
+        status.name == 'monitor: model' and status.message == model.message
+        for message in bench.diagnostics
+        for status in message.status
+    )
+    raised = bench.node.monitor.state.raised_ns
+    assert not bench.node.recorder.is_recording
+    (folder,) = (tmp_path / 'events').iterdir()
+    record = read_bag(folder, bench.node.monitor.robot)
+    start, end = record.span_ns
+    assert abs(start - (raised - 2000 * MS)) <= 10 * MS
+    assert abs(end - (raised + 1000 * MS)) <= 110 * MS
+
+
+def test_without_a_folder_nothing_is_recorded(rig, parameters):
+    assert Bench(rig, parameters).node.recorder is None
+
+
+@pytest.mark.parametrize(
+    ('send', 'topic', 'reason'),
+    [
+        (lambda b: b.joint(5 * MS, names='abc'), '/joint_states', "joint 'joint_#' is missing"),
+        (lambda b: b.joint(5 * MS, (np.nan, 0, 0)), '/joint_states', 'position is not finite'),
+        (lambda b: b.joint(5 * MS, effort=(1.0,)), '/joint_states',
+         'effort has # entries for # joints'),
+        (lambda b: b.send('/imu/data', convert.imu(5 * MS, 'x', np.zeros(3), None)), '/imu/data',
+         "frame_id is 'x', expected 'base_link'"),
+        (lambda b: [b.joint(5 * MS), b.joint(5 * MS)], '/joint_states', 'duplicate stamp'),
+    ],
+)  # fmt: skip
+def test_bad_messages_are_counted(rig, parameters, send, topic, reason):
+    bench = Bench(rig, parameters)
+    send(bench)
+    rig.drain()
+    assert bench.node.health.rejected[topic, reason] == 1
+
+
+def test_time_that_goes_back_is_another_run(rig, parameters, nominal):
+    bench = Bench(rig, parameters)
+    bench.play(nominal[:600])
+    assert bench.node.monitor.state.judged_ns is not None
+    bench.play(nominal[:100])
+    assert bench.node.monitor.state.judged_ns is None
+    assert bench.status('model').message.startswith('learning')
+
+
+def test_reset_on_request(rig, parameters, nominal):
+    bench = Bench(rig, parameters)
+    bench.play(nominal[:600])
+    client = bench.probe.create_client(Trigger, '/monitor/reset')
+    future = client.call_async(Trigger.Request())
+    rig.until(future.done)
+    assert future.result().success
+    assert bench.node.monitor.state.judged_ns is None
+
+
+def test_believes_a_valid_estimate(rig, parameters, nominal):
+    bench = Bench(rig, parameters)
+    bench.play(nominal[:550])
+    monitor = bench.node.monitor
+    truth = Flight(seed=4).parameters()['truth']['target_momentum']
+    estimate = estimate_of(truth, 0.5, monitor.state.judged_ns)
+    with pytest.raises(Exception, match='links'):
+        monitor.believe(dataclasses.replace(estimate, aam_links=('other',)))
+    monitor.believe(estimate)
+    bench.play(nominal[550:])
+    assert monitor.state.level == 'ok', monitor.state.reason
+    np.testing.assert_allclose(monitor.state.momentum, truth, rtol=0.0, atol=0.5)
+    assert max(monitor.state.momentum_std) < 0.5
+
+
+def estimate_of(aam, std, stamp_ns):
+    """A valid estimate of the momentum alone."""
+    from spacerobot_ros.identification.estimate import Estimate
+
+    return Estimate(
+        method='online', valid=True, reason='', aam_links=('link_3',), aam=np.array(aam),
+        parameter_names=(), parameters=np.zeros(0), covariance=std**2 * np.eye(3), rank=3,
+        condition=1.0, unexcited=(), total_momentum=np.zeros(3),
+        total_momentum_covariance=np.eye(3), chi2_per_dof=1.0, samples=1, stamp_ns=stamp_ns,
+    )  # fmt: skip

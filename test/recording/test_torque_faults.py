@@ -1,0 +1,133 @@
+"""Slips that only torques show are named; friction and unknown wheels are no slips."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco')
+
+from support.mujoco_truth import ROBOTS, believing, generate
+
+from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.recording.record import JointSeries, Record
+from spacerobot_ros.recording.torque_faults import find_torque_faults
+
+DEGREES = 180.0 / np.pi
+
+
+@pytest.fixture(scope='module')
+def known(tmp_path_factory):
+    """Record and robot by name, ten seconds each."""
+    out = {}
+    for name in ROBOTS:
+        case = generate(name, folder=tmp_path_factory.mktemp(name), seed=6, duration=10.0)
+        out[name] = case.data, load_robot_file(case.robot).robot
+    return out
+
+
+def changed(record, position=1.0, effort=1.0, order=None, effort_order=None):
+    """Position and rate, and effort, scaled and reordered."""
+    j = record.joints
+    same = list(range(len(j.names)))
+    order, effort_order = order or same, effort_order or order or same
+    return replace(
+        record,
+        joints=JointSeries(
+            j.names,
+            j.stamp_ns,
+            j.position[:, order] * position,
+            j.velocity[:, order] * position,
+            j.effort[:, effort_order] * effort,
+        ),
+    )
+
+
+def flip(n, i):
+    return np.where(np.arange(n) == i, -1.0, 1.0)
+
+
+SLIPS = {
+    'mN m': ({'effort': 1000.0}, 'joint_torque', 'a thousand times too large'),
+    'kN m': ({'effort': 1e-3}, 'joint_torque', 'a thousand times too small'),
+    'sign': ({'effort': -1.0}, 'joint_torque', 'all efforts are of the wrong sign'),
+    'degrees': ({'position': DEGREES}, 'joints', 'degrees instead of radians'),
+}
+
+
+@pytest.mark.parametrize('robot', ['servicer', 'ground'])
+@pytest.mark.parametrize('slip', SLIPS)
+def test_a_unit_or_a_sign_of_all(known, robot, slip):
+    record, model = known[robot]
+    changes, place, words = SLIPS[slip]
+    (fault,) = find_torque_faults(changed(record, **changes), model)
+    assert fault.place == place
+    assert words in fault.message
+
+
+PAIRS = [
+    ('servicer', 0, 1),
+    ('servicer', 1, 2),
+    ('sixdof', 1, 2),
+    ('sixdof', 4, 5),
+    ('ground', 1, 2),
+]
+
+
+@pytest.mark.parametrize(('robot', 'i', 'j'), PAIRS)
+def test_exchanged_and_flipped_joints(known, robot, i, j):
+    record, model = known[robot]
+    n = model.n_joints
+    order = list(range(n))
+    order[i], order[j] = j, i
+    (fault,) = find_torque_faults(changed(record, order=order), model)
+    assert (fault.kind, fault.place) == ('exchanged', 'joints')
+    assert f'{model.joints[i]} and {model.joints[j]}' in fault.message
+    (fault,) = find_torque_faults(changed(record, position=flip(n, j), effort=flip(n, j)), model)
+    assert (fault.kind, fault.place) == ('sign', f'joints/{model.joints[j]}')
+    (fault,) = find_torque_faults(changed(record, effort=flip(n, j)), model)
+    assert (fault.kind, fault.place) == ('sign', f'joint_torque/{model.joints[j]}')
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_clean_data_have_no_slip(known, robot):
+    assert find_torque_faults(*known[robot]) == ()
+
+
+CAUSES = {
+    'friction': [('joint_viscous_friction', 'joint_2', {'coefficient': 30.0})],
+    'dry friction': [('joint_coulomb_friction', 'joint_2', {'torque': 2.0})],
+    'payload': [('inertial_parameters', 'link_1', {'mass': 3.0, 'com': (0.2, 0.1, 0.3)})],
+    'torque constant': [('joint_torque_constant', 'joint_2', {'gain': -0.4})],
+    'harness': [('joint_stiffness', 'joint_2', {'stiffness': 20.0, 'rest_angle': 0.5})],
+}
+
+
+@pytest.mark.parametrize('robot', ['servicer', 'ground'])
+@pytest.mark.parametrize('cause', CAUSES)
+def test_a_physical_cause_is_no_slip(tmp_path, robot, cause):
+    case = generate(robot, CAUSES[cause], folder=tmp_path, seed=7, duration=5.0)
+    assert find_torque_faults(case.data, load_robot_file(case.robot).robot) == ()
+
+
+@pytest.mark.parametrize('robot', ['servicer', 'sixdof'])
+def test_unknown_wheels_are_no_slip(tmp_path, robot):
+    momentum = dict(zip('xyz', ROBOTS[robot].target_wheels, strict=True))
+    wheels = [('target_wheel_momentum', ROBOTS[robot].target_link, momentum)]
+    believed = believing(robot, (0.0, 0.0, 0.0))
+    case = generate(believed, wheels, folder=tmp_path, seed=7, duration=5.0)
+    assert find_torque_faults(case.data, load_robot_file(case.robot).robot) == ()
+
+
+def test_without_efforts_or_samples_there_is_nothing_to_say(known):
+    record, model = known['servicer']
+    j = record.joints
+    assert find_torque_faults(replace(record, joints=None), model) == ()
+    assert find_torque_faults(replace(record, rates=None), model) == ()
+    bare = JointSeries(j.names, j.stamp_ns, j.position, j.velocity)
+    assert find_torque_faults(replace(record, joints=bare), model) == ()
+    few = JointSeries(j.names, j.stamp_ns[:60], j.position[:60], None, j.effort[:60])
+    assert find_torque_faults(replace(record, joints=few), model) == ()
+    assert find_torque_faults(Record(), model) == ()

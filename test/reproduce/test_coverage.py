@@ -1,0 +1,70 @@
+"""The coverage campaign: a few seeded runs, going on where it stopped, its figures."""
+
+import json
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.cli import reproduce
+from spacerobot_ros.cli.main import main
+from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.reproduce import coverage
+from spacerobot_ros.reproduce.linear_system import true_solution
+from spacerobot_ros.reproduce.scenario import scenario
+
+
+def made_up(axes, seed):
+    """Errors of known spread: the truth plus unit noise times a tenth, as stated."""
+    case = scenario(axes)
+    truth = true_solution(case.robot, case.minimal)
+    value = truth + 0.1 * np.random.default_rng(seed).standard_normal(len(truth))
+    one = {'value': value.tolist(), 'std': [0.1] * len(truth), 'chi2_per_dof': 1.0, 'valid': True}
+    return {'seed': seed, 'axes': axes, 'methods': dict.fromkeys(coverage.METHODS, one)}
+
+
+def test_a_few_runs_are_covered(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(reproduce, '_workers', lambda _: 1)
+    command = ['reproduce', 'wheel-momentum', '--campaign', 'coverage', '--out', str(tmp_path)]
+    status = main([*command, '--runs', '4', '--json'])
+    data = json.loads(capsys.readouterr().out)
+    assert [check for check in data['checks'] if not check['is_met']] == []
+    assert status == 0
+    assert len(data['coverage']) == len(coverage.AXES) * len(coverage.METHODS)
+    assert 'Coverage campaign' in (tmp_path / 'report.html').read_text(encoding='utf-8')
+
+
+def test_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    calls = []
+
+    def run(axes, seed):
+        calls.append(seed)
+        return made_up(axes, seed)
+
+    monkeypatch.setattr(coverage, 'coverage_run', run)
+    coverage.run_campaign(tmp_path, 3, 1, lambda: None)
+    runs = coverage.run_campaign(tmp_path, 50, 1, lambda: None)
+    assert calls == list(range(50))
+    assert [r['seed'] for r in runs] == list(range(50))
+    assert len(coverage.run_campaign(tmp_path, 10, 1, lambda: None)) == 10
+    assert len(calls) == 50
+
+
+def test_figures_of_errors_that_are_as_stated():
+    runs = [made_up(coverage.AXES[seed % 2], seed) for seed in range(400)]
+    for score in coverage.score_campaign(runs):
+        # 200 runs of 22 independent numbers: 0.003
+        np.testing.assert_allclose(np.mean(score.covered), 0.95, rtol=0, atol=0.015)
+        assert np.sqrt(np.mean(score.bias**2)) < 0.1
+        assert score.valid == 1.0
+
+
+def test_foreign_file_is_refused(tmp_path):
+    (tmp_path / coverage.FILE).write_text('{"seed": 1}\n', encoding='utf-8')
+    with pytest.raises(RecordingError, match='is no run of a campaign'):
+        coverage.run_campaign(tmp_path, 2, 1, lambda: None)
+
+
+def test_belongs_to_one_experiment(tmp_path, capsys):
+    command = ['reproduce', 'adaptive-control', '--campaign', 'coverage', '--out', str(tmp_path)]
+    assert main(command) == 2
+    assert 'belongs to wheel-momentum' in capsys.readouterr().err
