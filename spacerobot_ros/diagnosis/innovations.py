@@ -23,7 +23,8 @@ from .observations import Observations
 from .process import TorqueDriven
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
 
-_GAUSS = ((0.5 - np.sqrt(0.15), 5.0 / 18.0), (0.5, 4.0 / 9.0), (0.5 + np.sqrt(0.15), 5.0 / 18.0))
+_GAUSS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
+_PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
 _START_STD = 0.03  # rad, rad/s; far above what the reference misses
 _THREADS = 2
 TIMINGS = {'sampled': None, 'held_before': 1.0, 'held_after': 0.0}
@@ -61,10 +62,10 @@ class Scene:
         self.kinematics = self.reference.at(self.grid.times)
 
     @cached_property
-    def inner(self) -> tuple[tuple[float, float, Kinematics], ...]:
-        """Place in the step, weight and reference of the quadrature over every step."""
+    def inner(self) -> tuple[tuple[float, Kinematics], ...]:
+        """Gauss's places in the step, and the reference there."""
         start, dt = self.grid.times[:-1], np.diff(self.grid.times)
-        return tuple((p, w, self.reference.at(start + p * dt)) for p, w in _GAUSS)
+        return tuple((place, self.reference.at(start + place * dt)) for place in _GAUSS)
 
 
 class Innovations:
@@ -225,44 +226,59 @@ class Innovations:
             )
         )
 
-    def _make_transitions(self) -> Array:
-        """(N-1, d, d): Cayley's form of exp(A dt), stable for stiff friction.
+    @cached_property
+    def _exponents(self) -> Array:
+        """(N-1, 2 m, 2 m) z of each step's transition exp(z), by Magnus' series to fourth order.
 
-        Errors of effort samples push the velocities through the same map.
+        Fast wheels on light links turn the rates by a radian or more in one step: neither A is
+        small nor does it commute with itself a step later.
         """
         m, n, linear = self.m, self.n, self._linear
-        dt = self.durations[:, None, None]
-        count = len(self.durations)
-        a = np.zeros((count, 2 * m, 2 * m))
+        a = np.zeros((len(self.grid.times), 2 * m, 2 * m))
         a[:, :m, m:] = np.eye(m)
-        a[:, m:, :m] = _between(linear.by_position, 0.5)
-        a[:, m:, m:] = _between(linear.by_velocity, 0.5)
+        a[:, m:, :m] = linear.by_position
+        a[:, m:, m:] = linear.by_velocity
         if m > n:
-            omega = _between(self.kinematics.omega, 0.5)
-            a[:, :3, :3] = -_skew(omega)
-        implicit = np.linalg.inv(np.eye(2 * m) - 0.5 * dt * a)
-        out = np.zeros((count, 2 * m + 2 * n, 2 * m + 2 * n))
-        out[:, : 2 * m, : 2 * m] = implicit @ (np.eye(2 * m) + 0.5 * dt * a)
-        push = dt * implicit[:, :, m:] @ _between(linear.by_force, 0.5)[:, :, 6:]
-        # a torque counts for the velocity all along the step, for the position more at its start
-        for part, late in zip((slice(0, m), slice(m, 2 * m)), self._late_weights(), strict=True):
-            share = late[:, None, None]
-            out[:, part, 2 * m : 2 * m + n] = -(1.0 - share) * push[:, part]
-            out[:, part, 2 * m + n :] = -share * push[:, part]
+            a[:, :3, :3] = -_skew(self.kinematics.omega)
+        dt = self.durations[:, None, None]
+        early, late = dt * a[:-1], dt * a[1:]
+        return np.asarray(0.5 * (early + late) + (late @ early - early @ late) / 12.0)
+
+    @cached_property
+    def _mean_transitions(self) -> Array:
+        """(N-1, 2 m, 2 m): phi_1(z), the mean of exp(s z) over 0 <= s <= 1.
+
+        By Pade's (2, 2) approximant of exp, D^-1 N with D = 1 - z/2 + z^2/12, which is stable for
+        stiff friction: phi_1 = D^-1, phi_2 = D^-1 (1/2 - z/12), phi_3 = D^-1 (1/6 - z/24), where
+        phi_j takes s^(j-1) / (j-1)! to what it leaves at the step's end.
+        """
+        z = self._exponents
+        return np.asarray(np.linalg.inv(np.eye(2 * self.m) - 0.5 * z + (z @ z) / 12.0))
+
+    def _make_transitions(self) -> Array:
+        """(N-1, d, d); errors of effort samples push the velocities along the whole step."""
+        m, n = self.m, self.n
+        z, mean = self._exponents, self._mean_transitions
+        out = np.zeros((len(z), 2 * m + 2 * n, 2 * m + 2 * n))
+        out[:, : 2 * m, : 2 * m] = np.eye(2 * m) + mean @ z
+        push = self.durations[:, None, None] * _between(self._linear.by_force, 0.5)[:, :, 6:]
+        start, slope = (x[:, None, None] for x in self._late_shares())
+        all_along = mean[:, :, m:] @ push
+        growing = 0.5 * all_along - mean @ (z[:, :, m:] @ push) / 12.0
+        late = start * all_along + slope * growing
+        out[:, : 2 * m, 2 * m : 2 * m + n] = late - all_along
+        out[:, : 2 * m, 2 * m + n :] = -late
         out[:, 2 * m :, 2 * m :] = np.eye(2 * n)
         return out
 
-    def _late_weights(self) -> tuple[Array, Array]:
-        """(N-1,) weights of the later effort sample of each step's interval.
-
-        For the position at the step's end, and for the velocity there.
-        """
+    def _late_shares(self) -> tuple[Array, Array]:
+        """(N-1,) share of the later effort sample at each step's start, and its growth over it."""
         end = TIMINGS[self.timing]
         if end is not None:
             held = np.full(len(self.durations), end)
-            return held, held
-        length = np.diff(self.observed.effort_time)[self.grid.interval]
-        return self.grid.fraction - self.durations / length / 6.0, self.grid.fraction
+            return held, np.zeros(len(held))
+        growth = self.durations / np.diff(self.observed.effort_time)[self.grid.interval]
+        return self.grid.fraction - 0.5 * growth, growth
 
     def _effort(self, times: Array, interval: IntArray) -> Array:
         """(M, n) motor torque at times within given effort intervals."""
@@ -283,20 +299,21 @@ class Innovations:
         return (1.0 - share) * early + share * late + bend
 
     def _kicks(self) -> Array:
-        """(N-1, 2 m) what the model's accelerations miss of the reference over each step."""
-        dt = self.durations
-        velocity, position = np.zeros((2, len(dt), self.m))
-        for place, weight, kinematics in self._scene.inner:
+        """(N-1, 2 m) what the model's accelerations miss of the reference over each step.
+
+        The error is a parabola e_0 + e_1 s + e_2 s^2 through Gauss's points of the step.
+        """
+        errors = []
+        for place, kinematics in self._scene.inner:
             effort = self._effort(kinematics.time, self.grid.interval)
             motion = self.process.motion(kinematics, effort)
             by_force = _between(self._linear.by_force, place)
-            error = np.einsum('nij,nj->ni', by_force, self.process.force_error(motion))
-            error *= (weight * dt)[:, None]
-            velocity += error
-            position += ((1.0 - place) * dt)[:, None] * error
-        by_velocity = _between(self._linear.by_velocity, 0.5)
-        velocity += np.einsum('nij,nj->ni', by_velocity, position)
-        return np.concatenate([position, velocity], axis=1)
+            errors.append(np.einsum('nij,nj->ni', by_force, self.process.force_error(motion)))
+        e0, e1, e2 = np.einsum('pg,gnm->pnm', _PARABOLA, np.stack(errors))
+        z = self._exponents[:, :, self.m :]
+        push = -np.einsum('nij,nj->ni', z, e1 + e2) / 12.0
+        push[:, self.m :] += e0 + 0.5 * e1 + e2 / 3.0
+        return np.einsum('nij,nj->ni', self._mean_transitions, self.durations[:, None] * push)
 
     def _deviations(self) -> Array:
         """(R,) measured less reference."""
