@@ -17,8 +17,8 @@ setup:  ## .venv from locked requirements, messages and package built; nothing w
 demo: setup  ## identify the wheels' momentum and track with it, on real nodes; results in out/demo
 	@$(ENTER) spacerobot demo $(ARGS)
 
-test: setup  ## all tests
-	@$(ENTER) PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 python -m pytest $(ARGS)
+test: setup  ## all tests, in two processes; ARGS='-n 0 -x test/setup' goes to pytest
+	@$(ENTER) PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 python -m pytest -p xdist -n 2 --dist worksteal $(ARGS)
 
 lint: setup  ## ruff, mypy, codespell
 	@$(ENTER) ruff check . && ruff format --check . && mypy && codespell

@@ -50,11 +50,10 @@ def run(parameters, steps, order=(0, 1, 2), **more):
 
 
 def test_same_seed_same_trace_whatever_the_order_of_the_nodes(servicer):
-    orders = [(0, 1, 2), (0, 1, 2), (2, 1, 0)]
     # with estimates coming in and used while it runs
-    runs = [run(servicer, 1400, order) for order in orders]
-    assert len({r[0] for r in runs}) == 1
-    assert any(e.valid for e in runs[0][2])
+    first, second = (run(servicer, 1400, order) for order in [(0, 1, 2), (2, 1, 0)])
+    assert first[0] == second[0]
+    assert any(e.valid for e in first[2])
     assert run(servicer, 100, **{'simulator.seed': 2})[0] != run(servicer, 100)[0]
 
 

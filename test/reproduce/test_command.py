@@ -1,7 +1,9 @@
 """`spacerobot reproduce wheel-momentum`: one small run, its JSON, its report, its tables."""
 
+import io
 import json
 import math
+from contextlib import redirect_stdout
 
 import pytest
 
@@ -27,12 +29,10 @@ SMALL = Options(
 def outcome(tmp_path_factory):
     """Exit status, standard output and folder of a small run."""
     folder = tmp_path_factory.mktemp('reproduce')
-    with pytest.MonkeyPatch.context() as patch:
-        lines = []
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as out:
         patch.setattr(reproduce, '_options', lambda _: SMALL)
-        patch.setattr('builtins.print', lambda *a, **_: lines.append(' '.join(map(str, a))))
         status = main(['reproduce', 'wheel-momentum', '--json', '--out', str(folder)])
-    return status, '\n'.join(lines), folder
+    return status, out.getvalue(), folder
 
 
 def test_every_figure_is_reached(outcome):

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
-GUARD = 30.0  # s of wall time after which a wait counts as hung
+GUARD = 120.0  # s of wall time after which a wait counts as hung
 
 
 class LockstepExecutor(SingleThreadedExecutor):
