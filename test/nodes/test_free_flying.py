@@ -66,7 +66,7 @@ class Loop:
 @pytest.mark.parametrize(('period', 'steps'), [(0.05, 400), (0.005, 800)], ids=['20Hz', '200Hz'])
 def test_nodes_track_as_the_law_alone(rig, period, steps):
     file = file_with(free_flying_parameters('adaptive_composite', period))
-    want = core_errors(file, steps)  # first: it compiles the law, over which samples are sent again
+    want = core_errors(file, steps)  # first: samples are sent again while the law compiles
     loop = Loop(rig, node_parameters('adaptive_composite', period))
     got = loop.run(steps)
     # in lockstep without noise nothing but rounding of stamps and attitudes differs
