@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-import pinocchio as pin
 
+from ..dynamics.composite_kernel import PART
+from ..dynamics.linearise_kernel import linearise
 from ..effects.catalogue import changed_robot
 from ..effects.effect import AppliedEffect, Effect
 from ..effects.motion import Motion
@@ -21,7 +21,6 @@ from ..model.robot import Robot
 from ..types import Array
 from .reference import Kinematics
 from .response import InverseDynamics
-from .wheel_torque import WheelTorque
 
 _STEP = 1e-6  # of the differences that give the gradient of believed forces; rad, rad/s
 
@@ -79,28 +78,20 @@ class TorqueDriven:
     def linearise(self, motion: Motion) -> Linearised:
         """Derivatives of the accelerations about a motion."""
         robot, first = self.robot, self.first
-        model, data = robot.pin_model, robot.pin_model.createData()
-        columns = motion.pin_columns
-        count, width = len(motion), 6 + self.n
-        by_q, by_v = np.zeros((count, width, width)), np.zeros((count, width, width))
-        inverse = np.zeros((count, width, width))
         forces = self.forces(motion) if self.effects else motion.zeros()
         forces[:, 6:] += motion.effort
-        rates = motion.rates[:, columns]
-        wheels = WheelTorque(robot)
-        at = np.ix_(columns, columns)
-        for k, (q, v, tau) in enumerate(
-            zip(motion.configurations, rates, forces[:, columns], strict=True)
-        ):
-            external = wheels.forces(q, v)
-            dq, dv, minv = pin.computeABADerivatives(model, data, q, v, tau, external)
-            minv = np.where(_lower(len(tau)), minv.T, minv)
-            gq, gv = wheels.gradients(q, v)
-            by_q[k][at], by_v[k][at] = dq + minv @ gq, dv + minv @ gv
-            inverse[k][at] = minv
+        loads = self._inverse.loads
+        by_q, by_v, inverse = linearise(
+            motion.tree,
+            robot.is_free,
+            robot.gravity,
+            (loads.inertial, loads.wheels, loads.motors),
+            motion.carried[:3],
+            np.ascontiguousarray(motion.qd),
+            forces,
+            np.zeros(len(robot.bodies), dtype=PART),
+        )
         by_position, by_velocity = by_q[:, first:, first:].copy(), by_v[:, first:, first:].copy()
-        if robot.is_free:
-            by_position[:, :, :3] = 0.0
         if self._direct:
             self._add_effects(motion, inverse, by_position, by_velocity)
         return Linearised(by_position, by_velocity, inverse[:, first:])
@@ -123,12 +114,6 @@ class TorqueDriven:
         for effect in effects:
             total += effect.force(motion, effect.driven(motion))
         return total
-
-
-@cache
-def _lower(size: int) -> np.ndarray:
-    """(size, size) bool, below the diagonal: what Pinocchio leaves out of a symmetric matrix."""
-    return np.tri(size, k=-1, dtype=bool)
 
 
 def _moved(

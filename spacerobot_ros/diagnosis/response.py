@@ -7,17 +7,17 @@ given motion; that the motion itself stays as measured is what a filter's column
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
+from ..dynamics.inverse_kernel import inverse_dynamics
 from ..effects.effect import AppliedEffect
 from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array
 from .reference import Kinematics
-from .wheel_torque import WheelTorque
 
 
 class InverseDynamics:
@@ -29,23 +29,11 @@ class InverseDynamics:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self._wheels = WheelTorque(robot)
+        self.loads = Loads.of(robot)
 
     def __call__(self, motion: Motion) -> Array:
         """(N, 6 + n) of S tau + external forces; the first six are zero for a fixed base."""
-        acceleration = motion.acceleration
-        if acceleration is None:
-            raise ValueError('inverse dynamics need accelerations')
-        model = self.robot.pin_model
-        data, columns = model.createData(), motion.pin_columns
-        out = motion.zeros()
-        rates, accelerations = motion.rates[:, columns], acceleration[:, columns]
-        for k, (q, v, a) in enumerate(
-            zip(motion.configurations, rates, accelerations, strict=True)
-        ):
-            external = self._wheels.forces(q, v)
-            out[k, columns] = pin.rnea(model, data, q, v, a, external)
-        return out
+        return self.loads.needed(motion, self.robot.gravity)
 
     def motion(self, kinematics: Kinematics, effort: Array) -> Motion:
         """A reference as a motion; a free base moves so that no force acts on the whole."""
@@ -65,8 +53,63 @@ class InverseDynamics:
         )
         if self.robot.is_free:
             mass = float(np.sum(self.robot.inertial_parameters[:, 0]))
-            acceleration[:, :3] = -self(motion)[:, :3] / mass
+            linear = -self(motion)[:, :3] / mass
+            motion.acceleration = np.concatenate([linear, acceleration[:, 3:]], axis=1)
         return motion
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """What a robot's inverse dynamics are linear in.
+
+    Args:
+        inertial: (n + 1, 10) inertial parameters. wheels: (n + 1, 3) momentum of each body's
+            gyrostats. motors: (n,) motor inertias.
+    """
+
+    inertial: Array
+    wheels: Array
+    motors: Array
+
+    @classmethod
+    def of(cls, robot: Robot) -> Loads:
+        """Of a robot."""
+        wheels = np.zeros((len(robot.bodies), 3))
+        for gyrostat in robot.gyrostats:
+            wheels[gyrostat.body] += gyrostat.body_momentum
+        motors = np.array([body.motor_inertia for body in robot.bodies[1:]])
+        return cls(robot.inertial_parameters, wheels, motors)
+
+    def __sub__(self, other: Loads) -> Loads:
+        """The difference of two robots."""
+        return Loads(
+            self.inertial - other.inertial, self.wheels - other.wheels, self.motors - other.motors
+        )
+
+    def __bool__(self) -> bool:
+        """Whether there is anything."""
+        return bool(self.inertial.any() or self.wheels.any() or self.motors.any())
+
+    def needed(self, motion: Motion, gravity: Array) -> Array:
+        """(N, 6 + n) generalised force that a motion needs under gravity (3,)."""
+        if motion.acceleration is None:
+            raise ValueError('inverse dynamics need accelerations')
+        rotations, origins, twists, _ = motion.carried
+        return np.asarray(
+            inverse_dynamics(
+                motion.tree,
+                motion.robot.is_free,
+                gravity,
+                self.inertial,
+                self.wheels,
+                self.motors,
+                rotations,
+                origins,
+                twists,
+                motion.accelerations,
+                np.ascontiguousarray(motion.acceleration[:, 6:]),
+            )
+        )
 
 
 class Response:
@@ -83,26 +126,6 @@ class Response:
         self._inverse = InverseDynamics(robot)
 
     @cached_property
-    def regressor(self) -> Array:
-        """(N, 6 + n, n_bodies, 10) inverse dynamics by the inertial parameters of every body."""
-        motion, robot = self.motion, self.robot
-        model, data = robot.pin_model, robot.pin_model.createData()
-        columns = motion.pin_columns
-        out = np.zeros((len(motion), 6 + robot.n_joints, len(robot.bodies), 10))
-        bodies = [j - 1 for j in robot.pin_joint_ids]
-        rates = motion.rates[:, columns]
-        accelerations = np.asarray(motion.acceleration)[:, columns]
-        for k, (q, v, a) in enumerate(
-            zip(motion.configurations, rates, accelerations, strict=True)
-        ):
-            y = np.asarray(pin.computeJointTorqueRegressor(model, data, q, v, a))
-            y = y.reshape(model.nv, -1)  # one joint alone comes without its axis
-            for b, place in enumerate(bodies):
-                if place >= 0:
-                    out[k][columns, b] = y[:, 10 * place : 10 * place + 10]
-        return out
-
-    @cached_property
     def _needed(self) -> Array:
         return self._inverse(self.motion)
 
@@ -116,22 +139,7 @@ class Response:
 
     def _difference(self, changed: Robot, motion: Motion) -> Array:
         """(N, 6 + n) inverse dynamics of the changed robot less those of this one."""
-        inertial = changed.inertial_parameters - self.robot.inertial_parameters
-        out = motion.zeros()
-        if inertial.any():
-            out += np.einsum('nibp,bp->ni', self.regressor, inertial)
-        rest = changed.with_inertial_parameters(self.robot.inertial_parameters)
-        if not _same_but_inertia(rest, self.robot):
-            out += InverseDynamics(rest)(motion.of(rest)) - self._needed
-        return out
-
-
-def _same_but_inertia(a: Robot, b: Robot) -> bool:
-    return (
-        np.array_equal(a.gravity, b.gravity)
-        and all(
-            np.array_equal(x.body_momentum, y.body_momentum)
-            for x, y in zip(a.gyrostats, b.gyrostats, strict=True)
-        )
-        and np.array_equal(a.pin_model.armature, b.pin_model.armature)
-    )
+        if not np.array_equal(changed.gravity, self.robot.gravity):
+            return InverseDynamics(changed)(motion) - self._needed
+        difference = Loads.of(changed) - self._inverse.loads
+        return difference.needed(motion, changed.gravity) if difference else motion.zeros()

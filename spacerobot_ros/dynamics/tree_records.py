@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -58,6 +59,16 @@ def machine_of(robot: Robot, joint_reaction: bool) -> Machine:
     scratch = np.zeros(len(bodies), dtype=SCRATCH)
     gravity = np.array(robot.gravity, dtype=float)
     return bodies, scratch, bool(robot.is_free), joint_reaction, gravity
+
+
+def tree_of(robot: Robot) -> Records:
+    """`body_records` of a robot, made once and shared: read-only by convention."""
+    if robot not in _TREES:
+        _TREES[robot] = body_records(robot)
+    return _TREES[robot]
+
+
+_TREES: WeakKeyDictionary[Robot, Records] = WeakKeyDictionary()
 
 
 def body_records(robot: Robot) -> Records:

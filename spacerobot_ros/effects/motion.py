@@ -9,9 +9,10 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
+from ..dynamics.motion_kernel import accelerate, carry, wrench_force
 from ..dynamics.rotation import cross_rows
+from ..dynamics.tree_records import Records, tree_of
 from ..model.robot import Robot
 from ..types import Array
 
@@ -56,8 +57,7 @@ class Motion:
         self.omega = zeros if omega is None else omega
         self.velocity = zeros if velocity is None else velocity
         self.acceleration = acceleration
-        self._twists: dict[str, Array] = {}
-        self._drifts: dict[str, Array] = {}
+        self._accelerated: tuple[Array, Array] | None = None
 
     def of(self, robot: Robot) -> Motion:
         """The same motion of another robot with the same joints; shares what both move alike."""
@@ -73,8 +73,9 @@ class Motion:
             acceleration=self.acceleration,
         )
         if _moves_alike(robot, self.robot):
-            other.__dict__['_kinematics'] = self._kinematics
-            other._twists, other._drifts = self._twists, self._drifts
+            other.__dict__['tree'] = self.tree
+            other.__dict__['carried'] = self.carried
+            other._accelerated = self._accelerated
         return other
 
     def __len__(self) -> int:
@@ -107,7 +108,6 @@ class Motion:
             torque: (N, 3) or (3,) in the body's frame [N m], or None.
             point: (3,) or (N, 3) where the force acts, in the body's frame [m]; None: its origin.
         """
-        jacobian = self.jacobian(link)
         total = np.zeros((len(self), 6))
         if force is not None:
             total[:, :3] = force
@@ -115,11 +115,12 @@ class Motion:
                 total[:, 3:] = cross_rows(np.asarray(point), np.asarray(force))
         if torque is not None:
             total[:, 3:] += torque
-        return np.asarray(np.einsum('nij,ni->nj', jacobian, total))
-
-    def jacobian(self, link: str) -> Array:
-        """(N, 6, 6 + n) twist [linear; angular] of a body's frame, in it, by generalised rates."""
-        return self._kinematics[0][:, self._body(link)]
+        rotations, origins = self.carried[:2]
+        return np.asarray(
+            wrench_force(
+                self.tree, self.robot.is_free, self._body(link), rotations, origins, total
+            )
+        )
 
     def link_rotation(self, link: str) -> Array:
         """(N, 3, 3) takes coordinates of a body to the inertial frame."""
@@ -127,81 +128,52 @@ class Motion:
 
     def base_rotation(self, link: str) -> Array:
         """(N, 3, 3) takes coordinates of a body to base coordinates."""
-        return self._kinematics[1][:, self._body(link)]
+        return self.carried[0][:, self._body(link)]
 
     def link_position(self, link: str) -> Array:
         """(N, 3) origin of a body in base coordinates [m]."""
-        return self._kinematics[2][:, self._body(link)]
+        return self.carried[1][:, self._body(link)]
 
     def twist(self, link: str) -> Array:
         """(N, 6) [linear; angular] velocity of a body's frame, in it."""
-        if link not in self._twists:
-            self._twists[link] = np.einsum('nij,nj->ni', self.jacobian(link), self.rates)
-        return self._twists[link]
+        return self.carried[2][:, self._body(link)]
 
     def link_acceleration(self, link: str) -> Array:
         """(N, 6) time derivative of `twist`, in the body's frame; needs `acceleration`."""
-        if self.acceleration is None:
-            raise ValueError('the accelerations of this motion are not known')
-        forced = np.einsum('nij,nj->ni', self.jacobian(link), self.acceleration)
-        if link not in self._drifts:
-            self._drifts[link] = self._drift(link)
-        return np.asarray(forced + self._drifts[link])
+        return self.accelerations[:, self._body(link)]
 
     def _body(self, link: str) -> int:
         return [body.name for body in self.robot.bodies].index(link)
 
     @cached_property
-    def _kinematics(self) -> tuple[Array, Array, Array]:
-        """Jacobians (N, bodies, 6, 6 + n), rotations and origins of all bodies in the base."""
-        robot = self.robot
-        model, ids = robot.pin_model, robot.pin_joint_ids
-        data = model.createData()
-        shape = (len(self), len(robot.bodies))
-        jacobians = np.zeros((*shape, 6, 6 + robot.n_joints))
-        rotations, origins = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
-        columns = self.pin_columns
-        for k, q in enumerate(self.configurations):
-            pin.computeJointJacobians(model, data, q)
-            for b, joint in enumerate(ids):
-                if joint:
-                    local = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
-                    # one joint alone comes without its axis
-                    jacobians[k, b][:, columns] = np.reshape(local, (6, -1))
-                rotations[k, b] = data.oMi[joint].rotation
-                origins[k, b] = data.oMi[joint].translation
-        return jacobians, rotations, origins
-
-    def _drift(self, link: str) -> Array:
-        """(N, 6) acceleration of a body's frame at zero generalised acceleration."""
-        robot = self.robot
-        model, joint = robot.pin_model, robot.pin_joint_ids[self._body(link)]
-        data, zero = model.createData(), np.zeros(model.nv)
-        out = np.zeros((len(self), 6))
-        velocities = self.rates[:, self.pin_columns]
-        for k, (q, v) in enumerate(zip(self.configurations, velocities, strict=True)):
-            pin.forwardKinematics(model, data, q, v, zero)
-            out[k] = data.a[joint].vector
-        return out
+    def tree(self) -> Records:
+        """What the compiled functions take of the robot; only its geometry may be used."""
+        return tree_of(self.robot)
 
     @cached_property
-    def pin_columns(self) -> Array:
-        """(nv,) places of Pinocchio's velocities in a generalised vector."""
-        order = np.empty(self.robot.n_joints, dtype=int)
-        order[self.robot.velocity_indices] = np.arange(self.robot.n_joints)
-        base = np.arange(6) if self.robot.is_free else np.zeros(0, dtype=int)
-        return np.concatenate([base, 6 + order])
+    def carried(self) -> tuple[Array, Array, Array, Array]:
+        """Rotations, origins, velocities and drifts of all bodies, see `motion_kernel.carry`."""
+        q = np.ascontiguousarray(self.q, dtype=float)
+        return tuple(carry(self.tree, self.robot.is_free, q, self.rates))
 
-    @cached_property
-    def configurations(self) -> Array:
-        """(N, nq) Pinocchio's configurations, the base at the origin of the inertial frame."""
-        robot = self.robot
-        out = np.zeros((len(self), robot.pin_model.nq))
-        if robot.is_free:
-            out[:, 6] = 1.0
-        offset = 7 if robot.is_free else 0
-        out[:, offset + robot.velocity_indices] = self.q
-        return out
+    @property
+    def accelerations(self) -> Array:
+        """(N, bodies, 6) `link_acceleration` of all bodies."""
+        known = self.acceleration
+        if known is None:
+            raise ValueError('the accelerations of this motion are not known')
+        if self._accelerated is None or self._accelerated[0] is not known:
+            rotations, origins, _, drifts = self.carried
+            bodies = accelerate(
+                self.tree,
+                self.robot.is_free,
+                rotations,
+                origins,
+                drifts,
+                np.ascontiguousarray(known),
+            )
+            self._accelerated = known, bodies
+        return self._accelerated[1]
 
 
 def _moves_alike(a: Robot, b: Robot) -> bool:

@@ -1,0 +1,81 @@
+"""Derivatives of the accelerations against Pinocchio's, the wheels' put in by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.effects import motion_of
+from support.models import DUAL_ARM, random_tree, robot_of
+from support.pinocchio_states import pin_columns, pin_states, wheel_torques
+
+from spacerobot_ros.diagnosis.process import TorqueDriven
+from spacerobot_ros.dynamics.rotation import skew
+
+WHEELS = {
+    'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
+    'target_wheels': {
+        'links': ['link_2', 'link_1'],
+        'momentum': [42.0, 49.0, 41.0, -3.0, 5.0, 2.0],
+    },
+}
+CASES = {
+    'one joint': ([0], (), {}),
+    'dual arm': (DUAL_ARM, (), WHEELS),
+    'slides': ([0, 1, 2, 1], (2, 4), WHEELS),
+    'seven joints': ([0, 1, 2, 3, 4, 5, 6], (4,), WHEELS),
+    'fixed base': ([0, 1, 2, 0], (3,), {**WHEELS, 'base': 'fixed', 'gravity': [0.3, 1.0, -9.8]}),
+}
+COUNT = 5
+
+
+def by_pinocchio(robot, motion):
+    """Derivatives by positions, rates and forces, a call a state, in Pinocchio's order."""
+    model, data = robot.pin_model, robot.pin_model.createData()
+    forces = motion.zeros()
+    forces[:, 6:] = motion.effort
+    columns = pin_columns(robot)
+    for (q, v), tau in zip(pin_states(motion), forces[:, columns], strict=True):
+        external = wheel_torques(robot, q, v)
+        by_q, by_v, inverse = (
+            x.copy() for x in pin.computeABADerivatives(model, data, q, v, tau, external)
+        )
+        inverse = np.triu(inverse) + np.triu(inverse, 1).T
+        pin.computeForwardKinematicsDerivatives(model, data, q, v, np.zeros(model.nv))
+        for g in robot.gyrostats:
+            joint = robot.pin_joint_ids[g.body]
+            if joint:
+                at_q, at_v = pin.getJointVelocityDerivatives(
+                    model, data, joint, pin.ReferenceFrame.LOCAL
+                )
+                onto = inverse @ at_v[3:].T @ skew(g.body_momentum)
+                by_q += onto @ at_q[3:]
+                by_v += onto @ at_v[3:]
+        yield by_q, by_v, inverse
+
+
+@pytest.mark.parametrize('case', CASES.values(), ids=CASES.keys())
+def test_derivatives_equal_pinocchio(case, rng):
+    parents, prismatic, options = case
+    parts = random_tree(rng, parents, prismatic)
+    joints = [parts[i].joint for i in 1 + rng.permutation(len(parents))]
+    robot = robot_of(parts, joints, **options)
+    for joint in robot.joints:
+        robot = robot.with_motor_inertia(joint, rng.uniform(0.1, 1.0))
+    motion = motion_of(robot, rng, COUNT)
+    if not robot.is_free:
+        motion.omega, motion.velocity = np.zeros((2, COUNT, 3))
+    process = TorqueDriven(robot)
+    got, first, columns = process.linearise(motion), process.first, pin_columns(robot)
+    kept = columns >= first
+    for k, (by_q, by_v, inverse) in enumerate(by_pinocchio(robot, motion)):
+        if robot.is_free:
+            by_q[:, :6] = 0.0  # where the base is and how it is turned does not matter
+        at = np.ix_(columns[kept] - first, columns[kept] - first)
+        for ours, theirs in ((got.by_position[k], by_q), (got.by_velocity[k], by_v)):
+            # a thousand operations, the inverse mass matrix among them
+            limit = 1e-11 * np.max(np.abs(theirs))
+            np.testing.assert_allclose(ours[at], theirs[kept][:, kept], rtol=0, atol=limit)
+        limit = 1e-11 * np.max(np.abs(inverse))
+        forced = got.by_force[k][columns[kept] - first][:, columns]
+        np.testing.assert_allclose(forced, inverse[kept], rtol=0, atol=limit)

@@ -1,0 +1,118 @@
+"""Kinematics and inverse dynamics of many states at once against Pinocchio, state by state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.effects import motion_of
+from support.models import DUAL_ARM, random_tree, robot_of
+from support.pinocchio_states import pin_acceleration, pin_columns, pin_states, wheel_torques
+
+from spacerobot_ros.diagnosis.response import InverseDynamics, Loads
+
+WHEELS = {
+    'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
+    'target_wheels': {
+        'links': ['link_2', 'link_1'],
+        'momentum': [42.0, 49.0, 41.0, -3.0, 5.0, 2.0],
+    },
+}
+CASES = {
+    'one joint': ([0], (), {}),
+    'dual arm': (DUAL_ARM, (), WHEELS),
+    'slides': ([0, 1, 2, 1], (2, 4), WHEELS),
+    'seven joints': ([0, 1, 2, 3, 4, 5, 6], (4,), WHEELS),
+    'fixed base': ([0, 1, 2, 0], (3,), {**WHEELS, 'base': 'fixed', 'gravity': [0.3, 1.0, -9.8]}),
+}
+COUNT = 5
+
+
+@pytest.fixture(params=CASES.values(), ids=CASES.keys())
+def robot(request, rng):
+    """A robot whose joints stand in another order than its bodies, with motors of some inertia."""
+    parents, prismatic, options = request.param
+    parts = random_tree(rng, parents, prismatic)
+    joints = [parts[i].joint for i in 1 + rng.permutation(len(parents))]
+    robot = robot_of(parts, joints, **options)
+    for joint in robot.joints:
+        robot = robot.with_motor_inertia(joint, rng.uniform(0.1, 1.0))
+    return robot
+
+
+def moving(robot, rng):
+    """Random states with accelerations; a fixed base has neither rate nor acceleration."""
+    motion = motion_of(robot, rng, COUNT, acceleration=rng.standard_normal((COUNT, 20)))
+    motion.acceleration = motion.acceleration[:, : 6 + robot.n_joints].copy()
+    if not robot.is_free:
+        motion.omega, motion.velocity = np.zeros((2, COUNT, 3))
+        motion.acceleration[:, :6] = 0.0
+    return motion
+
+
+def close(got, expected):
+    """Equal but for rounding: some hundred operations on numbers of the largest one's size."""
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * np.max(np.abs(expected)))
+
+
+def test_kinematics_equal_pinocchio(robot, rng):
+    motion = moving(robot, rng)
+    model, data = robot.pin_model, robot.pin_model.createData()
+    wrenches = rng.standard_normal((2, COUNT, 3))
+    for body, joint in zip(robot.bodies, robot.pin_joint_ids, strict=True):
+        if not joint:
+            continue
+        forces = motion.wrench(body.name, *wrenches)
+        for k, (q, v) in enumerate(pin_states(motion)):
+            pin.forwardKinematics(model, data, q, v, pin_acceleration(motion)[k])
+            place = data.oMi[joint]
+            close(motion.base_rotation(body.name)[k], place.rotation)
+            np.testing.assert_allclose(
+                motion.link_position(body.name)[k], place.translation, rtol=0, atol=1e-14
+            )
+            close(motion.twist(body.name)[k], data.v[joint].vector)
+            close(motion.link_acceleration(body.name)[k], data.a[joint].vector)
+            pin.computeJointJacobians(model, data, q)
+            J = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
+            expected = np.zeros(6 + robot.n_joints)
+            expected[pin_columns(robot)] = J.reshape(6, -1).T @ np.concatenate(wrenches[:, k])
+            close(forces[k], expected)
+
+
+def test_a_new_acceleration_is_not_answered_with_the_old_one(robot, rng):
+    motion = moving(robot, rng)
+    last = robot.bodies[-1].name
+    before = motion.link_acceleration(last)
+    again = motion.of(robot)
+    again.acceleration = 2.0 * np.asarray(motion.acceleration)
+    drift = 2.0 * before - again.link_acceleration(last)  # affine in the acceleration
+    again.acceleration = np.zeros_like(again.acceleration)
+    limit = 1e-12 * np.max(np.abs(before))
+    np.testing.assert_allclose(again.link_acceleration(last), drift, rtol=0, atol=limit)
+    np.testing.assert_array_equal(motion.link_acceleration(last), before)
+
+
+def needed_by_pinocchio(robot, motion):
+    """(N, 6 + n) recursive Newton-Euler, a call a state."""
+    model, data, columns = robot.pin_model, robot.pin_model.createData(), pin_columns(robot)
+    out = motion.zeros()
+    for k, (q, v) in enumerate(pin_states(motion)):
+        external = wheel_torques(robot, q, v)
+        out[k, columns] = pin.rnea(model, data, q, v, pin_acceleration(motion)[k], external)
+    return out
+
+
+def test_inverse_dynamics_equal_pinocchio(robot, rng):
+    motion = moving(robot, rng)
+    close(InverseDynamics(robot)(motion), needed_by_pinocchio(robot, motion))
+
+
+def test_difference_of_two_robots_is_the_difference_of_their_forces(robot, rng):
+    motion = moving(robot, rng)
+    parameters = robot.inertial_parameters.copy()
+    parameters[-1] *= 1.5
+    other = robot.with_inertial_parameters(parameters).with_motor_inertia(robot.joints[0], 0.3)
+    loads = Loads.of(other) - Loads.of(robot)
+    expected = needed_by_pinocchio(other, motion) - needed_by_pinocchio(robot, motion)
+    close(loads.needed(motion, robot.gravity), expected)
+    assert not Loads.of(robot) - Loads.of(robot)
