@@ -25,7 +25,7 @@ from .placebo import held_out_gain
 from .residuals import residuals, series
 from .result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Rival
 from .search import Choice, Found, Search, split_rows
-from .timing import choose_timing, held_after_all, said_of
+from .timing import first_timing, held_after_all, said_of
 
 MISFIT = 1e-3
 """Probability below which a model does not fit."""
@@ -57,17 +57,14 @@ def diagnose(
     noise, notes = noise_levels(robot.sensors, observed)
     report('finding how efforts act', 0.02)
     effects = list(CATALOGUE.values() if catalogue is None else catalogue)
-    timing = choose_timing(observed, robot, believed, noise, effects)
-    run = Run(observed, robot, believed, noise, timing)
+    run = Run(observed, robot, believed, noise, first_timing(observed, robot, believed, noise))
     if is_of_unknown_noise(run) and shows_no_noise(run):
         return diagnose_balance(run, effects, notes)
     found = Search(run, effects, report).find()
-    held = held_after_all(found.fit)
-    if held:
-        timing = held
-        found = Search(Run(observed, robot, believed, noise, timing), effects, report).find()
+    if timing := held_after_all(found.fit):
+        found = Search(run.timed(timing), effects, report).find()
     report('measuring the gain', 0.9)
-    diagnosis = _conclude(found, (*notes, *said_of(timing)))
+    diagnosis = _conclude(found, (*notes, *said_of(found.fit.run.timing)))
     if is_of_unknown_noise(run) and diagnosis.fit_p < MISFIT:
         return diagnose_balance(run, effects, notes)
     return diagnosis

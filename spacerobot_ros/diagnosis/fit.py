@@ -58,6 +58,10 @@ class Run:
         self.noise = noise
         self.timing = timing
 
+    def timed(self, timing: str) -> Run:
+        """The same run, its efforts acting in another way."""
+        return Run(self.observed, self.robot, self.believed, self.noise, timing)
+
     def innovations(self, causes: Sequence[AppliedEffect]) -> Innovations:
         """The filter of the robot with its own effects and some causes."""
         process = TorqueDriven(self.robot, (*self.believed, *causes))

@@ -20,6 +20,7 @@ from .evidence import Gram, Score, score
 from .fit import Fit, Run, refine
 from .fit_test import fit_test, lines
 from .innovations import Innovations
+from .timing import better_timing
 
 TRAIN_SHARE = 0.6
 _FALSE_ALARMS = 1e-3  # a record, over all candidates
@@ -102,6 +103,13 @@ class Search:
         self.run = run
         self.report = report
         self._effects = effects
+        self._timings = {run.timing}  # that were tried
+
+    def _retimed(self, timing: str) -> Search:
+        """The same search with efforts that act in another way; no timing is tried twice."""
+        other = Search(self.run.timed(timing), self._effects, self.report)
+        other._timings |= self._timings
+        return other
 
     def find(self) -> Found:
         """Select until nothing more is wanted."""
@@ -116,6 +124,9 @@ class Search:
             self.report(f'fitting {wanted[0].candidate.effect.title}', 0.2 + 0.1 * len(choices))
             fit, choice = self._choose(fit, wanted)
             choices.append(choice)
+            asks = len(choices) == 1 or fit_test(fit.filter, fit.data)[0] < _SUSPICIOUS
+            if asks and (timing := better_timing(fit, self._timings)):
+                return self._retimed(timing).find()
             if len(choices) > 1:
                 fit, choices = self._reconsider(fit, choices)
             ranking = self.judge(fit)
