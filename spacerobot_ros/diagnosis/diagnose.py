@@ -57,12 +57,13 @@ def diagnose(
     noise, notes = noise_levels(robot.sensors, observed)
     report('finding how efforts act', 0.02)
     effects = list(CATALOGUE.values() if catalogue is None else catalogue)
-    run = Run(observed, robot, believed, noise, first_timing(observed, robot, believed, noise))
+    timing = first_timing(observed, robot, believed, noise, effects)
+    run = Run(observed, robot, believed, noise, timing)
     if is_of_unknown_noise(run) and shows_no_noise(run):
         return diagnose_balance(run, effects, notes)
     found = Search(run, effects, report).find()
-    if timing := held_after_all(found.fit):
-        found = Search(run.timed(timing), effects, report).find()
+    if held := held_after_all(found.fit):
+        found = Search(run.timed(held), effects, report).find()
     report('measuring the gain', 0.9)
     diagnosis = _conclude(found, (*notes, *said_of(found.fit.run.timing)))
     if is_of_unknown_noise(run) and diagnosis.fit_p < MISFIT:

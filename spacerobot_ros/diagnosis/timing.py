@@ -7,18 +7,23 @@ taken for a convention and said; any other delay is a fault to be found.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
-from ..effects.effect import AppliedEffect
+from ..effects.effect import AppliedEffect, Effect
 from ..model.robot import Robot
+from .candidates import candidates
+from .evidence import Gram, score
 from .fit import Fit, Run, refine
+from .fit_test import fit_test
 from .innovations import TIMINGS
 from .observations import Observations
 from .reference import NoiseLevels
 
 _SPAN = 20.0  # s of the record that decide
+_FITS = 0.05  # probability of a fit that asks for no effect beside it
+_ALL_LATE = {'delay': 1.0}
 _CLEARLY = 10.0  # gap in log evidence from which another timing is taken
 _LATENESS = {'sampled': 0.0, 'held_before': 0.5, 'held_after': -0.5}
 _TOLERANCE = 0.08  # of an interval, about what a delay may differ from a convention's
@@ -33,22 +38,50 @@ def first_timing(
     robot: Robot,
     believed: Sequence[AppliedEffect],
     noise: NoiseLevels,
+    effects: Iterable[Effect],
 ) -> str:
-    """Key of `innovations.TIMINGS` under which the model as it stands is the likeliest.
+    """Key of `innovations.TIMINGS` under which the model with at most one effect is the likeliest.
 
-    What is wrong with the model may look like a delay: `better_timing` asks again, once named.
+    Friction alone may look like a delay, so every effect that needs no search may stand beside the
+    model. A large one is not in proportion to its column: `better_timing` asks again, once named.
 
     Args:
         observed: Observations.
         robot: The robot file's robot.
         believed: Its own effects.
         noise: Noise levels.
+        effects: What may be wrong.
     """
     if observed.effort is None:
         return 'sampled'
     short = observed.first(_SPAN)
     fits = {timing: Fit(Run(short, robot, believed, noise, timing), ()) for timing in TIMINGS}
-    return max(fits, key=lambda timing: fits[timing].evidence)
+    likeliest = max(fits, key=lambda timing: fits[timing].evidence)
+    if fit_test(fits[likeliest].filter, fits[likeliest].data)[0] >= _FITS:
+        return likeliest
+    simple = [e for e in effects if _is_simple(e)]
+    return max(fits, key=lambda timing: fits[timing].evidence + _gain(fits[timing], simple))
+
+
+def _gain(fit: Fit, effects: Sequence[Effect]) -> float:
+    """Log evidence that the best of some effects adds to a model without causes."""
+    pool = candidates(effects, fit.filter, fit.data)
+    columns = fit.signatures.whitened(
+        [(c.applied(d), s) for c in pool for d, s in zip(c.directions, c.steps, strict=True)]
+    )
+    gram = Gram.of(columns, fit.data)
+    best, start = 0.0, 0
+    for c in pool:
+        own = np.arange(start, start + len(c.steps))
+        best = max(best, score(gram.part(own), c.sizes, (c.lower, c.upper), None).evidence)
+        start += len(own)
+    return best
+
+
+def _is_simple(effect: Effect) -> bool:
+    """Whether an effect is a few columns, other than the efforts' own lateness."""
+    searched = any(p.role in ('search', 'phase') for p in effect.parameters)
+    return not (searched or effect.hidden or effect.delay('effort', _ALL_LATE))
 
 
 def better_timing(fit: Fit, tried: Collection[str]) -> str | None:

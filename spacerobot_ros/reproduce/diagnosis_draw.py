@@ -23,6 +23,7 @@ LIMIT = 30.0
 """Twice the gain in log likelihood at the detection limit."""
 _STEPS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # of a plausible size, where the column is taken
 _HALVINGS = 20
+_GEAR_DAMPING = (10.0, 50.0)  # N m s/rad
 _REACH = 0.3  # m, of a payload's place
 _FASTEST = 40.0  # largest harmonic or frequency [rad/s] that is drawn
 
@@ -119,6 +120,9 @@ def _direction(
             rest[p.name] = math.exp(rng.uniform(low, high))
     if effect.id == 'inertial_parameters':
         sizes = _payload(rng)
+    if effect.id == 'joint_flexibility':  # without losses its rotor would ring for minutes
+        del sizes['damping']
+        rest['damping'] = float(rng.uniform(*_GEAR_DAMPING))
     return Direction(effect, where, rest, sizes)
 
 
