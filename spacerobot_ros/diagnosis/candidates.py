@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -206,10 +207,14 @@ class Signatures:
     def __init__(self, innovations: Innovations) -> None:
         self._filter = innovations
         self._response = Response(innovations.process.robot, innovations.motion)
-        self._samples = {
+
+    @cached_property
+    def _samples(self) -> dict[str, tuple[Kinematics, Motion]]:
+        """The reference at the samples of every channel: only sensors' faults ask for it."""
+        return {
             channel: self._motion_at(channel)
             for channel in CHANNELS
-            if len(innovations.at_samples(channel).time)
+            if len(self._filter.at_samples(channel).time)
         }
 
     def whitened(self, directions: Sequence[tuple[AppliedEffect, float]]) -> Array:
@@ -242,7 +247,9 @@ class Signatures:
         """
         here = self._needed(run_robot, effects)
         forces: list[Array] = []
-        measured: dict[str, list[Array]] = {c: [] for c in _MEASURED if c in self._samples}
+        measured: dict[str, list[Array]] = {}
+        if any(_is_sensor(moved) for _, moved, _ in neighbours):
+            measured = {c: [] for c in _MEASURED if c in self._samples}
         for i, moved, step in neighbours:
             changed = [*effects[:i], moved, *effects[i + 1 :]]
             force = self._needed(run_robot, changed) - here

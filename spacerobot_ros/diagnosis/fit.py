@@ -60,7 +60,9 @@ class Run:
 
     def timed(self, timing: str) -> Run:
         """The same run, its efforts acting in another way."""
-        return Run(self.observed, self.robot, self.believed, self.noise, timing)
+        other = Run(self.observed, self.robot, self.believed, self.noise, timing)
+        other.__dict__['_scene'] = self._scene
+        return other
 
     def innovations(self, causes: Sequence[AppliedEffect]) -> Innovations:
         """The filter of the robot with its own effects and some causes."""

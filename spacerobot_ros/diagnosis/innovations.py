@@ -60,12 +60,54 @@ class Scene:
         self.grid = make_grid(observed, process.m, process.first)
         self.reference = ReferenceTrajectory(observed, noise, self.grid.times)
         self.kinematics = self.reference.at(self.grid.times)
+        self._at: dict[str, Kinematics] = {}
 
     @cached_property
     def inner(self) -> tuple[tuple[float, Kinematics], ...]:
         """Gauss's places in the step, and the reference there."""
         start, dt = self.grid.times[:-1], np.diff(self.grid.times)
         return tuple((place, self.reference.at(start + place * dt)) for place in _GAUSS)
+
+    def at_samples(self, channel: str) -> Kinematics:
+        """The reference at the (corrected) times of a channel's samples."""
+        observed = self.observed
+        times = {
+            'joint_position': observed.joint_time,
+            'joint_velocity': observed.joint_time,
+            'joint_effort': observed.joint_time,
+            'gyro': observed.rate_time,
+            'attitude': observed.attitude_time,
+        }[channel]
+        if channel not in self._at:
+            self._at[channel] = self.reference.at(
+                np.clip(times, self.grid.times[0], self.grid.times[-1])
+            )
+        return self._at[channel]
+
+    @cached_property
+    def deviations(self) -> Array:
+        """(R,) measured less reference."""
+        observed = self.observed
+        joints = self.at_samples('joint_position')
+        values = {'joint_position': observed.q - joints.q}
+        if observed.qd is not None:
+            values['joint_velocity'] = observed.qd - joints.qd
+        if len(observed.rate_time):
+            values['gyro'] = observed.omega - self.at_samples('gyro').omega
+        if observed.attitude is not None:
+            reference = self.at_samples('attitude').rotation
+            values['attitude'] = (reference.inv() * observed.attitude).as_rotvec()
+        return self.by_row(values)
+
+    def by_row(self, values: Mapping[str, Array | None]) -> Array:
+        """(R,) of channel arrays (samples, width)."""
+        rows, out = self.grid.rows, np.zeros(len(self.grid.rows.state))
+        for c, name in enumerate(CHANNELS):
+            samples = values.get(name)
+            if samples is not None:
+                at = rows.channel == c
+                out[at] = samples[rows.sample[at], rows.axis[at]]
+        return out
 
 
 class Innovations:
@@ -125,7 +167,12 @@ class Innovations:
         values['gyro'] = observed.omega
         if observed.attitude is not None:
             values['attitude'] = (observed.attitude[0].inv() * observed.attitude).as_rotvec()
-        return self._by_row(values)
+        return self._scene.by_row(values)
+
+    @property
+    def deviations(self) -> Array:
+        """(R,) measured less reference."""
+        return self._scene.deviations
 
     @property
     def rate_by_impulse(self) -> Array:
@@ -136,7 +183,7 @@ class Innovations:
     def data(self) -> Array:
         """(R,) whitened innovations of the data under the model: white and of unit variance."""
         accelerations = np.zeros((len(self.grid.times), self.m, 1))
-        return self._pass(accelerations, self._deviations()[:, None], self._kicks())[:, 0]
+        return self._pass(accelerations, self.deviations[:, None], self._kicks())[:, 0]
 
     @cached_property
     def log_determinant(self) -> float:
@@ -149,24 +196,27 @@ class Innovations:
         What drives the truth and not the model shows in the data with the sign of its effect on
         the model reversed.
         """
-        count = columns.acceleration.shape[2]
-        measured = np.zeros((self.rows if columns.measured else 0, count))
-        rows = self.grid.rows
-        for c, name in enumerate(CHANNELS):
-            if name in columns.measured:
-                at = rows.channel == c
-                measured[at] = columns.measured[name][rows.sample[at], rows.axis[at]]
-        parts = np.array_split(np.arange(count), min(_THREADS, count))
+        parts = np.array_split(np.arange(columns.acceleration.shape[2]), _THREADS)
         with ThreadPoolExecutor(_THREADS) as pool:
             done = pool.map(
                 lambda part: self._pass(
-                    np.ascontiguousarray(-columns.acceleration[..., part]),
-                    np.ascontiguousarray(measured[:, part]),
+                    np.negative(columns.acceleration[..., part], order='C'),
+                    self._measured_rows(columns.measured, part),
                     np.zeros((0, 0)),
                 ),
-                parts,
+                [part for part in parts if len(part)],
             )
         return np.concatenate(list(done), axis=1)
+
+    def _measured_rows(self, measured: Mapping[str, Array], part: IntArray) -> Array:
+        """(R, columns of the part) of what is measured; empty where nothing is."""
+        out = np.zeros((self.rows if measured else 0, len(part)))
+        rows = self.grid.rows
+        for c, name in enumerate(CHANNELS):
+            if name in measured:
+                at = np.flatnonzero(rows.channel == c)
+                out[at] = measured[name][rows.sample[at], rows.axis[at], part[0] : part[-1] + 1]
+        return out
 
     def wanted_force(self, weights: Array) -> Array:
         """(N, 6 + n) correlation of a generalised force at each time with weights of the rows.
@@ -195,15 +245,7 @@ class Innovations:
 
     def at_samples(self, channel: str) -> Kinematics:
         """The reference at the (corrected) times of a channel's samples."""
-        observed = self.observed
-        times = {
-            'joint_position': observed.joint_time,
-            'joint_velocity': observed.joint_time,
-            'joint_effort': observed.joint_time,
-            'gyro': observed.rate_time,
-            'attitude': observed.attitude_time,
-        }[channel]
-        return self.reference.at(np.clip(times, self.grid.times[0], self.grid.times[-1]))
+        return self._scene.at_samples(channel)
 
     def _pass(self, accelerations: Array, measured: Array, kicks: Array) -> Array:
         rows = self.grid.rows
@@ -314,30 +356,6 @@ class Innovations:
         push = -np.einsum('nij,nj->ni', z, e1 + e2) / 12.0
         push[:, self.m :] += e0 + 0.5 * e1 + e2 / 3.0
         return np.einsum('nij,nj->ni', self._mean_transitions, self.durations[:, None] * push)
-
-    def _deviations(self) -> Array:
-        """(R,) measured less reference."""
-        observed = self.observed
-        joints = self.at_samples('joint_position')
-        values = {'joint_position': observed.q - joints.q}
-        if observed.qd is not None:
-            values['joint_velocity'] = observed.qd - joints.qd
-        if len(observed.rate_time):
-            values['gyro'] = observed.omega - self.at_samples('gyro').omega
-        if observed.attitude is not None:
-            reference = self.at_samples('attitude').rotation
-            values['attitude'] = (reference.inv() * observed.attitude).as_rotvec()
-        return self._by_row(values)
-
-    def _by_row(self, values: Mapping[str, Array | None]) -> Array:
-        """(R,) of channel arrays (samples, width)."""
-        rows, out = self.grid.rows, np.zeros(self.rows)
-        for c, name in enumerate(CHANNELS):
-            samples = values.get(name)
-            if samples is not None:
-                at = rows.channel == c
-                out[at] = samples[rows.sample[at], rows.axis[at]]
-        return out
 
     def _row_variance(self) -> Array:
         noise = self.noise

@@ -107,7 +107,7 @@ class BlockInnovations(Innovations):
         """
         drive = -columns.acceleration
         data = np.zeros((*drive.shape[:2], 1))
-        measured = [self._deviations()[:, None], self.by_row(columns)]
+        measured = [self.deviations[:, None], self.by_row(columns)]
         rows = self.grid.rows
         return np.asarray(
             mean_pass(

@@ -7,6 +7,7 @@ its own small error does not matter: the filter estimates the deviation from it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -33,7 +34,7 @@ class NoiseLevels:
     attitude: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Kinematics:
     """The reference at N times.
 
@@ -49,6 +50,11 @@ class Kinematics:
     omega: Array
     alpha: Array
     rotation: Rotation
+
+    @cached_property
+    def matrices(self) -> Array:
+        """(N, 3, 3) of `rotation`."""
+        return np.asarray(self.rotation.as_matrix())
 
 
 class ReferenceTrajectory:

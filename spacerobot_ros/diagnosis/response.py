@@ -47,7 +47,7 @@ class InverseDynamics:
             k.q,
             k.qd,
             effort,
-            rotation=k.rotation.as_matrix(),
+            rotation=k.matrices,
             omega=k.omega,
             acceleration=acceleration,
         )

@@ -53,16 +53,22 @@ def inverse_dynamics(
     """
     count, bodies = origins.shape[:2]
     out = np.zeros((count, 5 + bodies))
-    total, own_wrench = np.zeros((bodies, 6)), np.empty(6)
+    total, wrench, moved = np.zeros((bodies, 6)), np.empty(6), np.empty(6)
+    loaded = np.zeros(bodies, dtype=np.bool_)
+    for i in range(bodies):
+        own = tree[i].joint + 1
+        loaded[i] = (i > 0 or is_free) and (inertial[own].any() or wheels[own].any())
     for s in range(count):
         for i in range(bodies - 1, -1, -1):
             body = tree[i]
             own = body.joint + 1
-            if i > 0 or is_free:
+            if loaded[i]:
                 _needed(
-                    s, own, gravity, inertial, wheels, rotations, twists, accelerations, own_wrench
+                    s, own, gravity, inertial, wheels, rotations, twists, accelerations, wrench
                 )
-                _add_to_base(s, own, i, rotations, origins, own_wrench, total)
+                to_base(s, own, rotations, origins, wrench, moved)
+                for a in range(6):
+                    total[i, a] += moved[a]
             if i > 0:
                 force = along_axis(s, body, rotations, origins, total[i])
                 out[s, 6 + body.joint] = force + motors[body.joint] * qdd[s, body.joint]
@@ -73,22 +79,6 @@ def inverse_dynamics(
             out[s, a] = total[0, a] if is_free else 0.0
             total[0, a] = 0.0
     return out
-
-
-@compiled  # type: ignore[untyped-decorator]
-def _add_to_base(
-    s: int,
-    own: int,
-    i: int,
-    rotations: Array,
-    origins: Array,
-    wrench: Array,
-    total: Array,
-) -> None:
-    moved = np.empty(6)
-    to_base(s, own, rotations, origins, wrench, moved)
-    for a in range(6):
-        total[i, a] += moved[a]
 
 
 @compiled  # type: ignore[untyped-decorator]

@@ -54,12 +54,22 @@ def _constant(matrix: Array, drive: Array, steps: Array) -> Array:
 
 def _varying(matrix: Array, drive: Array, steps: Array) -> Array:
     """States where A changes with the motion: exp of [[A, b], [0, 0]] carries both over a step."""
-    size = matrix.shape[1]
     half = 0.5 * steps
-    block = np.zeros((len(steps), size + 1, size + 1))
-    block[:, :size, :size] = (matrix[1:] + matrix[:-1]) * half[:, None, None]
-    block[:, :size, size] = (drive[1:] + drive[:-1]) * half[:, None]
-    return np.asarray(_carried(_exponential(block, size)[:, :size]))
+    block = np.concatenate(
+        [
+            (matrix[1:] + matrix[:-1]) * half[:, None, None],
+            ((drive[1:] + drive[:-1]) * half[:, None])[:, :, None],
+        ],
+        axis=2,
+    )
+    halvings = _halvings(block[:, :, :-1])
+    return np.asarray(_carried(_affine_exponential(block / 2.0**halvings, halvings)))
+
+
+def _halvings(matrix: Array) -> int:
+    """How often matrices are halved for the approximant."""
+    largest = float(np.max(np.sum(np.abs(matrix), axis=2), initial=0.0))
+    return max(0, math.ceil(math.log2(max(largest, _LARGEST) / _LARGEST)))
 
 
 def _exponential(block: Array, size: int) -> Array:
@@ -67,10 +77,7 @@ def _exponential(block: Array, size: int) -> Array:
 
     The scale counts only the states' part: the drive enters linearly.
     """
-    if not len(block):
-        return block
-    largest = float(np.max(np.sum(np.abs(block[:, :size, :size]), axis=2)))
-    halvings = max(0, math.ceil(math.log2(max(largest, _LARGEST) / _LARGEST)))
+    halvings = _halvings(block[:, :size, :size])
     x = block / 2.0**halvings
     square = x @ x
     eye = np.eye(block.shape[1])
@@ -81,7 +88,69 @@ def _exponential(block: Array, size: int) -> Array:
     return np.asarray(out)
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _affine_exponential(block: Array, halvings: int) -> Array:
+    """(N, size, size + 1): [P, p] of exp of [[A, b], [0, 0]] = [[P, p], [0, 1]].
+
+    Args:
+        block: (N, size, size + 1) [A, b], already halved; overwritten with the result.
+        halvings: How often.
+    """
+    size = block.shape[1]
+    square, cube = np.empty((size, size + 1)), np.empty((size, size + 1))
+    lower = np.empty((size, size))
+    for k in range(len(block)):
+        x = block[k]
+        _product(x, x, square)
+        _product(x, square, cube)
+        for i in range(size):
+            for j in range(size + 1):
+                even = 0.1 * square[i, j] + (1.0 if i == j else 0.0)
+                odd = 0.5 * x[i, j] + cube[i, j] / 120.0
+                x[i, j] = 2.0 * odd if j == size else even + odd
+                if j < size:
+                    lower[i, j] = even - odd
+        _solve(lower, x)
+        for _ in range(halvings):
+            _product(x, x, square)
+            for i in range(size):
+                square[i, size] += x[i, size]
+            x[:] = square
+    return block
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _product(x: Array, y: Array, out: Array) -> None:
+    """[A, b] of the product of [[A, b], [0, 0]] with another such matrix."""
+    size = len(x)
+    for i in range(size):
+        for j in range(size + 1):
+            total = 0.0
+            for c in range(size):
+                total += x[i, c] * y[c, j]
+            out[i, j] = total
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _solve(matrix: Array, x: Array) -> None:
+    """Solve in place, without exchange of rows: the matrix is close to 1."""
+    size = len(matrix)
+    for i in range(size):
+        for row in range(i + 1, size):
+            share = matrix[row, i] / matrix[i, i]
+            for j in range(i + 1, size):
+                matrix[row, j] -= share * matrix[i, j]
+            for j in range(x.shape[1]):
+                x[row, j] -= share * x[i, j]
+    for i in range(size - 1, -1, -1):
+        for j in range(x.shape[1]):
+            total = x[i, j]
+            for c in range(i + 1, size):
+                total -= matrix[i, c] * x[c, j]
+            x[i, j] = total / matrix[i, i]
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _carried(steps: Array) -> Array:
     count, size = steps.shape[0], steps.shape[1]
     states = np.zeros((count + 1, size))

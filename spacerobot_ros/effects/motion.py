@@ -75,7 +75,8 @@ class Motion:
         if _moves_alike(robot, self.robot):
             other.__dict__['tree'] = self.tree
             other.__dict__['carried'] = self.carried
-            other._accelerated = self._accelerated
+            if self.acceleration is not None:
+                other._accelerated = self.acceleration, self.accelerations
         return other
 
     def __len__(self) -> int:
