@@ -30,6 +30,7 @@ from .timing import first_timing, held_after_all, said_of
 MISFIT = 1e-3
 """Probability below which a model does not fit."""
 _INCONSTANT = 1e-4
+_UNFINISHED = 'the search was ended before all that stands out was looked into'
 _WINDOWS = 4
 
 
@@ -65,6 +66,8 @@ def diagnose(
     if held := held_after_all(found.fit):
         found = Search(run.timed(held), effects, report).find()
     report('measuring the gain', 0.9)
+    if not found.is_complete:
+        notes = (*notes, _UNFINISHED)
     diagnosis = _conclude(found, (*notes, *said_of(found.fit.run.timing)))
     if is_of_unknown_noise(run) and diagnosis.fit_p < MISFIT:
         return diagnose_balance(run, effects, notes)

@@ -57,15 +57,23 @@ class Run:
         self.believed = tuple(believed)
         self.noise = noise
         self.timing = timing
+        self._filters = [0]
+
+    @property
+    def filters(self) -> int:
+        """Number of filters made so far, those of the same run otherwise timed among them."""
+        return self._filters[0]
 
     def timed(self, timing: str) -> Run:
         """The same run, its efforts acting in another way."""
         other = Run(self.observed, self.robot, self.believed, self.noise, timing)
         other.__dict__['_scene'] = self._scene
+        other._filters = self._filters
         return other
 
     def innovations(self, causes: Sequence[AppliedEffect]) -> Innovations:
         """The filter of the robot with its own effects and some causes."""
+        self._filters[0] += 1
         process = TorqueDriven(self.robot, (*self.believed, *causes))
         return Innovations(self.scene(causes), process, self.timing)
 

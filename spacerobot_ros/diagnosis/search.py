@@ -25,6 +25,7 @@ from .timing import better_timing
 TRAIN_SHARE = 0.6
 _FALSE_ALARMS = 1e-3  # a record, over all candidates
 _MOST_CAUSES = 6
+_MOST_FILTERS = 120  # of one run, after which nothing new is tried
 _HALVINGS = 12
 _SUSPICIOUS = 0.1  # p-value of the fit below which the dear candidates are looked at, too
 _SHORTLIST = 4
@@ -80,12 +81,14 @@ class Found:
         fit: The model with all causes.
         choices: One a cause of `fit`, in the same order.
         first: Every candidate's score against the model as it stands, best first.
+        is_complete: Whether the search ended because nothing more was wanted.
     """
 
     null: Fit
     fit: Fit
     choices: tuple[Choice, ...]
     first: tuple[Judged, ...]
+    is_complete: bool
 
 
 class Search:
@@ -117,7 +120,7 @@ class Search:
         self.report('judging every effect at every place', 0.1)
         ranking = first = self.judge(null)
         choices: list[Choice] = []
-        while len(choices) < _MOST_CAUSES:
+        while len(choices) < _MOST_CAUSES and not self._is_spent:
             wanted = wanted_of(ranking)
             if not wanted:
                 break
@@ -130,7 +133,12 @@ class Search:
             if len(choices) > 1:
                 fit, choices = self._reconsider(fit, choices)
             ranking = self.judge(fit)
-        return Found(null, fit, tuple(choices), tuple(first))
+        is_complete = not (self._is_spent and wanted_of(ranking))
+        return Found(null, fit, tuple(choices), tuple(first), is_complete)
+
+    @property
+    def _is_spent(self) -> bool:
+        return self.run.filters >= _MOST_FILTERS
 
     def judge(self, fit: Fit) -> list[Judged]:
         """Every candidate's score beside a fit's causes, best evidence first.
@@ -191,6 +199,8 @@ class Search:
     def _reconsider(self, fit: Fit, choices: list[Choice]) -> tuple[Fit, list[Choice]]:
         """Drop or exchange earlier causes in the light of the latest."""
         for i in reversed(range(len(choices) - 1)):
+            if self._is_spent:
+                break
             others = [c for k, c in enumerate(fit.causes) if k != i]
             rest = refine(self.run, others)
             ranking = self.judge(rest)

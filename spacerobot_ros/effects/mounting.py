@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from ..dynamics.rotation import cross_rows
 from ..model.robot import Robot
 from ..types import Array
 from .bodies import body_index
@@ -29,7 +30,7 @@ def to_base(motion: Motion, where: str | None, momentum: Array) -> Array:
     """(N, 6) momentum in base coordinates about the base origin, of one in a body's frame."""
     R, r = motion.base_rotation(str(where)), motion.link_position(str(where))
     linear = np.einsum('nij,nj->ni', R, momentum[:, :3])
-    angular = np.einsum('nij,nj->ni', R, momentum[:, 3:]) + np.cross(r, linear)
+    angular = np.einsum('nij,nj->ni', R, momentum[:, 3:]) + cross_rows(r, linear)
     return np.concatenate([linear, angular], axis=1)
 
 

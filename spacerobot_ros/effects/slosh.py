@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..dynamics.rotation import skew
+from ..dynamics.rotation import cross_rows, skew
 from ..model.robot import Robot
 from ..types import Array
 from .bodies import BodyEffect, body_index, with_addition
@@ -59,15 +59,17 @@ class Slosh(BodyEffect):
         V, A = motion.twist(str(where)), motion.link_acceleration(str(where))
         w, rate = V[:, 3:], hidden[:, 3:]
         place = _position(values) + hidden[:, :3]
-        frame = A[:, :3] + np.cross(w, V[:, :3]) - fall(motion, where)
-        frame = frame + np.cross(A[:, 3:], place) + np.cross(w, np.cross(w, place) + 2.0 * rate)
+        frame = A[:, :3] + cross_rows(w, V[:, :3]) - fall(motion, where)
+        frame = (
+            frame + cross_rows(A[:, 3:], place) + cross_rows(w, cross_rows(w, place) + 2.0 * rate)
+        )
         return np.concatenate([rate, -frame - spring(values, hidden, 3)], axis=1)
 
     def momentum(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
         """Of the mass."""
         V, place = motion.twist(str(where)), _position(values) + hidden[:, :3]
-        linear = values['mass'] * (V[:, :3] + np.cross(V[:, 3:], place) + hidden[:, 3:])
-        own = np.concatenate([linear, np.cross(place, linear)], axis=1)
+        linear = values['mass'] * (V[:, :3] + cross_rows(V[:, 3:], place) + hidden[:, 3:])
+        own = np.concatenate([linear, cross_rows(place, linear)], axis=1)
         return to_base(motion, where, own)
 
     def variants(self, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:

@@ -20,7 +20,7 @@ from functools import partial
 
 import numpy as np
 
-from ..dynamics.rotation import skew
+from ..dynamics.rotation import cross_rows, skew
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
@@ -77,9 +77,9 @@ class SprungPart(BodyEffect):
         G = self.inertia(_row(motion.robot, where), values, True)
         pull = spring(values, hidden, S.shape[1]) @ (G @ S).T
         h = self._momentum(V, S, G, hidden)
-        turning = np.cross(V[:, 3:], h[:, 3:]) + np.cross(V[:, :3], h[:, :3])
+        turning = cross_rows(V[:, 3:], h[:, 3:]) + cross_rows(V[:, :3], h[:, :3])
         return motion.wrench(
-            str(where), pull[:, :3] - np.cross(V[:, 3:], h[:, :3]), pull[:, 3:] - turning
+            str(where), pull[:, :3] - cross_rows(V[:, 3:], h[:, :3]), pull[:, 3:] - turning
         )
 
     def hidden_rate(
