@@ -1,45 +1,59 @@
-"""Page and plain data of the diagnosis campaign (`spacerobot reproduce diagnosis`)."""
+"""Page, files and plain data of the diagnosis campaign (`spacerobot reproduce diagnosis`)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
-from ..report.html import Plot, Section, Table
+from ..report.html import Plot, Section
 from ..report.json_values import json_value
+from ..report.markdown import markdown
 from ..report.plots import Curve, Panel, plot
 from ..reproduce.checks import Check
 from ..reproduce.diagnosis_score import Scores
+from ..reproduce.shares import Share
+from .reproduce_diagnosis_tables import tables
 from .reproduce_report import Page
+
+_TITLE = 'Diagnosis: hidden effects, found and named'
+MARKDOWN, ROC = 'diagnosis.md', 'diagnosis_roc.svg'
+"""Files beside the report: all tables, and the false alarms against detection."""
 
 
 def to_dict(scores: Scores, found: Sequence[Check]) -> dict[str, Any]:
-    """Plain data for JSON."""
+    """Plain data for JSON; a share has its hits, trials and 95 % interval."""
     checks = [{**check._asdict(), 'is_met': check.is_met} for check in found]
-    plain: dict[str, Any] = json_value({'diagnosis': _named(asdict(scores)), 'checks': checks})
+    plain: dict[str, Any] = json_value({'diagnosis': _plain(scores), 'checks': checks})
     return plain
 
 
 def page(scores: Scores, found: Sequence[Check]) -> Page:
     """What the report shows."""
-    counts = ', '.join(f'{n} {kind.replace("_", " ")}' for kind, n in scores.counts.items())
+    counts: dict[str, int] = {}
+    for (kind, _), of in scores.outcomes.items():
+        name = kind.replace('_', ' ')
+        counts[name] = counts.get(name, 0) + sum(of.values())
+    shown, roc = tables(scores), _roc(scores)
+    listed = ', '.join(f'{n} {name}' for name, n in counts.items())
     return Page(
-        title='Diagnosis: hidden effects, found and named',
-        subtitle=f"Seeded records of the project's own plant: {counts}",
+        title=_TITLE,
+        subtitle=f"Seeded records of the project's own plant: {listed}",
         headlines=list(found),
-        figures=[Section('False alarm against detection', [_roc(scores)])],
-        tables=[
-            ('Found, by strength', _limits(scores)),
-            ('Who is taken for whom', _confusion(scores)),
-            ('Time of a diagnosis', _times(scores)),
+        figures=[
+            Section(
+                'False alarm against detection',
+                [Plot(roc, 'The threshold on the best evidence falls from left to right.')],
+            )
         ],
+        tables=shown,
+        files={MARKDOWN: markdown(f'{_TITLE}: {listed}', shown), ROC: roc},
     )
 
 
-def _roc(s: Scores) -> Plot:
+def _roc(s: Scores) -> str:
     alarms = np.asarray(s.roc['false_alarm'])
     curves = [
         Curve(f'{name.removeprefix("found_")} x limit', alarms, np.asarray(shares))
@@ -47,37 +61,20 @@ def _roc(s: Scores) -> Plot:
         if name.startswith('found_')
     ]
     panel = Panel('share of effects whose evidence is above the threshold', '1', curves)
-    return Plot(
-        plot([panel], abscissa='share of clean records above it'),
-        'The threshold on the best evidence falls from left to right.',
-    )
+    return plot([panel], abscissa='share of clean records above it') + '\n'
 
 
-def _limits(s: Scores) -> Table:
-    strengths = sorted(s.top)
-    rows = [['all', *(f'{s.top[m]:.2f}' for m in strengths)]]
-    rows += [[name, *(f'{by[m]:.2f}' for m in strengths)] for name, by in s.limits.items()]
-    return Table(
-        ['effect', *(f'{m:g} x limit' for m in strengths)],
-        rows,
-        'share of records in which the first name is right, or can not be told from the right one',
-    )
-
-
-def _confusion(s: Scores) -> Table:
-    rows = [
-        [name, ', '.join(f'{said} {n}' for said, n in sorted(counts.items(), key=lambda x: -x[1]))]
-        for name, counts in s.confusion.items()
-    ]
-    return Table(['hidden', 'named'], rows, 'at three times the detection limit')
-
-
-def _times(s: Scores) -> Table:
-    return Table(['median [s]', 'longest [s]'], [[f'{value:.1f}' for value in s.wall]], '')
-
-
-def _named(value: Any) -> Any:
-    """The same with text for every key."""
+def _plain(value: Any) -> Any:
+    """The same in dicts with text for every key, lists and numbers."""
+    if isinstance(value, Share):
+        low, high = value.interval
+        return {**value._asdict(), 'value': value.value, 'low': low, 'high': high}
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, dict):
-        return {str(key): _named(item) for key, item in value.items()}
+        return {_key(key): _plain(item) for key, item in value.items()}
     return value
+
+
+def _key(key: Any) -> str:
+    return ' '.join(map(str, key)) if isinstance(key, tuple) else str(key)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,7 @@ class Page:
         headlines: Checks to show as key figures.
         figures: Sections with the redrawn figures.
         tables: Title and table of every experiment.
+        files: Name and text of what is written beside it.
     """
 
     title: str
@@ -61,10 +62,11 @@ class Page:
     headlines: Sequence[Check]
     figures: Sequence[Section]
     tables: Sequence[tuple[str, Table]]
+    files: Mapping[str, str] = field(default_factory=dict)
 
 
 def write(page: Page, found: list[Check], folder: Path, data: dict[str, Any]) -> Path:
-    """Write `report.html` and `results.json` into a folder; returns the page's path.
+    """Write `report.html`, `results.json` and the page's files; returns the page's path.
 
     Raises:
         ReportError: the folder can't be written.
@@ -73,9 +75,9 @@ def write(page: Page, found: list[Check], folder: Path, data: dict[str, Any]) ->
     sections += page.figures
     sections += [Section(title, [table]) for title, table in page.tables]
     path = write_report(Report(page.title, page.subtitle, sections), folder / 'report.html')
-    (folder / 'results.json').write_text(
-        json.dumps(data, indent=2, allow_nan=False) + '\n', encoding='utf-8'
-    )
+    results = json.dumps(data, indent=2, allow_nan=False) + '\n'
+    for name, text in {'results.json': results, **page.files}.items():
+        (folder / name).write_text(text, encoding='utf-8')
     return path
 
 

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from ..diagnosis.coordinate import PROPORTIONAL
 from ..diagnosis.diagnose import diagnose
 from ..diagnosis.fit import Fit, Run
 from ..diagnosis.noise import noise_levels
@@ -27,13 +26,15 @@ from ..effects.effect import AppliedEffect, Effect
 from ..errors import RecordingError, SpaceRobotError
 from ..report.json_values import json_value
 from .diagnosis_draw import drawn, places
+from .diagnosis_judge import NOT_SIMULATED, REFUSED
 from .diagnosis_scenario import DURATION, EXCITATIONS, ROBOTS, robot_file, simulated
 from .tasks import Task, run_tasks
 
 FILE = 'diagnosis.jsonl'
 MULTIPLES = (1.0, 3.0, 10.0)
 _CHUNK = 4  # cases a process between two writes
-_URGENCY = {('clean', 0.0): 0, ('single', MULTIPLES[1]): 0, ('pair', MULTIPLES[2]): 1}
+_PAIR_MULTIPLES = MULTIPLES[1:]
+_URGENCY = {('clean', 0.0): 0, ('single', MULTIPLES[1]): 0, ('pair', MULTIPLES[1]): 1}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +44,7 @@ class Options:
     Args:
         clean: Records in which nothing is hidden.
         seeds: Of every effect at every strength, on every robot.
-        pairs: Records with two effects.
+        pairs: Pairs of effects, each hidden at two strengths.
         duration: Of a record [s].
         workers: Processes.
         minutes: Time after which nothing new is begun.
@@ -118,7 +119,8 @@ def _pairs(options: Options) -> Iterator[Case]:
     rng = np.random.default_rng(1)
     for k in range(options.pairs):
         first, second = rng.choice(len(ids), 2, replace=False)
-        yield _case(options, 'pair', k, 20_000 + k, (ids[first], ids[second]), MULTIPLES[-1])
+        for multiple in _PAIR_MULTIPLES:
+            yield _case(options, 'pair', k, 20_000 + k, (ids[first], ids[second]), multiple)
 
 
 def _case(
@@ -205,14 +207,15 @@ def run_case(case: Case) -> dict[str, Any]:
     rng = np.random.default_rng([case.seed, 11])
     hidden: list[AppliedEffect] = []
     strength = wall = 0.0
+    failure = NOT_SIMULATED  # such as an effect under which the controller is not stable
     try:
         hidden, strength = _hide(case, rng)
         record = simulated(case.robot, case.excitation, case.seed, hidden, case.duration)
-        started = time.perf_counter()
+        failure, started = REFUSED, time.perf_counter()
         said = _said(diagnose(record, robot_file(case.robot).robot, catalogue=_known(case)))
         wall = time.perf_counter() - started
-    except SpaceRobotError as error:  # an effect under which the controller is not stable
-        said = {'verdict': 'refused', 'causes': [], 'minor': [], 'error': str(error)}
+    except SpaceRobotError as error:
+        said = {'verdict': failure, 'causes': [], 'minor': [], 'error': str(error)}
     line: dict[str, Any] = json_value(
         {
             'case': case.key,
@@ -235,7 +238,10 @@ def _known(case: Case) -> list[Effect]:
 
 
 def _hide(case: Case, rng: np.random.Generator) -> tuple[list[AppliedEffect], float]:
-    """The effects of a case, and the weakest one's strength by the detection limit."""
+    """The effects of a case, and the weakest one's strength by the detection limit.
+
+    It is 0 where the robot has no place for one.
+    """
     if not case.effects:
         return [], 0.0
     robot = robot_file(case.robot).robot
@@ -249,7 +255,8 @@ def _hide(case: Case, rng: np.random.Generator) -> tuple[list[AppliedEffect], fl
             place = where[int(rng.integers(len(where)))]
             hidden.append(drawn(clean, effect, place, case.multiple, rng))
     named = [replace(h, name=f'hidden_{i}') for i, (h, _) in enumerate(hidden)]
-    return named, min((strength for _, strength in hidden), default=0.0)
+    complete = len(hidden) == len(case.effects)
+    return named, min(strength for _, strength in hidden) if complete else 0.0
 
 
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -266,15 +273,12 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _plain(cause: Cause) -> dict[str, Any]:
-    """A cause with the values that its effect is in proportion to."""
-    roles = {p.name: p.role for p in cause.applied.effect.parameters}
+    """A cause with its values and their standard deviations."""
     return {
         'effect': cause.applied.effect.id,
         'where': cause.applied.where,
         'rivals': [[r.effect, r.where] for r in cause.rivals],
         'values': {
-            name: [estimated.value, estimated.std]
-            for name, estimated in cause.parameters.items()
-            if roles[name] in PROPORTIONAL
+            name: [estimated.value, estimated.std] for name, estimated in cause.parameters.items()
         },
     }

@@ -17,6 +17,7 @@ from ..diagnosis.coordinate import PROPORTIONAL, coordinate_of, origin_of, size_
 from ..diagnosis.fit import Fit
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import AppliedEffect, Effect
+from ..errors import ConfigurationError
 from ..model.robot import Robot
 
 LIMIT = 30.0
@@ -26,6 +27,8 @@ _HALVINGS = 20
 _GEAR_DAMPING = (10.0, 50.0)  # N m s/rad
 _REACH = 0.3  # m, of a payload's place
 _FASTEST = 40.0  # largest harmonic or frequency [rad/s] that is drawn
+_DRAWS = 50  # of proportions, until they contradict neither each other nor the robot
+_UNSEEN = 1e3  # plausible sizes at the limit: what needs more is not seen at all
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +58,7 @@ class Direction:
     def reaches(self, strength: float, robot: Robot) -> bool:
         """Whether bounds and bodies leave room for so much."""
         applied = self.applied(strength)
-        return is_possible(applied, robot) and all(
+        return _is_sound(applied, robot) and all(
             math.isclose(
                 coordinate_of(p, applied.values[p.name]),
                 origin_of(p) + strength * self.sizes[p.name],
@@ -90,16 +93,33 @@ def drawn(
         rng: Draws direction, phases and frequencies.
 
     Returns:
-        The effect, and its strength by the detection limit: less where bounds leave no more.
+        The effect, and its strength by the detection limit: less where bounds leave no more, 0
+        where the robot does not show it.
     """
     robot = clean.run.robot
-    direction = _direction(CATALOGUE[effect_id], robot, where, rng)
-    step = next((s for s in _STEPS if direction.reaches(s, robot)), _STEPS[-1])
+    for _ in range(_DRAWS):
+        direction = _direction(CATALOGUE[effect_id], robot, where, rng)
+        step = next((s for s in _STEPS if direction.reaches(s, robot)), None)
+        if step is not None:
+            break
+    else:
+        return direction.applied(0.0), 0.0
     column = clean.signatures.whitened([(direction.applied(step), step)])[:, 0]
     limit = math.sqrt(LIMIT) / max(float(np.linalg.norm(column)), 1e-12)
+    if limit > _UNSEEN:
+        return direction.applied(0.0), 0.0
     shares = (0.5**k for k in range(_HALVINGS))
     share = next((s for s in shares if direction.reaches(s * multiple * limit, robot)), 0.0)
     return direction.applied(share * multiple * limit), share * multiple
+
+
+def _is_sound(applied: AppliedEffect, robot: Robot) -> bool:
+    """Whether values contradict neither each other nor the robot."""
+    try:
+        applied.effect.check(robot, applied.where, applied.values, applied.name)
+    except ConfigurationError:
+        return False
+    return is_possible(applied, robot)
 
 
 def _direction(

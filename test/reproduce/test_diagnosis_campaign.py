@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import json
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
+from scipy.stats import binomtest
 
+from spacerobot_ros.cli.reproduce_diagnosis import MARKDOWN, ROC, page, to_dict
+from spacerobot_ros.cli.reproduce_report import write
+from spacerobot_ros.diagnosis.fit import Fit, Run
+from spacerobot_ros.diagnosis.noise import noise_levels
+from spacerobot_ros.diagnosis.observations import observe
+from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.reproduce.diagnosis_campaign import (
     FILE,
@@ -16,48 +25,198 @@ from spacerobot_ros.reproduce.diagnosis_campaign import (
     run_campaign,
     run_case,
 )
-from spacerobot_ros.reproduce.diagnosis_score import score
+from spacerobot_ros.reproduce.diagnosis_draw import drawn
+from spacerobot_ros.reproduce.diagnosis_equivalents import EQUIVALENTS, is_equivalent
+from spacerobot_ros.reproduce.diagnosis_judge import outcome
+from spacerobot_ros.reproduce.diagnosis_limits import physical_limits
+from spacerobot_ros.reproduce.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.reproduce.diagnosis_score import campaign_checks, score
+from spacerobot_ros.reproduce.shares import Share
+
+GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
+VALUES = {
+    'gyro_bias': {'x': 3e-5, 'y': 0.0, 'z': 4e-5},
+    'joint_torque_ripple': {'amplitude': 0.5, 'harmonic': 10.0, 'phase': 1.0},
+    'joint_stiffness': {'stiffness': 1e-3, 'rest_angle': 20.0},
+    'torque_sensor_bias': {'bias': 0.2},
+}
 
 
-def line(kind, hidden=(), causes=(), verdict='explained', multiple=3.0):
-    """A finished case; causes are (effect, place)."""
+def line(kind, hidden=(), causes=(), verdict='explained', multiple=3.0, **more):
+    """A finished case; causes are (effect, place), all values true but for half a deviation."""
     return {
         'case': '',
         'kind': kind,
+        'robot': 'servicer',
         'multiple': multiple,
         'strength': multiple,
-        'hidden': [{'effect': e, 'where': w, 'values': {'x': 1.0}} for e, w in hidden],
+        'hidden': [{'effect': e, 'where': w, 'values': VALUES[e]} for e, w in hidden],
         'causes': [
-            {'effect': e, 'where': w, 'rivals': [], 'values': {'x': [1.1, 0.1]}} for e, w in causes
+            {
+                'effect': e,
+                'where': w,
+                'rivals': [],
+                'values': {name: [v + 0.05, 0.1] for name, v in VALUES[e].items()},
+            }
+            for e, w in causes
         ],
         'minor': [],
         'verdict': verdict,
         'evidence': 10.0 * len(causes),
+        'after': 1.01,
         'wall_s': 2.0,
+        **more,
     }
 
 
 def test_scores_of_cases_by_hand():
-    a, b = ('gyro_bias', None), ('encoder_offset', 'joint_1')
     scores = score(
         [
             line('clean', verdict='consistent', multiple=0.0),
-            line('clean', causes=[a], multiple=0.0),
-            line('single', [a], [a]),
-            line('single', [b], [a]),
-            line('pair', [a, b], [b, a], multiple=10.0),
-            line('left_out', [a], [b], multiple=10.0),
-            line('single', [a], verdict='refused'),
+            line('clean', causes=[GYRO], multiple=0.0),
+            line('single', [GYRO], [GYRO]),
+            line('single', [RIPPLE], [GYRO]),
+            line('pair', [GYRO, RIPPLE], [RIPPLE, GYRO], multiple=10.0),
+            line('left_out', [GYRO], [RIPPLE], multiple=10.0),
         ]
     )
-    assert (scores.clean_named, scores.clean_unexplained) == (0.5, 0.0)
-    assert scores.top == {3.0: 0.5}
+    assert (scores.clean_named, scores.clean_unexplained) == (Share(1, 2), Share(0, 2))
+    assert scores.top == {3.0: Share(1, 2)}
     assert scores.confusion == {
-        'encoder_offset': {'gyro_bias': 1},
+        'joint_torque_ripple': {'gyro_bias': 1},
         'gyro_bias': {'gyro_bias': 1},
     }
-    assert (scores.pairs, scores.left_out_wrong, scores.within) == (1.0, 1.0, 1.0)
+    assert (scores.pairs, scores.left_out_wrong) == ({10.0: Share(1, 1)}, Share(1, 1))
+    assert scores.within == Share(7, 7)  # phase and harmonic are in no proportion
+    assert scores.held_out == Share(2, 2)
     assert scores.wall == (2.0, 2.0)
+    assert scores.found == {
+        'gyro_bias': {3.0: Share(1, 1)},
+        'joint_torque_ripple': {3.0: Share(0, 1)},
+    }
+
+
+def test_what_is_refused_counts_and_what_can_not_be_is_no_trial():
+    error = {'error': 'effort of joint_1 is flipped'}
+    weak = {'strength': 1.0}
+    scores = score(
+        [
+            line('clean', verdict='refused', multiple=0.0, **error),
+            line('single', [GYRO], [GYRO]),
+            line('single', [GYRO], verdict='refused', **error),
+            line('single', [GYRO], verdict='not simulated', **error),
+            line('single', [GYRO], [GYRO], **weak),
+            line('pair', [GYRO, RIPPLE], [GYRO, RIPPLE], **weak),
+            line('left_out', [GYRO], [RIPPLE], **weak),
+        ]
+    )
+    assert scores.outcomes == {
+        ('clean', 0.0): {'refused': 1},
+        ('single', 3.0): {'right': 1, 'refused': 1, 'not simulated': 1, 'too weak': 1},
+        ('pair', 3.0): {'too weak': 1},
+        ('left_out', 3.0): {'too weak': 1},
+    }
+    assert (scores.clean_refused, scores.top) == (Share(1, 1), {3.0: Share(1, 2)})
+    assert (scores.pairs, scores.left_out_wrong) == ({}, Share(0, 0))
+    assert scores.refused == [
+        ('clean', '', error['error']),
+        *[('single', 'gyro_bias', error['error'])] * 2,
+    ]
+    assert scores.roc['found_3'][-1] == 1.0
+    assert scores.roc['found_3'][0] == 0.5  # what is refused has no evidence
+
+
+@pytest.mark.parametrize(
+    ('causes', 'verdict', 'became'),
+    [
+        ([('joint_stiffness', 'joint_1')], 'explained', 'equivalent'),
+        ([('joint_stiffness', 'joint_2')], 'explained', 'wrong name'),
+        ([('joint_stiffness', 'joint_1'), GYRO], 'explained', 'wrong name'),
+        ([GYRO], 'partly_explained', 'partly_explained'),
+        ([], 'unexplained', 'unexplained'),
+        ([], 'consistent', 'consistent'),
+    ],
+)
+def test_an_effect_out_of_the_catalogue(causes, verdict, became):
+    case = line('left_out', [('torque_sensor_bias', 'joint_1')], causes, verdict, 10.0)
+    assert outcome(case) == became
+    scores = score([case])
+    assert scores.left_out_wrong == Share(became == 'wrong name', 1)
+    assert scores.left_out_missed == Share(became == 'consistent', 1)
+
+
+@pytest.mark.parametrize(('narrower', 'wider', 'why'), EQUIVALENTS)
+def test_declared_equivalents_are_of_the_catalogue(narrower, wider, why):
+    places = [set(CATALOGUE[e].places(robot_file('servicer').robot)) for e in (narrower, wider)]
+    assert places[0] & places[1], why
+    assert is_equivalent((wider, None), (narrower, None))
+
+
+def test_values_without_a_deviation_and_detuned_frequencies_are_no_hits():
+    good, bad = line('single', [RIPPLE], [RIPPLE]), line('single', [RIPPLE], [RIPPLE])
+    bad['causes'][0]['values'] = {'amplitude': [0.5, None], 'harmonic': [10.11, 0.1]}
+    good['causes'][0]['values']['harmonic'] = [10.09, 0.1]
+    scores = score([good, bad])
+    assert (scores.within, scores.without_std) == (Share(1, 2), 1)
+    assert scores.frequencies == {3.0: Share(1, 2)}
+
+
+def test_held_out_errors_off_the_floor_are_no_hits():
+    cases = [line('single', [GYRO], [GYRO], after=a) for a in (0.94, 0.96, 1.04, 1.06)]
+    assert score(cases).held_out == Share(2, 4)
+
+
+def test_intervals_of_shares():
+    low, high = proportion(19, 20)
+    np.testing.assert_allclose(Share(19, 20).interval, (low, high), rtol=0.0, atol=1e-6)
+    assert Share(0, 0).interval == (0.0, 1.0)
+    assert Share(0, 300).interval[1] < 0.013
+
+
+def proportion(hits, total):
+    """Wilson's interval by SciPy."""
+    interval = binomtest(hits, total).proportion_ci(0.95, 'wilson')
+    return interval.low, interval.high
+
+
+def test_limits_in_physical_units():
+    bias = line('single', [GYRO])  # of 5e-5 rad/s, three times the limit
+    stronger = line('left_out', [GYRO], multiple=10.0)
+    drag = {'effect': 'target_wheel_drag', 'where': 'link_3', 'values': {'time_constant': 500.0}}
+    limits = physical_limits([bias, stronger, line('single', multiple=5.0) | {'hidden': [drag]}])
+    gyro = limits['gyro_bias']
+    np.testing.assert_allclose([gyro.least, gyro.most], [5e-6, 5e-5 / 3.0], rtol=1e-12)
+    assert (gyro.unit, gyro.records, gyro.relevant) == ('rad/s', 2, 1e-5)
+    np.testing.assert_allclose(limits['target_wheel_drag'].median, 2500.0, rtol=1e-12)
+
+
+def test_page_and_files_of_scores(tmp_path):
+    scores = score(
+        [line('clean', verdict='consistent', multiple=0.0), line('single', [GYRO], [GYRO])]
+    )
+    found = campaign_checks(scores)
+    shown, data = page(scores, found), to_dict(scores, found)
+    write(shown, found, tmp_path, data)
+    text = (tmp_path / MARKDOWN).read_text(encoding='utf-8')
+    assert '| gyro_bias | 1.000 (0.207 to 1.000) of 1 |' in text
+    svg = ElementTree.fromstring((tmp_path / ROC).read_text(encoding='utf-8'))
+    assert svg.tag == '{http://www.w3.org/2000/svg}svg'
+    kept = json.loads((tmp_path / 'results.json').read_text(encoding='utf-8'))['diagnosis']
+    assert kept['top']['3.0']['total'] == 1
+    assert kept['outcomes']['single 3.0'] == {'right': 1}
+
+
+def test_what_is_drawn_is_possible_and_seen():
+    observed = observe(simulated('servicer', 'default', 1, (), 4.0), robot_file('servicer').robot)
+    robot = robot_file('servicer').robot
+    clean = Fit(Run(observed, robot, (), noise_levels(robot.sensors, observed)[0]), ())
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        applied, strength = drawn(clean, 'joint_stribeck_friction', 'joint_2', 3.0, rng)
+        assert applied.values['static'] >= applied.values['coulomb']
+        assert strength > 0.0
+    _, strength = drawn(clean, 'gravity_error', None, 3.0, rng)
+    assert strength == 0.0  # a free base falls with its arm
 
 
 def test_cases_are_the_same_every_time_and_all_different():
@@ -65,6 +224,7 @@ def test_cases_are_the_same_every_time_and_all_different():
     assert first == second
     assert len({case.key for case in first}) == len(first)
     assert sum(case.kind == 'clean' for case in first) >= 300
+    assert {case.multiple for case in first if case.kind == 'pair'} == {3.0, 10.0}
 
 
 def test_a_campaign_goes_on_where_it_stopped(tmp_path):
@@ -95,4 +255,4 @@ def test_a_hidden_effect_is_found():
     )
     found = run_case(case)
     assert [(h['effect'], h['where']) for h in found['hidden']] == [('gyro_bias', None)]
-    assert score([found]).top == {10.0: 1.0}
+    assert score([found]).top == {10.0: Share(1, 1)}

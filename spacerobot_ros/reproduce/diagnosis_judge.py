@@ -1,0 +1,98 @@
+"""What became of one case of a diagnosis campaign."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .diagnosis_equivalents import is_equivalent
+
+Line = dict[str, Any]
+Key = tuple[str, str | None]
+
+REFUSED = 'refused'
+"""Verdict of a record that the diagnosis took for unusable: never right."""
+NOT_SIMULATED = 'not simulated'
+"""Verdict where the effect or the controller under it could not be simulated: no trial."""
+TOO_WEAK = 'too weak'
+"""Outcome where bounds, robot or motion allow less than the strength asked for: no trial."""
+NO_TRIAL = (NOT_SIMULATED, TOO_WEAK)
+_ALMOST = 0.5  # of the strength asked for
+
+
+def hidden(line: Line) -> list[Key]:
+    """Effects and places that were hidden."""
+    return [(h['effect'], h['where']) for h in line['hidden']]
+
+
+def found(line: Line) -> list[set[Key]]:
+    """Everything fitted, named or too small to matter, with what it can't be told from."""
+    return [
+        {(c['effect'], c['where']), *((e, w) for e, w in c['rivals'])}
+        for c in [*line['causes'], *line['minor']]
+    ]
+
+
+def is_top(line: Line) -> bool:
+    """Whether the first of all found is one that was hidden."""
+    groups, names = found(line), hidden(line)
+    return bool(groups) and any(name in groups[0] for name in names)
+
+
+def is_exact(line: Line) -> bool:
+    """Whether everything hidden was found, and nothing else."""
+    groups, names = found(line), hidden(line)
+    return len(groups) == len(names) and all(any(n in g for g in groups) for n in names)
+
+
+def outcome(line: Line) -> str:
+    """A case in two words.
+
+    Returns:
+        `NOT_SIMULATED`, `TOO_WEAK` or `REFUSED` (by the diagnosis, as faulty data); of clean
+        records `consistent`, `unexplained` or `named`; of hidden effects `right`, `wrong name` or
+        the verdict where nothing was found; of effects out of the catalogue the verdict, but for
+        `explained`: `equivalent` where all names are declared equivalents, else `wrong name`.
+    """
+    verdict: str = line['verdict']
+    if verdict == NOT_SIMULATED:
+        return NOT_SIMULATED
+    if line['kind'] != 'clean' and line['strength'] <= _ALMOST * line['multiple']:
+        return TOO_WEAK
+    if verdict == REFUSED:
+        return REFUSED
+    return _OF[line['kind']](line)
+
+
+def is_trial(line: Line) -> bool:
+    """Whether a case can count as right or wrong."""
+    return outcome(line) not in NO_TRIAL
+
+
+def _clean(line: Line) -> str:
+    return 'named' if line['causes'] else str(line['verdict'])
+
+
+def _single(line: Line) -> str:
+    if is_top(line):
+        return 'right'
+    return 'wrong name' if found(line) else str(line['verdict'])
+
+
+def _pair(line: Line) -> str:
+    if is_exact(line):
+        return 'right'
+    groups, names = found(line), hidden(line)
+    if groups and all(any(n in g for n in names) for g in groups):
+        return 'one of two'
+    return 'wrong name' if groups else str(line['verdict'])
+
+
+def _left_out(line: Line) -> str:
+    if line['verdict'] != 'explained':
+        return str(line['verdict'])
+    (truth,) = hidden(line)
+    causes = [(c['effect'], c['where']) for c in line['causes']]
+    return 'equivalent' if all(is_equivalent(c, truth) for c in causes) else 'wrong name'
+
+
+_OF = {'clean': _clean, 'single': _single, 'pair': _pair, 'left_out': _left_out}

@@ -1,0 +1,99 @@
+"""Detection limits of a campaign in physical units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..diagnosis.coordinate import PROPORTIONAL, coordinate_of, origin_of, value_of
+from ..effects.catalogue import CATALOGUE
+from ..effects.effect import Effect, Parameter, Values
+from .diagnosis_judge import Line
+from .diagnosis_scenario import robot_file
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Detection limit of an effect over robots, motions and places.
+
+    Args:
+        parameter: What is meant: the effect's first one, or the length of its vector.
+        unit: SI.
+        median: Of the sizes at the detection limit. least: Smallest. most: Largest.
+        relevant: Size from which it matters, median.
+        records: Number of them.
+    """
+
+    parameter: str
+    unit: str
+    median: float
+    least: float
+    most: float
+    relevant: float
+    records: int
+
+
+def physical_limits(lines: Sequence[Line]) -> dict[str, Limit]:
+    """Size of every effect at its detection limit, by its id.
+
+    The coordinate of a hidden value is in proportion to its strength, so one case at any strength
+    tells the limit of its robot, motion and place.
+
+    Args:
+        lines: Finished cases; those that hide a single effect count.
+    """
+    own: dict[str, list[tuple[float, float]]] = {}
+    for line in lines:
+        if len(line['hidden']) == 1 and line['strength'] > 0.0:
+            (one,) = line['hidden']
+            effect = CATALOGUE[one['effect']]
+            size = _size(effect, one['values']) / line['strength']
+            robot = robot_file(line['robot']).robot
+            names = [p.name for p in effect.parameters]
+            first = names.index(main_parameters(effect)[0].name)
+            relevant = effect.parameters_at(robot, one['where'])[first].relevant
+            own.setdefault(effect.id, []).append((size, relevant))
+    return {
+        name: _limit(CATALOGUE[name], *zip(*pairs, strict=True))
+        for name, pairs in sorted(own.items())
+    }
+
+
+def main_parameters(effect: Effect) -> tuple[Parameter, ...]:
+    """The first parameter that the effect is in proportion to, or the three of its vector."""
+    listed = [p for p in effect.parameters if p.role in PROPORTIONAL]
+    first = listed[0]
+    stem = first.name.removesuffix('x')
+    vector = tuple(p for p in listed if p.name in {stem + axis for axis in 'xyz'})
+    return vector if len(vector) == 3 else (first,)
+
+
+def _size(effect: Effect, values: Values) -> float:
+    """Length of the main coordinates about no effect."""
+    return math.hypot(
+        *(coordinate_of(p, values[p.name]) - origin_of(p) for p in main_parameters(effect))
+    )
+
+
+def _limit(effect: Effect, sizes: Sequence[float], thresholds: Sequence[float]) -> Limit:
+    first, *others = main_parameters(effect)
+    shown = [_shown(first, size) for size in sizes]
+    name = first.name.removesuffix('x').rstrip('_') or 'vector' if others else first.name
+    away = f'{name} - {first.nominal:g}' if first.role == 'linear' and first.nominal else name
+    return Limit(
+        parameter=away,
+        unit=first.unit,
+        median=float(np.median(shown)),
+        least=min(shown),
+        most=max(shown),
+        relevant=float(np.median([_shown(first, t) for t in thresholds])),
+        records=len(shown),
+    )
+
+
+def _shown(parameter: Parameter, size: float) -> float:
+    """A coordinate's distance from no effect as the parameter itself has it."""
+    return size if parameter.role == 'linear' else value_of(parameter, size)
