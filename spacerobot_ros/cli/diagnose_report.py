@@ -83,8 +83,6 @@ def _sections(answer: Answer) -> Iterator[Section]:
 def _verdict(answer: Answer) -> Iterator[Item]:
     diagnosis, gain = answer.diagnosis, answer.diagnosis.gain
     yield Text(diagnosis.sentence)
-    for fault in diagnosis.faults:
-        yield Text(f'Fault of the data: {fault}')
     status: Status = 'good' if gain.after < _NEAR_NOISE else 'bad'
     figures = [
         KeyFigure('held-out error, model as it stands', number(gain.before, 3), 'noise std'),

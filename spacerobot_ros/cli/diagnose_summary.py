@@ -39,7 +39,6 @@ def print_summary(answer: Answer) -> None:
     diagnosis = answer.diagnosis
     console.print(f'verdict: {diagnosis.verdict}', markup=False)
     console.print(diagnosis.sentence, markup=False, soft_wrap=True)
-    _lines(console, 'faults of the data', diagnosis.faults)
     if diagnosis.causes:
         _table(console, 'causes', PARAMETER_HEAD, parameter_rows(diagnosis.causes))
         _table(console, 'evidence', EVIDENCE_HEAD, evidence_rows(diagnosis.causes))

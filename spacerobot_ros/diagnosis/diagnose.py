@@ -95,7 +95,6 @@ def _conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         sentence=_sentence(verdict, named, minor, white_left),
         causes=named,
         minor=minor,
-        faults=(),
         residuals=residuals(channels, white_before, white_after, null.run.robot.joints),
         series=channels,
         gain=_gain(null, extended, named),

@@ -95,7 +95,6 @@ def diagnose_balance(run: Run, effects: Sequence[Effect], notes: tuple[str, ...]
         sentence=_sentence(named, channels),
         causes=named,
         minor=tuple(c for c in causes if not c.relevant),
-        faults=(),
         residuals=tuple(_residual(s) for s in channels),
         series=channels,
         gain=_gain(balance, found),

@@ -44,9 +44,7 @@ def _advice(diagnosis: Diagnosis, causes: tuple[Cause, ...]) -> tuple[str, ...]:
         for cause in causes
         for rival in cause.rivals
     ]
-    if diagnosis.faults:
-        lines.insert(0, 'Mend what is wrong with the data, then diagnose again.')
-    elif diagnosis.verdict in ('unexplained', 'partly_explained'):
+    if diagnosis.verdict in ('unexplained', 'partly_explained'):
         lines += [
             'Fly the same motion at half and at twice the speed: what grows with the rate is '
             'friction or a delay, what grows with its square is inertia, what stays comes from '

@@ -46,7 +46,6 @@ def to_dict(
         'closed_loop': None if closed_loop is None else _closed_loop(closed_loop),
         'extended_model': EXTENDED_MODEL,
         'minor': [_cause(cause) for cause in diagnosis.minor],
-        'faults': list(diagnosis.faults),
         'ranking': [_ranked(ranked) for ranked in diagnosis.ranking],
         'fit_p': diagnosis.fit_p,
         'null_p': diagnosis.null_p,

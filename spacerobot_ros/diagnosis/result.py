@@ -166,7 +166,6 @@ class Diagnosis:
         sentence: The verdict in words.
         causes: Named causes by evidence.
         minor: Causes too small to matter: fitted, not named.
-        faults: Faults of the data themselves; with any, no physical cause is named.
         residuals: Channel by channel.
         series: The same along the record.
         gain: On the held-out part.
@@ -181,7 +180,6 @@ class Diagnosis:
     sentence: str
     causes: tuple[Cause, ...]
     minor: tuple[Cause, ...]
-    faults: tuple[str, ...]
     residuals: tuple[Residual, ...]
     series: tuple[Series, ...]
     gain: Gain

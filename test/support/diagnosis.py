@@ -70,7 +70,6 @@ def hand_made(verdict: str = 'explained', rivals: tuple[Rival, ...] = ()) -> Dia
         sentence='The data differ from the model by friction; nothing else is left.',
         causes=(cause,),
         minor=(minor,),
-        faults=(),
         residuals=(_residual(torque, math.nan), _residual(rate, 0.4)),
         series=(torque, rate),
         gain=Gain(before=7.0, after=1.01, placebo=6.8),
