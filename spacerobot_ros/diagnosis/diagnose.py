@@ -19,12 +19,13 @@ from .evidence import Gram, score
 from .fit import Fit, Run, refine
 from .fit_test import ChannelFit, fit_test
 from .inadequacy import diagnose_balance, is_of_unknown_noise, shows_no_noise
+from .innovations import TIMINGS
 from .noise import noise_levels
 from .observations import observe
 from .placebo import held_out_gain
 from .residuals import residuals, series
 from .result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Rival
-from .search import Choice, Found, Search, split_rows
+from .search import Choice, Found, Search, blocks
 from .timing import first_timing, held_after_all, said_of
 
 MISFIT = 1e-3
@@ -64,7 +65,7 @@ def diagnose(
         return diagnose_balance(run, effects, notes)
     found = Search(run, effects, report).find()
     if held := held_after_all(found.fit):
-        found = Search(run.timed(held), effects, report).find()
+        found = Search(run.timed(held), effects, report, TIMINGS).find()
     report('measuring the gain', 0.9)
     if not found.is_complete:
         notes = (*notes, _UNFINISHED)
@@ -75,21 +76,17 @@ def diagnose(
 
 
 def _conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
-    null, fit = found.null, found.fit
-    null_p, white_before = fit_test(null.filter, null.data)
-    fit_p, white_left = fit_test(fit.filter, fit.data)
+    null = found.null
     causes = [_cause(found, i) for i in range(len(found.choices))]
-    # a cause whose size changes along the record stands in for another one
-    fits = fit_p >= MISFIT and all(c.constant_p >= _INCONSTANT for c in causes)
     sound = [c for c in causes if _is_sound(c)]
     named = tuple(c for c in sound if c.relevant)
     minor = tuple(c for c in sound if not c.relevant)
-    verdict = _verdict(fits, bool(named))
-    extended = fit
-    if len(named) < len(causes):  # what is shown is the model that is written
-        extended = refine(fit.run, [c.applied for c in named]) if named else null
+    fit_p, white_left = _judged(_with(found, sound))
+    extended = _with(found, named)  # what is shown is the model that is written
+    verdict = _verdict(fit_p >= MISFIT, bool(named))
     channels = series(null.filter, extended.filter)
-    white_after = fit_test(extended.filter, extended.data)[1]
+    null_p, white_before = _judged(null)
+    white_after = _judged(extended)[1]
     return Diagnosis(
         verdict=verdict,
         sentence=_sentence(verdict, named, minor, white_left),
@@ -104,6 +101,17 @@ def _conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         next_motion=tuple(r.motion for c in named for r in c.rivals if r.motion),
         notes=notes,
     )
+
+
+def _judged(fit: Fit) -> tuple[float, tuple[ChannelFit, ...]]:
+    return fit_test(fit.filter, fit.data)
+
+
+def _with(found: Found, causes: Sequence[Cause]) -> Fit:
+    """The fit with only some of the causes that were found."""
+    if len(causes) == len(found.choices):
+        return found.fit
+    return refine(found.fit.run, [c.applied for c in causes]) if causes else found.null
 
 
 def _is_sound(cause: Cause) -> bool:
@@ -147,14 +155,13 @@ def _evidence(found: Found, index: int, choice: Choice) -> Evidence:
     others = [c for i, c in enumerate(fit.causes) if i != index]
     rest = refine(fit.run, others) if others else found.null
     before, after = (float(np.sum(_held_out(f) ** 2)) for f in (rest, fit))
-    train, test = split_rows(fit.filter)
-    excess = max(before - len(rest.data[split_rows(rest.filter)[1]]), 1.0)
+    excess = max(before - len(rest.data), 1.0)
     own = np.array([k for k, (i, _) in enumerate(fit.free) if i == index])
     sizes = 1.0 / np.sqrt(np.maximum(fit.precision[own], 1e-12))
     placebo = math.nan  # where the cause moves stamps, rows are not the same
     if len(rest.data) == len(fit.data):
-        columns = fit.tangents[:, own]
-        placebo = held_out_gain(columns, rest.data, sizes, (train, test), fit.filter.row_times)
+        parts, times = blocks(fit.filter), fit.filter.row_times
+        placebo = held_out_gain(fit.tangents[:, own], rest.data, sizes, parts, times)
     return Evidence(
         log_likelihood_gain=0.5 * choice.score.gain,
         bic_gain=choice.score.bic_gain,
@@ -184,7 +191,7 @@ def _constancy(fit: Fit, index: int) -> float:
 
 
 def _gain(null: Fit, fit: Fit, causes: Sequence[Cause]) -> Gain:
-    """Held-out error of the extended model with the values that the first part alone gives."""
+    """Held-out error of the models, each fifth of the record with the values from the others."""
     placebos = [c.evidence.placebo_gain for c in causes]
     placebo = max((p for p in placebos if math.isfinite(p)), default=0.0)
     start, end = _rms(_held_out(null)), _rms(_held_out(fit))
@@ -193,14 +200,7 @@ def _gain(null: Fit, fit: Fit, causes: Sequence[Cause]) -> Gain:
 
 
 def _held_out(fit: Fit) -> Array:
-    """Innovations of the held-out part under the values that the first part alone gives."""
-    train, test = split_rows(fit.filter)
-    if not fit.free:
-        return fit.data[test]
-    gram = Gram.of(fit.tangents[train], fit.data[train])
-    information = gram.matrix + np.diag(fit.precision)
-    change = np.linalg.lstsq(information, gram.vector, rcond=1e-12)[0]
-    return np.asarray(fit.data[test] - fit.tangents[test] @ change)
+    return fit.predicted(blocks(fit.filter))
 
 
 def _rms(values: Array) -> float:

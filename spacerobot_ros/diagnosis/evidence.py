@@ -6,12 +6,18 @@ coefficients c with prior N(0, S^2), S the catalogue's plausible sizes, raises t
     E = 1/2 b^T (G + S^-2)^-1 b - 1/2 ln det(I + S G S)
 
 (MacKay, Neural Computation 4 (1992)): no rank tolerance, no implausible values, and a larger group
-pays for its freedom. Selected columns are removed by the Schur complement first.
+pays for its freedom. Where the data are sharper than that by more than their number, N, a
+direction pays 1/2 ln(1 + N) and no more, as with a prior that is worth one datum (Kass and
+Wasserman, J. Am. Stat. Assoc. 90 (1995)): what is plausible on a large robot may be a million
+times what a small one shows. Selected columns are removed by the Schur complement first.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -38,6 +44,15 @@ class Gram:
         """From (R, K) columns and (R,) data."""
         return cls(columns.T @ columns, columns.T @ data, float(data @ data), len(data))
 
+    def __add__(self, other: Gram) -> Gram:
+        """Sums over the rows of both."""
+        return Gram(
+            self.matrix + other.matrix,
+            self.vector + other.vector,
+            self.square + other.square,
+            self.rows + other.rows,
+        )
+
     def part(self, chosen: IntArray) -> Gram:
         """The same with only the chosen columns."""
         return Gram(
@@ -59,6 +74,22 @@ class Gram:
             self.square - float(self.vector[:nuisance] @ solved[:, -1]),
             self.rows,
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fold:
+    """Some rows and all others, for cross-validation; companions are marginalised in both.
+
+    Args:
+        rest: Rows that an estimate may use. part: Rows that it is scored on.
+    """
+
+    rest: Gram
+    part: Gram
+
+    def of(self, chosen: IntArray) -> Fold:
+        """The same with only the chosen columns."""
+        return Fold(self.rest.part(chosen), self.part.part(chosen))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,6 +115,31 @@ class Score:
     estimate: Array
 
 
+def folds(parts: Sequence[Gram], nuisance: int, precision: Array) -> list[Fold]:
+    """Each part of the rows against all others.
+
+    Args:
+        parts: Sums over the parts.
+        nuisance: Number of leading columns that are companions.
+        precision: (nuisance,) their prior precision.
+    """
+    out = []
+    for k, part in enumerate(parts):
+        rest = sum_of([*parts[:k], *parts[k + 1 :]])
+        out.append(Fold(rest.without(nuisance, precision), part.without(nuisance, precision)))
+    return out
+
+
+def sum_of(parts: Sequence[Gram]) -> Gram:
+    """Sums over the rows of all parts."""
+    return reduce(add, parts)
+
+
+def cross_validated(found: Sequence[Fold], sizes: Array, bounds: tuple[Array, Array]) -> float:
+    """Twice the gain in log likelihood on each part of the rows, estimated from all others."""
+    return sum(score(fold.rest, sizes, bounds, fold.part).held_out for fold in found)
+
+
 def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | None) -> Score:
     """Judge a group whose companions are marginalised already.
 
@@ -107,7 +163,7 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
     if test is not None:
         held_out = float(2.0 * test.vector @ estimate - estimate @ test.matrix @ estimate)
     return Score(
-        evidence=0.5 * gain - 0.5 * float(np.sum(np.log1p(values))),
+        evidence=0.5 * gain - price(values, gram.rows),
         gain=gain,
         dof=dof,
         p_value=float(chi2.sf(max(gain, 0.0), dof)),
@@ -115,6 +171,16 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
         held_out=held_out,
         estimate=estimate,
     )
+
+
+def price(values: Array, rows: int) -> float:
+    """What a group's freedom costs in log evidence.
+
+    Args:
+        values: (K,) eigenvalues of its information in units of the plausible sizes.
+        rows: Number of data.
+    """
+    return 0.5 * float(np.sum(np.log1p(np.clip(values, 0.0, rows))))
 
 
 def _bounded(

@@ -23,6 +23,7 @@ from .coordinate import (
     value_of,
     value_std,
 )
+from .evidence import price
 from .innovations import Innovations, Scene
 from .observations import Observations, corrected
 from .process import TorqueDriven
@@ -127,14 +128,19 @@ class Fit:
         return self.filter.data
 
     @cached_property
-    def cost(self) -> float:
-        """Minus twice the log posterior, but for a constant."""
+    def misfit(self) -> float:
+        """Squared whitened innovations, and what the priors of the values add."""
         prior = sum(
             ((coordinate_of(p, self.causes[i].values[p.name]) - origin_of(p)) / size_of(p)) ** 2
             for i, p in self.free
             if has_prior(p)
         )
-        return float(self.data @ self.data) + self.filter.log_determinant + prior
+        return float(self.data @ self.data) + prior
+
+    @property
+    def cost(self) -> float:
+        """Minus twice the log posterior, but for a constant."""
+        return self.misfit + self.filter.log_determinant
 
     @cached_property
     def signatures(self) -> Signatures:
@@ -164,8 +170,29 @@ class Fit:
         """Log evidence by Laplace's approximation, but for a constant of the run."""
         sizes = np.array([spread_of(p) for _, p in self.free])
         scaled = sizes[:, None] * (self.tangents.T @ self.tangents) * sizes
-        values = np.maximum(np.linalg.eigvalsh(scaled), 0.0) if len(sizes) else np.zeros(0)
-        return -0.5 * self.cost - 0.5 * float(np.sum(np.log1p(values)))
+        values = np.linalg.eigvalsh(scaled) if len(sizes) else np.zeros(0)
+        return -0.5 * self.cost - price(values, len(self.data))
+
+    def predicted(self, blocks: Sequence[slice]) -> Array:
+        """(R,) whitened innovations of each block of rows with the values that the others give."""
+        if not self.free:
+            return self.data
+        out = self.data.copy()
+        for block in blocks:
+            rest = np.ones(len(out), dtype=bool)
+            rest[block] = False
+            columns = self.tangents[rest]
+            slope = columns.T @ self.data[rest] - self._prior_slope
+            information = columns.T @ columns + np.diag(self.precision)
+            out[block] -= self.tangents[block] @ np.linalg.lstsq(information, slope, 1e-12)[0]
+        return out
+
+    @property
+    def _prior_slope(self) -> Array:
+        """(P,) by which the priors pull every coordinate back."""
+        now = np.array([coordinate_of(p, self.causes[i].values[p.name]) for i, p in self.free])
+        origin = np.array([origin_of(p) for _, p in self.free])
+        return self.precision * (now - origin)
 
     def covariance(self) -> Array:
         """(P, P) of the coordinates."""
@@ -188,13 +215,11 @@ class Fit:
         """The causes after one step; None where they have settled."""
         if not self.free:
             return None
-        now = np.array([coordinate_of(p, self.causes[i].values[p.name]) for i, p in self.free])
-        origin = np.array([origin_of(p) for _, p in self.free])
         # nothing moves farther at once than it was thought possible
         spread = np.array([spread_of(p) for _, p in self.free])
         information = self.tangents.T @ self.tangents + np.diag(spread**-2.0)
-        slope = self.tangents.T @ self.data - self.precision * (now - origin)
-        change = np.linalg.lstsq(information, slope, rcond=1e-12)[0]
+        slope = self.tangents.T @ self.data - self._prior_slope
+        change = np.asarray(np.linalg.lstsq(information, slope, rcond=1e-12)[0])
         if float(change @ information @ change) < _SETTLED**2:
             return None
         return self.moved(change)

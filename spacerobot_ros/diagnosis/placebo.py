@@ -6,10 +6,12 @@ time. What such columns explain of data they were not fitted to, any extension o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..types import Array, IntArray
-from .evidence import Gram, score
+from .evidence import Gram, cross_validated, folds
 
 DRAWS = 20
 _PIECE = 1.0  # s
@@ -17,7 +19,7 @@ _SEED = 20
 
 
 def held_out_gain(
-    columns: Array, data: Array, sizes: Array, parts: tuple[slice, slice], times: Array
+    columns: Array, data: Array, sizes: Array, blocks: Sequence[slice], times: Array
 ) -> float:
     """Largest held-out gain in twice the log likelihood among placebo columns.
 
@@ -25,7 +27,7 @@ def held_out_gain(
         columns: (R, K) the candidate's whitened columns.
         data: (R,) whitened innovations of the model without it.
         sizes: (K,) plausible sizes.
-        parts: Rows to fit on, rows to score on.
+        blocks: Rows of each part, which is predicted from the others.
         times: (R,) time of every row [s].
     """
     rng = np.random.default_rng(_SEED)
@@ -33,8 +35,8 @@ def held_out_gain(
     best = 0.0
     for _ in range(DRAWS):
         shuffled = columns[_shuffle(times, rng)]
-        train, test = (Gram.of(shuffled[part], data[part]) for part in parts)
-        best = max(best, score(train, sizes, unbounded, test).held_out)
+        parts = [Gram.of(shuffled[rows], data[rows]) for rows in blocks]
+        best = max(best, cross_validated(folds(parts, 0, np.zeros(0)), sizes, unbounded))
     return best
 
 

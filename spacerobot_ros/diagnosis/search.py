@@ -1,28 +1,29 @@
 """Which effects the data want: forward selection over the whole catalogue, with second thoughts.
 
-Each round scores every candidate beside the causes chosen so far, on the first part of the record,
-and asks the rest of the record whether it agrees; the best few are fitted as they really are, not
-as their columns, before one is chosen. A chosen cause is dropped when later ones make it
-superfluous, and exchanged when another one now does better in its place.
+Each round scores every candidate beside the causes chosen so far, and asks each fifth of the
+record whether it agrees with the estimate from the other four; the best few are fitted as they
+really are, not as their columns, before one is chosen. A chosen cause is dropped when later ones
+make it superfluous, and exchanged when another one now does better in its place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from ..effects.effect import AppliedEffect, Effect
 from ..model.robot import Robot
 from .candidates import Candidate, candidates, is_possible
-from .evidence import Gram, Score, score
+from .evidence import Gram, Score, cross_validated, folds, score, sum_of
 from .fit import Fit, Run, refine
 from .fit_test import fit_test, lines
 from .innovations import Innovations
 from .timing import better_timing
 
-TRAIN_SHARE = 0.6
+_FOLDS = 5
 _FALSE_ALARMS = 1e-3  # a record, over all candidates
 _MOST_CAUSES = 6
 _MOST_FILTERS = 120  # of one run, after which nothing new is tried
@@ -31,6 +32,7 @@ _SUSPICIOUS = 0.1  # p-value of the fit below which the dear candidates are look
 _SHORTLIST = 4
 _CLOSE_SHARE, _CLOSE_GAP = 0.9, 25.0  # of the best one's evidence: who is fitted as well
 _ALIKE_SHARE, _MOST_ALIKE = 0.5, 2
+_FREEDOM = 3.0
 _BATCH = 32  # candidates that pass through the filter at once
 _TINY = 1e-12  # keeps a column without any effect from making the elimination singular
 EQUIVALENT = 6.0  # gap in log evidence within which two causes are not told apart
@@ -98,21 +100,20 @@ class Search:
         run: The run.
         effects: The catalogue, or a part of it.
         report: Called with what is being done and how far it is, from 0 to 1.
+        timings: Ways in which efforts act that are out of the question.
     """
 
     def __init__(
-        self, run: Run, effects: Sequence[Effect], report: Callable[[str, float], None]
+        self,
+        run: Run,
+        effects: Sequence[Effect],
+        report: Callable[[str, float], None],
+        timings: Iterable[str] = (),
     ) -> None:
         self.run = run
         self.report = report
         self._effects = effects
-        self._timings = {run.timing}  # that were tried
-
-    def _retimed(self, timing: str) -> Search:
-        """The same search with efforts that act in another way; no timing is tried twice."""
-        other = Search(self.run.timed(timing), self._effects, self.report)
-        other._timings |= self._timings
-        return other
+        self._timings = {run.timing, *timings}
 
     def find(self) -> Found:
         """Select until nothing more is wanted."""
@@ -129,7 +130,8 @@ class Search:
             choices.append(choice)
             asks = len(choices) == 1 or fit_test(fit.filter, fit.data)[0] < _SUSPICIOUS
             if asks and (timing := better_timing(fit, self._timings)):
-                return self._retimed(timing).find()
+                run = self.run.timed(timing)
+                return Search(run, self._effects, self.report, self._timings).find()
             if len(choices) > 1:
                 fit, choices = self._reconsider(fit, choices)
             ranking = self.judge(fit)
@@ -168,33 +170,39 @@ class Search:
             (c.applied(d), s) for c in pool for d, s in zip(c.directions, c.steps, strict=True)
         ]
         columns = np.concatenate([fit.tangents, fit.signatures.whitened(directions)], axis=1)
-        grams = [Gram.of(columns[part], fit.data[part]) for part in split_rows(fit.filter)]
-        held = len(fit.free)
-        precision = fit.precision + _TINY
-        judged, start = [], held
+        parts = [Gram.of(columns[rows], fit.data[rows]) for rows in blocks(fit.filter)]
+        held, precision = len(fit.free), fit.precision + _TINY
+        whole, others = sum_of(parts).without(held, precision), folds(parts, held, precision)
+        judged, start = [], 0
         for candidate in pool:
-            stop = start + len(candidate.steps)
-            own = np.concatenate([np.arange(held), np.arange(start, stop)])
-            train, test = (gram.part(own).without(held, precision) for gram in grams)
+            own = np.arange(start, start + len(candidate.steps))
             bounds = (candidate.lower, candidate.upper)
-            judged.append(Judged(candidate, score(train, candidate.sizes, bounds, test)))
-            start = stop
+            found = score(whole.part(own), candidate.sizes, bounds, None)
+            if found.evidence > 0.0:
+                held_out = cross_validated([f.of(own) for f in others], candidate.sizes, bounds)
+                found = replace(found, held_out=held_out)
+            judged.append(Judged(candidate, found))
+            start += len(own)
         return judged
 
     def _choose(self, fit: Fit, wanted: Sequence[Judged]) -> tuple[Fit, Choice]:
-        """The best of the shortlist, each fitted as it really is."""
-        shortlist = _shortlist(wanted)
-        fits = [
-            refine(self.run, [*fit.causes, j.guess(fit.filter.process.robot)]) for j in shortlist
-        ]
+        """The best of the shortlist, and of its like elsewhere, each fitted as it really is."""
+        tried = _shortlist(wanted)
+        fits = [self._with(fit, j) for j in tried]
+        best = max(range(len(fits)), key=lambda i: fits[i].evidence)
+        alike = _elsewhere(tried[best], wanted)
+        tried, fits = tried + alike, fits + [self._with(fit, j) for j in alike]
         order = sorted(range(len(fits)), key=lambda i: -fits[i].evidence)
         top = order[0]
         rivals = tuple(
-            (*shortlist[i].candidate.key, fits[top].evidence - fits[i].evidence)
+            (*tried[i].candidate.key, fits[top].evidence - fits[i].evidence)
             for i in order[1:]
-            if fits[top].evidence - fits[i].evidence < EQUIVALENT
+            if _is_rival(fits[i], fits[top])
         )
-        return fits[top], Choice(shortlist[top].candidate.key, shortlist[top].score, rivals)
+        return fits[top], Choice(tried[top].candidate.key, tried[top].score, rivals)
+
+    def _with(self, fit: Fit, judged: Judged) -> Fit:
+        return refine(self.run, [*fit.causes, judged.guess(fit.filter.process.robot)])
 
     def _reconsider(self, fit: Fit, choices: list[Choice]) -> tuple[Fit, list[Choice]]:
         """Drop or exchange earlier causes in the light of the latest."""
@@ -229,23 +237,29 @@ def wanted_of(ranking: Sequence[Judged]) -> list[Judged]:
 
 
 def _shortlist(wanted: Sequence[Judged]) -> list[Judged]:
-    """The best, those nearly as good, and its like elsewhere: neighbours share what they carry."""
+    """The best and those nearly as good, each kind of effect at its best place."""
     best = wanted[0].score.evidence
     floor = min(_CLOSE_SHARE * best, best - _CLOSE_GAP)
-    close = [j for j in wanted[:_SHORTLIST] if j.score.evidence >= floor]
-    alike = [
-        j
-        for j in wanted
-        if j.candidate.effect is wanted[0].candidate.effect
-        and j.score.evidence >= _ALIKE_SHARE * best
-        and j not in close
-    ]
-    return close + alike[:_MOST_ALIKE]
+    kinds = {j.candidate.effect.id: j for j in reversed(wanted)}
+    close = sorted(kinds.values(), key=lambda j: -j.score.evidence)[:_SHORTLIST]
+    return [j for j in close if j.score.evidence >= floor]
 
 
-def split_rows(filtered: Innovations) -> tuple[slice, slice]:
-    """Rows of the first part of the record, to fit on, and of the rest, to score on."""
+def _elsewhere(best: Judged, wanted: Sequence[Judged]) -> list[Judged]:
+    """The same effect at other places that do half as well: neighbours share what they carry."""
+    floor = _ALIKE_SHARE * best.score.evidence
+    same = [j for j in wanted if j.candidate.effect is best.candidate.effect and j is not best]
+    return [j for j in same if j.score.evidence >= floor][:_MOST_ALIKE]
+
+
+def _is_rival(other: Fit, top: Fit) -> bool:
+    """Whether a fit can not be told from the best, or is as good by more freedom."""
+    gap = top.evidence - other.evidence
+    return gap < EQUIVALENT or (gap < _FREEDOM * EQUIVALENT and other.cost - top.cost < EQUIVALENT)
+
+
+def blocks(filtered: Innovations) -> list[slice]:
+    """Rows of equal parts of the record, each of which is predicted from the others."""
     times = filtered.row_times
-    split = times[0] + TRAIN_SHARE * (times[-1] - times[0])
-    first = int(np.searchsorted(times, split, side='right'))
-    return slice(0, first), slice(first, len(times))
+    ends = np.searchsorted(times, np.linspace(times[0], times[-1], _FOLDS + 1)[1:-1])
+    return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(times)])]

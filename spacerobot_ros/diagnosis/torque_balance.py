@@ -25,9 +25,10 @@ from .fit import Run
 from .process import TorqueDriven
 from .reference import Kinematics
 from .response import InverseDynamics, Response
-from .search import TRAIN_SHARE, Judged
+from .search import Judged
 
 BAND = 4.0  # Hz
+_TRAIN_SHARE = 0.6  # of the record, to fit on
 _PASSES = 4
 _LEAST = 1e-3  # of an effort's spread: no torque sensor is as good
 
@@ -231,7 +232,7 @@ def _of_the_joints(effects: Sequence[Effect]) -> list[Effect]:
 
 
 def _share(times: Array) -> float:
-    return float(times[0] + TRAIN_SHARE * (times[-1] - times[0]))
+    return float(times[0] + _TRAIN_SHARE * (times[-1] - times[0]))
 
 
 def _left(columns: Array, missed: Array, levels: Array) -> Array:
