@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..reproduce.checks import Check
     from .reproduce_report import Page
 
-_RUNS = {'wheel-momentum': 10, 'adaptive-control': 6, 'diagnosis': 300}
+_RUNS = {'wheel-momentum': 10, 'adaptive-control': 6, 'diagnosis': 300, 'monitor': 4}
 EXPERIMENTS = tuple(_RUNS)
 _QUICK_RUNS = 2
 _CAMPAIGN, _QUICK_CAMPAIGN = 200, 12
@@ -44,7 +44,11 @@ diagnosis: hidden effects found and named (docs/diagnosis.md): clean records, ev
   several strengths, pairs, effects taken out of the catalogue; confusion, detection, false alarms.
   A night's work that goes on where it stopped (OUT/diagnosis.jsonl); --quick takes minutes
 
-writes OUT/report.html and OUT/results.json
+monitor: false alarms in nominal flight and delays of detection of the monitor node
+  (docs/nodes/monitor.md): quarter hours without a fault, and faults of several sizes that set in.
+  Goes on where it stopped (OUT/monitor.jsonl)
+
+writes OUT/report.html and OUT/results.json; diagnosis and monitor their tables as Markdown, too
 """
 
 _EPILOG = """\
@@ -54,6 +58,7 @@ examples:
   spacerobot reproduce wheel-momentum --campaign coverage --runs 200 --out out/coverage
   spacerobot reproduce adaptive-control --runs 20
   spacerobot reproduce diagnosis --jobs 2 --out out/diagnosis-campaign
+  spacerobot reproduce monitor --runs 40 --out out/monitor-campaign
   spacerobot reproduce wheel-momentum --json | jq '.checks[] | select(.is_met | not)'
 
 exit status: 0 every figure is reached, 1 some are not (they are listed), 2 unusable input
@@ -64,7 +69,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the sub-command's arguments."""
     parser = subparsers.add_parser(
         'reproduce',
-        help='repeat published experiments and the diagnosis campaign beside their figures',
+        help='repeat published experiments and campaigns beside their figures',
         description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=Formatter,
@@ -92,7 +97,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--runs',
         type=_at_least_two,
         metavar='N',
-        help='noisy records an estimator, wrong priors a law, or clean records (default: '
+        help='noisy records an estimator, wrong priors a law, clean records, or quarter hours of '
+        'nominal flight a robot (default: '
         f'{", ".join(f"{name} {runs}" for name, runs in _RUNS.items())}, '
         f'coverage {_CAMPAIGN}; fewer with --quick)',
     )
@@ -108,6 +114,7 @@ def run(args: argparse.Namespace) -> int:
         'wheel-momentum': _wheel_momentum,
         'adaptive-control': _adaptive_control,
         'diagnosis': _diagnosis,
+        'monitor': _monitor,
     }
     work = _coverage if args.campaign else experiments[args.experiment]
     found, plain, shown = work(args)
@@ -176,6 +183,27 @@ def _diagnosis(args: argparse.Namespace) -> _Outcome:
         lines = run_campaign(Path(args.out), options, done)
     scores = score(lines)
     found = campaign_checks(scores)
+    return found, to_dict(scores, found), page(scores, found)
+
+
+def _monitor(args: argparse.Namespace) -> _Outcome:
+    from ..reproduce.monitor_campaign import (
+        Options,
+        monitor_checks,
+        run_campaign,
+        score_monitor,
+        tasks,
+    )
+    from .reproduce_monitor import page, to_dict
+
+    workers = _workers(args)
+    options = Options(flights=args.runs or _RUNS['monitor'], workers=workers)
+    if args.quick:
+        options = Options.quick(workers, args.runs or _QUICK_RUNS)
+    with _progress(len(tasks(options))) as done:
+        lines = run_campaign(Path(args.out), options, done)
+    scores = score_monitor(lines)
+    found = monitor_checks(scores)
     return found, to_dict(scores, found), page(scores, found)
 
 

@@ -23,16 +23,16 @@ from ..diagnosis.observations import observe
 from ..diagnosis.result import Cause, Diagnosis
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import AppliedEffect, Effect
-from ..errors import RecordingError, SpaceRobotError
+from ..errors import SpaceRobotError
 from ..report.json_values import json_value
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED
 from .diagnosis_scenario import DURATION, EXCITATIONS, ROBOTS, robot_file, simulated
-from .tasks import Task, run_tasks
+from .resumable import run_resumable
+from .tasks import Task
 
 FILE = 'diagnosis.jsonl'
 MULTIPLES = (1.0, 3.0, 10.0)
-_CHUNK = 4  # cases a process between two writes
 _PAIR_MULTIPLES = MULTIPLES[1:]
 _URGENCY = {('clean', 0.0): 0, ('single', MULTIPLES[1]): 0, ('pair', MULTIPLES[1]): 1}
 
@@ -151,55 +151,8 @@ def run_campaign(folder: Path, options: Options, done: Callable[[], None]) -> li
     Raises:
         RecordingError: the folder's file is not a campaign's.
     """
-    path = folder / FILE
-    wanted = cases(options)
-    there = {line['case']: line for line in read_campaign(path)}
-    _drop_cut_line(path)
-    missing = [case for case in wanted if case.key not in there]
-    for _ in range(len(wanted) - len(missing)):
-        done()
-    started = time.monotonic()
-    chunk = _CHUNK * options.workers if options.workers > 1 else 1
-    for first in range(0, len(missing), chunk):
-        if time.monotonic() - started > 60.0 * options.minutes:
-            break
-        tasks = [Task(c.key, run_case, (c,)) for c in missing[first : first + chunk]]
-        finished = run_tasks(tasks, options.workers, done)
-        there |= {str(key): line for key, line in finished.items()}
-        with path.open('a', encoding='utf-8') as file:
-            file.writelines(json.dumps(line) + '\n' for line in finished.values())
-    return [there[case.key] for case in wanted if case.key in there]
-
-
-def read_campaign(path: Path) -> list[dict[str, Any]]:
-    """Finished cases, none where the campaign has not begun; a line that was cut off is no case.
-
-    Raises:
-        RecordingError: a line that is no case.
-    """
-    if not path.exists():
-        return []
-    complete = path.read_text(encoding='utf-8').split('\n')[:-1]
-    out = [_line_of(text) for text in complete]
-    if None in out:
-        raise RecordingError(f'{path}:{out.index(None) + 1}', 'is no case of a campaign')
-    return [line for line in out if line is not None]
-
-
-def _drop_cut_line(path: Path) -> None:
-    """Cut off what an interruption left of a line, so that the next one begins a new line."""
-    if path.exists():
-        with path.open('rb+') as file:
-            file.truncate(file.read().rfind(b'\n') + 1)
-
-
-def _line_of(text: str) -> dict[str, Any] | None:
-    """The case that a line holds, None where it holds none."""
-    try:
-        line = json.loads(text)
-        return {**line, 'case': line['case'], 'kind': line['kind']}
-    except (ValueError, TypeError, KeyError):
-        return None
+    tasks = [Task(case.key, run_case, (case,)) for case in cases(options)]
+    return run_resumable(folder / FILE, tasks, options.workers, done, options.minutes)
 
 
 def run_case(case: Case) -> dict[str, Any]:

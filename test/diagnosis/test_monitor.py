@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.faults_in_flight import FAULTS, in_flight
-from support.flights import Flight, monitor_of, watch
 
 from spacerobot_ros.errors import MessageRejectedError
+from spacerobot_ros.reproduce.monitor_faults import FAULTS, in_flight
+from spacerobot_ros.reproduce.monitor_flights import Flight, monitor_of, watch
 
 ONSET = 6.0
 SHORT = {'learn': 5.0}
@@ -38,7 +38,7 @@ def test_silent_where_the_model_is_right_and_the_momentum_is_found(nominal):
     state = monitor.state
     assert state.level == 'ok', state.reason
     assert 'held torque' in state.notes[0]  # a sampled controller holds its torque
-    truth = np.array(flight.parameters()['truth']['target_momentum'])
+    truth = np.array(flight.file.settings.truth.target_momentum)
     # 4 standard deviations: one in 5000 seeds fails
     assert np.all(np.abs(np.array(state.momentum) - truth) < 4 * np.array(state.momentum_std))
     assert max(state.momentum_std) < 0.05  # of 76 N m s, after half a minute

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from support.flights import Flight, monitor_of
 
 from spacerobot_ros.diagnosis.innovations import Scene
 from spacerobot_ros.diagnosis.monitor_filter import BlockInnovations, FlightFilter
@@ -11,6 +10,7 @@ from spacerobot_ros.diagnosis.monitor_probes import probes_of
 from spacerobot_ros.diagnosis.monitor_window import Window
 from spacerobot_ros.diagnosis.noise import noise_levels
 from spacerobot_ros.diagnosis.process import TorqueDriven
+from spacerobot_ros.reproduce.monitor_flights import Flight, monitor_of
 
 
 @pytest.fixture(scope='module')
@@ -18,7 +18,7 @@ def flight():
     """Return the truth's robot and the samples of 6 s."""
     flight = Flight(seed=3)
     robot = monitor_of(flight).robot
-    truth = flight.parameters()['truth']['target_momentum']
+    truth = flight.file.settings.truth.target_momentum
     window = Window(3)
     for s in flight.samples(6.0):
         window.add_joints(s.stamp_ns, *s.joints)

@@ -8,11 +8,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import QuaternionStamped
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
-from support.faults_in_flight import in_flight
-from support.flights import Flight
 
 from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.recording.bag import read_bag
+from spacerobot_ros.reproduce.monitor_faults import in_flight
+from spacerobot_ros.reproduce.monitor_flights import Flight
 from spacerobot_ros.ros import convert
 from spacerobot_ros.ros.qos import SAMPLES, STATE
 
@@ -158,7 +158,7 @@ def test_believes_a_valid_estimate(rig, parameters, nominal):
     bench = Bench(rig, parameters)
     bench.play(nominal[:550])
     monitor = bench.node.monitor
-    truth = Flight(seed=4).parameters()['truth']['target_momentum']
+    truth = Flight(seed=4).file.settings.truth.target_momentum
     estimate = estimate_of(truth, 0.5, monitor.state.judged_ns)
     with pytest.raises(Exception, match='links'):
         monitor.believe(dataclasses.replace(estimate, aam_links=('other',)))

@@ -21,7 +21,6 @@ from spacerobot_ros.reproduce.diagnosis_campaign import (
     Case,
     Options,
     cases,
-    read_campaign,
     run_campaign,
     run_case,
 )
@@ -31,6 +30,7 @@ from spacerobot_ros.reproduce.diagnosis_judge import outcome
 from spacerobot_ros.reproduce.diagnosis_limits import physical_limits
 from spacerobot_ros.reproduce.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.reproduce.diagnosis_score import campaign_checks, score
+from spacerobot_ros.reproduce.resumable import read_lines
 from spacerobot_ros.reproduce.shares import Share
 
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
@@ -240,7 +240,7 @@ def test_a_campaign_goes_on_where_it_stopped(tmp_path):
 def test_what_is_no_case_is_refused(tmp_path):
     (tmp_path / FILE).write_text('{"kind": "clean"}\n', encoding='utf-8')
     with pytest.raises(RecordingError, match=r'jsonl:1: is no case'):
-        read_campaign(tmp_path / FILE)
+        read_lines(tmp_path / FILE)
 
 
 def test_a_hidden_effect_is_found():

@@ -8,53 +8,59 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .flights import Flight, Sample
+from .monitor_flights import Flight, Sample
+
+_TIP = 0.5  # m from the last link's origin to a payload
+_LEVER = {'at_x': 0.8, 'at_y': 0.3, 'at_z': -0.4}  # m, of the thruster
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Fault:
     """A kind of fault.
 
     Args:
         unit: Of its size.
-        sizes: Worth flying.
+        sizes: Worth flying, the largest last.
         make: Flight with the fault of a size.
         channels: Beginnings of the names that may speak first.
+        robots: Robots that can have it.
     """
 
     unit: str
     sizes: tuple[float, ...]
     make: Callable[[Flight, float], Flight]
     channels: tuple[str, ...]
+    robots: tuple[str, ...] = ('servicer', 'minisat')
 
 
-def _effect(id_: str, where: str | None, name: str) -> Callable[[Flight, float], Flight]:
-    def make(flight: Flight, size: float) -> Flight:
-        entry = {'effect': id_, name: size}
-        if where is not None:
-            entry['where'] = where
-        return replace(flight, effects={'fault': entry})
+def in_flight(name: str, size: float, flight: Flight) -> Flight:
+    """The flight with a fault of a size from its `onset` to its `end`."""
+    return FAULTS[name].make(flight, size)
 
-    return make
+
+def _last_link(flight: Flight) -> str:
+    return flight.file.robot.bodies[-1].name
+
+
+def _friction(flight: Flight, size: float) -> Flight:
+    effect = {'effect': 'joint_coulomb_friction', 'where': 'joint_2', 'torque': size}
+    return replace(flight, effects={'fault': effect})
 
 
 def _drag(flight: Flight, size: float) -> Flight:
-    link = {'servicer': 'link_3', 'sixdof': 'link_6'}[flight.robot]
-    effect = {'effect': 'target_wheel_drag', 'where': link, 'time_constant': 1.0 / size}
+    where = _last_link(flight)
+    effect = {'effect': 'target_wheel_drag', 'where': where, 'time_constant': 1.0 / size}
     return replace(flight, effects={'fault': effect})
 
 
 def _leak(flight: Flight, size: float) -> Flight:
-    effect = {
-        'effect': 'thruster_leak', 'force_x': 0.0, 'force_y': size, 'force_z': 0.0,
-        'at_x': 0.8, 'at_y': 0.3, 'at_z': -0.4,
-    }  # fmt: skip
+    effect = {'effect': 'thruster_leak', 'force_y': size, **_LEVER}
     return replace(flight, effects={'fault': effect})
 
 
 def _payload(flight: Flight, size: float) -> Flight:
-    link = {'servicer': 'link_3', 'sixdof': 'link_6', 'ground': 'link_4'}[flight.robot]
-    effect = {'effect': 'inertial_parameters', 'where': link, 'mass': size, 'mx': 0.5 * size}
+    where = _last_link(flight)
+    effect = {'effect': 'inertial_parameters', 'where': where, 'mass': size, 'mx': _TIP * size}
     return replace(flight, effects={'fault': effect})
 
 
@@ -80,18 +86,13 @@ def _star_turned(flight: Flight, size: float) -> Flight:
 
 
 FAULTS = {
-    'coulomb_friction': Fault(
-        'N m', (0.03, 0.1, 0.3, 1.0),
-        _effect('joint_coulomb_friction', 'joint_2', 'torque'), ('joint_2 torque',),
-    ),
+    'coulomb_friction': Fault('N m', (0.03, 0.1, 0.3, 1.0), _friction, ('joint_2 torque',)),
     'payload': Fault('kg', (0.5, 2.0, 10.0), _payload, ('joint', 'angular momentum')),
     'gyro_bias': Fault('rad/s', (1e-5, 5e-5, 2e-4, 1e-3), _gyro_bias, ('gyro x',)),
     'star_turned': Fault('rad', (1e-4, 1e-3, 1e-2), _star_turned, ('attitude y',)),
     'thruster_leak': Fault('N', (0.003, 0.01, 0.1), _leak, ('angular momentum',)),
-    'wheel_drag': Fault('1/s', (1e-4, 1e-3, 3e-3), _drag, ('joint', 'angular momentum')),
-}  # fmt: skip
-
-
-def in_flight(name: str, size: float, flight: Flight) -> Flight:
-    """The flight with a fault."""
-    return FAULTS[name].make(flight, size)
+    'wheel_drag': Fault(
+        '1/s', (1e-4, 1e-3, 3e-3), _drag, ('joint', 'angular momentum'), ('servicer',)
+    ),
+}
+"""Every fault by its name."""

@@ -1,0 +1,195 @@
+"""Flights for the monitor: closed loops in which something goes wrong, and may end again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..diagnosis.monitor import Monitor
+from ..diagnosis.monitor_state import MonitorState
+from ..dynamics.plant import Plant
+from ..effects.catalogue import changed_robot, parse_effects
+from ..effects.effect import AppliedEffect, Effect, Values
+from ..effects.motion import Motion
+from ..model.loader import RobotFile, load_robot_file, resolve_urdf
+from ..model.robot import Robot
+from ..model.settings import ReferenceSettings
+from ..simulation.closed_loop import ClosedLoop, Step
+from ..types import Array
+
+_RATE = 100.0  # Hz of joints and gyro; the tracker has a tenth
+_HARMONICS, _DURATION = 3, 20.0  # of the motion, which is repeated [s]
+_ANGULAR_RATE = 0.15  # rad/s, spread of the first harmonic of a joint
+_POSE = {'servicer': (0.3, -0.5, 0.4)}  # rad at the start, where the file has a stretched arm
+_NEVER = 1e9  # s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """What the sensors said at one stamp; None where one said nothing.
+
+    Args:
+        stamp_ns: Time since the start [ns].
+        joints: (n,) positions [rad], rates [rad/s] and efforts [N m].
+        omega: (3,) omega_WB_B [rad/s].
+        attitude_xyzw: (4,) q_WB.
+    """
+
+    stamp_ns: int
+    joints: tuple[Array, Array, Array] | None
+    omega: Array | None
+    attitude_xyzw: Array | None
+
+
+def _unchanged(sample: Sample) -> Sample:
+    return sample
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """A flight of a robot of the package under its own controller.
+
+    Args:
+        robot: Name of a robot file in `config`.
+        seed: Of the motion and of the sensors' noise.
+        effects: Entries of `effects:` that set in at `onset` [s] and end at `end` [s].
+        change: What else happens to a sample from then to then.
+    """
+
+    robot: str = 'servicer'
+    seed: int = 1
+    effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    change: Callable[[Sample], Sample] = _unchanged
+    onset: float = _NEVER
+    end: float = _NEVER
+
+    @property
+    def file(self) -> RobotFile:
+        """The robot file with 100 Hz sensors, repeating a random motion of the seed."""
+        path = resolve_urdf(f'package://spacerobot_ros/config/{self.robot}.urdf', None)
+        file = load_robot_file(path.with_suffix('.yaml'))
+        rng = np.random.default_rng(100 + self.seed)
+        size = _ANGULAR_RATE / np.arange(1, _HARMONICS + 1)
+        sine, cosine = rng.standard_normal((2, file.robot.n_joints, _HARMONICS)) * size
+        initial = file.settings.initial
+        if self.robot in _POSE:
+            initial = replace(initial, joint_position=_POSE[self.robot])
+        settings = replace(
+            file.settings,
+            initial=initial,
+            reference=ReferenceSettings(
+                kind='fourier',
+                duration=_DURATION,
+                harmonics=_HARMONICS,
+                repeat=True,
+                sine=tuple(sine.ravel().tolist()),
+                cosine=tuple(cosine.ravel().tolist()),
+            ),
+            controller=replace(file.settings.controller, law='computed_torque'),
+            simulator=replace(
+                file.settings.simulator,
+                period=1.0 / _RATE,
+                joint_rate=_RATE,
+                imu_rate=_RATE,
+                attitude_rate=0.1 * _RATE,
+                seed=self.seed,
+            ),
+        )
+        return RobotFile(robot=file.robot, settings=settings, effects=file.effects)
+
+    def samples(self, duration: float) -> Iterator[Sample]:
+        """What the sensors say, for a duration [s]."""
+        file = self.file
+        loop = ClosedLoop(file.robot, file.settings)
+        robot = loop.plant.robot
+        later = [_later(e, self.onset, self.end) for e in parse_effects(self.effects, robot)]
+        onset, end = (round(t / loop.plant.period) for t in (self.onset, self.end))
+        loop.plant = _moved(loop.plant, robot, later)
+        for k, step in enumerate(loop.run(round(duration / loop.plant.period))):
+            if k in (onset, end):
+                loop.plant = _moved(loop.plant, changed_robot(robot, later[: k < end]), later)
+            sample = _sample(step)
+            yield self.change(sample) if onset <= k < end else sample
+
+
+def monitor_of(flight: Flight, **settings: Any) -> Monitor:
+    """A monitor of the flight's robot as its file says it is.
+
+    Args:
+        flight: The flight.
+        settings: Of section `monitor`, where they are not the file's.
+    """
+    file = flight.file
+    return Monitor(file.robot, replace(file.settings.monitor, **settings), file.effects)
+
+
+def watch(monitor: Monitor, samples: Iterable[Sample]) -> Iterator[MonitorState]:
+    """Feed the monitor; yields each state that differs from the last."""
+    last = None
+    for sample in samples:
+        if sample.joints is not None:
+            monitor.add_joints(sample.stamp_ns, *sample.joints)
+        if sample.omega is not None:
+            monitor.add_rate(sample.stamp_ns, sample.omega)
+        if sample.attitude_xyzw is not None:
+            monitor.add_attitude(sample.stamp_ns, sample.attitude_xyzw)
+        state = monitor.step()
+        if state is not last:
+            yield state
+        last = state
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Later(Effect):
+    """An effect whose force begins and ends at given times."""
+
+    inner: Effect
+    onset: float
+    end: float
+
+    def change(self, robot: Robot, where: str | None, values: Values) -> Robot:
+        """As of the effect itself; when, the flight says."""
+        return self.inner.change(robot, where, values)
+
+    def force(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
+        """As of the effect itself, by the time since its onset."""
+        at = motion.time - self.onset
+        if not 0.0 <= at[0] < self.end - self.onset:
+            return motion.zeros()
+        moved = motion.of(motion.robot)
+        moved.time = at
+        return self.inner.force(moved, where, values, hidden)
+
+
+def _later(applied: AppliedEffect, onset: float, end: float) -> AppliedEffect:
+    e = applied.effect
+    later = _Later(
+        id=e.id,
+        title=e.title,
+        group=e.group,
+        parameters=e.parameters,
+        is_external=e.is_external,
+        is_timed=True,
+        inner=e,
+        onset=onset,
+        end=end,
+    )
+    return replace(applied, effect=later)
+
+
+def _moved(plant: Plant, robot: Robot, effects: Iterable[AppliedEffect]) -> Plant:
+    """The plant with another robot in the same state."""
+    new = Plant(robot, plant.state, plant.period, plant.substeps, tuple(effects))
+    new.step_index, new.effort = plant.step_index, plant.effort
+    return new
+
+
+def _sample(step: Step) -> Sample:
+    m = step.measured
+    joints = None
+    if m.joints is not None:
+        joints = (m.joints.position, m.joints.velocity, m.joints.effort)
+    return Sample(step.stamp_ns, joints, m.omega, m.attitude_xyzw)
