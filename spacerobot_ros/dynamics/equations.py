@@ -204,12 +204,6 @@ class Dynamics:
         potential = pin.computePotentialEnergy(self._model, self._data, q_pin)
         return float(kinetic), float(potential)
 
-    def link_angular_velocity(self, state: State, body: int) -> Vector3:
-        """(3,) angular velocity of a body in its own frame [rad/s]."""
-        q_pin, v_pin = self._to_pin(state.to_vector())
-        pin.forwardKinematics(self._model, self._data, q_pin, v_pin)
-        return np.array(self._data.v[self.robot.pin_joint_ids[body]].angular)
-
     def body_position(self, state: State, body: int, point: Vector3) -> Vector3:
         """(3,) position in the base frame of a point given in a body's frame [m]."""
         q_pin, _ = self._to_pin(state.to_vector())

@@ -141,14 +141,14 @@ class ForcedMotion:
         if not any(self._holders):
             return np.zeros(3), np.zeros(3)
         state = State.from_vector(x)
-        own = self._own_momentum(self._motion(t, state, torque), self.hidden)
+        own = self._own_momentum(motion_at(self._robot, t, state, torque), self.hidden)
         R = rotation_matrix(state.q_WB_xyzw)
         return R @ own[:3], R @ (own[3:] - cross(self._centre_of_mass(state.q)[0], own[:3]))
 
     def _rate(self, t: float, x: Array, hidden: Array, torque: Array, wrench: Vector6) -> Array:
         """Rates of state, own states and book."""
         state = State.from_vector(x)
-        motion = self._motion(t, state, torque)
+        motion = motion_at(self._robot, t, state, torque)
         total, external = np.zeros(6 + self._robot.n_joints), wrench.copy()
         for effect, own in zip(self._forces, self._own, strict=True):
             force = effect.force(motion, hidden[None, own])[0]
@@ -186,18 +186,6 @@ class ForcedMotion:
                 total += effect.momentum(motion, hidden[None, own])[0]
         return total
 
-    def _motion(self, t: float, state: State, torque: Array) -> Motion:
-        return Motion(
-            self._robot,
-            np.array([t]),
-            state.q[None],
-            state.qd[None],
-            torque[None],
-            rotation=rotation_matrix(state.q_WB_xyzw)[None],
-            omega=state.omega_WB_B[None],
-            velocity=state.v_WB_B[None],
-        )
-
     def _centre_of_mass(
         self, q: Array, state: State | None = None
     ) -> tuple[Vector3, Vector3, float]:
@@ -212,6 +200,27 @@ class ForcedMotion:
             return c, np.zeros(3), mass
         rates = np.concatenate([state.v_WB_B, state.omega_WB_B, state.qd])
         return c, M[:3] @ rates / mass, mass
+
+
+def motion_at(robot: Robot, time: float, state: State, torque: Array) -> Motion:
+    """A single state as a motion.
+
+    Args:
+        robot: The robot.
+        time: Since the start [s].
+        state: The state.
+        torque: (n,) motor torques [N m].
+    """
+    return Motion(
+        robot,
+        np.array([time]),
+        state.q[None],
+        state.qd[None],
+        torque[None],
+        rotation=rotation_matrix(state.q_WB_xyzw)[None],
+        omega=state.omega_WB_B[None],
+        velocity=state.v_WB_B[None],
+    )
 
 
 def own_states(effects: Sequence[AppliedEffect]) -> list[slice]:

@@ -8,7 +8,6 @@ Single rotations in a tight loop use these few lines; stacks of rotations use
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from ..types import Array, Matrix3, Quaternion, Vector3
 
@@ -70,19 +69,3 @@ def quaternion_rate(q_xyzw: Quaternion, omega_B: Vector3) -> Quaternion:
             -x * a - y * b - z * c,
         ]
     )
-
-
-def quaternion_of(rotation: Matrix3) -> Quaternion:
-    """Quaternion xyzw of a rotation matrix."""
-    return np.asarray(pin.Quaternion(rotation).coeffs())
-
-
-def rotation_error(q_a_xyzw: Array, q_b_xyzw: Array) -> float:
-    """Angle between two attitudes [rad], whatever the quaternions' signs.
-
-    Uses the vector part of the relative quaternion, which keeps full precision for small angles.
-    """
-    a = q_a_xyzw / np.linalg.norm(q_a_xyzw)
-    b = q_b_xyzw / np.linalg.norm(q_b_xyzw)
-    vector = a[3] * b[:3] - b[3] * a[:3] - cross(a[:3], b[:3])
-    return float(2.0 * np.arctan2(np.linalg.norm(vector), abs(a @ b)))

@@ -28,12 +28,16 @@ class BodyEffect(Effect):
         return tuple(b.name for b in robot.bodies[: len(robot.bodies) - robot.rotor_count])
 
 
-class InertialParameters(BodyEffect):
-    """Additions to a body's inertial parameters."""
+class MovingBodyEffect(BodyEffect):
+    """An effect of a body's motion; a fixed base has none."""
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Every body that moves."""
         return super().places(robot)[0 if robot.is_free else 1 :]
+
+
+class InertialParameters(MovingBodyEffect):
+    """Additions to a body's inertial parameters."""
 
     def change(self, robot: Robot, where: str | None, values: Values) -> Robot:
         """The robot with the body's parameters increased."""

@@ -68,54 +68,53 @@ class JointSensor(Effect):
         return out
 
 
-class GyroBias(Effect):
+class GyroFault(Effect):
+    """What a vector does to the gyro's rates."""
+
+    def sense(
+        self,
+        channel: str,
+        value: Array,
+        motion: Motion,
+        where: str | None,
+        values: Values,
+        hidden: Array,
+    ) -> Array:
+        """The gyro's rates changed."""
+        return self.said(value, vector(values)) if channel == 'gyro' else value
+
+    def said(self, omega: Array, fault: Array) -> Array:
+        """(N, 3) what the gyro says.
+
+        Args:
+            omega: (N, 3) rates [rad/s].
+            fault: (3,) the effect's parameters.
+        """
+        raise NotImplementedError
+
+
+class GyroBias(GyroFault):
     """omega_measured = omega + b."""
 
-    def sense(
-        self,
-        channel: str,
-        value: Array,
-        motion: Motion,
-        where: str | None,
-        values: Values,
-        hidden: Array,
-    ) -> Array:
+    def said(self, omega: Array, fault: Array) -> Array:
         """Rates shifted."""
-        return value + vector(values) if channel == 'gyro' else value
+        return omega + fault
 
 
-class GyroScale(Effect):
+class GyroScale(GyroFault):
     """omega_measured = (1 + s) omega, axis by axis."""
 
-    def sense(
-        self,
-        channel: str,
-        value: Array,
-        motion: Motion,
-        where: str | None,
-        values: Values,
-        hidden: Array,
-    ) -> Array:
+    def said(self, omega: Array, fault: Array) -> Array:
         """Rates scaled."""
-        return value * (1.0 + vector(values)) if channel == 'gyro' else value
+        return omega * (1.0 + fault)
 
 
-class GyroMisalignment(Effect):
+class GyroMisalignment(GyroFault):
     """omega_measured = exp(skew(r)) omega: what the gyro says is turned by the vector r."""
 
-    def sense(
-        self,
-        channel: str,
-        value: Array,
-        motion: Motion,
-        where: str | None,
-        values: Values,
-        hidden: Array,
-    ) -> Array:
+    def said(self, omega: Array, fault: Array) -> Array:
         """Rates turned."""
-        if channel != 'gyro':
-            return value
-        return np.asarray(value @ Rotation.from_rotvec(vector(values)).as_matrix().T)
+        return np.asarray(omega @ Rotation.from_rotvec(fault).as_matrix().T)
 
 
 class AttitudeMisalignment(Effect):

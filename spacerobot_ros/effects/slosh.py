@@ -17,7 +17,7 @@ import numpy as np
 from ..dynamics.rotation import cross_rows, skew
 from ..model.robot import Robot
 from ..types import Array
-from .bodies import BodyEffect, body_index, with_addition
+from .bodies import MovingBodyEffect, body_index, with_addition
 from .effect import Parameter, Values
 from .motion import Motion
 from .mounting import (
@@ -32,12 +32,8 @@ from .mounting import (
 )
 
 
-class Slosh(BodyEffect):
+class Slosh(MovingBodyEffect):
     """A sprung point mass."""
-
-    def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Every body that moves."""
-        return super().places(robot)[0 if robot.is_free else 1 :]
 
     def change(self, robot: Robot, where: str | None, values: Values) -> Robot:
         """The host without the mass."""

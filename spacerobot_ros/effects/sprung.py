@@ -24,7 +24,7 @@ from ..dynamics.rotation import cross_rows, skew
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
-from .bodies import BodyEffect, body_index, with_addition
+from .bodies import MovingBodyEffect, body_index, with_addition
 from .effect import Parameter, Values, unit_axis
 from .hidden import driven_states
 from .motion import Motion
@@ -40,12 +40,8 @@ from .mounting import (
 )
 
 
-class SprungPart(BodyEffect):
+class SprungPart(MovingBodyEffect):
     """A part of a body on springs of one frequency in all its directions."""
-
-    def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Every body that moves."""
-        return super().places(robot)[0 if robot.is_free else 1 :]
 
     def directions(self, values: Values) -> Array:
         """(6, k) orthonormal directions S, [linear; angular] in the host's frame."""

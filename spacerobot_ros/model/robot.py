@@ -90,11 +90,6 @@ class Robot:
         return self.servicer_wheels.momentum + self._free_momentum(self.servicer_wheels, False)
 
     @property
-    def target_rotors(self) -> tuple[str, ...]:
-        """Names of the rotors' joints that belong to the captured body."""
-        return tuple(rotor.joint for rotor in self.rotors if rotor.is_target)
-
-    @property
     def rotor_rates(self) -> Array:
         """(rotor_count,) relative rates of the free rotors at the start [rad/s]."""
         return np.array([rotor.rate for rotor in self.rotors[: self.rotor_count]])

@@ -44,11 +44,6 @@ class EventRecorder:
         self._until_ns = 0
         self._recorder = Recorder(node, topics, self._take)
 
-    @property
-    def is_recording(self) -> bool:
-        """Whether a bag is being written."""
-        return self._bag is not None
-
     def trigger(self, stamp_ns: int) -> None:
         """Record around an event; one that falls into another's recording is part of it."""
         if self._bag is not None:

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..dynamics.forced import own_states
-from ..dynamics.rotation import rotation_matrix
+from ..dynamics.forced import motion_at, own_states
 from ..dynamics.state import State
 from ..effects.effect import CLOCKS, AppliedEffect
 from ..effects.motion import Motion
@@ -60,16 +59,7 @@ class SensorFaults:
         """One true state as a motion; the torques are the manipulator's."""
         torque = np.zeros(self._robot.n_joints)
         torque[: len(effort)] = effort
-        return Motion(
-            self._robot,
-            np.array([time]),
-            state.q[None],
-            state.qd[None],
-            torque[None],
-            rotation=rotation_matrix(state.q_WB_xyzw)[None],
-            omega=state.omega_WB_B[None],
-            velocity=state.v_WB_B[None],
-        )
+        return motion_at(self._robot, time, state, torque)
 
     def undo_joints(self, q: Array, qd: Array, effort: Array) -> tuple[Array, Array, Array]:
         """True joint positions, rates and torques behind the measured ones.

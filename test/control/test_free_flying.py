@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from rosbags.highlevel import AnyReader
+from support.attitudes import angle_between
 from support.free_flying import core_errors, errors, file_with, free_flying_parameters, rms_degrees
 
 from spacerobot_ros.control.loop import ControlLoop
-from spacerobot_ros.dynamics.rotation import rotation_error
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.recording.message_types import typestore
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
@@ -78,9 +78,9 @@ def test_a_set_point_is_reached_and_held():
     steps = list(loop.run(300))
     last = steps[-1]
     assert last.command.mode == 'hold'
-    assert rotation_error(goal, last.state.q_WB_xyzw) < 1e-4
+    assert angle_between(goal, last.state.q_WB_xyzw) < 1e-4
     assert_allclose(last.state.q, [1.6, 0.9, 0.7, 0.2], rtol=0, atol=1e-4)
-    turned = [rotation_error(steps[0].state.q_WB_xyzw, s.state.q_WB_xyzw) for s in steps]
+    turned = [angle_between(steps[0].state.q_WB_xyzw, s.state.q_WB_xyzw) for s in steps]
     assert max(turned) < 1.05 * turned[-1]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from support.attitudes import angle_between
 from support.models import (
     ATTITUDE_XYZW,
     H_BASE,
@@ -23,7 +24,6 @@ from support.states import random_state
 from spacerobot_ros.control.reference import build_reference
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step, rk4_step, rk8_step, simulate_smooth
-from spacerobot_ros.dynamics.rotation import rotation_error
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.model.loader import true_robot
@@ -193,9 +193,7 @@ def test_order_in_attitude_and_joints(step, order, dt):
         x = start(robot).to_vector()
         for k in range(round(4.0 / dt)):
             x = step(lambda t, y: dynamics.rate(y, torque(t, y)), k * dt, x, dt)
-        return np.array(
-            [rotation_error(x[3:7], exact[3:7]), np.max(np.abs(x[7:10] - exact[7:10]))]
-        )
+        return np.array([angle_between(x[3:7], exact[3:7]), np.max(np.abs(x[7:10] - exact[7:10]))])
 
     orders = np.log2(error(2.0 * dt) / error(dt))
     # Of order 8 the next term of the error is not yet small at steps whose error is above 1e-12.
@@ -271,14 +269,14 @@ def test_free_rotors_equal_gyrostats_of_absolute_momentum():
         Dynamics(reduced), start(reduced).to_vector(), lambda t, x: bench_torque(t), times
     )
     assert (
-        max(rotation_error(a[3:7], b[3:7]) for a, b in zip(states, expected, strict=True)) <= 1e-11
+        max(angle_between(a[3:7], b[3:7]) for a, b in zip(states, expected, strict=True)) <= 1e-11
     )
     np.testing.assert_allclose(states[:, 7:10], expected[:, 7:10], rtol=0, atol=1e-11)
     # The relative convention differs by I omega, 1e-4 of the momentum: visible, and no more.
     relative = simulate_smooth(
         Dynamics(robot), start(robot).to_vector(), lambda t, x: bench_torque(t), times
     )
-    gap = rotation_error(states[-1, 3:7], relative[-1, 3:7])
+    gap = angle_between(states[-1, 3:7], relative[-1, 3:7])
     assert 1e-6 < gap < 1e-2
 
 

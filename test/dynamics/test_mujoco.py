@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.attitudes import angle_between
 from support.models import (
     ATTITUDE_XYZW,
     DUAL_ARM,
@@ -24,7 +25,6 @@ from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import simulate_smooth
-from spacerobot_ros.dynamics.rotation import rotation_error
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.model.loader import true_robot
 
@@ -167,7 +167,7 @@ def test_free_rotors_for_20_s(engine):
     x = _ours(true_robot(robot_of(parts, **ROTORS), settings_of(parts, **ROTORS)))
     attitude, joints = _run(engine, hold_wheels=False)
     assert (
-        rotation_error(x[3:7], attitude) <= 1e-6
+        angle_between(x[3:7], attitude) <= 1e-6
     )  # the target; MuJoCo's own step error is some 1e-8
     np.testing.assert_allclose(x[7:10], joints, rtol=0, atol=1e-6)
 
@@ -179,5 +179,5 @@ def test_gyrostats_for_20_s(engine):
     }
     x = _ours(robot_of(table_one(), **wheels))
     attitude, joints = _run(engine, hold_wheels=True)
-    assert rotation_error(x[3:7], attitude) <= 1e-6
+    assert angle_between(x[3:7], attitude) <= 1e-6
     np.testing.assert_allclose(x[7:10], joints, rtol=0, atol=1e-6)

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.attitudes import angle_between
 from support.effects import Engine, held_torque, motion_of, plant_with, run, without_mass
 from support.models import random_tree, robot_of, to_mjcf
 from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.plant import Plant
-from spacerobot_ros.dynamics.rotation import rotation_error
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import apply_effect, changed_robot
 from spacerobot_ros.effects.hidden import driven_states
@@ -221,7 +221,7 @@ def test_run_against_mujoco(case, parts, rng):
     engine.place(state)
     engine.run(PERIODS)
     # RK4 at 1 ms
-    assert rotation_error(ours.q_WB_xyzw, engine.attitude_xyzw) <= 1e-6
+    assert angle_between(ours.q_WB_xyzw, engine.attitude_xyzw) <= 1e-6
     theirs = [engine.angle(joint) for joint in robot.joints]
     np.testing.assert_allclose(ours.q, theirs, rtol=0, atol=1e-6)
     parts_own = [engine.angle(joint) for joint in springs]

@@ -7,12 +7,12 @@ import re
 
 import numpy as np
 import pytest
+from support.attitudes import angle_between
 from support.effects import Engine, motion_of, plant_with, run
 from support.models import random_tree, robot_of, to_mjcf
 from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.rotation import rotation_error
 from spacerobot_ros.effects.catalogue import CATALOGUE, apply_effect
 from spacerobot_ros.effects.friction import STICTION_RATE
 from spacerobot_ros.errors import ConfigurationError
@@ -110,7 +110,7 @@ def _compared(effect, values, text, parts, rng):
     engine = Engine(text, driven)
     engine.place(state)
     engine.run(PERIODS)
-    assert rotation_error(ours.q_WB_xyzw, engine.attitude_xyzw) <= 1e-7  # RK4 at 1 ms
+    assert angle_between(ours.q_WB_xyzw, engine.attitude_xyzw) <= 1e-7  # RK4 at 1 ms
     return plant, ours, engine
 
 

@@ -13,11 +13,12 @@ from spacerobot_ros.control.adaptive.types import Measured, Target
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step
-from spacerobot_ros.dynamics.rotation import rotation_error
 from spacerobot_ros.dynamics.state import State, initial_state
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.identification.minimal import minimal_set
 from spacerobot_ros.model.loader import RobotFile, load_robot_file, true_robot
+
+from .attitudes import angle_between
 
 ROBOT_FILE = 'config/minisat.yaml'
 JOINTS = ('joint_1', 'joint_2', 'joint_3', 'joint_4')
@@ -81,7 +82,7 @@ def wanted(start: State, t: float) -> Target:
 def errors(start: State, state: State, t: float) -> np.ndarray:
     """(1 + n,) true errors of attitude angle and joints [rad]."""
     target = wanted(start, t)
-    return np.append(rotation_error(target.q_WD_xyzw, state.q_WB_xyzw), target.q - state.q)
+    return np.append(angle_between(target.q_WD_xyzw, state.q_WB_xyzw), target.q - state.q)
 
 
 def core_errors(file: RobotFile, steps: int) -> np.ndarray:
