@@ -11,7 +11,7 @@ import numpy as np
 from ..report.html import Plot, Section
 from ..report.json_values import json_value
 from ..report.markdown import markdown
-from ..report.plots import Curve, Panel, plot
+from ..report.plots import Curve, Panel, matrix, plot
 from ..reproduce.checks import Check
 from ..reproduce.diagnosis_score import Scores
 from ..reproduce.shares import Share
@@ -19,8 +19,8 @@ from .reproduce_diagnosis_tables import tables
 from .reproduce_report import Page
 
 _TITLE = 'Diagnosis: hidden effects, found and named'
-MARKDOWN, ROC = 'diagnosis.md', 'diagnosis_roc.svg'
-"""Files beside the report: all tables, and the false alarms against detection."""
+MARKDOWN, ROC, CONFUSION = 'diagnosis.md', 'diagnosis_roc.svg', 'diagnosis_confusion.svg'
+"""Files beside the report: all tables, false alarms against detection, who is taken for whom."""
 
 
 def to_dict(scores: Scores, found: Sequence[Check]) -> dict[str, Any]:
@@ -37,19 +37,20 @@ def page(scores: Scores, found: Sequence[Check]) -> Page:
         name = kind.replace('_', ' ')
         counts[name] = counts.get(name, 0) + sum(of.values())
     shown, roc = tables(scores), _roc(scores)
+    files = {MARKDOWN: markdown(_TITLE, shown), ROC: roc}
+    figures = [Plot(roc, 'The threshold on the best evidence falls from left to right.')]
+    if scores.confusion:
+        files[CONFUSION] = _confusion(scores)
+        caption = 'Who is taken for whom, at three times the detection limit.'
+        figures.append(Plot(files[CONFUSION], caption))
     listed = ', '.join(f'{n} {name}' for name, n in counts.items())
     return Page(
         title=_TITLE,
         subtitle=f"Seeded records of the project's own plant: {listed}",
         headlines=list(found),
-        figures=[
-            Section(
-                'False alarm against detection',
-                [Plot(roc, 'The threshold on the best evidence falls from left to right.')],
-            )
-        ],
+        figures=[Section('Detection and confusion', figures)],
         tables=shown,
-        files={MARKDOWN: markdown(f'{_TITLE}: {listed}', shown), ROC: roc},
+        files=files,
     )
 
 
@@ -62,6 +63,15 @@ def _roc(s: Scores) -> str:
     ]
     panel = Panel('share of effects whose evidence is above the threshold', '1', curves)
     return plot([panel], abscissa='share of clean records above it') + '\n'
+
+
+def _confusion(s: Scores) -> str:
+    """Hidden effects against all that was said, verdicts without a name last."""
+    hidden = list(s.confusion)
+    others = sorted({said for counts in s.confusion.values() for said in counts} - set(hidden))
+    columns = [*hidden, *others]
+    counts = np.array([[of.get(c, 0) for c in columns] for of in s.confusion.values()])
+    return matrix(hidden, columns, counts, abscissa='named first') + '\n'
 
 
 def _plain(value: Any) -> Any:

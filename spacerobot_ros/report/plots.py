@@ -131,6 +131,35 @@ def bars(
     return _inline(buffer.getvalue(), abscissa)
 
 
+def matrix(rows: Sequence[str], columns: Sequence[str], counts: Array, *, abscissa: str) -> str:
+    """Counts as a shaded matrix, each row by its own sum; empty cells stay blank.
+
+    Args:
+        rows: Labels from top to bottom.
+        columns: Labels from left to right.
+        counts: (rows, columns).
+        abscissa: What the columns are.
+
+    Returns:
+        An `<svg>` element that scales to the width of its container.
+    """
+    with mpl.rc_context(_RC):
+        size = 2.5 + 0.24 * len(columns), 2.2 + 0.2 * len(rows)
+        figure = Figure(figsize=size, layout='constrained')
+        ax = figure.subplots()
+        sums = np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        ax.imshow(counts / sums, cmap='Blues', vmin=0.0, vmax=1.6, aspect='auto')
+        for i, j in zip(*np.nonzero(counts), strict=True):
+            ax.text(j, i, f'{counts[i, j]:g}', ha='center', va='center', fontsize=7)
+        ax.set_xticks(np.arange(len(columns)), columns, rotation=90, fontsize=8)
+        ax.set_yticks(np.arange(len(rows)), rows, fontsize=8)
+        ax.grid(visible=False)
+        ax.set_xlabel(abscissa)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
+    return _inline(buffer.getvalue(), abscissa)
+
+
 def _figure(panels: Sequence[Panel], abscissa: str, height: float) -> Figure:
     figure = Figure(figsize=(8.0, 0.35 + height * len(panels)), layout='constrained')
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]

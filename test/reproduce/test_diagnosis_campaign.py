@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from spacerobot_ros.cli.reproduce_diagnosis import MARKDOWN, ROC, page, to_dict
+from spacerobot_ros.cli.reproduce_diagnosis import CONFUSION, MARKDOWN, ROC, page, to_dict
 from spacerobot_ros.cli.reproduce_report import write
 from spacerobot_ros.diagnosis.fit import Fit, Run
 from spacerobot_ros.diagnosis.noise import noise_levels
@@ -199,11 +200,21 @@ def test_page_and_files_of_scores(tmp_path):
     write(shown, found, tmp_path, data)
     text = (tmp_path / MARKDOWN).read_text(encoding='utf-8')
     assert '| gyro_bias | 1.000 (0.207 to 1.000) of 1 |' in text
-    svg = ElementTree.fromstring((tmp_path / ROC).read_text(encoding='utf-8'))
-    assert svg.tag == '{http://www.w3.org/2000/svg}svg'
+    for name in (ROC, CONFUSION):
+        svg = ElementTree.fromstring((tmp_path / name).read_text(encoding='utf-8'))
+        assert svg.tag == '{http://www.w3.org/2000/svg}svg'
     kept = json.loads((tmp_path / 'results.json').read_text(encoding='utf-8'))['diagnosis']
     assert kept['top']['3.0']['total'] == 1
     assert kept['outcomes']['single 3.0'] == {'right': 1}
+
+
+def test_the_docs_show_every_signature_and_every_equivalent():
+    docs = Path(__file__).resolve().parents[2] / 'docs'
+    text = (docs / 'diagnosis.md').read_text(encoding='utf-8')
+    pictures = sorted((docs / 'images' / 'effects').glob('*.svg'))
+    assert [p.name for p in pictures if f'(images/effects/{p.name})' not in text] == []
+    rows = [f'| `{a}` | `{b}` | {why} |' for a, b, why in EQUIVALENTS]
+    assert [row for row in rows if row not in text] == []
 
 
 def test_what_is_drawn_is_possible_and_seen():
