@@ -28,6 +28,8 @@ _GEAR_DAMPING = (10.0, 50.0)  # N m s/rad
 _REACH = 0.3  # m, of a payload's place
 _FASTEST = 40.0  # largest harmonic or frequency [rad/s] that is drawn
 _DRAWS = 50  # of proportions, until they contradict neither each other nor the robot
+_DOUBLINGS = 20
+_FASTEST_STATE = 1e3  # rad/s: what is stiffer at its limit is drawn softer, to be simulated at all
 _UNSEEN = 1e3  # plausible sizes at the limit: what needs more is not seen at all
 
 
@@ -93,8 +95,8 @@ def drawn(
         rng: Draws direction, phases and frequencies.
 
     Returns:
-        The effect, and its strength by the detection limit: less where bounds leave no more, 0
-        where the robot does not show it.
+        The effect, and its strength by the detection limit: less where bounds leave no more, more
+        where a gear would be too stiff to be simulated, 0 where the robot does not show it.
     """
     robot = clean.run.robot
     for _ in range(_DRAWS):
@@ -110,7 +112,20 @@ def drawn(
         return direction.applied(0.0), 0.0
     shares = (0.5**k for k in range(_HALVINGS))
     share = next((s for s in shares if direction.reaches(s * multiple * limit, robot)), 0.0)
+    share *= _softening(direction, share * multiple * limit, robot)
     return direction.applied(share * multiple * limit), share * multiple
+
+
+def _softening(direction: Direction, strength: float, robot: Robot) -> float:
+    """By how much more of an effect of its own states moves slowly enough; 1 where none does."""
+    if not direction.effect.hidden or not strength:
+        return 1.0
+    for share in (2.0**k for k in range(_DOUBLINGS)):
+        if not direction.reaches(share * strength, robot):
+            break
+        if direction.applied(share * strength).fastest(robot) <= _FASTEST_STATE:
+            return share
+    return 1.0
 
 
 def _is_sound(applied: AppliedEffect, robot: Robot) -> bool:

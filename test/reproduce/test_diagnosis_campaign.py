@@ -217,10 +217,23 @@ def test_the_docs_show_every_signature_and_every_equivalent():
     assert [row for row in rows if row not in text] == []
 
 
-def test_what_is_drawn_is_possible_and_seen():
-    observed = observe(simulated('servicer', 'default', 1, (), 4.0), robot_file('servicer').robot)
+@pytest.fixture(scope='module')
+def clean():
+    """Return the servicer's model on a clean record."""
     robot = robot_file('servicer').robot
-    clean = Fit(Run(observed, robot, (), noise_levels(robot.sensors, observed)[0]), ())
+    observed = observe(simulated('servicer', 'default', 1, (), 4.0), robot)
+    return Fit(Run(observed, robot, (), noise_levels(robot.sensors, observed)[0]), ())
+
+
+def test_a_gear_too_stiff_to_be_simulated_is_drawn_softer(clean):
+    applied, strength = drawn(
+        clean, 'joint_flexibility', 'joint_2', 1e-3, np.random.default_rng(0)
+    )
+    assert strength > 1.0
+    assert applied.fastest(clean.run.robot) <= 1e3
+
+
+def test_what_is_drawn_is_possible_and_seen(clean):
     rng = np.random.default_rng(0)
     for _ in range(5):
         applied, strength = drawn(clean, 'joint_stribeck_friction', 'joint_2', 3.0, rng)
