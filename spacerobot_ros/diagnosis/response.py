@@ -50,6 +50,7 @@ class InverseDynamics:
             rotation=k.matrices,
             omega=k.omega,
             acceleration=acceleration,
+            coasts=self.robot.is_free,
         )
         if self.robot.is_free:
             mass = float(np.sum(self.robot.inertial_parameters[:, 0]))

@@ -33,6 +33,8 @@ class Motion:
         velocity: (N, 3) v_WB_B [m/s]; None: zero.
         acceleration: (N, 6 + n) time derivative of [v_WB_B; omega_WB_B; qd]; None where it is not
             known yet.
+        coasts: Whether the base's linear acceleration is that of a robot on which no force acts,
+            so that what an effect does to the whole comes on top: nobody measures translations.
     """
 
     def __init__(
@@ -47,8 +49,10 @@ class Motion:
         omega: Array | None = None,
         velocity: Array | None = None,
         acceleration: Array | None = None,
+        coasts: bool = False,
     ) -> None:
         self.robot = robot
+        self.coasts = coasts
         self.time = time
         self.q, self.qd, self.effort = q, qd, effort
         count = len(time)
@@ -71,6 +75,7 @@ class Motion:
             omega=self.omega,
             velocity=self.velocity,
             acceleration=self.acceleration,
+            coasts=self.coasts,
         )
         if _moves_alike(robot, self.robot):
             other.__dict__['tree'] = self.tree

@@ -46,6 +46,16 @@ def link_mobility(robot: Robot, where: str | None) -> Array:
     return np.asarray(J @ inverse @ J.T)
 
 
+def recoil(motion: Motion, force: Array) -> Array:
+    """(N, 3) by which the whole accelerates under a force (N, 3) [N], in the force's frame.
+
+    Zero where the motion's accelerations hold it already.
+    """
+    if not motion.coasts:
+        return np.zeros_like(force)
+    return np.asarray(force / np.sum(motion.robot.inertial_parameters[:, 0]))
+
+
 def spring(values: Values, hidden: Array, size: int) -> Array:
     """(N, size) 2 zeta omega eta' + omega^2 eta."""
     omega = values['frequency']

@@ -19,6 +19,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .bodies import MovingBodyEffect, body_index, with_addition
 from .effect import Parameter, Values
+from .hidden import driven_states
 from .motion import Motion
 from .mounting import (
     FIRST_DAMPING,
@@ -27,6 +28,7 @@ from .mounting import (
     fall,
     frequency_parameter,
     link_mobility,
+    recoil,
     spring,
     to_base,
 )
@@ -60,6 +62,16 @@ class Slosh(MovingBodyEffect):
             frame + cross_rows(A[:, 3:], place) + cross_rows(w, cross_rows(w, place) + 2.0 * rate)
         )
         return np.concatenate([rate, -frame - spring(values, hidden, 3)], axis=1)
+
+    def driven(self, motion: Motion, where: str | None, values: Values) -> Array:
+        """Along a given motion, with the recoil that such a motion does not hold."""
+
+        def rate(own: Array) -> Array:
+            out = self.hidden_rate(motion, where, values, own)
+            out[:, 3:] -= recoil(motion, values['mass'] * spring(values, own, 3))
+            return out
+
+        return driven_states(rate, motion.time, self.hidden)
 
     def momentum(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
         """Of the mass."""
@@ -117,7 +129,7 @@ EFFECTS = (
                 unit='kg',
                 doc="What of the body's mass takes part.",
                 minimum=0.0,
-                size=30.0,
+                size=100.0,
                 relevant=0.5,
             ),
             frequency_parameter('Natural frequency, the body held.'),

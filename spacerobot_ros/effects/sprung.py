@@ -35,9 +35,12 @@ from .mounting import (
     fall,
     frequency_parameter,
     link_mobility,
+    recoil,
     spring,
     to_base,
 )
+
+_LIGHT = 1e-3  # of the whole's mass: what a part may have whose recoil does not matter
 
 
 class SprungPart(MovingBodyEffect):
@@ -69,14 +72,18 @@ class SprungPart(MovingBodyEffect):
 
     def force(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
         """Spring, and the turning of the part's momentum with the host."""
+        return motion.wrench(str(where), *self._load(motion, where, values, hidden))
+
+    def _load(
+        self, motion: Motion, where: str | None, values: Values, hidden: Array
+    ) -> tuple[Array, Array]:
+        """(N, 3) force and (N, 3) torque on the host, in its frame."""
         S, V = self.directions(values), motion.twist(str(where))
         G = self.inertia(_row(motion.robot, where), values, True)
         pull = spring(values, hidden, S.shape[1]) @ (G @ S).T
         h = self._momentum(V, S, G, hidden)
         turning = cross_rows(V[:, 3:], h[:, 3:]) + cross_rows(V[:, :3], h[:, :3])
-        return motion.wrench(
-            str(where), pull[:, :3] - cross_rows(V[:, 3:], h[:, :3]), pull[:, 3:] - turning
-        )
+        return pull[:, :3] - cross_rows(V[:, 3:], h[:, :3]), pull[:, 3:] - turning
 
     def hidden_rate(
         self, motion: Motion, where: str | None, values: Values, hidden: Array
@@ -91,14 +98,34 @@ class SprungPart(MovingBodyEffect):
         )
 
     def driven(self, motion: Motion, where: str | None, values: Values) -> Array:
-        """Each direction is an oscillator of its own."""
+        """Each direction is an oscillator of its own, unless the whole recoils from the part."""
         size = self.hidden // 2
+        if motion.coasts and self._share(motion.robot, where, values) > _LIGHT:
+            return driven_states(
+                partial(self._recoiling, motion, where, values), motion.time, self.hidden
+            )
         drives = self.hidden_rate(motion, where, values, np.zeros((len(motion), self.hidden)))
         states = [
             driven_states(partial(_oscillator, values, drive), motion.time, 2)
             for drive in drives[:, size:].T
         ]
         return np.concatenate([s[:, i, None] for i in (0, 1) for s in states], axis=1)
+
+    def _recoiling(
+        self, motion: Motion, where: str | None, values: Values, hidden: Array
+    ) -> Array:
+        """`hidden_rate` with the recoil that the motion does not hold."""
+        S = self.directions(values)
+        out = self.hidden_rate(motion, where, values, hidden)
+        force, _ = self._load(motion, where, values, hidden)
+        out[:, S.shape[1] :] -= recoil(motion, force) @ S[:3]
+        return out
+
+    def _share(self, robot: Robot, where: str | None, values: Values) -> float:
+        """Mass that moves against the host, by that of all else."""
+        part = self.inertia(_row(robot, where), values, True)
+        moved = np.linalg.norm(part[:3] @ self.directions(values))
+        return float(moved / np.sum(robot.inertial_parameters[:, 0]))
 
     def momentum(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
         """The part's, its rigid share included."""
@@ -213,7 +240,7 @@ EFFECTS = (
                 unit='kg m^2',
                 doc="What of the body's inertia about the axis takes part.",
                 minimum=0.0,
-                size=20.0,
+                size=50.0,
                 relevant=0.5,
             ),
             frequency_parameter('Natural frequency, the body held.'),

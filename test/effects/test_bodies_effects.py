@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 from support.attitudes import angle_between
 from support.effects import Engine, held_torque, motion_of, plant_with, run, without_mass
 from support.models import random_tree, robot_of, to_mjcf
 from support.states import random_state
 
+from spacerobot_ros.diagnosis.reference import Kinematics
+from spacerobot_ros.diagnosis.response import InverseDynamics
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.plant import Plant
 from spacerobot_ros.dynamics.state import State
@@ -294,6 +297,36 @@ def test_states_along_a_motion_are_those_of_the_plant(robot, rng):
     motion.q, motion.qd = x[:, 7 : 7 + n], x[:, 13 + n :]
     motion.omega, motion.velocity = x[:, 10 + n : 13 + n], x[:, 7 + n : 10 + n]
     motion.acceleration = np.gradient(x[:, 7 + n :], time, axis=0, edge_order=2)
+    found = plant.effects[0].driven(motion)
+    # differences over held torques: some 1e-3 of accelerations
+    np.testing.assert_allclose(found, own, rtol=0, atol=5e-3 * np.max(np.abs(own)))
+
+
+@pytest.mark.parametrize('case', ['panel on the base', 'tank in the base', 'tank in a link'])
+def test_what_nobody_measures_of_the_base_is_made_up_for(case, robot, rng):
+    """Translations are not measured: the whole recoils from its part, one in ten of its mass."""
+    effect, where, values = SPRUNG[case]
+    plant = plant_with(robot, random_state(rng, robot.n_joints, rate=0.3), effect, where, values)
+    states, own = [plant.state.to_vector()], [plant.hidden.copy()]
+    for k in range(100):
+        plant.step(held_torque(k, robot.n_joints))
+        states.append(plant.state.to_vector())
+        own.append(plant.hidden.copy())
+    x, n = np.array(states), robot.n_joints
+    time = 0.01 * np.arange(101)
+    rates = np.gradient(x[:, 10 + n :], time, axis=0, edge_order=2)
+    motion = InverseDynamics(plant.robot).motion(
+        Kinematics(
+            time,
+            x[:, 7 : 7 + n],
+            x[:, 13 + n :],
+            rates[:, 3:],
+            x[:, 10 + n : 13 + n],
+            rates[:, :3],
+            Rotation.from_quat(x[:, 3:7]),
+        ),
+        np.zeros((101, n)),
+    )
     found = plant.effects[0].driven(motion)
     # differences over held torques: some 1e-3 of accelerations
     np.testing.assert_allclose(found, own, rtol=0, atol=5e-3 * np.max(np.abs(own)))
