@@ -59,8 +59,15 @@ def _leak(flight: Flight, size: float) -> Flight:
 
 
 def _payload(flight: Flight, size: float) -> Flight:
-    where = _last_link(flight)
-    effect = {'effect': 'inertial_parameters', 'where': where, 'mass': size, 'mx': _TIP * size}
+    second = _TIP**2 * size
+    effect = {
+        'effect': 'inertial_parameters',
+        'where': _last_link(flight),
+        'mass': size,
+        'mx': _TIP * size,
+        'iyy': second,
+        'izz': second,
+    }
     return replace(flight, effects={'fault': effect})
 
 

@@ -17,6 +17,8 @@ from spacerobot_ros.reproduce.monitor_campaign import (
     score_monitor,
     tasks,
 )
+from spacerobot_ros.reproduce.monitor_faults import FAULTS, in_flight
+from spacerobot_ros.reproduce.monitor_flights import Flight
 
 
 def quiet(**more):
@@ -66,6 +68,14 @@ def test_every_flight_once():
     keys = [task.key for task in tasks(Options())]
     assert len(set(keys)) == len(keys)
     assert not any('wheel_drag' in key and 'minisat' in key for key in keys)  # no such wheels
+
+
+@pytest.mark.parametrize('name', FAULTS)
+def test_every_fault_can_be_flown_on_its_robots(name):
+    for robot in FAULTS[name].robots:
+        for size in FAULTS[name].sizes:
+            flight = in_flight(name, size, Flight(robot=robot, onset=0.05, end=0.1))
+            assert len(list(flight.samples(0.12))) == 13
 
 
 def test_a_quick_campaign_goes_on_where_it_stopped(tmp_path, capsys, monkeypatch):
