@@ -34,7 +34,12 @@ from .tasks import Task
 FILE = 'diagnosis.jsonl'
 MULTIPLES = (1.0, 3.0, 10.0)
 _PAIR_MULTIPLES = MULTIPLES[1:]
-_URGENCY = {('clean', 0.0): 0, ('single', MULTIPLES[1]): 0, ('pair', MULTIPLES[1]): 1}
+_URGENCY = {
+    ('clean', 0.0): 0,
+    ('single', MULTIPLES[1]): 0,
+    ('pair', MULTIPLES[1]): 1,
+    ('left_out', MULTIPLES[-1]): 1,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,8 +56,8 @@ class Options:
     """
 
     clean: int = 300
-    seeds: int = 4
-    pairs: int = 120
+    seeds: int = 2
+    pairs: int = 60
     duration: float = DURATION
     workers: int = 2
     minutes: float = math.inf
