@@ -22,6 +22,7 @@ from .innovations_kernel import adjoint_pass, covariance_pass, mean_pass
 from .observations import Observations
 from .process import TorqueDriven
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
+from .steps import Steps
 
 _GAUSS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
 _PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
@@ -269,46 +270,25 @@ class Innovations:
         )
 
     @cached_property
-    def _exponents(self) -> Array:
-        """(N-1, 2 m, 2 m) z of each step's transition exp(z), by Magnus' series to fourth order.
-
-        Fast wheels on light links turn the rates by a radian or more in one step: neither A is
-        small nor does it commute with itself a step later.
-        """
-        m, n, linear = self.m, self.n, self._linear
+    def _steps(self) -> Steps:
+        m, linear = self.m, self._linear
         a = np.zeros((len(self.grid.times), 2 * m, 2 * m))
         a[:, :m, m:] = np.eye(m)
         a[:, m:, :m] = linear.by_position
         a[:, m:, m:] = linear.by_velocity
-        if m > n:
+        if m > self.n:
             a[:, :3, :3] = -_skew(self.kinematics.omega)
-        dt = self.durations[:, None, None]
-        early, late = dt * a[:-1], dt * a[1:]
-        return np.asarray(0.5 * (early + late) + (late @ early - early @ late) / 12.0)
-
-    @cached_property
-    def _mean_transitions(self) -> Array:
-        """(N-1, 2 m, 2 m): phi_1(z), the mean of exp(s z) over 0 <= s <= 1.
-
-        By Pade's (2, 2) approximant of exp, D^-1 N with D = 1 - z/2 + z^2/12, which is stable for
-        stiff friction: phi_1 = D^-1, phi_2 = D^-1 (1/2 - z/12), phi_3 = D^-1 (1/6 - z/24), where
-        phi_j takes s^(j-1) / (j-1)! to what it leaves at the step's end.
-        """
-        z = self._exponents
-        return np.asarray(np.linalg.inv(np.eye(2 * self.m) - 0.5 * z + (z @ z) / 12.0))
+        return Steps(self.durations, a)
 
     def _make_transitions(self) -> Array:
         """(N-1, d, d); errors of effort samples push the velocities along the whole step."""
         m, n = self.m, self.n
-        z, mean = self._exponents, self._mean_transitions
-        out = np.zeros((len(z), 2 * m + 2 * n, 2 * m + 2 * n))
-        out[:, : 2 * m, : 2 * m] = np.eye(2 * m) + mean @ z
-        push = self.durations[:, None, None] * _between(self._linear.by_force, 0.5)[:, :, 6:]
-        start, slope = (x[:, None, None] for x in self._late_shares())
-        all_along = mean[:, :, m:] @ push
-        growing = 0.5 * all_along - mean @ (z[:, :, m:] @ push) / 12.0
-        late = start * all_along + slope * growing
-        out[:, : 2 * m, 2 * m : 2 * m + n] = late - all_along
+        out = np.zeros((len(self.durations), 2 * m + 2 * n, 2 * m + 2 * n))
+        out[:, : 2 * m, : 2 * m] = self._steps.transitions
+        push = _between(self._linear.by_force, 0.5)[:, :, 6:]
+        start, growth = (x[:, None, None] for x in self._late_shares())
+        late = self._steps.driven(start * push, growth * push)
+        out[:, : 2 * m, 2 * m : 2 * m + n] = late - self._steps.driven(push)
         out[:, : 2 * m, 2 * m + n :] = -late
         out[:, 2 * m :, 2 * m :] = np.eye(2 * n)
         return out
@@ -351,11 +331,8 @@ class Innovations:
             motion = self.process.motion(kinematics, effort)
             by_force = _between(self._linear.by_force, place)
             errors.append(np.einsum('nij,nj->ni', by_force, self.process.force_error(motion)))
-        e0, e1, e2 = np.einsum('pg,gnm->pnm', _PARABOLA, np.stack(errors))
-        z = self._exponents[:, :, self.m :]
-        push = -np.einsum('nij,nj->ni', z, e1 + e2) / 12.0
-        push[:, self.m :] += e0 + 0.5 * e1 + e2 / 3.0
-        return np.einsum('nij,nj->ni', self._mean_transitions, self.durations[:, None] * push)
+        parabola = np.einsum('pg,gnm->pnm', _PARABOLA, np.stack(errors))[..., None]
+        return self._steps.driven(*parabola)[..., 0]
 
     def _row_variance(self) -> Array:
         noise = self.noise
