@@ -50,7 +50,8 @@ def learn(
 ) -> Start:
     """Settle how a flight is judged.
 
-    Efforts act in the way under which the innovations are most probable, whatever the momentum.
+    Efforts act in the way under which the sensors are missed least, whatever the momentum
+    (`timing` says why not by likelihood).
 
     Args:
         observed: The first seconds, believed sensor effects undone.
@@ -64,7 +65,7 @@ def learn(
     scene = Scene(observed, noise, process)
     timings = ('sampled',) if observed.effort is None else tuple(TIMINGS)
     tried = [_trial(BlockInnovations(scene, process, timing), momentum_std) for timing in timings]
-    best = min(tried, key=lambda trial: trial.cost)
+    best = min(tried, key=lambda trial: trial.misfit)
     if len(best.momentum):
         known = robot.with_target_momentum(robot.target_momentum + best.momentum)
         process = TorqueDriven(known, believed)
@@ -77,23 +78,22 @@ def learn(
 @dataclass(frozen=True, slots=True, eq=False)
 class _Trial:
     filtered: Innovations
-    cost: float
+    misfit: float
     momentum: Array
     left: Array
 
 
 def _trial(filtered: Innovations, momentum_std: float) -> _Trial:
-    """Minus twice the log likelihood where the momentum takes its most probable value."""
+    """What is missed where the momentum takes its most probable value."""
     data = filtered.data
     force = momentum_forces(filtered.motion, filtered.process.robot)
     if not momentum_std or not force.shape[2]:
-        cost = float(data @ data) + filtered.log_determinant
-        return _Trial(filtered, cost, np.zeros(0), data)
+        return _Trial(filtered, float(data @ data), np.zeros(0), data)
     columns = filtered.columns(Columns(filtered.accelerations(force), {}))
     information = columns.T @ columns + np.eye(columns.shape[1]) / momentum_std**2
     momentum = np.asarray(np.linalg.solve(information, columns.T @ data))
     left = np.asarray(data - columns @ momentum)
-    return _Trial(filtered, float(left @ left) + filtered.log_determinant, momentum, left)
+    return _Trial(filtered, float(left @ left), momentum, left)
 
 
 def _spread(trial: _Trial) -> Array:
