@@ -144,6 +144,7 @@ def _cause(found: Found, index: int) -> Cause:
             Rival(effect=effect, where=where, bic_gap=2.0 * gap, motion='')
             for effect, where, gap in choice.rivals
         ),
+        thresholds={p.name: p for i, p in fit.free if i == index},
         relevant=any(is_relevant(p, applied.values[p.name]) for i, p in fit.free if i == index),
         constant_p=_constancy(fit, index),
     )

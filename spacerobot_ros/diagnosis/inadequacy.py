@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.stats import chi2
 
-from ..effects.effect import AppliedEffect, Effect
+from ..effects.effect import AppliedEffect, Effect, Parameter
 from ..model.robot import Robot
 from ..types import Array
 from .candidates import is_possible
@@ -136,7 +136,9 @@ def _causes(balance: TorqueBalance, found: Sequence[Judged]) -> list[Cause]:
         std = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
         change = halves[0][0][own] - halves[1][0][own]
         spread = halves[0][1][own, own] + halves[1][1][own, own]
-        out.append(_cause(judged, applied, std, excess, _same(change, spread)))
+        thresholds = applied.effect.parameters_at(balance.robot, applied.where)
+        constant_p = _same(change, spread)
+        out.append(_cause(judged, applied, thresholds, std, excess, constant_p))
         start = own.stop
     return out
 
@@ -165,10 +167,15 @@ def _same(change: Array, covariance: Array) -> float:
 
 
 def _cause(
-    judged: Judged, applied: AppliedEffect, std: Array, excess: float, constant_p: float
+    judged: Judged,
+    applied: AppliedEffect,
+    at: Sequence[Parameter],
+    std: Array,
+    excess: float,
+    constant_p: float,
 ) -> Cause:
     parameters, known, scored = {}, iter(std), judged.score
-    for p in applied.effect.parameters:
+    for p in at:
         value = applied.values[p.name]
         spread = float(next(known)) if p.role in PROPORTIONAL else spread_of(p)
         parameters[p.name] = Estimated(value=value, std=value_std(p, value, spread), unit=p.unit)
@@ -183,7 +190,8 @@ def _cause(
             placebo_gain=0.0,
         ),
         rivals=(),
-        relevant=any(is_relevant(p, applied.values[p.name]) for p in applied.effect.parameters),
+        thresholds={p.name: p for p in at},
+        relevant=any(is_relevant(p, applied.values[p.name]) for p in at),
         constant_p=constant_p,
     )
 

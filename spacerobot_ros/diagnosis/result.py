@@ -63,6 +63,7 @@ class Cause:
         parameters: Its parameters.
         evidence: How surely.
         rivals: What it can't be told from.
+        thresholds: The effect's parameters by name, with thresholds of relevance for this robot.
         relevant: Whether any parameter is beyond its threshold of relevance; if not it is fitted
             and printed, but not named.
         constant_p: Probability that its parameters are the same all along the record.
@@ -72,13 +73,9 @@ class Cause:
     parameters: Mapping[str, Estimated]
     evidence: Evidence
     rivals: tuple[Rival, ...]
+    thresholds: Mapping[str, Parameter]
     relevant: bool
     constant_p: float
-
-    @property
-    def thresholds(self) -> Mapping[str, Parameter]:
-        """The catalogue's parameters by name, with their thresholds."""
-        return {p.name: p for p in self.applied.effect.parameters}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ from .effect import Effect, Parameter, Values
 NAMES = ('mass', 'mx', 'my', 'mz', 'ixx', 'ixy', 'iyy', 'ixz', 'iyz', 'izz')
 """In Pinocchio's order: mass, first moment, inertia about the origin of the body's frame."""
 _ROUNDING = 1e-9  # of a body's own inertia, by which it may seem to be below zero
-_RELEVANT = 0.003  # of a body's own parameters: a change worth a name
+_RELEVANT = 5e-4  # of a body's own parameters: a change worth a name
 _LEAST_SHARE = 1e-3  # of the robot's mass
 _LEAST_RADIUS = 1e-2  # m
 

@@ -74,7 +74,7 @@ EFFECTS = (
                 minimum=0.0,
                 maximum=10.0,
                 size=0.1,
-                relevant=0.002,
+                relevant=3e-4,
             ),
         ),
         magnitude='2 to 10 % off, from magnet temperature and current sensor',
@@ -92,7 +92,7 @@ EFFECTS = (
                 doc='Largest torque.',
                 size=1.0,
                 minimum=0.0,
-                relevant=0.05,
+                relevant=0.02,
             ),
             Parameter(
                 name='harmonic',
@@ -128,7 +128,7 @@ EFFECTS = (
                 doc='Torque towards the rest angle per angle.',
                 minimum=0.0,
                 size=5.0,
-                relevant=0.1,
+                relevant=0.05,
             ),
             Parameter(
                 name='rest_angle',

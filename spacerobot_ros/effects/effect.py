@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from ..model.robot import Robot
 from ..types import Array
 from .hidden import driven_states
 from .motion import Motion
+
+_HEAVY = 100.0  # kg, of all that moves
 
 Values = Mapping[str, float]
 """Parameter values by name."""
@@ -123,8 +125,19 @@ class Effect:
         return tuple(dict(zip(names, guess, strict=True)) for guess in guesses)
 
     def parameters_at(self, robot: Robot, where: str | None) -> tuple[Parameter, ...]:
-        """Its parameters with sizes and thresholds that fit the robot."""
-        return self.parameters
+        """Its parameters with sizes and thresholds that fit the robot.
+
+        Thresholds of forces, torques and masses are those of robots of `_HEAVY` and more; for a
+        lighter one they are lower in proportion.
+        """
+        first = 0 if robot.is_free else 1
+        share = float(np.sum(robot.inertial_parameters[first:, 0])) / _HEAVY
+        if share >= 1.0:
+            return self.parameters
+        return tuple(
+            replace(p, relevant=share * p.relevant) if _grows_with_mass(p) else p
+            for p in self.parameters
+        )
 
     def canonical(self, values: Values) -> Values:
         """The same effect with values in their usual form, such as an axis of unit length."""
@@ -219,6 +232,12 @@ class Effect:
     def delay(self, clock: str, values: Values) -> float:
         """Time by which the stamps of a clock (`CLOCKS`) are late [s]."""
         return 0.0
+
+
+def _grows_with_mass(parameter: Parameter) -> bool:
+    """Whether a parameter is a force, a torque, a momentum, a mass or an inertia."""
+    has_force = parameter.unit.split()[:1] in (['N'], ['kg'])
+    return has_force and parameter.role != 'reciprocal'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -197,7 +197,7 @@ EFFECTS = (
                 minimum=0.0,
                 maximum=1.0,
                 size=2e-3,
-                relevant=2e-4,
+                relevant=1e-4,
             ),
         ),
         magnitude='1e-4 to 3e-3 rad for spur and planetary gears; none for harmonic drives',

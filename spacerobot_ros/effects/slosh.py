@@ -130,7 +130,7 @@ EFFECTS = (
                 doc="What of the body's mass takes part.",
                 minimum=0.0,
                 size=100.0,
-                relevant=0.5,
+                relevant=0.1,
             ),
             frequency_parameter('Natural frequency, the body held.'),
             damping_parameter(0.02),

@@ -241,7 +241,7 @@ EFFECTS = (
                 doc="What of the body's inertia about the axis takes part.",
                 minimum=0.0,
                 size=50.0,
-                relevant=0.5,
+                relevant=0.05,
             ),
             frequency_parameter('Natural frequency, the body held.'),
             damping_parameter(0.005),

@@ -183,7 +183,7 @@ def _time_constant() -> Parameter:
         nominal=math.inf,
         above=0.0,
         size=3e-3,
-        relevant=5e-5,
+        relevant=3e-5,
         role='reciprocal',
     )
 
@@ -201,7 +201,7 @@ EFFECTS = (
             'N m s',
             "Momentum added to the believed one, along the link's",
             size=50.0,
-            relevant=0.2,
+            relevant=0.01,
         ),
         magnitude='0.1 to 100 N m s',
         signature='torques -omega x h on the carrying link, and its share of the momentum balance',
@@ -214,7 +214,10 @@ EFFECTS = (
         on_target=False,
         needs_free_base=True,
         parameters=xyz(
-            'N m s', "Momentum added to the believed one, along the base's", size=5.0, relevant=0.2
+            'N m s',
+            "Momentum added to the believed one, along the base's",
+            size=5.0,
+            relevant=0.01,
         ),
         magnitude='0.1 to 5 N m s: tachometers and rotor inertias',
         signature='a torque -omega x h on the base',

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from support.models import robot_of, table_one
 
 from spacerobot_ros.effects.catalogue import CATALOGUE
 
@@ -39,3 +41,28 @@ def test_fit_knows_where_to_start_and_what_is_plausible(effect):
 def test_something_of_every_effect_is_worth_naming():
     for effect in FITTED:
         assert any(parameter.relevant > 0.0 for parameter in effect.parameters), effect.id
+
+
+@pytest.mark.parametrize(
+    ('effect', 'name', 'share'),
+    [
+        ('joint_coulomb_friction', 'torque', 0.2),
+        ('external_torque_body', 'x', 0.2),
+        ('fuel_slosh', 'mass', 0.2),
+        ('joint_flexibility', 'stiffness', 1.0),  # rad by N m: not a torque
+        ('gyro_bias', 'x', 1.0),
+    ],
+)
+def test_a_lighter_robot_has_lower_thresholds_of_torque_and_mass(effect, name, share):
+    robot = robot_of(table_one())
+    rows = robot.inertial_parameters
+    heavy, light = (
+        robot.with_inertial_parameters(rows * (mass / np.sum(rows[:, 0])))
+        for mass in (150.0, 20.0)
+    )
+
+    def threshold(robot):
+        at = CATALOGUE[effect].parameters_at(robot, CATALOGUE[effect].places(robot)[0])
+        return next(p.relevant for p in at if p.name == name)
+
+    assert threshold(light) == pytest.approx(share * threshold(heavy))

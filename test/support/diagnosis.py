@@ -40,6 +40,7 @@ def friction_cause(rivals: tuple[Rival, ...] = ()) -> Cause:
             placebo_gain=0.02,
         ),
         rivals=rivals,
+        thresholds={p.name: p for p in applied.effect.parameters},
         relevant=True,
         constant_p=0.5,
     )
@@ -56,6 +57,7 @@ def hand_made(verdict: str = 'explained', rivals: tuple[Rival, ...] = ()) -> Dia
         parameters={'time_constant': Estimated(value=math.inf, std=math.nan, unit='s')},
         evidence=cause.evidence,
         rivals=(),
+        thresholds={p.name: p for p in drag.parameters},
         relevant=False,
         constant_p=0.5,
     )
