@@ -9,8 +9,10 @@ from functools import cache
 import numpy as np
 
 from ..control.loop import ControlLoop
+from ..control.reference import build_reference
 from ..diagnosis.extended_model import effects_section
 from ..effects.effect import AppliedEffect
+from ..errors import SimulationDivergedError
 from ..model.loader import RobotFile, load_robot_file, resolve_urdf
 from ..model.settings import ReferenceSettings, TruthSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
@@ -22,6 +24,7 @@ EXCITATIONS = {'default': (0.3, 2, 4), 'fast': (0.6, 5, 8), 'slow': (0.3, 1, 2)}
 """Name to largest angle of a joint [rad], first and last harmonic of the record's length."""
 
 DURATION = 20.0  # s of a record
+_UNSTABLE = 5.0  # times the motion's fastest rate: no controller would be flown like that
 _RATE = 100.0  # Hz of joints and gyro; the tracker has a tenth
 _WHEELS = {'servicer': (42.0, 49.0, 41.0)}  # N m s in the captured body, known to the model
 
@@ -63,6 +66,9 @@ def simulated(
         seed: Of motion and noise.
         effects: What the plant has beyond the file.
         duration: [s].
+
+    Raises:
+        SimulationDivergedError: the controller is not stable with the effects.
     """
     file = robot_file(robot)
     reference = _motion(file.robot.n_joints, excitation, seed, duration)
@@ -71,7 +77,15 @@ def simulated(
     loop = ClosedLoop(file.robot, replace(believed, effects=effects_section(effects)))
     loop.controller = ControlLoop(file.robot, believed)
     steps = list(loop.run(round(duration / simulator.period)))
-    return _record(loop.joints, steps, f'{robot}, {excitation}, seed {seed}')
+    record = _record(loop.joints, steps, f'{robot}, {excitation}, seed {seed}')
+    asked = build_reference(reference, np.zeros(file.robot.n_joints))
+    times = np.linspace(0.0, duration, len(steps))
+    fastest = max(float(np.max(np.abs(asked.at(t).qd))) for t in times)
+    wild = np.flatnonzero(np.max(np.abs(record.joints.velocity), axis=1) > _UNSTABLE * fastest)
+    if len(wild):
+        reason = f'a joint is {_UNSTABLE:g} times as fast as asked; the controller is not stable'
+        raise SimulationDivergedError(1e-9 * float(record.joints.stamp_ns[wild[0]]), reason)
+    return record
 
 
 def _motion(n: int, excitation: str, seed: int, duration: float) -> ReferenceSettings:
