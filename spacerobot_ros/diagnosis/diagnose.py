@@ -28,7 +28,7 @@ from .result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Rival
 from .search import Choice, Found, Search, blocks
 from .timing import first_timing, held_after_all, said_of
 
-MISFIT = 1e-3
+MISFIT = 1e-4
 """Probability below which a model does not fit."""
 _INCONSTANT = 1e-4
 _UNFINISHED = 'the search was ended before all that stands out was looked into'
