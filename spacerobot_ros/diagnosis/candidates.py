@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..effects.catalogue import changed_robot
 from ..effects.effect import CHANNELS, AppliedEffect, Effect, Parameter
 from ..effects.motion import Motion
 from ..errors import ConfigurationError
@@ -131,10 +132,10 @@ def _possible(
     return None
 
 
-def is_possible(applied: AppliedEffect, robot: Robot) -> bool:
-    """Whether an effect leaves a physical robot: a light link has no moment to lose."""
+def is_possible(applied: AppliedEffect | Sequence[AppliedEffect], robot: Robot) -> bool:
+    """Whether effects leave a physical robot: a light link has no moment to lose."""
     try:
-        applied.change(robot)
+        changed_robot(robot, [applied] if isinstance(applied, AppliedEffect) else applied)
     except ConfigurationError:
         return False
     return True

@@ -15,6 +15,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .candidates import STEPS, Signatures, is_possible
 from .coordinate import (
+    PROPORTIONAL,
     coordinate_of,
     has_prior,
     origin_of,
@@ -32,6 +33,7 @@ from .reference import NoiseLevels
 _PASSES = 6
 _SETTLED = 0.02  # of a standard deviation
 _HALVINGS = 3
+_DRAWS = 30
 
 
 class Run:
@@ -167,11 +169,24 @@ class Fit:
 
     @cached_property
     def evidence(self) -> float:
-        """Log evidence by Laplace's approximation, but for a constant of the run."""
+        """Log evidence by Laplace's approximation, but for a constant of the run.
+
+        Minus infinity where the model can not be followed.
+        """
+        if not (math.isfinite(self.cost) and self._is_followed):
+            return -math.inf
         sizes = np.array([spread_of(p) for _, p in self.free])
         scaled = sizes[:, None] * (self.tangents.T @ self.tangents) * sizes
         values = np.linalg.eigvalsh(scaled) if len(sizes) else np.zeros(0)
         return -0.5 * self.cost - price(values, len(self.data))
+
+    @cached_property
+    def _is_followed(self) -> bool:
+        """Whether the model and its neighbours are robots whose motion stays finite."""
+        try:
+            return bool(np.all(np.isfinite(self.tangents)))
+        except ConfigurationError:
+            return False
 
     def predicted(self, blocks: Sequence[slice]) -> Array:
         """(R,) whitened innovations of each block of rows with the values that the others give."""
@@ -241,7 +256,8 @@ class Fit:
             value = value_of(p, here + step)
             moved = replace(cause, values={**cause.values, p.name: value})
             there = coordinate_of(p, value)
-            if there != here and is_possible(moved, self.run.robot):
+            others = [*self.run.believed, *self.causes[:i], moved, *self.causes[i + 1 :]]
+            if there != here and is_possible(others, self.run.robot):
                 break
         return i, moved, there - here
 
@@ -254,9 +270,12 @@ def refine(run: Run, causes: Sequence[AppliedEffect], passes: int = _PASSES) -> 
         causes: Effects with first guesses.
         passes: Largest number of steps.
     """
-    fit = Fit(run, causes)
+    fit = Fit(run, _possible(run, causes))
     for _ in range(passes):
-        ahead = fit.step()
+        try:
+            ahead = fit.step()
+        except (ConfigurationError, np.linalg.LinAlgError):
+            break  # at the edge of what is physical: no neighbour is a robot that can be followed
         if ahead is None:
             break
         better = _descend(fit, ahead)
@@ -264,6 +283,26 @@ def refine(run: Run, causes: Sequence[AppliedEffect], passes: int = _PASSES) -> 
             break
         fit = better
     return _canonical(fit)
+
+
+def _possible(run: Run, causes: Sequence[AppliedEffect]) -> Sequence[AppliedEffect]:
+    """The causes, drawn towards no effect until a physical robot has them together.
+
+    One may have taken what another had given: without that other it is too much.
+    """
+    for _ in range(_DRAWS):
+        if is_possible([*run.believed, *causes], run.robot):
+            break
+        causes = [replace(c, values={**c.values, **_halved(c)}) for c in causes]
+    return causes
+
+
+def _halved(cause: AppliedEffect) -> dict[str, float]:
+    return {
+        p.name: value_of(p, 0.5 * (coordinate_of(p, cause.values[p.name]) + origin_of(p)))
+        for p in cause.effect.parameters
+        if p.role in PROPORTIONAL
+    }
 
 
 def _canonical(fit: Fit) -> Fit:

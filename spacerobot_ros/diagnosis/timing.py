@@ -98,7 +98,7 @@ def better_timing(fit: Fit, tried: Collection[str]) -> str | None:
     if fit.run.observed.effort is None or not others:
         return None
     fits = {t: refine(fit.run.timed(t), fit.causes) for t in others}
-    best = min(fits, key=lambda t: fits[t].misfit)
+    best = min(fits, key=lambda t: np.nan_to_num(fits[t].misfit, nan=np.inf))
     return best if fits[best].misfit < fit.misfit - _CLEARLY else None
 
 
