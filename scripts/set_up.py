@@ -355,6 +355,14 @@ def build(work: Workspace, lock: int) -> None:
     write_stamp(work.build_stamp, wanted_build(work))
 
 
+def compile_kernels(work: Workspace, lock: int) -> None:
+    """Let numba compile and keep what it would at the first use; that still works without."""
+    remove(log_path(work, 'kernels.log'))
+    enter = 'source ./env.sh && exec python -m spacerobot_ros.reproduce.warm_up'
+    if not run(work, 'kernels.log', ['bash', '-c', enter], tool_environment(work), lock):
+        say(f'not done, so the first commands take longer: {log_path(work, "kernels.log")}')
+
+
 def remove(path: Path) -> None:
     """Remove a file, a link or a folder, if it is there."""
     if path.is_symlink() or path.is_file():
@@ -397,6 +405,8 @@ def set_up(work: Workspace, rebuild: bool = False) -> None:
             require_build_tools(work.environ)
             say('building messages and package with colcon (10 to 30 s)')
             build(work, lock)
+            say('compiling the numerical kernels, once (about a minute)')
+            compile_kernels(work, lock)
             say(f'done in {time.monotonic() - start:.0f} s')
 
 
