@@ -197,7 +197,8 @@ def _gain(null: Fit, fit: Fit, causes: Sequence[Cause]) -> Gain:
     placebo = max((p for p in placebos if math.isfinite(p)), default=0.0)
     start, end = _rms(_held_out(null)), _rms(_held_out(fit))
     excess = max(start**2 - 1.0, 0.0)
-    return Gain(before=start, after=end, placebo=math.sqrt(start**2 - placebo * excess))
+    left = max(start**2 - placebo * excess, 0.0)  # shares of several causes are of other wholes
+    return Gain(before=start, after=end, placebo=math.sqrt(left))
 
 
 def _held_out(fit: Fit) -> Array:
