@@ -358,7 +358,7 @@ def build(work: Workspace, lock: int) -> None:
 def compile_kernels(work: Workspace, lock: int) -> None:
     """Let numba compile and keep what it would at the first use; that still works without."""
     remove(log_path(work, 'kernels.log'))
-    enter = 'source ./env.sh && exec python -m spacerobot_ros.reproduce.warm_up'
+    enter = 'source ./env.sh && exec python -m spacerobot_ros.campaign.warm_up'
     if not run(work, 'kernels.log', ['bash', '-c', enter], tool_environment(work), lock):
         say(f'not done, so the first commands take longer: {log_path(work, "kernels.log")}')
 

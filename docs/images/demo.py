@@ -12,8 +12,9 @@ import numpy as np
 
 from spacerobot_ros.demo.results import Run
 from spacerobot_ros.demo.run import identify, track
+from spacerobot_ros.display import Curve, Panel
 from spacerobot_ros.model.loader import load_robot_file, true_robot
-from spacerobot_ros.report.plots import Curve, Panel, plot
+from spacerobot_ros.report.plots import plot
 
 HERE = Path(__file__).parent
 EVERY = 10  # samples; keeps the file small

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import welch
 
-from ..report.plots import Curve, Panel, bars, plot, thinned
+from ..display import Curve, Panel
+from ..report.plots import bars, plot, thinned
 
 if TYPE_CHECKING:
     from ..diagnosis.result import Diagnosis, Series

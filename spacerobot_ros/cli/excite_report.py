@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..report.html import KeyFigure, KeyFigures, Plot, Report, Section, Table, Text
-from ..report.plots import Curve, Panel, plot
+from ..display import Curve, Panel, Table
+from ..report.html import KeyFigure, KeyFigures, Plot, Report, Section, Text
+from ..report.plots import plot
 from .excite_tables import (
     LIMIT_HEAD,
     WHEEL_HEAD,

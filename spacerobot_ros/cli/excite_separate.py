@@ -73,7 +73,7 @@ def _refuse_options(args: argparse.Namespace) -> None:
 
 
 def _to_dict(first: Place, second: Place, found: Separated) -> dict[str, Any]:
-    from ..report.json_values import json_value
+    from ..json_values import json_value
 
     values = {
         'schema': 1,

@@ -71,11 +71,11 @@ def run(args: argparse.Namespace) -> int:
     from ..identification.grouping import standard_parameters
     from ..identification.linearize import MomentumModel
     from ..identification.minimal import minimal_set
+    from ..json_values import json_value
     from ..model.loader import load_robot_file
     from ..model.writer import write_robot_file
     from ..recording.bag import read_bag
     from ..recording.npz import load_npz
-    from ..report.json_values import json_value
     from ..sensing.correction import corrected_record
 
     file = load_robot_file(args.robot)

@@ -17,8 +17,8 @@ from ..errors import ConfigurationError
 from .options import Formatter, positive_float
 
 if TYPE_CHECKING:
-    from ..report.html import Table
-    from ..reproduce.checks import Check
+    from ..campaign.checks import Check
+    from ..display import Table
     from .reproduce_report import Page
 
 _RUNS = {'wheel-momentum': 10, 'adaptive-control': 6, 'diagnosis': 300, 'monitor': 4}
@@ -128,10 +128,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _wheel_momentum(args: argparse.Namespace) -> _Outcome:
-    from ..reproduce.checks import checks
-    from ..reproduce.to_dict import to_dict
-    from ..reproduce.wheel_momentum import count_tasks
-    from ..reproduce.wheel_momentum import run as reproduce
+    from ..campaign.checks import checks
+    from ..campaign.to_dict import to_dict
+    from ..campaign.wheel_momentum import count_tasks
+    from ..campaign.wheel_momentum import run as reproduce
     from .reproduce_report import wheel_momentum_page
 
     options = _options(args)
@@ -142,7 +142,7 @@ def _wheel_momentum(args: argparse.Namespace) -> _Outcome:
 
 
 def _coverage(args: argparse.Namespace) -> _Outcome:
-    from ..reproduce.coverage import campaign_checks, run_campaign, score_campaign
+    from ..campaign.coverage import campaign_checks, run_campaign, score_campaign
     from .reproduce_coverage import page, to_dict
 
     if args.experiment != 'wheel-momentum':
@@ -156,9 +156,9 @@ def _coverage(args: argparse.Namespace) -> _Outcome:
 
 
 def _adaptive_control(args: argparse.Namespace) -> _Outcome:
-    from ..reproduce.adaptive_checks import checks
-    from ..reproduce.adaptive_control import count_tasks
-    from ..reproduce.adaptive_control import run as reproduce
+    from ..campaign.adaptive_checks import checks
+    from ..campaign.adaptive_control import count_tasks
+    from ..campaign.adaptive_control import run as reproduce
     from .reproduce_adaptive import page, to_dict
 
     options = _options(args)
@@ -169,8 +169,8 @@ def _adaptive_control(args: argparse.Namespace) -> _Outcome:
 
 
 def _diagnosis(args: argparse.Namespace) -> _Outcome:
-    from ..reproduce.diagnosis_campaign import Options, cases, run_campaign
-    from ..reproduce.diagnosis_score import campaign_checks, score
+    from ..campaign.diagnosis_campaign import Options, cases, run_campaign
+    from ..campaign.diagnosis_score import campaign_checks, score
     from .reproduce_diagnosis import page, to_dict
 
     workers = _workers(args)
@@ -187,7 +187,7 @@ def _diagnosis(args: argparse.Namespace) -> _Outcome:
 
 
 def _monitor(args: argparse.Namespace) -> _Outcome:
-    from ..reproduce.monitor_campaign import (
+    from ..campaign.monitor_campaign import (
         Options,
         monitor_checks,
         run_campaign,
@@ -208,7 +208,7 @@ def _monitor(args: argparse.Namespace) -> _Outcome:
 
 
 def _options(args: argparse.Namespace) -> Any:
-    from ..reproduce import adaptive_control, wheel_momentum
+    from ..campaign import adaptive_control, wheel_momentum
 
     kinds = {
         'wheel-momentum': wheel_momentum.Options,

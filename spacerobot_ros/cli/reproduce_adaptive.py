@@ -6,11 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..control.adaptive.tree import parameter_values
-from ..report.html import Plot, Section, Table
-from ..report.json_values import json_value
-from ..report.plots import Curve, Panel, plot
-from ..reproduce.adaptive_control import (
+from ..campaign.adaptive_control import (
     LAMBDAS,
     LAWS,
     NOISE,
@@ -25,9 +21,14 @@ from ..reproduce.adaptive_control import (
     settling_time,
     worst,
 )
-from ..reproduce.adaptive_run import Run
-from ..reproduce.adaptive_scenario import minisat
-from ..reproduce.checks import Check
+from ..campaign.adaptive_run import Run
+from ..campaign.adaptive_scenario import minisat
+from ..campaign.checks import Check
+from ..control.adaptive.tree import parameter_values
+from ..display import Curve, Panel, Table
+from ..json_values import json_value
+from ..report.html import Plot, Section
+from ..report.plots import plot
 from .reproduce_report import Page
 
 _TITLE = 'Adaptive control of a mini space robot, reproduced'

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..report.html import Table
-from ..report.json_values import json_value
-from ..reproduce.checks import Check
-from ..reproduce.coverage import Coverage
+from ..campaign.checks import Check
+from ..campaign.coverage import Coverage
+from ..display import Table
+from ..json_values import json_value
 from .reproduce_report import Page
 
 _HEAD = [

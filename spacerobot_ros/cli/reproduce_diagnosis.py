@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ..campaign.checks import Check
+from ..campaign.diagnosis_score import Scores
+from ..campaign.shares import Share
+from ..display import Curve, Panel
+from ..json_values import json_value
 from ..report.html import Plot, Section
-from ..report.json_values import json_value
 from ..report.markdown import markdown
-from ..report.plots import Curve, Panel, matrix, plot
-from ..reproduce.checks import Check
-from ..reproduce.diagnosis_score import Scores
-from ..reproduce.shares import Share
+from ..report.plots import matrix, plot
 from .reproduce_diagnosis_tables import tables
 from .reproduce_report import Page
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
-from ..report.html import Table
-from ..reproduce.diagnosis_score import Scores
-from ..reproduce.shares import Share
+from ..campaign.diagnosis_score import Scores
+from ..campaign.shares import Share
+from ..display import Table
 
 _MOST_CHARACTERS = 160  # of a message
 _NONE = Share(0, 0)

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..report.html import Table
-from ..report.json_values import json_value
+from ..campaign.checks import Check
+from ..campaign.monitor_campaign import MonitorScores
+from ..campaign.monitor_faults import FAULTS
+from ..display import Table
+from ..json_values import json_value
 from ..report.markdown import markdown
-from ..reproduce.checks import Check
-from ..reproduce.monitor_campaign import MonitorScores
-from ..reproduce.monitor_faults import FAULTS
 from .reproduce_report import Page
 
 _TITLE = 'Monitor: false alarms, and delays of detection'

@@ -10,6 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from ..campaign.checks import Check
+from ..campaign.tracking import TrackingRun
+from ..campaign.wheel_momentum import Reproduction
+from ..display import Curve, Panel, Table
 from ..report.html import (
     Item,
     KeyFigure,
@@ -19,13 +23,9 @@ from ..report.html import (
     ReportError,
     Section,
     Status,
-    Table,
     write_report,
 )
-from ..report.plots import Curve, Panel, plot
-from ..reproduce.checks import Check
-from ..reproduce.tracking import TrackingRun
-from ..reproduce.wheel_momentum import Reproduction
+from ..report.plots import plot
 from .reproduce_tables import tables
 
 _JOINTS = ('joint 1', 'joint 2', 'joint 3')

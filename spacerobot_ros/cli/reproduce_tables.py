@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..report.html import Table
-from ..reproduce import paper
-from ..reproduce.identification import NoiseFreeResult
-from ..reproduce.monte_carlo import EstimatorScore
-from ..reproduce.tracking import TrackingRun
-from ..reproduce.wheel_momentum import TABLE_SCALE, Reproduction
+from ..campaign import paper
+from ..campaign.identification import NoiseFreeResult
+from ..campaign.monte_carlo import EstimatorScore
+from ..campaign.tracking import TrackingRun
+from ..campaign.wheel_momentum import TABLE_SCALE, Reproduction
+from ..display import Table
 
 _METHODS = {
     'paper': 'least squares (26), as printed',

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..report.html import Item, KeyFigure, KeyFigures, Plot, Report, Section, Table, Text
-from ..report.plots import Curve, Panel, plot
+from ..display import Curve, Panel, Table
+from ..report.html import Item, KeyFigure, KeyFigures, Plot, Report, Section, Text
+from ..report.plots import plot
 from .results import Results
 
 AIM_AAM_PERCENT = 1.0

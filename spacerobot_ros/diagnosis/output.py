@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..effects.effect import AppliedEffect, Parameter
-from ..report.json_values import json_value
+from ..json_values import json_value
 from .appearance import Appearance
 from .closed_loop_gain import ClosedLoopGain
 from .result import Cause, Diagnosis, Estimated, Gain, Ranked, Residual, Rival

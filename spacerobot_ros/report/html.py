@@ -12,6 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import Literal
 
+from ..display import Table
 from ..errors import SpaceRobotError
 
 Status = Literal['', 'good', 'bad']
@@ -48,21 +49,6 @@ class Text:
     """A paragraph of plain text."""
 
     text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table.
-
-    Args:
-        head: Column titles, with units.
-        rows: Cells as text; those that read as numbers are aligned to the right.
-        caption: One line above it.
-    """
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    caption: str = ''
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .html import Table
+from ..display import Table
 
 
 def markdown(title: str, tables: Sequence[tuple[str, Table]]) -> str:

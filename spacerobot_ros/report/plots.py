@@ -10,13 +10,13 @@ import html
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..display import Panel
 from ..types import Array, IntArray
 
 COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
@@ -41,44 +41,6 @@ _RC = {
     'legend.frameon': False,
     'legend.fontsize': 9,
 }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Curve:
-    """One line of a panel.
-
-    Args:
-        label: Name in the legend; empty for none.
-        t: (N,) abscissa.
-        y: (N,) ordinate; what is not finite leaves a gap.
-        half_band: (N,) half width of a shaded band around it, such as 3 standard deviations.
-        colour: Index into the palette; None takes the curve's place in the panel.
-    """
-
-    label: str
-    t: Array
-    y: Array
-    half_band: Array | None = None
-    colour: int | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Panel:
-    """One set of axes.
-
-    Args:
-        title: What is shown.
-        unit: Unit of the ordinate; `1` for none.
-        curves: Lines, drawn in order.
-        log: Magnitudes on a logarithmic scale.
-        levels: Horizontal reference lines: value and label.
-    """
-
-    title: str
-    unit: str
-    curves: Sequence[Curve]
-    log: bool = False
-    levels: Sequence[tuple[float, str]] = ()
 
 
 def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float = 2.3) -> str:

@@ -7,6 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign.adaptive_identities import identities
+from spacerobot_ros.campaign.adaptive_run import Case, run_case
+from spacerobot_ros.campaign.adaptive_scenario import START, harmonic, minisat, wrong_prior
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.pseudo_inertia import (
     body_scales,
@@ -20,9 +23,6 @@ from spacerobot_ros.control.adaptive.settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.types import Measured
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError
-from spacerobot_ros.reproduce.adaptive_identities import identities
-from spacerobot_ros.reproduce.adaptive_run import Case, run_case
-from spacerobot_ros.reproduce.adaptive_scenario import START, harmonic, minisat, wrong_prior
 
 PERIOD = 0.05
 

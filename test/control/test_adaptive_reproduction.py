@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign import adaptive_control
+from spacerobot_ros.campaign.adaptive_checks import checks
+from spacerobot_ros.campaign.adaptive_control import Adaptation, Options, median, worst
+from spacerobot_ros.campaign.adaptive_identities import identities
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.cli.reproduce_adaptive import tables
-from spacerobot_ros.reproduce import adaptive_control
-from spacerobot_ros.reproduce.adaptive_checks import checks
-from spacerobot_ros.reproduce.adaptive_control import Adaptation, Options, median, worst
-from spacerobot_ros.reproduce.adaptive_identities import identities
 
 STEPS = 4  # control periods a run: what the command does, not how well the laws learn
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.candidates import is_possible
 from spacerobot_ros.diagnosis.fit import Run, refine
 from spacerobot_ros.diagnosis.noise import noise_levels
 from spacerobot_ros.diagnosis.observations import observe
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.effect import AppliedEffect
-from spacerobot_ros.reproduce.diagnosis_scenario import robot_file, simulated
 
 
 def applied(effect, where, **values):

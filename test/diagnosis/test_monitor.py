@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign.monitor_faults import FAULTS, in_flight
+from spacerobot_ros.campaign.monitor_flights import Flight, monitor_of, watch
 from spacerobot_ros.errors import MessageRejectedError
-from spacerobot_ros.reproduce.monitor_faults import FAULTS, in_flight
-from spacerobot_ros.reproduce.monitor_flights import Flight, monitor_of, watch
 
 ONSET = 6.0
 SHORT = {'learn': 5.0}

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign.monitor_flights import Flight, monitor_of
 from spacerobot_ros.diagnosis.innovations import Scene
 from spacerobot_ros.diagnosis.monitor_filter import BlockInnovations, FlightFilter
 from spacerobot_ros.diagnosis.monitor_momentum import Momentum, constant_pass
@@ -10,7 +11,6 @@ from spacerobot_ros.diagnosis.monitor_probes import probes_of
 from spacerobot_ros.diagnosis.monitor_window import Window
 from spacerobot_ros.diagnosis.noise import noise_levels
 from spacerobot_ros.diagnosis.process import TorqueDriven
-from spacerobot_ros.reproduce.monitor_flights import Flight, monitor_of
 
 
 @pytest.fixture(scope='module')

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis import search
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE, apply_effect
-from spacerobot_ros.reproduce.diagnosis_scenario import robot_file, simulated
 
 FRICTION = 'joint_viscous_friction'
 UNFINISHED = 'before all that stands out'

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from spacerobot_ros.display import Curve, Panel, Table
 from spacerobot_ros.report.html import (
     KeyFigure,
     KeyFigures,
@@ -14,12 +15,11 @@ from spacerobot_ros.report.html import (
     Report,
     ReportError,
     Section,
-    Table,
     Text,
     render,
     write_report,
 )
-from spacerobot_ros.report.plots import Curve, Panel, plot
+from spacerobot_ros.report.plots import plot
 
 VOID = {'meta', 'br', 'hr', 'img', 'link', 'input'}
 

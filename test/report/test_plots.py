@@ -7,7 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from spacerobot_ros.report.plots import MAX_POINTS, Curve, Panel, plot, thinned
+from spacerobot_ros.display import Curve, Panel
+from spacerobot_ros.report.plots import MAX_POINTS, plot, thinned
 
 
 def test_thinning_keeps_every_peak_and_both_ends(rng):

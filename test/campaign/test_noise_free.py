@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign.identification import noise_free
+from spacerobot_ros.campaign.linear_system import relative_errors
+from spacerobot_ros.campaign.scenario import cached_motion, scenario
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.reproduce.identification import noise_free
-from spacerobot_ros.reproduce.linear_system import relative_errors
-from spacerobot_ros.reproduce.scenario import cached_motion, scenario
 
 
 @pytest.mark.parametrize(

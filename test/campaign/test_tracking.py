@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from spacerobot_ros.reproduce.tracking import soft_bandwidth, track
+from spacerobot_ros.campaign.tracking import soft_bandwidth, track
 
 EXACT = 1e-6  # deg; truncation of RK4 at 20 ms is 1e-7
 

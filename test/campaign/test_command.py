@@ -7,11 +7,11 @@ from contextlib import redirect_stdout
 
 import pytest
 
+from spacerobot_ros.campaign.monte_carlo import METHODS, noisy_run
+from spacerobot_ros.campaign.scenario import scenario
+from spacerobot_ros.campaign.wheel_momentum import Options
 from spacerobot_ros.cli import reproduce
 from spacerobot_ros.cli.main import main
-from spacerobot_ros.reproduce.monte_carlo import METHODS, noisy_run
-from spacerobot_ros.reproduce.scenario import scenario
-from spacerobot_ros.reproduce.wheel_momentum import Options
 
 SMALL = Options(
     runs=2,

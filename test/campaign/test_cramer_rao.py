@@ -13,14 +13,14 @@ from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 from support.models import H_BASE, H_TARGET, random_tree, robot_of
 
+from spacerobot_ros.campaign.noise import plan_of
+from spacerobot_ros.campaign.scenario import cached_motion, scenario
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import ConfigurationError, IdentificationError
 from spacerobot_ros.identification.cramer_rao import SensorPlan, cramer_rao_bound
 from spacerobot_ros.identification.linearize import Reference
 from spacerobot_ros.identification.minimal import minimal_set
 from spacerobot_ros.model.settings import SensorSettings
-from spacerobot_ros.reproduce.noise import plan_of
-from spacerobot_ros.reproduce.scenario import cached_motion, scenario
 
 STEP, DURATION, KNOT = 0.01, 1.2, 0.4
 GRID = STEP * np.arange(round(DURATION / STEP) + 1)

@@ -24,7 +24,7 @@ from ..diagnosis.result import Cause, Diagnosis
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import AppliedEffect, Effect
 from ..errors import SpaceRobotError
-from ..report.json_values import json_value
+from ..json_values import json_value
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED
 from .diagnosis_scenario import DURATION, EXCITATIONS, ROBOTS, robot_file, simulated

@@ -5,10 +5,8 @@ import math
 
 import pytest
 
-from spacerobot_ros.cli import reproduce
-from spacerobot_ros.cli.main import main
-from spacerobot_ros.reproduce import monitor_campaign as campaign
-from spacerobot_ros.reproduce.monitor_campaign import (
+from spacerobot_ros.campaign import monitor_campaign as campaign
+from spacerobot_ros.campaign.monitor_campaign import (
     FILE,
     Options,
     faulty,
@@ -17,8 +15,10 @@ from spacerobot_ros.reproduce.monitor_campaign import (
     score_monitor,
     tasks,
 )
-from spacerobot_ros.reproduce.monitor_faults import FAULTS, in_flight
-from spacerobot_ros.reproduce.monitor_flights import Flight
+from spacerobot_ros.campaign.monitor_faults import FAULTS, in_flight
+from spacerobot_ros.campaign.monitor_flights import Flight
+from spacerobot_ros.cli import reproduce
+from spacerobot_ros.cli.main import main
 
 
 def quiet(**more):

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from spacerobot_ros.reproduce.tasks import Task, run_tasks
+from spacerobot_ros.campaign.tasks import Task, run_tasks
 
 TASKS = [Task(k, math.sqrt, (float(k),)) for k in range(6)]
 

@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from spacerobot_ros.cli.reproduce_diagnosis import CONFUSION, MARKDOWN, ROC, page, to_dict
-from spacerobot_ros.cli.reproduce_report import write
-from spacerobot_ros.diagnosis.fit import Fit, Run
-from spacerobot_ros.diagnosis.noise import noise_levels
-from spacerobot_ros.diagnosis.observations import observe
-from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.reproduce.diagnosis_campaign import (
+from spacerobot_ros.campaign.diagnosis_campaign import (
     FILE,
     Case,
     Options,
@@ -25,14 +18,21 @@ from spacerobot_ros.reproduce.diagnosis_campaign import (
     run_campaign,
     run_case,
 )
-from spacerobot_ros.reproduce.diagnosis_draw import drawn
-from spacerobot_ros.reproduce.diagnosis_equivalents import EQUIVALENTS, is_equivalent
-from spacerobot_ros.reproduce.diagnosis_judge import outcome
-from spacerobot_ros.reproduce.diagnosis_limits import physical_limits
-from spacerobot_ros.reproduce.diagnosis_scenario import robot_file, simulated
-from spacerobot_ros.reproduce.diagnosis_score import campaign_checks, score
-from spacerobot_ros.reproduce.resumable import read_lines
-from spacerobot_ros.reproduce.shares import Share
+from spacerobot_ros.campaign.diagnosis_draw import drawn
+from spacerobot_ros.campaign.diagnosis_equivalents import EQUIVALENTS, is_equivalent
+from spacerobot_ros.campaign.diagnosis_judge import outcome
+from spacerobot_ros.campaign.diagnosis_limits import physical_limits
+from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.campaign.diagnosis_score import campaign_checks, score
+from spacerobot_ros.campaign.resumable import read_lines
+from spacerobot_ros.campaign.shares import Share
+from spacerobot_ros.cli.reproduce_diagnosis import CONFUSION, MARKDOWN, ROC, page, to_dict
+from spacerobot_ros.cli.reproduce_report import write
+from spacerobot_ros.diagnosis.fit import Fit, Run
+from spacerobot_ros.diagnosis.noise import noise_levels
+from spacerobot_ros.diagnosis.observations import observe
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.errors import RecordingError
 
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
 VALUES = {

@@ -1,4 +1,4 @@
-"""Compile the numerical kernels: `python -m spacerobot_ros.reproduce.warm_up`.
+"""Compile the numerical kernels: `python -m spacerobot_ros.campaign.warm_up`.
 
 Numba compiles a kernel when it is first called and keeps the result beside its file. A short
 simulated record with fuel that sloshes, diagnosed, calls them all, so that nobody

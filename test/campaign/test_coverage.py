@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign import coverage
+from spacerobot_ros.campaign.linear_system import true_solution
+from spacerobot_ros.campaign.scenario import scenario
 from spacerobot_ros.cli import reproduce
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.reproduce import coverage
-from spacerobot_ros.reproduce.linear_system import true_solution
-from spacerobot_ros.reproduce.scenario import scenario
 
 
 def made_up(axes, seed):

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..report.json_values import json_value
+from ..json_values import json_value
 from . import paper
 from .checks import Check
 from .identification import NoiseFreeResult
