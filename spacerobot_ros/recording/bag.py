@@ -309,7 +309,7 @@ def _joint_series(
                 f'{channel.topic}: {gaps} of {len(values)} messages have no {name}: not used'
             )
         optional.append(None if gaps else values)
-    return JointSeries(names, stamps, position, *optional)
+    return JointSeries(names, stamps, position, optional[0], optional[1])
 
 
 def _notes(channel: _Channel, optional: bool) -> list[str]:

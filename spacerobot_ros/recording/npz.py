@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import zipfile
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import RecordingError
-from ..types import Array
-from .record import AttitudeSeries, JointSeries, RateSeries, Record
+from .record import SENSORS, Record
 
 FORMAT = 'spacerobot_ros record 1'
 
@@ -24,22 +24,38 @@ def save_npz(record: Record, path: str | Path) -> None:
     """
     content: dict[str, Any] = {'format': np.array(FORMAT), 'source': np.array(record.source)}
     content['notes'] = np.array(json.dumps(record.notes))
-    for key, series in (('joints', record.joints), ('wheels', record.wheels)):
-        if series is not None:
-            content[f'{key}.names'] = np.array(json.dumps(series.names))
-            for name in ('stamp_ns', 'position', 'velocity', 'effort'):
-                if getattr(series, name) is not None:
-                    content[f'{key}.{name}'] = getattr(series, name)
-    if record.rates is not None:
-        content |= {'rates.stamp_ns': record.rates.stamp_ns, 'rates.omega': record.rates.omega}
-    if record.attitudes is not None:
-        content['attitudes.stamp_ns'] = record.attitudes.stamp_ns
-        content['attitudes.q_xyzw'] = record.attitudes.q_xyzw
+    if record.zero_ns is not None:
+        content['zero_ns'] = np.array(record.zero_ns)
+    for key in SENSORS:
+        series = getattr(record, key)
+        for field in fields(series) if series is not None else ():
+            value = getattr(series, field.name)
+            if field.name == 'names':
+                value = np.array(json.dumps(value))
+            if value is not None and (isinstance(value, np.ndarray) or value):
+                content[f'{key}.{field.name}'] = value
     try:
         with Path(path).open('wb') as file:
             np.savez_compressed(file, **content)
     except OSError as error:
         raise RecordingError(str(path), f'can not be written: {error.strerror}') from error
+
+
+def read_arrays(path: str | Path) -> dict[str, Any]:
+    """All arrays of an npz file by name.
+
+    Raises:
+        RecordingError: not readable.
+    """
+    try:
+        file = np.load(path, allow_pickle=False)
+        if isinstance(file, np.ndarray):
+            raise ValueError('it holds one array without a name')
+        with file:
+            return {name: file[name] for name in file.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        reason = ' '.join(str(error).split())
+        raise RecordingError(str(path), f'not a readable npz file: {reason}') from error
 
 
 def load_npz(path: str | Path) -> Record:
@@ -48,27 +64,15 @@ def load_npz(path: str | Path) -> Record:
     Raises:
         RecordingError: not readable, not such a file, or content that a `Record` refuses.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            content = {key: file[key] for key in file.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise RecordingError(
-            str(path), f'not a readable npz file: {" ".join(str(error).split())}'
-        ) from error
+    content = read_arrays(path)
     if str(content.get('format', '')) != FORMAT:
         raise RecordingError(str(path), f'not a record: its format is not {FORMAT!r}')
     try:
         return Record(
-            joints=_joints(content, 'joints'),
-            rates=RateSeries(content['rates.stamp_ns'], content['rates.omega'])
-            if 'rates.omega' in content
-            else None,
-            attitudes=AttitudeSeries(content['attitudes.stamp_ns'], content['attitudes.q_xyzw'])
-            if 'attitudes.q_xyzw' in content
-            else None,
-            wheels=_joints(content, 'wheels'),
+            **{key: _series(content, key) for key in SENSORS},
             source=str(content['source']),
             notes=tuple(json.loads(str(content['notes']))),
+            zero_ns=int(content['zero_ns']) if 'zero_ns' in content else None,
         )
     except KeyError as error:
         raise RecordingError(str(path), f'lacks {error}') from error
@@ -76,10 +80,16 @@ def load_npz(path: str | Path) -> Record:
         raise RecordingError(f'{path}: {error.place}', error.reason) from error
 
 
-def _joints(content: dict[str, Array], key: str) -> JointSeries | None:
-    if f'{key}.names' not in content:
+def _series(content: dict[str, Any], key: str) -> Any:
+    """One sensor's samples; None where the file has none."""
+    if not any(name.startswith(f'{key}.') for name in content):
         return None
-    names = tuple(json.loads(str(content[f'{key}.names'])))
-    velocity, effort = content.get(f'{key}.velocity'), content.get(f'{key}.effort')
-    stamps: Any = content[f'{key}.stamp_ns']
-    return JointSeries(names, stamps, content[f'{key}.position'], velocity, effort)
+    kind = SENSORS[key]
+    given = {
+        f.name: content[f'{key}.{f.name}']
+        for f in fields(kind)
+        if f.default is MISSING or f'{key}.{f.name}' in content
+    }
+    if 'names' in given:
+        given['names'] = tuple(json.loads(str(given['names'])))
+    return kind(**given)

@@ -1,4 +1,4 @@
-"""The one record type: validated, immutable time series from topics, bags or files.
+"""The one record type: validated, immutable time series from topics, bags or files to filters.
 
 Each sensor keeps its own stamps; nothing is resampled. What is not finite, not increasing in time,
 of the wrong shape or not a unit quaternion is refused with its place, so that whoever holds a
@@ -9,18 +9,56 @@ in `notes`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..errors import RecordingError
 from ..types import Array, IntArray
 
 UNIT_TOLERANCE = 1e-6  # of a quaternion's norm; single precision is within it
+SeriesType = TypeVar('SeriesType', bound='_Series')
+
+
+class _Series:
+    """What the samples of all sensors have in common."""
+
+    __slots__ = ()
+    stamp_ns: IntArray
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.stamp_ns)
+
+    def seconds(self, origin_ns: int) -> Array:
+        """(N,) sample times from an origin [s]."""
+        return np.asarray((self.stamp_ns - origin_ns) / 1e9)
+
+    def at(self: SeriesType, part: slice) -> SeriesType:
+        """Some of the samples in their order; there may be none."""
+        out = object.__new__(type(self))
+        for field in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
+            value = getattr(self, field.name)
+            value = value[part] if isinstance(value, np.ndarray) else value
+            object.__setattr__(out, field.name, value)
+        return out
+
+    def _freeze(self, place: str, **columns: Sequence[str]) -> None:
+        """Check and freeze the stamps and the named values, each with its columns' names."""
+        stamps = _stamps(self.stamp_ns, f'{place}.stamp_ns')
+        object.__setattr__(self, 'stamp_ns', stamps)
+        for name, names in columns.items():
+            values = getattr(self, name)
+            if values is not None:
+                values = _values(values, (len(stamps), len(names)), f'{place}.{name}', names)
+                object.__setattr__(self, name, values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointSeries:
+class JointSeries(_Series):
     """Samples of named joints, manipulator's or wheels'.
 
     Args:
@@ -30,6 +68,7 @@ class JointSeries:
         velocity: (N, n) [rad/s]; None where the recording has none.
         effort: (N, n) motor torque over the step that ended at the stamp [N m]; None where the
             recording has none.
+        effort_delay: Time by which the efforts are older than their stamps [s].
     """
 
     names: tuple[str, ...]
@@ -37,6 +76,7 @@ class JointSeries:
     position: Array
     velocity: Array | None = None
     effort: Array | None = None
+    effort_delay: float = 0.0
 
     def __post_init__(self) -> None:
         """Check and freeze."""
@@ -45,19 +85,13 @@ class JointSeries:
             raise RecordingError(
                 'joints.names', f'must be distinct and not empty, got {list(self.names)}'
             )
-        stamps = _stamps(self.stamp_ns, 'joints.stamp_ns')
-        object.__setattr__(self, 'stamp_ns', stamps)
-        shape = (len(stamps), len(self.names))
-        for name in ('position', 'velocity', 'effort'):
-            values = getattr(self, name)
-            if values is not None or name == 'position':
-                object.__setattr__(
-                    self, name, _values(values, shape, f'joints.{name}', self.names)
-                )
+        if self.position is None:
+            raise RecordingError('joints.position', 'is missing')
+        self._freeze('joints', **dict.fromkeys(('position', 'velocity', 'effort'), self.names))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RateSeries:
+class RateSeries(_Series):
     """Samples of the gyro.
 
     Args:
@@ -70,15 +104,11 @@ class RateSeries:
 
     def __post_init__(self) -> None:
         """Check and freeze."""
-        stamps = _stamps(self.stamp_ns, 'rates.stamp_ns')
-        object.__setattr__(self, 'stamp_ns', stamps)
-        object.__setattr__(
-            self, 'omega', _values(self.omega, (len(stamps), 3), 'rates.omega', 'xyz')
-        )
+        self._freeze('rates', omega='xyz')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AttitudeSeries:
+class AttitudeSeries(_Series):
     """Samples of the star tracker.
 
     Args:
@@ -91,23 +121,31 @@ class AttitudeSeries:
 
     def __post_init__(self) -> None:
         """Check and freeze."""
-        stamps = _stamps(self.stamp_ns, 'attitudes.stamp_ns')
-        object.__setattr__(self, 'stamp_ns', stamps)
-        place = 'attitudes.q_xyzw'
-        q = _values(self.q_xyzw, (len(stamps), 4), place, 'xyzw')
-        excess = np.abs(np.linalg.norm(q, axis=1) - 1.0)
-        if np.any(excess > UNIT_TOLERANCE):
-            row = int(np.argmax(excess > UNIT_TOLERANCE))
+        self._freeze('attitudes', q_xyzw='xyzw')
+        norms = np.linalg.norm(self.q_xyzw, axis=1)
+        bad = np.abs(norms - 1.0) > UNIT_TOLERANCE
+        if bad.any():
+            row = int(np.argmax(bad))
             raise RecordingError(
-                f'{place}[{row}]',
-                f'not a unit quaternion: its norm is {np.linalg.norm(q[row]):.9g}',
+                f'attitudes.q_xyzw[{row}]', f'not a unit quaternion: its norm is {norms[row]:.9g}'
             )
-        object.__setattr__(self, 'q_xyzw', q)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+SENSORS: dict[str, Any] = {
+    'joints': JointSeries,
+    'rates': RateSeries,
+    'attitudes': AttitudeSeries,
+    'wheels': JointSeries,
+}
+"""Samples of a `Record` by the name of their field."""
+
+
+@dataclass(frozen=True, eq=False)
 class Record:
-    """What the sensors said during one run; a sensor that is absent is None.
+    """What the sensors said during one run, or in a part of it.
+
+    A sensor that is absent is None. The flat views (`q`, `omega`, ...) are what filters work on:
+    seconds from one origin, and no samples where a sensor is absent.
 
     Args:
         joints: Manipulator joints, in the robot's order.
@@ -117,6 +155,7 @@ class Record:
         source: Where it came from, for messages.
         notes: What whoever read it should know: dropped messages, absent topics, which stamps were
             used.
+        zero_ns: Stamp that seconds count from [ns]; None: the first of any sensor.
     """
 
     joints: JointSeries | None = None
@@ -125,18 +164,94 @@ class Record:
     wheels: JointSeries | None = None
     source: str = ''
     notes: tuple[str, ...] = ()
+    zero_ns: int | None = None
 
     @property
     def span_ns(self) -> tuple[int, int]:
         """First and last stamp of any sensor [ns]; (0, 0) for an empty record."""
-        present = [
-            s.stamp_ns
-            for s in (self.joints, self.rates, self.attitudes, self.wheels)
-            if s is not None
-        ]
+        series = (getattr(self, name) for name in SENSORS)
+        present = [s.stamp_ns for s in series if s is not None and len(s)]
         if not present:
             return 0, 0
         return int(min(s[0] for s in present)), int(max(s[-1] for s in present))
+
+    @cached_property
+    def origin_ns(self) -> int:
+        """Stamp that seconds count from [ns]."""
+        return self.span_ns[0] if self.zero_ns is None else self.zero_ns
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time of the joint samples [s]; there must be some."""
+        return float(self.joint_time[0]), float(self.joint_time[-1])
+
+    @cached_property
+    def joint_time(self) -> Array:
+        """(Nj,) [s]."""
+        return self._time(self.joints)
+
+    @property
+    def q(self) -> Array:
+        """(Nj, n) joint positions [rad]."""
+        return np.zeros((0, 0)) if self.joints is None else self.joints.position
+
+    @property
+    def qd(self) -> Array | None:
+        """(Nj, n) joint rates [rad/s]; None where they were not measured."""
+        return None if self.joints is None else self.joints.velocity
+
+    @property
+    def effort(self) -> Array | None:
+        """(Nj, n) motor torques [N m] at `effort_time`; None where they were not measured."""
+        return None if self.joints is None else self.joints.effort
+
+    @cached_property
+    def effort_time(self) -> Array:
+        """(Nj,) times that the efforts belong to [s]."""
+        return self.joint_time - (0.0 if self.joints is None else self.joints.effort_delay)
+
+    @cached_property
+    def rate_time(self) -> Array:
+        """(Ng,) [s]; empty without a gyro."""
+        return self._time(self.rates)
+
+    @property
+    def omega(self) -> Array:
+        """(Ng, 3) omega_WB_B [rad/s]."""
+        return np.zeros((0, 3)) if self.rates is None else self.rates.omega
+
+    @cached_property
+    def attitude_time(self) -> Array:
+        """(Na,) [s]; empty without a star tracker."""
+        return self._time(self.attitudes)
+
+    @property
+    def attitude_xyzw(self) -> Array:
+        """(Na, 4) q_WB."""
+        return np.zeros((0, 4)) if self.attitudes is None else self.attitudes.q_xyzw
+
+    @cached_property
+    def attitude(self) -> Rotation | None:
+        """Na rotations R_WB; None where there are none."""
+        return Rotation.from_quat(self.attitude_xyzw) if len(self.attitude_xyzw) else None
+
+    def between(self, start: float, end: float) -> Record:
+        """The samples with start < t <= end [s], counted from the same origin."""
+        parts = {}
+        for name in SENSORS:
+            series = getattr(self, name)
+            if series is not None:
+                ends = np.searchsorted(self._time(series), [start, end], side='right')
+                parts[name] = series.at(slice(*ends.tolist()))
+        return replace(self, zero_ns=self.origin_ns, **parts)
+
+    def _time(self, series: _Series | None) -> Array:
+        return np.zeros(0) if series is None else series.seconds(self.origin_ns)
+
+
+def to_stamps(seconds: Array, origin_ns: int = 0) -> IntArray:
+    """(N,) stamps [ns] of times counted from an origin [s]."""
+    return np.asarray(origin_ns + np.round(seconds * 1e9).astype(np.int64))
 
 
 def _stamps(values: IntArray, place: str) -> IntArray:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 
 from ..errors import RecordingError
 from ..types import Array
+from .npz import read_arrays
 
 FORMATS = ('csv', 'npz', 'json')
 _NUMBER = (int, float)
@@ -137,7 +137,7 @@ def read_table(path: Path, kind: str, rows: str = '', delimiter: str = ',') -> T
     """
     readers = {
         'csv': lambda: _read_csv(path, delimiter),
-        'npz': lambda: _read_npz(path),
+        'npz': lambda: Table(str(path), read_arrays(path), 'row'),
         'json': lambda: _read_json(path, rows),
     }
     return readers[kind]()
@@ -213,15 +213,3 @@ def _is_matrix(values: list[Any]) -> bool:
         and -1 not in widths
         and all(isinstance(cell, _NUMBER) for row in values for cell in row)
     )
-
-
-def _read_npz(path: Path) -> Table:
-    try:
-        file = np.load(path, allow_pickle=False)
-        if isinstance(file, np.ndarray):
-            raise ValueError('it holds one array without a name')
-        with file:
-            return Table(str(path), {name: file[name] for name in file.files}, 'row')
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        reason = ' '.join(str(error).split())
-        raise RecordingError(str(path), f'not a readable npz file: {reason}') from error

@@ -86,6 +86,34 @@ def record(**changes):
     return Record(**{**values, **changes})
 
 
+def test_views_count_seconds_from_one_origin():
+    r = record(joints=joints(effort_delay=5e-9))
+    np.testing.assert_allclose(r.joint_time, [0.0, 1e-8, 2e-8], rtol=1e-15, atol=0.0)  # rounding
+    np.testing.assert_allclose(r.effort_time, r.joint_time - 5e-9, rtol=0.0, atol=1e-24)
+    np.testing.assert_allclose(r.rate_time, [5e-9, 1.5e-8, 2.5e-8], rtol=1e-15, atol=0.0)
+    assert r.q is r.joints.position
+    assert r.attitude is not None
+    assert len(r.attitude) == len(r.attitude_time) == 1
+
+
+def test_a_part_keeps_the_origin_and_may_lack_a_sensor():
+    r = record().between(5e-9, 2e-8)
+    assert r.origin_ns == 0
+    assert r.joints.stamp_ns.tolist() == [10, 20]
+    assert r.rates.stamp_ns.tolist() == [15]  # start < t <= end
+    assert (len(r.attitude_time), r.attitude, r.attitude_xyzw.shape) == (0, None, (0, 4))
+    assert r.span == (1e-8, 2e-8)
+    with pytest.raises(ValueError, match='read-only'):
+        r.q[0] = 1.0
+
+
+def test_views_of_absent_sensors_are_empty():
+    r = Record()
+    assert (r.q.shape, r.qd, r.effort, r.attitude) == ((0, 0), None, None, None)
+    assert r.omega.shape == (0, 3)
+    assert len(r.joint_time) == len(r.effort_time) == len(r.rate_time) == 0
+
+
 def test_span():
     assert record().span_ns == (0, 25)
     assert Record(None, None, None).span_ns == (0, 0)
