@@ -36,7 +36,7 @@ def checks(results: Adaptation) -> list[Check]:
 def _identity_checks(results: Adaptation) -> list[Check]:
     found = results.identities
     return [
-        Check('Y pi against RNEA', found.inverse_dynamics, 0.0, 1e-12, 'N m'),
+        Check('Y pi against RNEA', found.rnea, 0.0, 1e-12, 'N m'),
         Check('Slotine-Li regressor against two calls', found.slotine_li, 0.0, 1e-12),
         Check('Y_SL pi against M A_r + C V_r', found.coriolis, 0.0, 1e-12, 'N m'),
         Check('Lyapunov identity, random estimates', found.lyapunov, 0.0, 1e-11, 'W'),

@@ -20,7 +20,7 @@ class Identities:
     """Residuals, largest over random states, and ranks.
 
     Args:
-        inverse_dynamics: Y(q, V, V, A) pi against Pinocchio's RNEA.
+        rnea: Y(q, V, V, A) pi against Pinocchio's RNEA.
         slotine_li: Against the two-call recipe on Pinocchio's regressor.
         coriolis: Y_SL pi against M A_r + C V_r with Pinocchio's C.
         lyapunov: d/dt (sigma^T M sigma / 2) against -sigma^T K sigma + sigma^T Y (pi - pi_hat).
@@ -28,7 +28,7 @@ class Identities:
         rank_without_force: With the paper's seven.
     """
 
-    inverse_dynamics: float
+    rnea: float
     slotine_li: float
     coriolis: float
     lyapunov: float
@@ -62,7 +62,7 @@ def identities(seed: int = 0) -> Identities:
         worst = np.maximum(worst, residuals)
     whole = np.array(rows)
     return Identities(
-        inverse_dynamics=float(worst[0]),
+        rnea=float(worst[0]),
         slotine_li=float(worst[1]),
         coriolis=float(worst[2]),
         lyapunov=float(worst[3]),

@@ -10,7 +10,6 @@ import numpy as np
 
 from ..diagnosis.monitor import Monitor
 from ..diagnosis.monitor_state import MonitorState
-from ..dynamics.plant import Plant
 from ..effects.catalogue import changed_robot, parse_effects
 from ..effects.effect import AppliedEffect, Effect, Values
 from ..effects.motion import Motion
@@ -18,6 +17,7 @@ from ..model.loader import RobotFile, load_robot_file, resolve_urdf
 from ..model.robot import Robot
 from ..model.settings import ReferenceSettings
 from ..simulation.closed_loop import ClosedLoop, Step
+from ..simulation.plant import Plant
 from ..types import Array
 
 _RATE = 100.0  # Hz of joints and gyro; the tracker has a tenth

@@ -14,7 +14,6 @@ from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Ledger, Tracking
 
-from ..dynamics.plant import Plant
 from ..errors import ConfigurationError, IdentificationError
 from ..identification.estimate import Estimate
 from ..model.loader import RobotFile
@@ -26,6 +25,7 @@ from ..recording.bag_writer import BagWriter
 from ..ros import convert
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.session import Recorder, Session
+from ..simulation.plant import Plant
 from ..types import Array
 from .results import Run
 

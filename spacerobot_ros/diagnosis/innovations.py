@@ -128,7 +128,7 @@ class Innovations:
         self.kinematics = scene.kinematics
         self._scene = scene
         self.motion = process.motion(self.kinematics, self.reference.effort(self.grid.times))
-        self._linear = self.process.linearise(self.motion)
+        self._linear = self.process.linearize(self.motion)
         self._transitions = self._make_transitions()
         rows = self.grid.rows
         self._gains, self.stds = covariance_pass(

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..dynamics.composite_kernel import PART
-from ..dynamics.linearise_kernel import linearise
+from ..dynamics.crba import PART
+from ..dynamics.rnea_derivatives import linearize
 from ..effects.catalogue import changed_robot
 from ..effects.effect import AppliedEffect, Effect
 from ..effects.motion import Motion
@@ -26,7 +26,7 @@ _STEP = 1e-6  # of the differences that give the gradient of believed forces; ra
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linearised:
+class Linearized:
     """Derivatives of the m accelerations at N times.
 
     Args:
@@ -75,18 +75,18 @@ class TorqueDriven:
         force[:, 6:] += motion.effort
         return force
 
-    def linearise(self, motion: Motion) -> Linearised:
+    def linearize(self, motion: Motion) -> Linearized:
         """Derivatives of the accelerations about a motion."""
         robot, first = self.robot, self.first
         forces = self.forces(motion) if self.effects else motion.zeros()
         forces[:, 6:] += motion.effort
         loads = self._inverse.loads
-        by_q, by_v, inverse = linearise(
+        by_q, by_v, inverse = linearize(
             motion.tree,
             robot.is_free,
             robot.gravity,
             (loads.inertial, loads.wheels, loads.motors),
-            motion.carried[:3],
+            motion.kinematics[:3],
             np.ascontiguousarray(motion.qd),
             forces,
             np.zeros(len(robot.bodies), dtype=PART),
@@ -94,7 +94,7 @@ class TorqueDriven:
         by_position, by_velocity = by_q[:, first:, first:].copy(), by_v[:, first:, first:].copy()
         if self._direct:
             self._add_effects(motion, inverse, by_position, by_velocity)
-        return Linearised(by_position, by_velocity, inverse[:, first:])
+        return Linearized(by_position, by_velocity, inverse[:, first:])
 
     def _add_effects(self, motion: Motion, inverse: Array, by_q: Array, by_v: Array) -> None:
         """Add the gradient of the believed forces, by differences."""

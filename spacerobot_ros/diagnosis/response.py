@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..dynamics.inverse_kernel import inverse_dynamics
+from ..dynamics.rnea import rnea
 from ..effects.effect import AppliedEffect
 from ..effects.motion import Motion
 from ..model.robot import Robot
@@ -95,9 +95,9 @@ class Loads:
         """(N, 6 + n) generalised force that a motion needs under gravity (3,)."""
         if motion.acceleration is None:
             raise ValueError('inverse dynamics need accelerations')
-        rotations, origins, twists, _ = motion.carried
+        rotations, origins, twists, _ = motion.kinematics
         return np.asarray(
-            inverse_dynamics(
+            rnea(
                 motion.tree,
                 motion.robot.is_free,
                 gravity,

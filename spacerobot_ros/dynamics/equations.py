@@ -1,6 +1,6 @@
 r"""Equations of motion of a tree of bodies with spinning wheels.
 
-Forward dynamics are compiled (`forward_kernel`), all else is on top of Pinocchio.
+Forward dynamics are compiled (`aba`), all else is on top of Pinocchio.
 
 A gyrostat on body b carries the relative momentum h_b, constant in the body's frame. It changes
 neither the mass matrix nor the kinetic energy of the locked system; it adds the angular momentum
@@ -23,10 +23,10 @@ import pinocchio as pin
 
 from ..model.robot import Robot
 from ..types import Array, IntArray, Matrix3, Vector3, Vector6
-from . import forward_kernel
+from . import aba
 from .rotation import skew
 from .state import State
-from .tree_records import machine_of
+from .tree import machine_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +110,7 @@ class Dynamics:
             the order of the integrator.
         """
         out = np.empty(13 + 2 * self._n)
-        forward_kernel.rate(self.machine, *self.inputs(x, tau, base_wrench), out)
+        aba.rate(self.machine, *self.inputs(x, tau, base_wrench), out)
         return out
 
     def inputs(

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from ..types import Array, Vector6
-from .forward_kernel import compiled, rate
-from .tree_records import Machine
+from .aba import compiled, rate
+from .tree import Machine
 
 STAGES = 12
 NODES = np.append(DOP853.C[:STAGES], 1.0)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -338,3 +338,9 @@ def _checked(parameter: Parameter, value: float | None, place: str) -> float:
     if value > parameter.maximum:
         raise ConfigurationError(at, f'{value:g}{unit} must be at most {parameter.maximum:g}')
     return float(value)
+
+
+def own_states(effects: Sequence[AppliedEffect]) -> list[slice]:
+    """Places of every effect's own states in the vector of all, `ForcedMotion.hidden`."""
+    sizes = [effect.effect.hidden for effect in effects]
+    return [slice(sum(sizes[:i]), sum(sizes[: i + 1])) for i in range(len(sizes))]

@@ -10,9 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..dynamics.motion_kernel import accelerate, carry, wrench_force
-from ..dynamics.rotation import cross_rows
-from ..dynamics.tree_records import Records, tree_of
+from ..dynamics.forward_kinematics import body_accelerations, forward_kinematics, generalized_force
+from ..dynamics.rotation import cross_rows, rotation_matrix
+from ..dynamics.state import State
+from ..dynamics.tree import Records, tree_of
 from ..model.robot import Robot
 from ..types import Array
 
@@ -79,7 +80,7 @@ class Motion:
         )
         if _moves_alike(robot, self.robot):
             other.__dict__['tree'] = self.tree
-            other.__dict__['carried'] = self.carried
+            other.__dict__['kinematics'] = self.kinematics
             if self.acceleration is not None:
                 other._accelerated = self.acceleration, self.accelerations
         return other
@@ -121,9 +122,9 @@ class Motion:
                 total[:, 3:] = cross_rows(np.asarray(point), np.asarray(force))
         if torque is not None:
             total[:, 3:] += torque
-        rotations, origins = self.carried[:2]
+        rotations, origins = self.kinematics[:2]
         return np.asarray(
-            wrench_force(
+            generalized_force(
                 self.tree, self.robot.is_free, self._body(link), rotations, origins, total
             )
         )
@@ -134,15 +135,15 @@ class Motion:
 
     def base_rotation(self, link: str) -> Array:
         """(N, 3, 3) takes coordinates of a body to base coordinates."""
-        return self.carried[0][:, self._body(link)]
+        return self.kinematics[0][:, self._body(link)]
 
     def link_position(self, link: str) -> Array:
         """(N, 3) origin of a body in base coordinates [m]."""
-        return self.carried[1][:, self._body(link)]
+        return self.kinematics[1][:, self._body(link)]
 
     def twist(self, link: str) -> Array:
         """(N, 6) [linear; angular] velocity of a body's frame, in it."""
-        return self.carried[2][:, self._body(link)]
+        return self.kinematics[2][:, self._body(link)]
 
     def link_acceleration(self, link: str) -> Array:
         """(N, 6) time derivative of `twist`, in the body's frame; needs `acceleration`."""
@@ -157,10 +158,10 @@ class Motion:
         return tree_of(self.robot)
 
     @cached_property
-    def carried(self) -> tuple[Array, Array, Array, Array]:
-        """Rotations, origins, velocities and drifts of all bodies, see `motion_kernel.carry`."""
+    def kinematics(self) -> tuple[Array, Array, Array, Array]:
+        """Rotations, origins, velocities and drifts of all bodies, see `forward_kinematics`."""
         q = np.ascontiguousarray(self.q, dtype=float)
-        return tuple(carry(self.tree, self.robot.is_free, q, self.rates))
+        return tuple(forward_kinematics(self.tree, self.robot.is_free, q, self.rates))
 
     @property
     def accelerations(self) -> Array:
@@ -169,8 +170,8 @@ class Motion:
         if known is None:
             raise ValueError('the accelerations of this motion are not known')
         if self._accelerated is None or self._accelerated[0] is not known:
-            rotations, origins, _, drifts = self.carried
-            bodies = accelerate(
+            rotations, origins, _, drifts = self.kinematics
+            bodies = body_accelerations(
                 self.tree,
                 self.robot.is_free,
                 rotations,
@@ -180,6 +181,27 @@ class Motion:
             )
             self._accelerated = known, bodies
         return self._accelerated[1]
+
+
+def motion_at(robot: Robot, time: float, state: State, torque: Array) -> Motion:
+    """A single state as a motion.
+
+    Args:
+        robot: The robot.
+        time: Since the start [s].
+        state: The state.
+        torque: (n,) motor torques [N m].
+    """
+    return Motion(
+        robot,
+        np.array([time]),
+        state.q[None],
+        state.qd[None],
+        torque[None],
+        rotation=rotation_matrix(state.q_WB_xyzw)[None],
+        omega=state.omega_WB_B[None],
+        velocity=state.v_WB_B[None],
+    )
 
 
 def _moves_alike(a: Robot, b: Robot) -> bool:

@@ -16,7 +16,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from ..dynamics.plant import Plant
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..model.settings import ADAPTIVE_LAWS
@@ -27,6 +26,7 @@ from ..ros.params import declare_settings, open_robot
 from ..ros.qos import LATCHED, STATE
 from ..sensing.faults import SensorFaults
 from ..sensing.sensors import SensorSuite
+from ..simulation.plant import Plant
 from ..simulation.truth import build_plant
 from .commands import Answer, HeldCommands
 from .pace import Pace

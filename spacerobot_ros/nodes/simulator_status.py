@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..dynamics.plant import MomentumLedger
+from ..dynamics.ledger import MomentumLedger
 from ..ros.diagnostics import ERROR, OK, WARN, Status
 
 _KEPT = 1e-8  # relative momentum drift: far above round-off, far below what matters

@@ -11,10 +11,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Ledger
 
-from ..dynamics.plant import Plant
 from ..ros import convert
 from ..ros.qos import STATE
 from ..sensing.sensors import Measurements
+from ..simulation.plant import Plant
 
 
 class SimulatorTopics:

@@ -23,7 +23,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
 from rosbags.serde import SerdeError
 
-from ..dynamics.plant import MomentumLedger
+from ..dynamics.ledger import MomentumLedger
 from ..errors import RecordingError
 from ..types import Array, Quaternion, Vector3
 from .message_types import PACKAGE, canonical_cdr, typestore

@@ -13,7 +13,7 @@ from spacerobot_msgs.msg import Ledger, Parameters, Tracking
 
 from ..control.adaptive.controller import AdaptiveController
 from ..control.command import Command
-from ..dynamics.plant import MomentumLedger
+from ..dynamics.ledger import MomentumLedger
 from ..identification.estimate import Estimate
 from ..types import Array, Quaternion
 from ..types import Vector3 as Triple

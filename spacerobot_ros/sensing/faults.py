@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..dynamics.forced import motion_at, own_states
 from ..dynamics.state import State
-from ..effects.effect import CLOCKS, AppliedEffect
-from ..effects.motion import Motion
+from ..effects.effect import CLOCKS, AppliedEffect, own_states
+from ..effects.motion import Motion, motion_at
 from ..model.robot import Robot
 from ..types import Array
 

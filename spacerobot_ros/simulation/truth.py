@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ..dynamics.plant import Plant
 from ..dynamics.state import initial_state
 from ..effects.catalogue import parse_effects
 from ..model.loader import true_robot
 from ..model.robot import Robot
 from ..model.settings import Settings
+from .plant import Plant
 
 
 def build_plant(robot: Robot, settings: Settings) -> Plant:

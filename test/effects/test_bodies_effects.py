@@ -16,12 +16,12 @@ from support.states import random_state
 from spacerobot_ros.diagnosis.reference import Kinematics
 from spacerobot_ros.diagnosis.response import InverseDynamics
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.plant import Plant
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import apply_effect, changed_robot
 from spacerobot_ros.effects.hidden import driven_states
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.simulation.plant import Plant
 
 BASE, LINK, TIP = 'base_link', 'link_2', 'link_4'
 AXIS = np.array([2.0, -1.0, 0.5])  # of any length

@@ -10,12 +10,12 @@ import yaml
 from support.models import robot_of, table_one
 
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.forced import ForcedMotion
 from spacerobot_ros.effects.catalogue import CATALOGUE, parse_effects
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
+from spacerobot_ros.simulation.forced import ForcedMotion
 
 SERVICER = Path(__file__).parents[2] / 'config' / 'servicer.yaml'
 EFFECTS = {

@@ -29,13 +29,13 @@ from support.models import (
 )
 from support.pinocchio_states import pin_columns
 
-from spacerobot_ros.dynamics.plant import Plant
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import apply_effect, changed_robot, parse_effects
 from spacerobot_ros.effects.rotors import transverse
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.loader import build_robot, true_robot
 from spacerobot_ros.model.settings import parse_settings
+from spacerobot_ros.simulation.plant import Plant
 
 SECONDS = 2.0
 SAME = 1e-9  # MuJoCo's RK4 at 1 ms and ours of order 8 at 10 ms: both below 1e-10 here

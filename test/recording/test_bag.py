@@ -14,11 +14,11 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from support.models import robot_of, table_one
 
-from spacerobot_ros.dynamics.plant import Plant
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.bag import BagWriter, Topics, read_bag
 from spacerobot_ros.recording.message_types import canonical_cdr, message_folder, typestore
+from spacerobot_ros.simulation.plant import Plant
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)  # not the product's: bags of other distributions
 T = STORE.types

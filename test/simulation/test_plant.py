@@ -18,12 +18,12 @@ from support.models import (
 )
 from support.states import motion_of, random_state
 
-from spacerobot_ros.dynamics.plant import Plant
 from spacerobot_ros.errors import (
     ConfigurationError,
     MessageRejectedError,
     SimulationDivergedError,
 )
+from spacerobot_ros.simulation.plant import Plant
 
 PERIOD = 0.01
 

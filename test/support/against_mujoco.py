@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from spacerobot_ros.dynamics.plant import Plant
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import changed_robot, parse_effects
+from spacerobot_ros.simulation.plant import Plant
 
 from .models import (
     ATTITUDE_XYZW,

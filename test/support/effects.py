@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from spacerobot_ros.dynamics.plant import Plant
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import apply_effect, changed_robot
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.model.robot import Robot
+from spacerobot_ros.simulation.plant import Plant
 
 from .models import Part, quaternion_matrix
 

@@ -13,10 +13,10 @@ from support.mujoco_run import Simulation  # noqa: E402
 from support.mujoco_truth import EFFECTS, EXCITATIONS, Excitation, Sensors, generate, planned  # noqa: E402
 
 from spacerobot_ros.dynamics.equations import Dynamics  # noqa: E402
-from spacerobot_ros.dynamics.plant import Plant  # noqa: E402
 from spacerobot_ros.dynamics.state import State  # noqa: E402
 from spacerobot_ros.model.loader import load_robot_file  # noqa: E402
 from spacerobot_ros.recording.read import read_record  # noqa: E402
+from spacerobot_ros.simulation.plant import Plant  # noqa: E402
 
 ROBOTS = ('servicer', 'sixdof', 'ground', 'pendulum')
 

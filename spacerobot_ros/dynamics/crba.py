@@ -1,6 +1,6 @@
 """The part of a tree from each joint outwards as one body, compiled.
 
-In base coordinates about the base's origin; see `linearise_kernel` for the quantities. A motion
+In base coordinates about the base's origin; see `rnea_derivatives` for the quantities. A motion
 is [v; w], a force [force; torque].
 """
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..types import Array, Vector3
-from .motion_kernel import axis_in_base, compiled
-from .tree_records import Records
+from .forward_kinematics import axis_in_base, compiled
+from .tree import Records
 
 # What is known of a body: own inertia, and that of the part of the tree from its joint outwards.
 PART = np.dtype(

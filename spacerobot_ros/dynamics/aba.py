@@ -27,7 +27,7 @@ from typing import Any
 import numba
 
 from ..types import Array, Vector3, Vector6
-from .tree_records import Machine
+from .tree import Machine
 
 compiled = numba.njit(cache=True, error_model='numpy')  # a singular machine gives NaN, no error
 

@@ -1,7 +1,7 @@
 r"""Inverse dynamics of a tree with gyrostats at N states at once, compiled.
 
 Newton and Euler in each body's own frame (Featherstone, Rigid Body Dynamics Algorithms, 5.3), with
-its inertial parameters, velocity V = [v; w], acceleration A from `motion_kernel`, gravity as an
+its inertial parameters, velocity V = [v; w], acceleration A (`forward_kinematics`), gravity as an
 acceleration of the whole, and the momentum h of its wheels:
 
     P = I V + [0; h],    f = I A + [w x P_v; w x P_w + v x P_v]
@@ -15,12 +15,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..types import Array, Vector3
-from .motion_kernel import along_axis, compiled, to_base
-from .tree_records import Records
+from .forward_kinematics import along_axis, compiled, to_base
+from .tree import Records
 
 
 @compiled  # type: ignore[untyped-decorator]
-def inverse_dynamics(
+def rnea(
     tree: Records,
     is_free: bool,
     gravity: Vector3,
@@ -42,10 +42,10 @@ def inverse_dynamics(
         inertial: (n + 1, 10) of every body, as `Robot.inertial_parameters`.
         wheels: (n + 1, 3) momentum of its gyrostats, in its frame [N m s].
         motors: (n,) motor inertias [kg m^2].
-        rotations: From `motion_kernel.carry`.
+        rotations: From `forward_kinematics`.
         origins: From there.
         twists: From there.
-        accelerations: From `motion_kernel.accelerate`.
+        accelerations: From `body_accelerations`.
         qdd: (N, n) joint accelerations.
 
     Returns:

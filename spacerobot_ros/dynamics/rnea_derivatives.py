@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from ..types import Array, Vector3
-from .composite_kernel import (
+from .crba import (
     add_force_cross,
     add_inertia,
     bias,
@@ -35,12 +35,12 @@ from .composite_kernel import (
     motion_cross,
     move,
 )
-from .motion_kernel import compiled
-from .tree_records import Records
+from .forward_kinematics import compiled
+from .tree import Records
 
 
 @compiled  # type: ignore[untyped-decorator]
-def linearise(
+def linearize(
     tree: Records,
     is_free: bool,
     gravity: Vector3,
@@ -56,8 +56,8 @@ def linearise(
         tree: From `body_records`; only its geometry counts.
         is_free: Whether the base moves.
         gravity: (3,) in base coordinates.
-        loads: Inertial parameters, wheels and motors as `inverse_kernel.inverse_dynamics` takes.
-        places: Rotations, origins and velocities from `motion_kernel.carry`.
+        loads: Inertial parameters, wheels and motors as `rnea.rnea` takes.
+        places: Rotations, origins and velocities from `forward_kinematics`.
         qd: (N, n) joint rates.
         forces: (N, 6 + n) generalised forces that act.
         parts: (n + 1,) scratch records `PART`.

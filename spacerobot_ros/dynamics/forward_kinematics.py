@@ -19,13 +19,13 @@ import numba
 import numpy as np
 
 from ..types import Array
-from .tree_records import Records
+from .tree import Records
 
 compiled = numba.njit(cache=True, nogil=True, error_model='numpy')
 
 
 @compiled  # type: ignore[untyped-decorator]
-def carry(
+def forward_kinematics(
     tree: Records, is_free: bool, q: Array, rates: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Places, velocities and drifts of all bodies, base first.
@@ -119,7 +119,7 @@ def _move(s: int, own: int, body: Any, qd: float, V: Array, drift: Array) -> Non
 
 
 @compiled  # type: ignore[untyped-decorator]
-def accelerate(
+def body_accelerations(
     tree: Records,
     is_free: bool,
     rotations: Array,
@@ -130,9 +130,9 @@ def accelerate(
     """Accelerations of all bodies in their own frames.
 
     Args:
-        tree: As in `carry`.
-        is_free: As in `carry`.
-        rotations: From `carry`.
+        tree: As in `forward_kinematics`.
+        is_free: As in `forward_kinematics`.
+        rotations: From `forward_kinematics`.
         origins: From there.
         drifts: From there.
         acceleration: (N, 6 + n) time derivative of the generalised rates.
@@ -152,15 +152,15 @@ def accelerate(
             if i > 0:
                 parent = tree[body.parent].joint + 1
                 slope = acceleration[s, 6 + body.joint]
-                _push(s, own, parent, body, slope, rotations, origins, forced)
-            _into(s, own, rotations, origins, forced, out)
+                _add_joint(s, own, parent, body, slope, rotations, origins, forced)
+            _in_body(s, own, rotations, origins, forced, out)
             for a in range(6):
                 out[s, own, a] += drifts[s, own, a]
     return out
 
 
 @compiled  # type: ignore[untyped-decorator]
-def _push(
+def _add_joint(
     s: int,
     own: int,
     parent: int,
@@ -196,7 +196,9 @@ def axis_in_base(s: int, own: int, body: Any, rotations: Array) -> tuple[float, 
 
 
 @compiled  # type: ignore[untyped-decorator]
-def _into(s: int, own: int, rotations: Array, origins: Array, at_base: Array, out: Array) -> None:
+def _in_body(
+    s: int, own: int, rotations: Array, origins: Array, at_base: Array, out: Array
+) -> None:
     """A motion vector at the base's origin, in a body's frame."""
     R, p, x = rotations[s, own], origins[s, own], at_base[own]
     v0 = x[0] + x[4] * p[2] - x[5] * p[1]
@@ -208,7 +210,7 @@ def _into(s: int, own: int, rotations: Array, origins: Array, at_base: Array, ou
 
 
 @compiled  # type: ignore[untyped-decorator]
-def wrench_force(
+def generalized_force(
     tree: Records,
     is_free: bool,
     place: int,
@@ -219,10 +221,10 @@ def wrench_force(
     """Generalised force of a wrench on one body.
 
     Args:
-        tree: As in `carry`.
-        is_free: As in `carry`.
+        tree: As in `forward_kinematics`.
+        is_free: As in `forward_kinematics`.
         place: The body's number.
-        rotations: From `carry`.
+        rotations: From `forward_kinematics`.
         origins: From there.
         wrenches: (N, 6) [force; torque] at the body's origin, in its frame.
 

@@ -66,7 +66,7 @@ def test_derivatives_equal_pinocchio(case, rng):
     if not robot.is_free:
         motion.omega, motion.velocity = np.zeros((2, COUNT, 3))
     process = TorqueDriven(robot)
-    got, first, columns = process.linearise(motion), process.first, pin_columns(robot)
+    got, first, columns = process.linearize(motion), process.first, pin_columns(robot)
     kept = columns >= first
     for k, (by_q, by_v, inverse) in enumerate(by_pinocchio(robot, motion)):
         if robot.is_free:

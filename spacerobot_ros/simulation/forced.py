@@ -17,15 +17,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..effects.effect import AppliedEffect
-from ..effects.motion import Motion
+from ..dynamics.equations import Dynamics
+from ..dynamics.integrate import rk8_step
+from ..dynamics.rotation import cross, rotation_matrix
+from ..dynamics.state import State
+from ..effects.effect import AppliedEffect, own_states
+from ..effects.motion import Motion, motion_at
 from ..errors import ConfigurationError, SimulationDivergedError
 from ..model.robot import Robot
 from ..types import Array, Vector3, Vector6
-from .equations import Dynamics
-from .integrate import rk8_step
-from .rotation import cross, rotation_matrix
-from .state import State
 
 _ANGLE_PER_STEP = 1.0
 """Largest product of step and natural frequency: order 8 is then right to about 1e-7 a step."""
@@ -200,33 +200,6 @@ class ForcedMotion:
             return c, np.zeros(3), mass
         rates = np.concatenate([state.v_WB_B, state.omega_WB_B, state.qd])
         return c, M[:3] @ rates / mass, mass
-
-
-def motion_at(robot: Robot, time: float, state: State, torque: Array) -> Motion:
-    """A single state as a motion.
-
-    Args:
-        robot: The robot.
-        time: Since the start [s].
-        state: The state.
-        torque: (n,) motor torques [N m].
-    """
-    return Motion(
-        robot,
-        np.array([time]),
-        state.q[None],
-        state.qd[None],
-        torque[None],
-        rotation=rotation_matrix(state.q_WB_xyzw)[None],
-        omega=state.omega_WB_B[None],
-        velocity=state.v_WB_B[None],
-    )
-
-
-def own_states(effects: Sequence[AppliedEffect]) -> list[slice]:
-    """Places of every effect's own states in the vector of all, `ForcedMotion.hidden`."""
-    sizes = [effect.effect.hidden for effect in effects]
-    return [slice(sum(sizes[:i]), sum(sizes[: i + 1])) for i in range(len(sizes))]
 
 
 def _steps(effect: AppliedEffect, robot: Robot, period: float) -> int:

@@ -6,53 +6,18 @@ Times are whole numbers: `time_ns = step_index * period_ns`, never a sum of floa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..dynamics.equations import Dynamics
+from ..dynamics.integrate import hold_step
+from ..dynamics.ledger import MomentumLedger
+from ..dynamics.state import State
 from ..effects.effect import AppliedEffect
 from ..errors import ConfigurationError, MessageRejectedError
 from ..model.robot import Robot
-from ..types import Array, Vector3, Vector6
-from .equations import Dynamics
+from ..types import Array, Vector6
 from .forced import Book, ForcedMotion
-from .integrate import hold_step
-from .state import State
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MomentumLedger:
-    """What a closed system must keep, and what the simulated one did since its start.
-
-    Args:
-        linear: (3,) linear momentum in the inertial frame [N s].
-        angular: (3,) angular momentum about the centre of mass, wheels and what effects hold
-            included, inertial frame [N m s].
-        kinetic: Kinetic energy without the gyrostats' own constant spin energy [J].
-        potential: Energy in the gravity field [J].
-        joint_work: Work of the joint torques since the start [J].
-        base_work: Work of the base force and torque since the start [J].
-        effect_work: Work of all physical effects since the start [J].
-        linear_impulse: (3,) time integral of the external force, gravity included, inertial frame
-            [N s].
-        angular_impulse: (3,) time integral of the external torque about the centre of mass,
-            inertial frame [N m s].
-        momentum_drift: |h - h0 - angular_impulse| / |h0|; absolute [N m s] when h0 is zero. Zero
-            for a fixed base, whose mount takes any torque, so that nothing is kept.
-        energy_drift: Kinetic and potential energy, less those at the start, less all work [J].
-    """
-
-    linear: Vector3
-    angular: Vector3
-    kinetic: float
-    potential: float
-    joint_work: float
-    base_work: float
-    effect_work: float
-    linear_impulse: Vector3
-    angular_impulse: Vector3
-    momentum_drift: float
-    energy_drift: float
 
 
 class Plant:
@@ -124,7 +89,7 @@ class Plant:
 
     @property
     def hidden(self) -> Array:
-        """Own states of all effects, one effect after the other (`forced.own_states`)."""
+        """Own states of all effects, one effect after the other (`effects.effect.own_states`)."""
         return self._forced.hidden
 
     def step(self, tau: Array, base_wrench: Vector6 | None = None) -> None:
