@@ -1,11 +1,21 @@
-"""Tables and curves as plain data: made where results are judged, drawn by `report` and `cli`."""
+"""Reports as plain data: sections of key figures, text, tables and plots.
+
+Made where results are judged; rendered as a page (`report.html`), as Markdown (`report.markdown`)
+and in the terminal (`cli.terminal`); curves are drawn by `report.plots`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeVar
 
-from .types import Array
+if TYPE_CHECKING:
+    from .types import Array
+
+T = TypeVar('T')
+
+Status = Literal['', 'good', 'bad']
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,3 +71,90 @@ class Panel:
     curves: Sequence[Curve]
     log: bool = False
     levels: Sequence[tuple[float, str]] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFigure:
+    """A number that the reader came for.
+
+    Args:
+        label: What it is.
+        value: The number as text.
+        unit: Its unit; empty for none.
+        remark: What to compare it with; empty for none.
+        status: Whether it is as it should be; marked by a sign, not by colour alone.
+    """
+
+    label: str
+    value: str
+    unit: str = ''
+    remark: str = ''
+    status: Status = ''
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFigures:
+    """A row of key figures."""
+
+    figures: Sequence[KeyFigure]
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph of plain text."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """A plot.
+
+    Args:
+        svg: An `<svg>` element from `plots`, or what draws it: a picture that can not be drawn
+            then costs that picture only.
+        caption: What to see in it.
+    """
+
+    svg: str | Callable[[], str]
+    caption: str = ''
+
+
+Item = KeyFigures | Text | Table | Plot
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A titled part of a report."""
+
+    title: str
+    items: Sequence[Item]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A report.
+
+    Args:
+        title: Title of the page.
+        subtitle: One line below it: robot, date of the data, seed.
+        sections: Its parts.
+    """
+
+    title: str
+    subtitle: str
+    sections: Sequence[Section]
+
+
+def table(
+    items: Iterable[T], columns: Mapping[str, Callable[[T], str]], caption: str = ''
+) -> Table:
+    """A table of one row an item.
+
+    Args:
+        items: What the rows show.
+        columns: For each title, the cell of an item.
+        caption: One line above it.
+    """
+    rows = [[cell(item) for cell in columns.values()] for item in items]
+    return Table(tuple(columns), rows, caption)

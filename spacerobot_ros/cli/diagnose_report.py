@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from .. import __version__
-from ..display import Table
-from ..report.html import Item, KeyFigure, KeyFigures, Plot, Report, Section, Status, Text
+from ..display import Item, KeyFigure, KeyFigures, Plot, Report, Section, Status, Table, Text
 from .diagnose_plots import error_plots, ranking_plot, signal_plots, spectrum_plot
 from .diagnose_tables import (
     APPEARANCE_HEAD,

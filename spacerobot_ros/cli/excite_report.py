@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..display import Curve, Panel, Table
-from ..report.html import KeyFigure, KeyFigures, Plot, Report, Section, Text
+from ..display import Curve, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, Text
 from ..report.plots import plot
 from .excite_tables import (
     LIMIT_HEAD,

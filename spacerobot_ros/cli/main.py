@@ -9,7 +9,10 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import shlex
 import sys
+import tempfile
+import traceback
 from collections.abc import Sequence
 
 from ..errors import SpaceRobotError
@@ -29,7 +32,8 @@ examples:
   spacerobot diagnose run --robot config/servicer.yaml --out out/diagnosis
   spacerobot reproduce wheel-momentum                  the paper's tables, beside the printed ones
 
-exit status: 0 done, 1 done but the answer is no, 2 input that can't be used, 130 interrupted
+exit status: 0 done, 1 done but the answer is no, 2 input that can't be used, 3 a fault of ours,
+130 interrupted
 """
 
 
@@ -41,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns:
         Exit status: 0 done, 1 done but the answer is no (see each sub-command), 2 input that
-        can't be used, 130 interrupted, 141 the reader of the output went away.
+        can't be used, 3 a fault of ours, 130 interrupted, 141 the reader of the output went away.
     """
     modules = {name: importlib.import_module(f'{__package__}.{name}') for name in COMMANDS}
     parser = argparse.ArgumentParser(
@@ -59,20 +63,36 @@ def main(argv: Sequence[str] | None = None) -> int:
         status = int(modules[args.command].run(args))
         sys.stdout.flush()
     except SpaceRobotError as error:
-        print(f'spacerobot {args.command}: {_one_line(error)}', file=sys.stderr)
-        return 2
+        return _fails(args.command, 2, str(error))
     except KeyboardInterrupt:
-        print(f'spacerobot {args.command}: interrupted', file=sys.stderr)
-        return 130
+        return _fails(args.command, 130, 'interrupted')
     except BrokenPipeError:
         # the interpreter would complain again when it flushes at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except Exception as error:  # noqa: BLE001  whatever nobody foresaw is a fault of ours
+        return _fails(args.command, 3, _fault(error, argv))
     return status
 
 
-def _one_line(error: SpaceRobotError) -> str:
-    return ' '.join(str(error).split())
+def _fails(command: str, status: int, why: str) -> int:
+    """One line on stderr."""
+    print(f'spacerobot {command}: {" ".join(why.split())}', file=sys.stderr)
+    return status
+
+
+def _fault(error: Exception, argv: Sequence[str] | None) -> str:
+    """What to send about a fault of ours; the traceback goes to a file."""
+    words = shlex.join(sys.argv[1:] if argv is None else argv)
+    trace = ''.join(traceback.format_exception(error))
+    with tempfile.NamedTemporaryFile(
+        'w', prefix='spacerobot-fault-', suffix='.txt', delete=False
+    ) as file:
+        file.write(f'{_version()}, Python {sys.version}\nspacerobot {words}\n\n{trace}')
+    return (
+        f'this is a fault of ours ({type(error).__name__}: {error}); please send {file.name} '
+        'and the robot file'
+    )
 
 
 def _version() -> str:

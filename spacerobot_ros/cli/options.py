@@ -1,9 +1,50 @@
-"""Types of command-line arguments that say what is wrong with a value."""
+"""What all commands share: their parsers, types of arguments, and checks of what they will write.
+
+Types say what is wrong with a value; targets are checked before any work is done.
+"""
 
 from __future__ import annotations
 
 import argparse
 import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from ..errors import ConfigurationError
+
+Subparsers = argparse._SubParsersAction
+
+
+class Formatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
+    """Keeps the layout of descriptions and shows defaults."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        """Defaults of None or False say nothing."""
+        if action.default is None or action.default is False:
+            return action.help
+        return super()._get_help_string(action)
+
+
+def add_command(
+    subparsers: Subparsers[argparse.ArgumentParser],
+    name: str,
+    summary: str,
+    text: str,
+    epilog: str,
+) -> argparse.ArgumentParser:
+    """The parser of a command.
+
+    Args:
+        subparsers: Of `spacerobot`.
+        name: Of the command.
+        summary: One line for the list of commands.
+        text: What it does.
+        epilog: Examples and exit statuses.
+    """
+    return subparsers.add_parser(
+        name, help=summary, description=text, epilog=epilog, formatter_class=Formatter
+    )
 
 
 def positive_float(text: str) -> float:
@@ -17,22 +58,64 @@ def positive_float(text: str) -> float:
     return value
 
 
-def seed(text: str) -> int:
-    """A whole number, zero or above."""
-    try:
-        value = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number') from None
-    if value < 0:
-        raise argparse.ArgumentTypeError(f'{text} must be zero or above')
-    return value
+def whole_number(least: int, most: float = math.inf) -> Callable[[str], int]:
+    """A whole number within limits."""
+    words = {0: 'zero', 1: 'one'}.get(least, str(least))
+    limits = f'{words} or above' if math.isinf(most) else f'from {least} to {most:g}'
+
+    def parse(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f'{text!r} is not a whole number') from None
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f'{text} must be {limits}')
+        return value
+
+    return parse
 
 
-class Formatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
-    """Keeps the layout of descriptions and shows defaults."""
+seed = whole_number(0)
 
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        """Defaults of None or False say nothing."""
-        if action.default is None or action.default is False:
-            return action.help
-        return super()._get_help_string(action)
+
+def check_file(path: str, force: bool, source: str = '') -> Path:
+    """A file to write.
+
+    Args:
+        path: The file.
+        force: Whether it may be replaced.
+        source: A file that is read, and never replaced.
+
+    Raises:
+        ConfigurationError: it is there already, or can't be a file.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise ConfigurationError(path, 'is a folder')
+    if source and target.exists() and target.resolve() == Path(source).resolve():
+        raise ConfigurationError(path, 'is the robot file itself')
+    if target.exists() and not force:
+        raise ConfigurationError(path, 'is already there; --force replaces it')
+    return target
+
+
+def check_folder(path: str, holds: tuple[str, str] = ('', ''), force: bool = False) -> Path:
+    """A folder to write to.
+
+    Args:
+        path: The folder.
+        holds: File whose presence says that the folder is taken, and what it then holds.
+        force: Whether that may be replaced.
+
+    Raises:
+        ConfigurationError: it can't be written to, or is taken.
+    """
+    folder, (marker, what) = Path(path), holds
+    above = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not above.is_dir():
+        raise ConfigurationError('--out', f'{above} is a file, not a folder')
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise ConfigurationError('--out', f'{above} can not be written to')
+    if marker and (folder / marker).exists() and not force:
+        raise ConfigurationError('--out', f'{folder} holds {what} already (--force replaces it)')
+    return folder

@@ -25,9 +25,8 @@ from ..campaign.adaptive_run import Run
 from ..campaign.adaptive_scenario import minisat
 from ..campaign.checks import Check
 from ..control.adaptive.tree import parameter_values
-from ..display import Curve, Panel, Table
+from ..display import Curve, Panel, Plot, Section, Table
 from ..json_values import json_value
-from ..report.html import Plot, Section
 from ..report.plots import plot
 from .reproduce_report import Page
 

@@ -11,9 +11,8 @@ import numpy as np
 from ..campaign.checks import Check
 from ..campaign.diagnosis_score import Scores
 from ..campaign.shares import Share
-from ..display import Curve, Panel
+from ..display import Curve, Panel, Plot, Section
 from ..json_values import json_value
-from ..report.html import Plot, Section
 from ..report.markdown import markdown
 from ..report.plots import matrix, plot
 from .reproduce_diagnosis_tables import tables
@@ -38,7 +37,7 @@ def page(scores: Scores, found: Sequence[Check]) -> Page:
         name = kind.replace('_', ' ')
         counts[name] = counts.get(name, 0) + sum(of.values())
     shown, roc = tables(scores), _roc(scores)
-    files = {MARKDOWN: markdown(_TITLE, shown), ROC: roc}
+    files = {MARKDOWN: markdown(_TITLE, [Section(t, [x]) for t, x in shown]), ROC: roc}
     figures = [Plot(roc, 'The threshold on the best evidence falls from left to right.')]
     if scores.confusion:
         files[CONFUSION] = _confusion(scores)

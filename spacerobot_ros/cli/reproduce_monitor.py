@@ -9,7 +9,7 @@ from typing import Any
 from ..campaign.checks import Check
 from ..campaign.monitor_campaign import MonitorScores
 from ..campaign.monitor_faults import FAULTS
-from ..display import Table
+from ..display import Section, Table
 from ..json_values import json_value
 from ..report.markdown import markdown
 from .reproduce_report import Page
@@ -40,7 +40,7 @@ def page(scores: MonitorScores, found: Sequence[Check]) -> Page:
         headlines=[check for check in found if check.what.startswith('alarms')],
         figures=[],
         tables=tables,
-        files={MARKDOWN: markdown(_TITLE, tables)},
+        files={MARKDOWN: markdown(_TITLE, [Section(t, [x]) for t, x in tables])},
     )
 
 

@@ -13,18 +13,20 @@ import numpy as np
 from ..campaign.checks import Check
 from ..campaign.tracking import TrackingRun
 from ..campaign.wheel_momentum import Reproduction
-from ..display import Curve, Panel, Table
-from ..report.html import (
+from ..display import (
+    Curve,
     Item,
     KeyFigure,
     KeyFigures,
+    Panel,
     Plot,
     Report,
-    ReportError,
     Section,
     Status,
-    write_report,
+    Table,
 )
+from ..errors import ConfigurationError
+from ..report.html import write_report
 from ..report.plots import plot
 from .reproduce_tables import tables
 
@@ -35,13 +37,13 @@ def prepare(folder: Path) -> None:
     """Make the folder before the work is done, not after.
 
     Raises:
-        ReportError: it can't be made or written to.
+        ConfigurationError: it can't be made or written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / 'results.json').write_text('', encoding='utf-8')
     except OSError as error:
-        raise ReportError(f'{folder}: can not be written: {error.strerror}') from error
+        raise ConfigurationError(str(folder), f'can not be written: {error.strerror}') from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,7 @@ def write(page: Page, found: list[Check], folder: Path, data: dict[str, Any]) ->
     """Write `report.html`, `results.json` and the page's files; returns the page's path.
 
     Raises:
-        ReportError: the folder can't be written.
+        ConfigurationError: the folder can't be written.
     """
     sections = [Section('Figures to reach', [_key_figures(page, found), _checks(found)])]
     sections += page.figures

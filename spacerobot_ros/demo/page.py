@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..display import Curve, Panel, Table
-from ..report.html import Item, KeyFigure, KeyFigures, Plot, Report, Section, Text
+from ..display import Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, Text
 from ..report.plots import plot
 from .results import Results
 

@@ -1,15 +1,18 @@
-"""Reading robot files: YAML as ROS 2 reads it, with nothing silently overwritten."""
+"""Files in and out: YAML as ROS 2 reads it, nothing silently overwritten; text."""
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from ..errors import ConfigurationError
+from ..json_values import plain
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml is untyped
@@ -82,3 +85,39 @@ def read_text(path: Path, what: str) -> str:
         raise ConfigurationError(str(path), f'{what} can not be read: {why}') from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(str(path), f'{what} can not be read: {error}') from error
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """Write a file, complete or not at all, making its folder; returns its path.
+
+    Raises:
+        ConfigurationError: it can't be written.
+    """
+    path = Path(path)
+    partial = path.with_name(f'.{path.name}.partial')
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_text(text, encoding='utf-8')
+        os.replace(partial, path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise ConfigurationError(str(path), f'can not be written: {error.strerror}') from error
+    return path
+
+
+def write_parameters(path: str | Path, values: Mapping[str, Any], head: str = '') -> Path:
+    """Write `ros__parameters` as a robot file.
+
+    Args:
+        path: The YAML.
+        values: The parameters.
+        head: Comment lines before them.
+
+    Raises:
+        ConfigurationError: the file can't be written.
+    """
+    content = {'/**': {'ros__parameters': plain(values)}}
+    return write_text(
+        path, head + yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+    )

@@ -1,112 +1,25 @@
-"""Reports as one self-contained HTML page: sections of key figures, text, tables and plots.
+"""Reports as one self-contained HTML page.
 
-A report is plain data; `render` turns it into a page that needs no network, reads well on a phone
-and in print, and is the same to the last byte for the same content.
+A page needs no network, reads well on a phone and in print, and is the same to the last byte for
+the same content.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Literal
 
-from ..display import Table
-from ..errors import SpaceRobotError
-
-Status = Literal['', 'good', 'bad']
-
-
-@dataclass(frozen=True, slots=True)
-class KeyFigure:
-    """A number that the reader came for.
-
-    Args:
-        label: What it is.
-        value: The number as text.
-        unit: Its unit; empty for none.
-        remark: What to compare it with; empty for none.
-        status: Whether it is as it should be; marked by a sign, not by colour alone.
-    """
-
-    label: str
-    value: str
-    unit: str = ''
-    remark: str = ''
-    status: Status = ''
-
-
-@dataclass(frozen=True, slots=True)
-class KeyFigures:
-    """A row of key figures."""
-
-    figures: Sequence[KeyFigure]
-
-
-@dataclass(frozen=True, slots=True)
-class Text:
-    """A paragraph of plain text."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Plot:
-    """A plot.
-
-    Args:
-        svg: An `<svg>` element from `plots.plot`, used as it is.
-        caption: What to see in it.
-    """
-
-    svg: str
-    caption: str = ''
-
-
-Item = KeyFigures | Text | Table | Plot
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """A titled part of a report."""
-
-    title: str
-    items: Sequence[Item]
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """A report.
-
-    Args:
-        title: Title of the page.
-        subtitle: One line below it: robot, date of the data, seed.
-        sections: Its parts.
-    """
-
-    title: str
-    subtitle: str
-    sections: Sequence[Section]
-
-
-class ReportError(SpaceRobotError, OSError):
-    """A report that can't be written."""
+from ..display import Item, KeyFigure, KeyFigures, Plot, Report, Section, Table, Text
+from ..model.files import write_text
 
 
 def write_report(report: Report, path: str | Path) -> Path:
     """Render a report into a file, making its folder.
 
     Raises:
-        ReportError: the file can't be written.
+        ConfigurationError: the file can't be written.
     """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(render(report), encoding='utf-8')
-    except OSError as error:
-        raise ReportError(f'{path}: can not be written: {error.strerror}') from error
-    return path
+    return write_text(path, render(report))
 
 
 def render(report: Report) -> str:
@@ -123,7 +36,8 @@ def render(report: Report) -> str:
 
 def _section(section: Section) -> str:
     items = '\n'.join(_item(item) for item in section.items)
-    return f'<section>\n<h2>{escape(section.title)}</h2>\n{items}\n</section>'
+    title = f'<h2>{escape(section.title)}</h2>\n' * bool(section.title)
+    return f'<section>\n{title}{items}\n</section>'
 
 
 def _item(item: Item) -> str:
@@ -133,8 +47,17 @@ def _item(item: Item) -> str:
         return f'<p>{escape(item.text)}</p>'
     if isinstance(item, Table):
         return _table(item)
-    caption = f'<figcaption>{escape(item.caption)}</figcaption>' if item.caption else ''
-    return f'<figure>{item.svg}{caption}</figure>'
+    return _figure(item)
+
+
+def _figure(figure: Plot) -> str:
+    caption = f'<figcaption>{escape(figure.caption)}</figcaption>' if figure.caption else ''
+    try:
+        svg = figure.svg if isinstance(figure.svg, str) else figure.svg()
+    except Exception as error:  # noqa: BLE001  whatever fails in a picture costs that picture only
+        why = f'This picture could not be drawn: {type(error).__name__}: {error}'
+        return f'<figure><p>{escape(why)}</p>{caption}</figure>'
+    return f'<figure>{svg}{caption}</figure>'
 
 
 def _key_figure(figure: KeyFigure) -> str:
@@ -148,7 +71,8 @@ def _key_figure(figure: KeyFigure) -> str:
 def _table(table: Table) -> str:
     head = ''.join(f'<th scope="col">{escape(title)}</th>' for title in table.head)
     rows = '\n'.join(f'<tr>{"".join(_cell(cell) for cell in row)}</tr>' for row in table.rows)
-    caption = f'<caption>{escape(table.caption)}</caption>' if table.caption else ''
+    above = '. '.join(text for text in (table.title, table.caption) if text)
+    caption = f'<caption>{escape(above)}</caption>' if above else ''
     return (
         f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead>\n'
         f'<tbody>\n{rows}\n</tbody></table></div>'

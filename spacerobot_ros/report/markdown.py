@@ -1,24 +1,26 @@
-"""Tables of a report as Markdown, for pages that quote them."""
+"""Reports as Markdown, for pages that quote their tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
-from ..display import Table
+from ..display import Section, Table, Text
 
 
-def markdown(title: str, tables: Sequence[tuple[str, Table]]) -> str:
-    """A page of titled tables.
+def markdown(title: str, sections: Iterable[Section]) -> str:
+    """A titled page of tables and texts; plots and key figures are left to HTML."""
+    return '\n'.join([f'# {title}\n', *(_section(section) for section in sections)])
 
-    Args:
-        title: Of the page.
-        tables: Title and table, in order.
-    """
-    parts = [f'# {title}\n']
-    for name, table in tables:
-        caption = f'{table.caption}\n\n' * bool(table.caption)
-        parts.append(f'## {name}\n\n{caption}{markdown_table(table)}')
-    return '\n'.join(parts)
+
+def _section(section: Section) -> str:
+    parts = [f'## {section.title}\n\n']
+    for item in section.items:
+        if isinstance(item, Table):
+            parts += [f'{line}\n\n' for line in (item.title, item.caption) if line]
+            parts.append(markdown_table(item))
+        elif isinstance(item, Text):
+            parts.append(f'{item.text}\n\n')
+    return ''.join(parts)
 
 
 def markdown_table(table: Table) -> str:

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -247,13 +248,19 @@ def test_errors_become_statuses(capsys, monkeypatch, error, status, message):
     assert fails(capsys, status, 'identify', 'x', '--robot', 'y') == message
 
 
-def test_an_unexpected_error_is_not_hidden(monkeypatch):
+def test_a_fault_of_ours_is_status_3_and_says_what_to_send(capsys, monkeypatch, tmp_path):
     def stop(_):
-        raise ZeroDivisionError
+        raise ZeroDivisionError('by\nzero')
 
     monkeypatch.setattr(simulate, 'run', stop)
-    with pytest.raises(ZeroDivisionError):
-        main.main(['simulate', '--robot', 'x', '-o', 'y'])
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+    line = fails(capsys, 3, 'simulate', '--robot', 'x', '-o', 'y')
+    assert 'a fault of ours (ZeroDivisionError: by zero)' in line
+    (sent,) = tmp_path.iterdir()
+    assert f'please send {sent}' in line
+    text = sent.read_text()
+    assert 'spacerobot simulate --robot x -o y' in text
+    assert 'Traceback' in text
 
 
 def spacerobot(*arguments, **options):

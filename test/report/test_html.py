@@ -7,18 +7,19 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from spacerobot_ros.display import Curve, Panel, Table
-from spacerobot_ros.report.html import (
+from spacerobot_ros.display import (
+    Curve,
     KeyFigure,
     KeyFigures,
+    Panel,
     Plot,
     Report,
-    ReportError,
     Section,
+    Table,
     Text,
-    render,
-    write_report,
 )
+from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.report.html import render, write_report
 from spacerobot_ros.report.plots import plot
 
 VOID = {'meta', 'br', 'hr', 'img', 'link', 'input'}
@@ -121,5 +122,15 @@ def test_identifiers_are_only_those_that_are_used():
 def test_writing_makes_the_folder_and_reports_what_fails(tmp_path):
     path = write_report(report(), tmp_path / 'out' / 'report.html')
     assert path.read_text(encoding='utf-8') == render(report())
-    with pytest.raises(ReportError, match=r'report\.html/x\.html: can not be written'):
+    with pytest.raises(ConfigurationError, match=r'report\.html/x\.html: can not be written'):
         write_report(report(), path / 'x.html')
+
+
+def test_a_picture_that_fails_costs_that_picture_only():
+    def draw():
+        raise ZeroDivisionError('no <data>')
+
+    pictures = Section('Two', [Plot(draw, 'lost'), Plot(lambda: '<svg></svg>', 'kept')])
+    text = render(Report('t', 's', [pictures]))
+    assert 'This picture could not be drawn: ZeroDivisionError: no &lt;data&gt;' in text
+    assert '<figure><svg></svg><figcaption>kept</figcaption></figure>' in text

@@ -1,0 +1,100 @@
+"""What the commands print: sections of a report, JSON, progress."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from ..display import KeyFigures, Plot, Section, Table, Text
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_WIDTH = 120  # columns, where the output is no terminal
+_UPDATES = 200  # of a progress bar
+_NO_NUMBERS = ('never', 'none', 'not tested')  # but said in their place
+
+Stage = Callable[[str, float], Callable[[float], None]]
+"""Called with what is being done and its total; gives what is called with the part done."""
+
+
+def print_json(value: Any) -> None:
+    """A result as JSON; what is not finite as null."""
+    from ..json_values import json_text
+
+    print(json_text(value), end='')
+
+
+def print_sections(sections: Iterable[Section]) -> None:
+    """Texts and tables of a report, below their titles; texts below a title are indented."""
+    from rich.console import Console
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
+    for section in sections:
+        if section.title:
+            console.print(section.title, markup=False, style='bold')
+        for item in section.items:
+            if isinstance(item, Text):
+                text = f'  {item.text}' if section.title else item.text
+                console.print(text, markup=False, soft_wrap=True)
+            elif isinstance(item, Table):
+                _print_table(console, item)
+            elif isinstance(item, KeyFigures | Plot):
+                continue  # of the page
+
+
+def _print_table(console: Console, table: Table) -> None:
+    from rich import box
+    from rich.table import Table as Grid
+    from rich.text import Text as Cell
+
+    if table.title:
+        console.print(table.title, markup=False, style='bold')
+    if table.caption:
+        console.print(table.caption, markup=False, style='dim')
+    grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column, name in enumerate(table.head):
+        is_number = column > 0 and all(_is_number(row[column]) for row in table.rows)
+        grid.add_column(Cell(name), justify='right' if is_number else 'left')
+    for row in table.rows:
+        grid.add_row(*(Cell(cell) for cell in row))
+    console.print(grid)
+
+
+def _is_number(text: str) -> bool:
+    return not text or text in _NO_NUMBERS or text[0].isdigit() or text[0] in '+-<'
+
+
+@contextmanager
+def progress() -> Iterator[Stage]:
+    """Progress bars on stderr, one a stage; nothing where that is no terminal."""
+    if not sys.stderr.isatty():
+        yield lambda what, total: lambda done: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
+    columns = (TextColumn('{task.description}'), BarColumn(), TaskProgressColumn())
+    with Progress(
+        *columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True
+    ) as bar:
+
+        def stage(what: str, total: float) -> Callable[[float], None]:
+            task, shown = bar.add_task(what, total=total), [0.0]
+
+            def advance(done: float) -> None:
+                if done >= total or done - shown[0] >= total / _UPDATES:
+                    shown[0] = done
+                    bar.update(task, completed=done)
+
+            return advance
+
+        yield stage
