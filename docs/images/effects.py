@@ -13,12 +13,12 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from spacerobot_ros.diagnosis.response import Response
 from spacerobot_ros.dynamics.rotation import rotation_matrix
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import apply_effect
 from spacerobot_ros.effects.effect import AppliedEffect
 from spacerobot_ros.effects.motion import Motion
+from spacerobot_ros.estimation.response import Response
 from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.simulation.plant import Plant

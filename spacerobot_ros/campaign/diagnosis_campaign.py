@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
+from ..diagnosis.answer.result import Cause, Diagnosis
 from ..diagnosis.diagnose import diagnose
-from ..diagnosis.fit import Fit, Run
-from ..diagnosis.noise import noise_levels
-from ..diagnosis.observations import observe
-from ..diagnosis.result import Cause, Diagnosis
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import AppliedEffect, Effect
 from ..errors import SpaceRobotError
+from ..estimation.noise_levels import noise_levels
+from ..estimation.observations import observe
+from ..estimation.refit import Fit, Run
 from ..json_values import json_value
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED

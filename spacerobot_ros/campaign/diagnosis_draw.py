@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..diagnosis.candidates import is_possible
-from ..diagnosis.coordinate import PROPORTIONAL, coordinate_of, origin_of, size_of, value_of
-from ..diagnosis.fit import Fit
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import AppliedEffect, Effect
 from ..errors import ConfigurationError
+from ..estimation.columns import is_possible
+from ..estimation.refit import Fit
+from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, size_of, value_of
 from ..model.robot import Robot
 
 LIMIT = 30.0

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..diagnosis.coordinate import PROPORTIONAL, coordinate_of, origin_of, value_of
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect, Parameter, Values
+from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_of
 from .diagnosis_judge import Line
 from .diagnosis_scenario import robot_file
 

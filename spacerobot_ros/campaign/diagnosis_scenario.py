@@ -10,7 +10,7 @@ import numpy as np
 
 from ..control.loop import ControlLoop
 from ..control.reference import build_reference
-from ..diagnosis.extended_model import effects_section
+from ..diagnosis.answer.extended_model import effects_section
 from ..effects.effect import AppliedEffect
 from ..errors import SimulationDivergedError
 from ..model.loader import RobotFile, load_robot_file, resolve_urdf

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..diagnosis.coordinate import PROPORTIONAL
 from ..effects.catalogue import CATALOGUE
+from ..estimation.scaling import PROPORTIONAL
 from ..types import Array
 from .checks import Check
 from .diagnosis_judge import (

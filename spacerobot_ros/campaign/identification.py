@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..identification.minimal import minimal_set
+from ..estimation.minimal import minimal_set
 from ..types import Array
 from .linear_system import LinearSystem, linear_system, relative_errors, true_solution
 from .scenario import cached_motion, forward_motion, scenario

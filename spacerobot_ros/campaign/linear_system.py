@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..dynamics.blocks import BlockTree
-from ..identification.linearize import MomentumModel, Reference
-from ..identification.minimal import MinimalSet
+from ..estimation.minimal import MinimalSet
+from ..estimation.momentum_process import MomentumModel, Reference
 from ..model.robot import Robot
 from ..types import Array
 

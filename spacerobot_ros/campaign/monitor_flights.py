@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..diagnosis.monitor import Monitor
-from ..diagnosis.monitor_state import MonitorState
+from ..diagnosis.flight.monitor import Monitor
+from ..diagnosis.flight.state import MonitorState
 from ..effects.catalogue import changed_robot, parse_effects
 from ..effects.effect import AppliedEffect, Effect, Values
 from ..effects.motion import Motion

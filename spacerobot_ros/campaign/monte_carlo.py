@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..estimation.momentum_process import Reference
 from ..identification.batch import identify
 from ..identification.cramer_rao import cramer_rao_bound
 from ..identification.estimate import Estimate
-from ..identification.linearize import Reference
 from ..identification.online import OnlineIdentifier
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..estimation.momentum_process import Reference
 from ..identification.cramer_rao import SensorPlan
-from ..identification.linearize import Reference
 from ..model.settings import SensorSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 

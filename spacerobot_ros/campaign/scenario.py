@@ -22,8 +22,8 @@ from ..dynamics.integrate import Torque, rk4_step, simulate_smooth
 from ..dynamics.rotation import quaternion_rate, rotation_matrix
 from ..dynamics.state import State, initial_state
 from ..errors import ConfigurationError
-from ..identification.linearize import Reference
-from ..identification.minimal import MinimalSet, minimal_set
+from ..estimation.minimal import MinimalSet, minimal_set
+from ..estimation.momentum_process import Reference
 from ..model.loader import load_robot_file, package_folder
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings

@@ -71,8 +71,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose, write, print; 0 where the data are consistent with the model, else 1."""
-    from ..diagnosis.extended_model import write_extended_model
-    from ..diagnosis.output import EXTENDED_MODEL
+    from ..diagnosis.answer.extended_model import write_extended_model
+    from ..diagnosis.answer.output import EXTENDED_MODEL
     from ..report.html import write_report
     from .diagnose_answer import answer_of
     from .diagnose_report import report_of

@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..diagnosis.appearance import Appearance, appearances
-from ..diagnosis.closed_loop_gain import ClosedLoopGain, closed_loop_gain
+from ..diagnosis.answer.appearance import Appearance, appearances
+from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain, closed_loop_gain
+from ..diagnosis.answer.extended_model import named
+from ..diagnosis.answer.next_motion import with_motions
+from ..diagnosis.answer.output import to_dict
+from ..diagnosis.answer.result import Diagnosis
+from ..diagnosis.answer.score_on import JointScore, score_on
+from ..diagnosis.answer.score_on import to_dict as score_to_dict
 from ..diagnosis.diagnose import diagnose
-from ..diagnosis.extended_model import named
-from ..diagnosis.next_motion import with_motions
-from ..diagnosis.output import to_dict
-from ..diagnosis.result import Diagnosis
-from ..diagnosis.score_on import JointScore, score_on
-from ..diagnosis.score_on import to_dict as score_to_dict
 from ..effects.effect import AppliedEffect
 from ..model.loader import RobotFile, load_robot_file
 from ..recording.read import read_record

@@ -13,7 +13,7 @@ from ..display import Curve, Panel
 from ..report.plots import bars, plot, thinned
 
 if TYPE_CHECKING:
-    from ..diagnosis.result import Diagnosis, Series
+    from ..diagnosis.answer.result import Diagnosis, Series
     from ..types import Array
 
 _SIGNALS, _SPECTRA, _RANKED = 3, 3, 12

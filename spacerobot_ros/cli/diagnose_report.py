@@ -28,8 +28,8 @@ from .diagnose_tables import (
 )
 
 if TYPE_CHECKING:
-    from ..diagnosis.closed_loop_gain import ClosedLoopGain
-    from ..diagnosis.result import Diagnosis
+    from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
+    from ..diagnosis.answer.result import Diagnosis
     from .diagnose_answer import Answer
 
 _SHORT = 20  # characters of a cell that stays on one line

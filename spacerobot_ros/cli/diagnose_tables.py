@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..diagnosis.appearance import Appearance
-    from ..diagnosis.closed_loop_gain import ClosedLoopGain
-    from ..diagnosis.result import Cause, Diagnosis, Residual
-    from ..diagnosis.score_on import JointScore
+    from ..diagnosis.answer.appearance import Appearance
+    from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
+    from ..diagnosis.answer.result import Cause, Diagnosis, Residual
+    from ..diagnosis.answer.score_on import JointScore
 
 PARAMETER_HEAD = ('cause', 'where', 'parameter', 'value', '+- std', 'unit', 'matters from')
 EVIDENCE_HEAD = ('cause', 'log L gain', 'BIC gain', 'p', 'held out', 'placebo', 'constant p')
@@ -38,7 +38,7 @@ _IMPROBABLE = 1e-3  # of whiteness, over all channels
 
 def parameter_rows(causes: Sequence[Cause]) -> Rows:
     """One row a parameter of each cause."""
-    from ..diagnosis.output import relevance
+    from ..diagnosis.answer.output import relevance
 
     rows: Rows = []
     for cause in causes:
@@ -146,7 +146,7 @@ def _values(cause: Cause) -> str:
 
 def score_line(scores: Sequence[JointScore]) -> str:
     """What the extended model is worth on another record, in a line."""
-    from ..diagnosis.score_on import BAND, total
+    from ..diagnosis.answer.score_on import BAND, total
 
     before, after = total(scores)
     return (

@@ -66,11 +66,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
+    from ..estimation.grouping import standard_parameters
+    from ..estimation.minimal import minimal_set
+    from ..estimation.momentum_process import MomentumModel
     from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
-    from ..identification.grouping import standard_parameters
-    from ..identification.linearize import MomentumModel
-    from ..identification.minimal import minimal_set
     from ..json_values import json_value
     from ..model.loader import load_robot_file
     from ..model.writer import write_robot_file

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.blocks import BlockTree
+from ..estimation.minimal import minimal_set
 from ..identification.estimate import Estimate
-from ..identification.minimal import minimal_set
 from ..model.robot import Robot
 from ..types import Array
 

@@ -10,21 +10,21 @@ from scipy.stats import chi2
 
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import AppliedEffect, Effect
+from ..estimation.evidence import Gram, score
+from ..estimation.noise_levels import noise_levels
+from ..estimation.observations import observe
+from ..estimation.placebo import held_out_gain
+from ..estimation.prediction import TIMINGS
+from ..estimation.refit import Fit, Run, refine
+from ..estimation.scaling import is_relevant
+from ..estimation.whiteness import ChannelFit, fit_test
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
-from .coordinate import is_relevant
+from .answer.residuals import residuals, series
+from .answer.result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Rival
 from .data_faults import check_data
-from .evidence import Gram, score
-from .fit import Fit, Run, refine
-from .fit_test import ChannelFit, fit_test
 from .inadequacy import diagnose_balance, is_of_unknown_noise, shows_no_noise
-from .innovations import TIMINGS
-from .noise import noise_levels
-from .observations import observe
-from .placebo import held_out_gain
-from .residuals import residuals, series
-from .result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Rival
 from .search import Choice, Found, Search, blocks
 from .timing import first_timing, held_after_all, said_of
 

@@ -18,15 +18,15 @@ import pinocchio as pin
 from scipy.stats import chi2
 
 from ..effects.effect import AppliedEffect, Effect, Parameter
+from ..estimation.balance import TorqueBalance, band_limited, band_terms, missed_torque
+from ..estimation.columns import is_possible
+from ..estimation.reference import NoiseLevels, ReferenceTrajectory
+from ..estimation.refit import Run
+from ..estimation.scaling import PROPORTIONAL, is_relevant, spread_of, value_std
 from ..model.robot import Robot
 from ..types import Array
-from .candidates import is_possible
-from .coordinate import PROPORTIONAL, is_relevant, spread_of, value_std
-from .fit import Run
-from .reference import NoiseLevels, ReferenceTrajectory
-from .result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Residual, Series
+from .answer.result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Residual, Series
 from .search import Judged, wanted_of
-from .torque_balance import TorqueBalance, band_limited, band_terms, missed_torque
 
 _MOST_CAUSES = 16
 _SIMPLER = 0.85  # of the best evidence: enough for a cause of fewer numbers

@@ -15,12 +15,12 @@ from itertools import pairwise
 import numpy as np
 
 from ..effects.effect import AppliedEffect, Effect
+from ..estimation.columns import Candidate, candidates, is_possible
+from ..estimation.evidence import Gram, Score, cross_validated, folds, score, sum_of
+from ..estimation.prediction import Innovations
+from ..estimation.refit import Fit, Run, refine
+from ..estimation.whiteness import fit_test, lines
 from ..model.robot import Robot
-from .candidates import Candidate, candidates, is_possible
-from .evidence import Gram, Score, cross_validated, folds, score, sum_of
-from .fit import Fit, Run, refine
-from .fit_test import fit_test, lines
-from .innovations import Innovations
 from .timing import better_timing
 
 _FOLDS = 5

@@ -15,14 +15,14 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 
 from ..effects.effect import AppliedEffect, Effect
+from ..estimation.columns import candidates
+from ..estimation.evidence import Gram, score
+from ..estimation.observations import Observations
+from ..estimation.prediction import TIMINGS
+from ..estimation.reference import NoiseLevels
+from ..estimation.refit import Fit, Run, refine
+from ..estimation.whiteness import fit_test
 from ..model.robot import Robot
-from .candidates import candidates
-from .evidence import Gram, score
-from .fit import Fit, Run, refine
-from .fit_test import fit_test
-from .innovations import TIMINGS
-from .observations import Observations
-from .reference import NoiseLevels
 
 _SPAN = 20.0  # s of the record that decide
 _FITS = 0.05  # probability of a fit that asks for no effect beside it

@@ -27,7 +27,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..dynamics.rotation import skew
-from ..identification.linearize import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel, Reference
 from ..model.settings import SensorSettings, SimulatorSettings
 from ..types import Array
 from .free_base import BaseMotion

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from ..control.reference import check_reference
 from ..dynamics.state import initial_state
+from ..estimation.momentum_process import MomentumModel, Reference
 from ..identification.cramer_rao import SensorPlan, cramer_rao_bound
-from ..identification.linearize import MomentumModel, Reference
 from ..identification.summary import aam_names
 from ..model.robot import Robot
 from ..types import Array

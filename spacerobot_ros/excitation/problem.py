@@ -8,8 +8,8 @@ import numpy as np
 
 from ..dynamics.state import initial_state
 from ..errors import ConfigurationError
-from ..identification.linearize import MomentumModel
-from ..identification.minimal import MinimalSet, minimal_set
+from ..estimation.minimal import MinimalSet, minimal_set
+from ..estimation.momentum_process import MomentumModel
 from ..model.loader import RobotFile, true_robot
 from ..model.robot import Robot
 from ..model.settings import Settings

@@ -21,11 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..diagnosis.candidates import Signatures
-from ..diagnosis.fit import Fit, Run
-from ..diagnosis.observations import Observations
-from ..diagnosis.reference import NoiseLevels
 from ..effects.effect import AppliedEffect, Effect, Parameter
+from ..estimation.columns import Signatures
+from ..estimation.observations import Observations
+from ..estimation.reference import NoiseLevels
+from ..estimation.refit import Fit, Run
 from ..model.loader import RobotFile
 from ..model.settings import SensorSettings
 from ..types import Array

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..identification.linearize import MomentumModel
+from ..estimation.momentum_process import MomentumModel
 from ..identification.physical import BodyParameters
 from ..model.settings import IdentifierSettings
 from ..types import Array

@@ -21,10 +21,10 @@ import numpy as np
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
+from ..estimation.momentum_process import MomentumModel, Reference
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
-from .linearize import MomentumModel, Reference
 from .summary import aam_names
 
 _TIMES = np.linspace(0.0, 40.0, 161)  # s

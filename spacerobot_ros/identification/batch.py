@@ -7,22 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import IdentificationError
+from ..estimation.minimal import minimal_set
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.smoothing import SensorData
+from ..estimation.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
 from .least_squares import sampled_reference, solve_least_squares
-from .linearize import MomentumModel
 from .manifold import on_bodies
 from .maximum_likelihood import estimate_constants, prepare
-from .minimal import minimal_set
 from .noise import noise_levels
 from .plausibility import sensor_faults, swapped_joints
 from .prior import weak_prior
-from .smoothing import SensorData
 from .summary import LARGEST_CHI2, summarize
-from .torque_hold import find_holds
 
 METHODS = ('ml', 'recursive', 'ls')
 _SHORTEST = 2.0  # s

@@ -24,11 +24,11 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..estimation.minimal import MinimalSet
+from ..estimation.momentum_process import MomentumModel, Reference
 from ..model.robot import Robot
 from ..model.settings import SensorSettings
 from ..types import Array
-from .linearize import MomentumModel, Reference
-from .minimal import MinimalSet
 from .sensitivity import ORDER, Intervals, MotionCurve, basis
 
 _FREE = 1e-4  # 1/rad; keeps the factor triangular where nothing was measured, and tells nothing

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from ..errors import IdentificationError
+from ..estimation.momentum_filter import SquareRootInformation
+from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.smoothing import SensorData
 from ..types import Array
-from .linearize import MomentumModel, Reference
-from .momentum_filter import SquareRootInformation
-from .smoothing import SensorData
 
 _BLOCK = 50  # rows added at once by the recursive form
 

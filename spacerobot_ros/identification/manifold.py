@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ..estimation.momentum_process import MomentumModel
 from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate
-from .linearize import MomentumModel
 from .physical import PhysicalEstimate, project
 from .summary import nuisance_values
 

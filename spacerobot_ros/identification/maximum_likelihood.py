@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..estimation.momentum_filter import Measurements, MomentumFilter, Noise
+from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.nuisances import SensorColumns
+from ..estimation.smoothing import SensorData, Smoothed, align, smooth, time_grid
 from ..types import Array
-from .linearize import MomentumModel, Reference
-from .momentum_filter import Measurements, MomentumFilter, Noise
-from .nuisances import SensorColumns
 from .prior import Prior
-from .smoothing import SensorData, Smoothed, align, smooth, time_grid
 
 _PASSES = 5
 _CONVERGED = 0.01  # shift of the constants in standard deviations

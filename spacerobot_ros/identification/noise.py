@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..estimation.smoothing import SensorData
 from ..model.settings import SensorSettings
 from ..types import Array
-from .smoothing import SensorData
 
 # Below any real sensor, and far enough above rounding for the filter's covariance.
 _FLOOR = {

@@ -18,20 +18,20 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..errors import MessageRejectedError
+from ..estimation.minimal import minimal_set
+from ..estimation.momentum_filter import MomentumFilter, Noise
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.smoothing import SensorData, smooth, time_grid
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate
-from .linearize import MomentumModel
 from .manifold import on_bodies
 from .maximum_likelihood import Stretch, estimate_constants, prepare, run_stretch
-from .minimal import minimal_set
-from .momentum_filter import MomentumFilter, Noise
 from .noise import noise_levels
 from .plausibility import sensor_faults
 from .prior import Prior, weak_prior
 from .samples import SampleBuffer
-from .smoothing import SensorData, smooth, time_grid
 from .summary import summarize
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet

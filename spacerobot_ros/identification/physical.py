@@ -23,9 +23,9 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 from scipy.stats import chi2 as chi2_distribution
 
+from ..estimation.momentum_process import MomentumModel
 from ..model.robot import Body, Robot
 from ..types import Array
-from .linearize import MomentumModel
 
 _STEP = 1e-6  # of the numerical Jacobian; the unknowns are of order one
 _EVALUATIONS = 500  # a millisecond or two each; trust regions need some thirty in narrow valleys

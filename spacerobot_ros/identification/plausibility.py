@@ -14,9 +14,9 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.smoothing import SensorData, accumulate
 from ..types import Array
-from .linearize import MomentumModel, Reference
-from .smoothing import SensorData, accumulate
 
 _WINDOW = 0.5  # s; over which turns and moves are compared
 _DISAGREES = 0.5  # of the larger signal; noise and sampling stay far below

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.torque_hold import Holds
 from ..model.settings import IdentifierSettings
 from ..types import Array
-from .linearize import MomentumModel, Reference
-from .torque_hold import Holds
 
 _PROBES = 20  # states of the reference at which a proposed inertia must be positive
 

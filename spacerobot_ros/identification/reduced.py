@@ -17,10 +17,10 @@ import numpy as np
 from ..dynamics.blocks import BlockTree
 from ..dynamics.equations import ReducedEquation
 from ..errors import IdentificationError
+from ..estimation.minimal import MinimalSet, minimal_set
 from ..model.robot import Robot
 from ..types import Array, Vector3
 from .estimate import Estimate
-from .minimal import MinimalSet, minimal_set
 
 
 class EstimatedDynamics:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import MessageRejectedError
+from ..estimation.smoothing import LONGEST_GAP, SensorData
+from ..estimation.torque_hold import find_holds
 from ..types import Array
-from .smoothing import LONGEST_GAP, SensorData
 from .streams import Stream
-from .torque_hold import find_holds
 
 
 class SampleBuffer:

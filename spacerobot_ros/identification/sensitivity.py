@@ -14,8 +14,8 @@ from scipy.interpolate import BSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
 from ..errors import IdentificationError
+from ..estimation.momentum_process import MomentumModel, Reference
 from ..types import Array
-from .linearize import MomentumModel, Reference
 
 ORDER = 6  # coefficients that a quintic spline has on each interval
 _LONGEST_STEP = 0.05  # s; Runge-Kutta of the smooth, linear attitude error

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
+from ..estimation.momentum_filter import SquareRootInformation
+from ..estimation.momentum_process import MomentumModel
 from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate, NamedValue
-from .linearize import MomentumModel
-from .momentum_filter import SquareRootInformation
 from .prior import Prior
 
 # A direction counts as excited once the data know it this many times better than the prior, and

@@ -20,8 +20,8 @@ from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from std_srvs.srv import Trigger
 
-from ..diagnosis.monitor import Monitor
-from ..diagnosis.monitor_state import MonitorState
+from ..diagnosis.flight.monitor import Monitor
+from ..diagnosis.flight.state import MonitorState
 from ..effects.catalogue import parse_effects
 from ..errors import MessageRejectedError
 from ..model.robot import Robot

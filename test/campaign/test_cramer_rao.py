@@ -17,9 +17,9 @@ from spacerobot_ros.campaign.noise import plan_of
 from spacerobot_ros.campaign.scenario import cached_motion, scenario
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import ConfigurationError, IdentificationError
+from spacerobot_ros.estimation.minimal import minimal_set
+from spacerobot_ros.estimation.momentum_process import Reference
 from spacerobot_ros.identification.cramer_rao import SensorPlan, cramer_rao_bound
-from spacerobot_ros.identification.linearize import Reference
-from spacerobot_ros.identification.minimal import minimal_set
 from spacerobot_ros.model.settings import SensorSettings
 
 STEP, DURATION, KNOT = 0.01, 1.2, 0.4

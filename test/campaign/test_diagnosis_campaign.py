@@ -28,11 +28,11 @@ from spacerobot_ros.campaign.resumable import read_lines
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.reproduce_diagnosis import CONFUSION, MARKDOWN, ROC, page, to_dict
 from spacerobot_ros.cli.reproduce_report import write
-from spacerobot_ros.diagnosis.fit import Fit, Run
-from spacerobot_ros.diagnosis.noise import noise_levels
-from spacerobot_ros.diagnosis.observations import observe
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.observations import observe
+from spacerobot_ros.estimation.refit import Fit, Run
 
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
 VALUES = {

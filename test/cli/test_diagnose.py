@@ -16,9 +16,9 @@ from spacerobot_ros.cli.diagnose_answer import Answer
 from spacerobot_ros.cli.diagnose_report import report_of
 from spacerobot_ros.cli.diagnose_summary import print_summary
 from spacerobot_ros.cli.diagnose_tables import number, probability, remaining, value_with
-from spacerobot_ros.diagnosis.closed_loop_gain import ClosedLoopGain
-from spacerobot_ros.diagnosis.next_motion import with_motions
-from spacerobot_ros.diagnosis.result import Rival
+from spacerobot_ros.diagnosis.answer.closed_loop_gain import ClosedLoopGain
+from spacerobot_ros.diagnosis.answer.next_motion import with_motions
+from spacerobot_ros.diagnosis.answer.result import Rival
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.recording.npz import save_npz

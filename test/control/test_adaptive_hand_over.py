@@ -13,8 +13,8 @@ from spacerobot_ros.control.adaptive.settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.tree import with_parameters
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import IdentificationError
+from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.identification.estimate import Estimate
-from spacerobot_ros.identification.minimal import minimal_set
 
 TRUE = robot_of(
     table_one(),

@@ -12,8 +12,8 @@ from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State, initial_state
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError
+from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.identification.estimate import Estimate
-from spacerobot_ros.identification.minimal import minimal_set
 from spacerobot_ros.model.loader import load_robot_file, true_robot
 
 MS = 1_000_000

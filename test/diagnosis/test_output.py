@@ -13,12 +13,12 @@ import pytest
 import yaml
 from support.diagnosis import friction_cause, hand_made
 
-from spacerobot_ros.diagnosis.appearance import appearances
-from spacerobot_ros.diagnosis.closed_loop_gain import closed_loop_gain
-from spacerobot_ros.diagnosis.extended_model import NEVER, named, write_extended_model
-from spacerobot_ros.diagnosis.next_motion import with_motions
-from spacerobot_ros.diagnosis.output import relevance, to_dict
-from spacerobot_ros.diagnosis.result import Rival, Series
+from spacerobot_ros.diagnosis.answer.appearance import appearances
+from spacerobot_ros.diagnosis.answer.closed_loop_gain import closed_loop_gain
+from spacerobot_ros.diagnosis.answer.extended_model import NEVER, named, write_extended_model
+from spacerobot_ros.diagnosis.answer.next_motion import with_motions
+from spacerobot_ros.diagnosis.answer.output import relevance, to_dict
+from spacerobot_ros.diagnosis.answer.result import Rival, Series
 from spacerobot_ros.effects.catalogue import parse_effects
 from spacerobot_ros.effects.effect import Parameter
 from spacerobot_ros.errors import ConfigurationError

@@ -9,7 +9,7 @@ from support.effects import motion_of
 from support.models import DUAL_ARM, random_tree, robot_of
 from support.pinocchio_states import pin_acceleration, pin_columns, pin_states, wheel_torques
 
-from spacerobot_ros.diagnosis.response import InverseDynamics, Loads
+from spacerobot_ros.estimation.response import InverseDynamics, Loads
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},

@@ -9,8 +9,8 @@ from support.effects import motion_of
 from support.models import DUAL_ARM, random_tree, robot_of
 from support.pinocchio_states import pin_columns, pin_states, wheel_torques
 
-from spacerobot_ros.diagnosis.process import TorqueDriven
 from spacerobot_ros.dynamics.rotation import skew
+from spacerobot_ros.estimation.torque_process import TorqueDriven
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},

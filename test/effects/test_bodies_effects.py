@@ -13,14 +13,14 @@ from support.effects import Engine, held_torque, motion_of, plant_with, run, wit
 from support.models import random_tree, robot_of, to_mjcf
 from support.states import random_state
 
-from spacerobot_ros.diagnosis.reference import Kinematics
-from spacerobot_ros.diagnosis.response import InverseDynamics
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import apply_effect, changed_robot
 from spacerobot_ros.effects.hidden import driven_states
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.estimation.reference import Kinematics
+from spacerobot_ros.estimation.response import InverseDynamics
 from spacerobot_ros.simulation.plant import Plant
 
 BASE, LINK, TIP = 'base_link', 'link_2', 'link_4'

@@ -15,10 +15,10 @@ from support.identification import (
     truth_of,
 )
 
+from spacerobot_ros.estimation.minimal import minimal_set
+from spacerobot_ros.estimation.momentum_process import MomentumModel
 from spacerobot_ros.identification.advice import advise, advise_on, directions_in_words
 from spacerobot_ros.identification.batch import identify
-from spacerobot_ros.identification.linearize import MomentumModel
-from spacerobot_ros.identification.minimal import minimal_set
 from spacerobot_ros.model.settings import IdentifierSettings
 
 

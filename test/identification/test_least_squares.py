@@ -18,14 +18,14 @@ from support.identification import (
 )
 
 from spacerobot_ros.errors import IdentificationError
+from spacerobot_ros.estimation.minimal import minimal_set
+from spacerobot_ros.estimation.momentum_process import MomentumModel
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.identification.least_squares import (
     momentum_rows,
     sampled_reference,
     solve_least_squares,
 )
-from spacerobot_ros.identification.linearize import MomentumModel
-from spacerobot_ros.identification.minimal import minimal_set
 from spacerobot_ros.model.settings import IdentifierSettings
 
 SETTINGS = IdentifierSettings()

@@ -20,15 +20,15 @@ from support.identification import (
 )
 from support.models import H_TARGET
 
+from spacerobot_ros.estimation.minimal import minimal_set
+from spacerobot_ros.estimation.momentum_process import MomentumModel
+from spacerobot_ros.estimation.nuisances import SensorColumns
 from spacerobot_ros.identification.batch import identify
-from spacerobot_ros.identification.linearize import MomentumModel
 from spacerobot_ros.identification.maximum_likelihood import (
     estimate_constants,
     measurements,
     prepare,
 )
-from spacerobot_ros.identification.minimal import minimal_set
-from spacerobot_ros.identification.nuisances import SensorColumns
 from spacerobot_ros.identification.prior import weak_prior
 from spacerobot_ros.model.settings import IdentifierSettings, SensorSettings
 

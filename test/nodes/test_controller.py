@@ -168,8 +168,8 @@ def test_a_clock_that_jumps_back_starts_the_motion_again(bench):
 
 def estimate(bench, **changes):
     from spacerobot_ros.dynamics.blocks import BlockTree
+    from spacerobot_ros.estimation.minimal import minimal_set
     from spacerobot_ros.identification.estimate import Estimate
-    from spacerobot_ros.identification.minimal import minimal_set
 
     robot = bench.node.loop.robot
     minimal = minimal_set(robot, 'symmetric')

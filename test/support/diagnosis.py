@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from spacerobot_ros.diagnosis.result import (
+from spacerobot_ros.diagnosis.answer.result import (
     Cause,
     Diagnosis,
     Estimated,

@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.dynamics.blocks import BlockTree
+from spacerobot_ros.estimation.minimal import minimal_set
+from spacerobot_ros.estimation.smoothing import SensorData
 from spacerobot_ros.identification.estimate import Estimate
-from spacerobot_ros.identification.minimal import minimal_set
-from spacerobot_ros.identification.smoothing import SensorData
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.model.settings import SensorSettings
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record

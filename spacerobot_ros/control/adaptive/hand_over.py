@@ -8,8 +8,8 @@ import numpy as np
 
 from ...dynamics.blocks import BlockTree
 from ...errors import IdentificationError
+from ...estimation.minimal import minimal_set
 from ...identification.estimate import Estimate
-from ...identification.minimal import minimal_set
 from ...model.robot import Robot
 from ...types import Array
 from .tree import wheel_links, with_parameters

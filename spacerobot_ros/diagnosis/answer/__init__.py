@@ -1,0 +1,1 @@
+"""What a diagnosis says, made from its fit: results, JSON, extended model."""

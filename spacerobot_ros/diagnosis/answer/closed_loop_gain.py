@@ -1,0 +1,147 @@
+"""What the extended model is worth to a controller: one tracking task in simulation, twice.
+
+The plant is the robot with everything that the diagnosis found; the controller knows first the
+robot file as it was, then the extended one. Neither sees a `truth` section: what the file's author
+knows beyond the model is no part of a diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...control.loop import ControlLoop
+from ...effects.effect import AppliedEffect
+from ...errors import SpaceRobotError
+from ...model.loader import RobotFile
+from ...model.settings import COMPUTED_TORQUE_LAWS, ReferenceSettings, Settings, TruthSettings
+from ...simulation.closed_loop import ClosedLoop
+from ...types import Array
+from .extended_model import effects_section
+
+_LONGEST = 20.0  # s of simulated time a run
+_AMPLITUDE = 0.3  # rad, of the motion of a robot file that names none
+_PERIOD = 20.0  # s, of the same
+_HARMONICS = 6  # of the same, at most
+_LAW = 'computed_torque'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClosedLoopGain:
+    """Tracking error of the same task, controlled with the old and with the extended model.
+
+    Args:
+        task: The motion in words.
+        duration: Simulated time of a run [s].
+        joints: Root mean square error of every joint, before and after [rad].
+    """
+
+    task: str
+    duration: float
+    joints: Mapping[str, tuple[float, float]]
+
+    @property
+    def rms_before(self) -> float:
+        """Over all joints, with the old model [rad]."""
+        return _rms([before for before, _ in self.joints.values()])
+
+    @property
+    def rms_after(self) -> float:
+        """Over all joints, with the extended model [rad]."""
+        return _rms([after for _, after in self.joints.values()])
+
+    @property
+    def ratio(self) -> float:
+        """After by before."""
+        return self.rms_after / self.rms_before if self.rms_before else 1.0
+
+
+def closed_loop_gain(
+    file: RobotFile, added: Sequence[AppliedEffect]
+) -> tuple[ClosedLoopGain | None, str]:
+    """Simulate the task with both controllers.
+
+    Args:
+        file: The robot file as it was.
+        added: What the diagnosis adds, under free names.
+
+    Returns:
+        The gain, and an empty text; or None, and why there is none.
+    """
+    if not added:
+        return None, 'nothing was found that a controller could use'
+    old = _task_settings(file.settings, file.robot.n_joints)
+    extended = {**file.settings.effects, **effects_section(added)}
+    try:
+        plant = replace(old, effects=extended)
+        before, after = (_errors(file, plant, believed) for believed in (old, plant))
+    except SpaceRobotError as error:
+        return None, f'the closed loop could not be simulated: {error}'
+    pairs = zip(file.robot.joints, before.tolist(), after.tolist(), strict=True)
+    return ClosedLoopGain(
+        task=_in_words(file.settings.reference),
+        duration=_duration(old.reference),
+        joints={joint: (float(b), float(a)) for joint, b, a in pairs},
+    ), ''
+
+
+def _task_settings(settings: Settings, n: int) -> Settings:
+    """The file's settings with a motion to follow, a law that follows it, and no hidden truth."""
+    reference = settings.reference
+    if not _is_motion(reference):
+        reference = _default_reference(n)
+    controller = settings.controller
+    if controller.law not in COMPUTED_TORQUE_LAWS:
+        controller = replace(controller, law=_LAW)
+    return replace(settings, reference=reference, controller=controller, truth=TruthSettings())
+
+
+def _errors(file: RobotFile, plant: Settings, believed: Settings) -> Array:
+    """(n,) root mean square of reference less true position [rad]."""
+    loop = ClosedLoop(file.robot, plant)
+    loop.controller = ControlLoop(file.robot, believed)
+    steps = max(1, round(_duration(plant.reference) / plant.simulator.period))
+    n = file.robot.n_joints
+    errors = [
+        step.command.point.q - step.state.q[:n]
+        for step in loop.run(steps)
+        if step.command is not None
+    ]
+    return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
+
+
+def _is_motion(reference: ReferenceSettings) -> bool:
+    """Whether a robot file names a motion that can be followed without ROS."""
+    if reference.kind == 'fourier':
+        return bool(np.any(reference.sine) or np.any(reference.cosine))
+    return reference.kind not in ('hold', 'topic')
+
+
+def _default_reference(n: int) -> ReferenceSettings:
+    """Every joint swings at its own multiple of a slow rate."""
+    harmonics = min(n, _HARMONICS)
+    sine = np.zeros((n, harmonics))
+    sine[np.arange(n), np.arange(n) % harmonics] = _AMPLITUDE * 2.0 * np.pi / _PERIOD
+    return ReferenceSettings(
+        kind='fourier',
+        duration=_PERIOD,
+        harmonics=harmonics,
+        sine=tuple(sine.ravel().tolist()),
+        cosine=(0.0,) * sine.size,
+    )
+
+
+def _duration(reference: ReferenceSettings) -> float:
+    return min(reference.duration, _LONGEST)
+
+
+def _in_words(reference: ReferenceSettings) -> str:
+    if not _is_motion(reference):
+        return f'a Fourier motion of {_AMPLITUDE:g} rad (the robot file names none)'
+    return f"the robot file's own motion ({reference.kind.replace('_', ' ')})"
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0

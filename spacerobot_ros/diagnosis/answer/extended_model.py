@@ -1,0 +1,128 @@
+"""The robot file with the effects that a diagnosis found: a model that every tool loads.
+
+Nothing of the original is lost: its own effects stay, and the new ones come beside them under
+names of their own. Corrected inertial parameters and wheel momentum are effects as well, so that
+one mechanism carries everything that was learnt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ...effects.effect import AppliedEffect
+from ...errors import ConfigurationError
+from ...model.files import read_parameters, read_text
+from ...model.loader import resolve_urdf
+
+NEVER = 1e12
+"""What a robot file says where a value is infinite, such as the time constant of no drag."""
+
+
+def named(
+    causes: Iterable[AppliedEffect], believed: Sequence[AppliedEffect]
+) -> tuple[AppliedEffect, ...]:
+    """The causes under names that the robot file does not use yet."""
+    taken = {effect.name for effect in believed}
+    out = []
+    for cause in causes:
+        name = _free_name(cause, taken)
+        taken.add(name)
+        out.append(replace(cause, name=name))
+    return tuple(out)
+
+
+def effects_section(effects: Iterable[AppliedEffect]) -> dict[str, dict[str, Any]]:
+    """Effects as the `effects:` section of a robot file."""
+    return {effect.name: _entry(effect) for effect in effects}
+
+
+def write_extended_model(
+    template: str | Path, causes: Iterable[AppliedEffect], path: str | Path
+) -> Path:
+    """Write the robot file with further effects.
+
+    A URDF with a relative path is copied beside the new file, under its name; a package's or an
+    absolute path is kept.
+
+    Args:
+        template: The robot file.
+        causes: Effects to add, under free names (`named`).
+        path: The YAML to write.
+
+    Raises:
+        ConfigurationError: the template can't be read or the files can't be written.
+    """
+    template, path = Path(template), Path(path)
+    values = _plain(read_parameters(template))
+    values['effects'] = {**(values.get('effects') or {}), **effects_section(causes)}
+    if not values['effects']:
+        del values['effects']
+    text = yaml.safe_dump(
+        {'/**': {'ros__parameters': values}}, sort_keys=False, default_flow_style=None
+    )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        urdf = _copied_urdf(str(values['robot'].get('urdf', '')), template, path)
+        if urdf is not None:
+            values['robot']['urdf'] = urdf
+            text = yaml.safe_dump(
+                {'/**': {'ros__parameters': values}}, sort_keys=False, default_flow_style=None
+            )
+        path.write_text(_head(template) + text, encoding='utf-8')
+    except OSError as error:
+        raise ConfigurationError(str(path), f'can not be written: {error.strerror}') from error
+    return path
+
+
+def _head(template: Path) -> str:
+    return (
+        f'# {template.name} extended by `spacerobot diagnose` (docs/diagnosis.md): what was found '
+        'stands under effects,\n# the rest is unchanged.\n'
+    )
+
+
+def _copied_urdf(url: str, template: Path, path: Path) -> str | None:
+    """Name of the URDF's copy beside the new file; None where its place needs no change."""
+    if not url or '://' in url or Path(url).is_absolute():
+        return None
+    source = resolve_urdf(url, beside=template.parent)
+    copy = path.with_suffix('.urdf')
+    copy.write_text(read_text(source, 'robot.urdf'), encoding='utf-8')
+    return copy.name
+
+
+def _free_name(cause: AppliedEffect, taken: set[str]) -> str:
+    place = '' if cause.where is None else f'_{cause.where}'
+    name = first = f'{cause.effect.id}{place}'.replace('.', '_')
+    count = 1
+    while name in taken:
+        count += 1
+        name = f'{first}_{count}'
+    return name
+
+
+def _entry(effect: AppliedEffect) -> dict[str, Any]:
+    place = {} if effect.where is None else {'where': effect.where}
+    return {'effect': effect.effect.id, **place, **_finite(effect.values)}
+
+
+def _finite(values: Mapping[str, float]) -> dict[str, float]:
+    return {
+        name: float(value) if math.isfinite(value) else math.copysign(NEVER, value)
+        for name, value in values.items()
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Maps and lists that YAML writes without tags."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return value

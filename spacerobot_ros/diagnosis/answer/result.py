@@ -1,0 +1,187 @@
+"""What a diagnosis says; reports, JSON and messages are made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ...effects.effect import AppliedEffect, Parameter
+from ...types import Array
+
+VERDICTS = ('consistent', 'explained', 'partly_explained', 'unexplained')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimated:
+    """A parameter's value and standard deviation."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """How surely a cause is one.
+
+    Args:
+        log_likelihood_gain: On the first part of the record.
+        bic_gain: The same against the price of its parameters.
+        p_value: Of such a gain by chance, for one candidate.
+        held_out_gain: Share of the held-out excess misfit that it removes, from 0 to 1.
+        placebo_gain: Largest held-out share among placebo extensions of the same size.
+    """
+
+    log_likelihood_gain: float
+    bic_gain: float
+    p_value: float
+    held_out_gain: float
+    placebo_gain: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rival:
+    """A cause that this motion can't tell from the named one.
+
+    Args:
+        effect: Its id. where: Its place. bic_gap: By how much it fits worse.
+        motion: The motion that would separate the two.
+    """
+
+    effect: str
+    where: str | None
+    bic_gap: float
+    motion: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cause:
+    """A named physical cause.
+
+    Args:
+        applied: The effect with its estimated values.
+        parameters: Its parameters.
+        evidence: How surely.
+        rivals: What it can't be told from.
+        thresholds: The effect's parameters by name, with thresholds of relevance for this robot.
+        relevant: Whether any parameter is beyond its threshold of relevance; if not it is fitted
+            and printed, but not named.
+        constant_p: Probability that its parameters are the same all along the record.
+    """
+
+    applied: AppliedEffect
+    parameters: Mapping[str, Estimated]
+    evidence: Evidence
+    rivals: tuple[Rival, ...]
+    thresholds: Mapping[str, Parameter]
+    relevant: bool
+    constant_p: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Residual:
+    """One channel before and after.
+
+    Args:
+        channel: Such as `joint_torque/joint_2` or `gyro/x`.
+        unit: SI.
+        rms_before: Of the one-step prediction error of the model as it stands.
+        rms_after: Of the extended model's.
+        noise_floor: What a right model has, from the sensors' noise.
+        whiteness_p: Probability that the extended model's errors are white.
+        whiteness_p_before: The same for the model as it stands.
+    """
+
+    channel: str
+    unit: str
+    rms_before: float
+    rms_after: float
+    noise_floor: float
+    whiteness_p: float
+    whiteness_p_before: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """One channel along the record, for plots.
+
+    Args:
+        channel: As in `Residual`. unit: SI.
+        time: (M,) [s].
+        measured: (M,) measured value; empty where the channel is no sensor's.
+        before: (M,) prediction error of the model as it stands.
+        after: (M,) prediction error of the extended model.
+        noise_floor: Standard deviation that a right model has.
+    """
+
+    channel: str
+    unit: str
+    time: Array
+    measured: Array
+    before: Array
+    after: Array
+    noise_floor: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ranked:
+    """A candidate's score against the model as it stands."""
+
+    effect: str
+    where: str | None
+    values: Mapping[str, float]
+    evidence: float
+    log_likelihood_gain: float
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gain:
+    """Held-out prediction error, in standard deviations of the noise: 1 is perfect.
+
+    Args:
+        before: Of the model as it stands. after: Of the extended model, fitted to the rest.
+        placebo: Of the best placebo extension of the same size.
+    """
+
+    before: float
+    after: float
+    placebo: float
+
+    @property
+    def ratio(self) -> float:
+        """After by before."""
+        return self.after / self.before if self.before else 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Diagnosis:
+    """The whole answer.
+
+    Args:
+        verdict: One of `VERDICTS`.
+        sentence: The verdict in words.
+        causes: Named causes by evidence.
+        minor: Causes too small to matter: fitted, not named.
+        residuals: Channel by channel.
+        series: The same along the record.
+        gain: On the held-out part.
+        ranking: Every candidate against the model as it stands.
+        fit_p: Probability that a right model fits as badly as the extended one.
+        null_p: The same for the model as it stands.
+        next_motion: What to fly to know more.
+        notes: What else a user should know.
+    """
+
+    verdict: str
+    sentence: str
+    causes: tuple[Cause, ...]
+    minor: tuple[Cause, ...]
+    residuals: tuple[Residual, ...]
+    series: tuple[Series, ...]
+    gain: Gain
+    ranking: tuple[Ranked, ...]
+    fit_p: float
+    null_p: float
+    next_motion: tuple[str, ...]
+    notes: tuple[str, ...]

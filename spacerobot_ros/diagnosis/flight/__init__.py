@@ -1,0 +1,1 @@
+"""The recursive reading of the engine in flight: block by block, alarms with a stated rate."""

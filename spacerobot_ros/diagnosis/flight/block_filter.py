@@ -1,0 +1,323 @@
+"""The diagnosis' filter, carried on from block to block in flight.
+
+Each block is linearised about its own reference; what the filter believes at its end is expressed
+about the next block's reference. Beside the data, columns run through the same filter: the unknown
+wheel momentum of the captured body (`monitor_momentum`), and one for every channel in which the
+model may fail (`monitor_probes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...estimation.filter_recursions import mean_pass
+from ...estimation.observations import Observations
+from ...estimation.prediction import Columns, Innovations, Scene
+from ...estimation.reference import Kinematics, NoiseLevels
+from ...estimation.time_base import CHANNELS, Grid, Rows
+from ...estimation.torque_process import TorqueDriven
+from ...types import Array, IntArray
+from .probes import Probe
+from .wheel_momentum import Momentum, constant_pass, momentum_forces
+
+_UNKNOWN_TORQUE = 0.1  # on the base, of what the noise of one effort amounts to
+_LOST = 1.5  # usual intervals, from which on an effort sample is missing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Whitened innovations of one block.
+
+    Args:
+        channel: (R,) index into `grid.CHANNELS`. axis: (R,). time: (R,) [s].
+        data: (R,) of the data.
+        lasting: (R, K) of a unit error of each probe that is there since long.
+        sudden: (R, K) of one that begins with the block.
+    """
+
+    channel: IntArray
+    axis: IntArray
+    time: Array
+    data: Array
+    lasting: Array
+    sudden: Array
+
+    def scaled(self, spread: Array) -> Block:
+        """The block where a right model leaves (4,) `spread` in `CHANNELS` instead of one."""
+        scale = spread[self.channel]
+        return replace(
+            self,
+            data=self.data / scale,
+            lasting=self.lasting / scale[:, None],
+            sudden=self.sudden / scale[:, None],
+        )
+
+
+class BlockScene(Scene):
+    """Observations around a block, filtered only within it.
+
+    Args:
+        observed: The block and a little more on either side, for the reference.
+        noise: Noise levels.
+        process: The model.
+        start: The block's beginning, whose own rows the last block has had [s]; None: the
+            observations' beginning, rows included.
+        end: The block's end [s].
+    """
+
+    def __init__(
+        self,
+        observed: Observations,
+        noise: NoiseLevels,
+        process: TorqueDriven,
+        start: float | None,
+        end: float,
+    ) -> None:
+        super().__init__(observed, noise, process)
+        self.grid = _cut(self.grid, start, end)
+        self.kinematics = self.reference.at(self.grid.times)
+
+
+class BlockInnovations(Innovations):
+    """The filter over one block.
+
+    Args:
+        scene: The block.
+        process: The model.
+        timing: How efforts act.
+        covariance: (d, d) at the block's beginning; None where nothing is known of the state.
+    """
+
+    def __init__(
+        self, scene: Scene, process: TorqueDriven, timing: str, covariance: Array | None = None
+    ) -> None:
+        self.covariance = None if covariance is None else covariance.copy()
+        super().__init__(scene, process, timing)
+
+    def run(self, columns: Columns, mean: Array) -> Array:
+        """(R, 1 + K) whitened innovations of the data and of columns.
+
+        Args:
+            columns: K columns.
+            mean: (d, 1 + K) state at the beginning; on return that at the end.
+        """
+        drive = -columns.acceleration
+        data = np.zeros((*drive.shape[:2], 1))
+        measured = [self.deviations[:, None], self.by_row(columns)]
+        rows = self.grid.rows
+        return np.asarray(
+            mean_pass(
+                mean,
+                (0, len(self.grid.times)),
+                self.durations,
+                self._transitions,
+                self.grid.fresh,
+                np.concatenate([data, drive], axis=2),
+                self._kicks(),
+                rows.first,
+                rows.state,
+                self._gains,
+                self.stds,
+                np.concatenate(measured, axis=1),
+                self.n,
+            )
+        )
+
+    def by_row(self, columns: Columns) -> Array:
+        """(R, K) what the columns change of each measured scalar."""
+        rows = self.grid.rows
+        out = np.zeros((self.rows, columns.acceleration.shape[2]))
+        for c, name in enumerate(CHANNELS):
+            if name in columns.measured:
+                at = rows.channel == c
+                out[at] = columns.measured[name][rows.sample[at], rows.axis[at]]
+        return out
+
+    def _effort_variance(self) -> Array:
+        """As without lost samples, and what the torque may have done where one was lost."""
+        variance = super()._effort_variance()
+        effort = self.observed.effort
+        if effort is None:
+            return variance
+        lengths = np.diff(self.observed.effort_time)
+        lost = lengths > _LOST * np.median(lengths)
+        at = self.grid.interval
+        if self.timing == 'held_after':  # the sample that enters serves the interval behind it
+            at = np.minimum(at + 1, len(lost) - 1)
+        variance[lost[at]] += np.mean(np.diff(effort, axis=0) ** 2, axis=0)
+        return variance
+
+    def _extra_variance(self) -> Array:
+        """A little torque on the base that nobody knows, so that the memory is finite.
+
+        Without it the whole's angular momentum is kept for ever, and what discretisation makes of
+        it in minutes would pass for a torque.
+        """
+        extra = super()._extra_variance()
+        base = self.m - self.n
+        if not base or self.observed.effort is None:
+            return extra
+        interval = float(np.median(np.diff(self.observed.effort_time)))
+        impulse = _UNKNOWN_TORQUE * self.noise.joint_effort * np.sqrt(interval * self.durations)
+        by_impulse = np.einsum('nii->ni', self.rate_by_impulse[:-1, :base, :base])
+        extra[:, self.m : self.m + base] = (by_impulse * impulse[:, None]) ** 2
+        return extra
+
+    def _start(self) -> Array:
+        if self.covariance is None:
+            self.covariance = super()._start()
+        return self.covariance  # the pass leaves there what holds at the end
+
+
+class FlightFilter:
+    """Innovations of a flight, block by block.
+
+    Args:
+        process: The model.
+        noise: Noise levels.
+        timing: How efforts act.
+        probes: Channels in which the model may fail.
+        momentum: What is known of the captured wheels beside the model.
+    """
+
+    def __init__(
+        self,
+        process: TorqueDriven,
+        noise: NoiseLevels,
+        timing: str,
+        probes: Sequence[Probe],
+        momentum: Momentum,
+    ) -> None:
+        self.process, self.timing, self.probes = process, timing, tuple(probes)
+        self._noise = noise
+        self._p = len(momentum.mean)
+        self._covariance: Array | None = None
+        self._reference: Kinematics | None = None
+        self._mean = np.zeros((0, 0))
+        self._share = np.zeros((self._p, 1 + 2 * len(self.probes)))
+        self.momentum = momentum
+
+    @property
+    def momentum(self) -> Momentum:
+        """What is believed of the captured wheels beside the model."""
+        return Momentum(self._share[:, 0].copy(), self._momentum_covariance.copy())
+
+    @momentum.setter
+    def momentum(self, momentum: Momentum) -> None:
+        self._share[:, 0] = momentum.mean
+        self._momentum_covariance = momentum.covariance.copy()
+
+    def restart(self) -> None:
+        """Forget the state, as after a gap; what is known of the momentum stays."""
+        self._covariance = None
+
+    def block(self, observed: Observations, end: float) -> Block:
+        """Filter up to a time.
+
+        Args:
+            observed: From a little before the last block's end to a little after this one's.
+            end: The block's end [s].
+        """
+        start = None
+        if self._covariance is not None and self._reference is not None:
+            start = float(self._reference.time[0])
+        scene = BlockScene(observed, self._noise, self.process, start, end)
+        filtered = BlockInnovations(scene, self.process, self.timing, self._covariance)
+        columns = self._columns(filtered)
+        self._carry(filtered, columns.acceleration.shape[2])
+        rows = filtered.run(columns, self._mean)
+        self._covariance = filtered.covariance
+        self._reference = scene.reference.at(filtered.grid.times[-1:])
+        white = self._without_momentum(rows)
+        k, at = len(self.probes), filtered.grid.rows
+        return Block(
+            at.channel,
+            at.axis,
+            filtered.row_times,
+            white[:, 0],
+            white[:, 1 : 1 + k],
+            white[:, 1 + k :],
+        )
+
+    def _columns(self, filtered: BlockInnovations) -> Columns:
+        """Of the momentum, of lasting errors, of sudden ones."""
+        observed, n = filtered.observed, filtered.n
+        momentum = filtered.accelerations(momentum_forces(filtered.motion, filtered.process.robot))
+        count = len(self.probes)
+        driven = np.zeros((len(filtered.grid.times), filtered.m, count))
+        sizes = {
+            'joint_position': (len(observed.joint_time), n),
+            'joint_velocity': (len(observed.joint_time), n),
+            'gyro': (len(observed.rate_time), 3),
+            'attitude': (len(observed.attitude_time), 3),
+        }
+        measured = {name: np.zeros((*size, count)) for name, size in sizes.items()}
+        for k, probe in enumerate(self.probes):
+            if probe.push is not None:
+                driven[:, :, k] = filtered.rate_by_impulse[:, :, probe.push]
+            else:
+                measured[probe.channel][:, probe.axis, k] = 1.0
+        none = {name: np.zeros((*size, self._p)) for name, size in sizes.items()}
+        return Columns(
+            np.concatenate([momentum, driven, driven], axis=2),
+            {c: np.concatenate([none[c], x, x], axis=2) for c, x in measured.items()},
+        )
+
+    def _carry(self, filtered: BlockInnovations, columns: int) -> None:
+        """Express the state about the block's reference; sudden errors begin anew."""
+        last, first = self._reference, filtered.reference.at(filtered.grid.times[:1])
+        d = 2 * (filtered.m + filtered.n)
+        begun = 1 + self._p + len(self.probes)
+        if self._covariance is None or last is None:
+            self._mean = np.zeros((d, 1 + columns))
+            self._share[:, 1:] = 0.0
+            return
+        self._mean[:, begun:] = 0.0
+        self._share[:, 1 + len(self.probes) :] = 0.0
+        mean, m, base = self._mean[:, 0], filtered.m, filtered.m - filtered.n
+        mean[base:m] += last.q[0] - first.q[0]
+        mean[m + base : 2 * m] += last.qd[0] - first.qd[0]
+        if base:
+            attitude = last.rotation[0] * Rotation.from_rotvec(mean[:3])
+            mean[:3] = (first.rotation[0].inv() * attitude).as_rotvec()
+            mean[m : m + 3] += last.omega[0] - first.omega[0]
+
+    def _without_momentum(self, rows: Array) -> Array:
+        """(R, 1 + 2 K) innovations that are white whatever the momentum is."""
+        p = self._p
+        values = np.concatenate([rows[:, :1], rows[:, 1 + p :]], axis=1)
+        if not p:
+            return values
+        return np.asarray(
+            constant_pass(
+                values,
+                np.ascontiguousarray(rows[:, 1 : 1 + p]),
+                self._share,
+                self._momentum_covariance,
+            )
+        )
+
+
+def _cut(grid: Grid, start: float | None, end: float) -> Grid:
+    """The grid from one time to another, without the first one's rows."""
+    i0 = 0 if start is None else int(np.argmin(np.abs(grid.times - start)))
+    i1 = int(np.argmin(np.abs(grid.times - end)))
+    rows, first = grid.rows, grid.rows.first
+    r0, r1 = first[i0 if start is None else i0 + 1], first[i1 + 1]
+    begins = np.maximum(first[i0 : i1 + 2] - r0, 0)
+    part, steps = slice(r0, r1), slice(i0, i1)
+    return replace(
+        grid,
+        times=grid.times[i0 : i1 + 1],
+        rows=Rows(
+            begins, rows.state[part], rows.channel[part], rows.axis[part], rows.sample[part]
+        ),
+        interval=grid.interval[steps],
+        fresh=grid.fresh[steps],
+        fraction=grid.fraction[steps],
+        blind=grid.blind[steps],
+    )

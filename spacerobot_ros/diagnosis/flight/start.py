@@ -1,0 +1,109 @@
+"""What the first seconds of a flight tell: noise, how efforts act, the captured momentum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...effects.effect import AppliedEffect
+from ...estimation.noise_levels import noise_levels
+from ...estimation.observations import Observations
+from ...estimation.prediction import TIMINGS, Columns, Innovations, Scene
+from ...estimation.reference import NoiseLevels
+from ...estimation.time_base import CHANNELS
+from ...estimation.torque_process import TorqueDriven
+from ...model.robot import Robot
+from ...types import Array
+from ..timing import said_of
+from .block_filter import BlockInnovations
+from .wheel_momentum import momentum_forces
+
+_WIDEST = 1.5  # largest factor by which noise may exceed its stated level unnoticed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """How a flight is to be judged.
+
+    Args:
+        process: The model, with the most probable momentum of the captured wheels.
+        noise: Noise levels.
+        timing: How efforts act, a key of `TIMINGS`.
+        spread: (4,) rms of the whitened innovations of each of `CHANNELS`, 1 or more.
+        notes: What a user should know.
+    """
+
+    process: TorqueDriven
+    noise: NoiseLevels
+    timing: str
+    spread: Array
+    notes: tuple[str, ...]
+
+
+def learn(
+    observed: Observations,
+    robot: Robot,
+    believed: Sequence[AppliedEffect],
+    momentum_std: float,
+) -> Start:
+    """Settle how a flight is judged.
+
+    Efforts act in the way under which the sensors are missed least, whatever the momentum
+    (`timing` says why not by likelihood).
+
+    Args:
+        observed: The first seconds, believed sensor effects undone.
+        robot: The robot file's robot.
+        believed: Its own effects.
+        momentum_std: Of the captured wheels' momentum about the robot's, each axis [N m s]; zero
+            where it is believed.
+    """
+    noise, notes = noise_levels(robot.sensors, observed)
+    process = TorqueDriven(robot, believed)
+    scene = Scene(observed, noise, process)
+    timings = ('sampled',) if observed.effort is None else tuple(TIMINGS)
+    tried = [_trial(BlockInnovations(scene, process, timing), momentum_std) for timing in timings]
+    best = min(tried, key=lambda trial: trial.misfit)
+    if len(best.momentum):
+        known = robot.with_target_momentum(robot.target_momentum + best.momentum)
+        process = TorqueDriven(known, believed)
+        best = _trial(BlockInnovations(scene, process, best.filtered.timing), momentum_std)
+    timing = best.filtered.timing
+    spread = _spread(best)
+    return Start(process, noise, timing, spread, (*notes, *said_of(timing)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Trial:
+    filtered: Innovations
+    misfit: float
+    momentum: Array
+    left: Array
+
+
+def _trial(filtered: Innovations, momentum_std: float) -> _Trial:
+    """What is missed where the momentum takes its most probable value."""
+    data = filtered.data
+    force = momentum_forces(filtered.motion, filtered.process.robot)
+    if not momentum_std or not force.shape[2]:
+        return _Trial(filtered, float(data @ data), np.zeros(0), data)
+    columns = filtered.columns(Columns(filtered.accelerations(force), {}))
+    information = columns.T @ columns + np.eye(columns.shape[1]) / momentum_std**2
+    momentum = np.asarray(np.linalg.solve(information, columns.T @ data))
+    left = np.asarray(data - columns @ momentum)
+    return _Trial(filtered, float(left @ left), momentum, left)
+
+
+def _spread(trial: _Trial) -> Array:
+    rows = trial.filtered.grid.rows
+    out = np.ones(len(CHANNELS))
+    for c in range(len(CHANNELS)):
+        values = trial.left[rows.channel == c]
+        if len(values):
+            out[c] = np.clip(np.sqrt(np.median(values**2) / _MEDIAN), 1.0, _WIDEST)
+    return out
+
+
+_MEDIAN = 0.4549  # of the square of a standard normal number

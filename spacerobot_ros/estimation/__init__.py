@@ -1,0 +1,1 @@
+"""The one estimation engine: rows, columns, evidence, constrained refit, test of fit."""

@@ -1,0 +1,316 @@
+"""Every effect at every place as columns: the hypotheses that compete for a cause."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..effects.catalogue import changed_robot
+from ..effects.effect import CHANNELS, AppliedEffect, Effect, Parameter
+from ..effects.motion import Motion
+from ..errors import ConfigurationError
+from ..model.robot import Robot
+from ..types import Array
+from .prediction import Columns, Innovations
+from .reference import Kinematics
+from .response import InverseDynamics, Response
+from .scaling import PROPORTIONAL, origin_of, value_of
+from .spectral_search import propose, searched
+from .torque_process import TorqueDriven
+
+STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+"""Of a parameter's plausible size: where its column is taken; the first that is possible."""
+_MEASURED = ('joint_position', 'joint_velocity', 'gyro', 'attitude')
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """One effect at one place, linear in K coefficients.
+
+    Args:
+        effect: Catalogue entry.
+        where: Its place.
+        variant: Values of the parameters that it is not linear in.
+        directions: K sets of parameter values a small step from doing nothing.
+        steps: (K,) that step. sizes: (K,) plausible size of each coefficient.
+        lower: (K,) bounds of the coefficients. upper: (K,).
+    """
+
+    effect: Effect
+    where: str | None
+    variant: Mapping[str, float]
+    directions: tuple[Mapping[str, float], ...]
+    steps: Array
+    sizes: Array
+    lower: Array
+    upper: Array
+    trials: int = 1
+
+    @property
+    def key(self) -> tuple[str, str | None]:
+        """Effect and place."""
+        return self.effect.id, self.where
+
+    def values(self, coefficients: Array) -> dict[str, float]:
+        """Parameter values that coefficients (K,) stand for."""
+        values = {**self.effect.nominal, **self.variant}
+        used = 0
+        for parameter, phase in _linear_parameters(self.effect.parameters):
+            first = float(coefficients[used])
+            if phase is not None:
+                second = float(coefficients[used + 1])
+                values[parameter.name] = math.hypot(first, second)
+                values[phase.name] = math.atan2(second, first)
+            else:
+                values[parameter.name] = value_of(parameter, first + origin_of(parameter))
+            used += 1 if phase is None else 2
+        return values
+
+    def applied(self, values: Mapping[str, float]) -> AppliedEffect:
+        """The effect with given values."""
+        name = self.effect.id if self.where is None else f'{self.effect.id}_{self.where}'
+        return AppliedEffect(name=name, effect=self.effect, where=self.where, values=dict(values))
+
+
+def candidates(
+    effects: Iterable[Effect],
+    filtered: Innovations,
+    data: Array,
+    ringing: tuple[float, ...] = (),
+) -> list[Candidate]:
+    """Every variant of every effect at every place where this robot can show it.
+
+    Args:
+        effects: Catalogue entries.
+        filtered: The model's filter, for what only the data can propose.
+        data: (R,) its whitened innovations.
+        ringing: Frequencies that stand out in them [rad/s]: guesses for what swings by itself.
+    """
+    robot = filtered.process.robot
+    wanted = filtered.wanted_force(data)
+    return [
+        candidate
+        for effect in effects
+        if effect.is_fitted and (robot.is_free or not effect.needs_free_base)
+        for where in effect.places(robot)
+        for variant, trials in _variants(effect, where, filtered, wanted, ringing)
+        if (candidate := _possible(effect, robot, where, variant, trials)) is not None
+    ]
+
+
+def _variants(
+    effect: Effect,
+    where: str | None,
+    filtered: Innovations,
+    wanted: Array,
+    ringing: tuple[float, ...],
+) -> list[tuple[dict[str, float], int]]:
+    """Values of what an effect is not linear in, with the number of values looked at."""
+    parameter = searched(effect)
+    if parameter is not None:
+        values, looked_at = propose(effect, where, filtered.motion, wanted)
+        return [({parameter.name: value}, looked_at) for value in values]
+    variants = effect.variants(filtered.process.robot, where)
+    if effect.hidden and variants and 'frequency' in variants[0]:
+        others = {tuple((v | {'frequency': 0.0}).items()): v for v in variants}.values()
+        variants += tuple(v | {'frequency': f} for f in ringing for v in others)
+    return [(variant, 1) for variant in variants]
+
+
+def _possible(
+    effect: Effect, robot: Robot, where: str | None, variant: Mapping[str, float], trials: int
+) -> Candidate | None:
+    """The effect with steps so small that bodies stay bodies; None where there are none."""
+    for share in STEPS:
+        candidate = _candidate(effect, robot, where, variant, trials, share)
+        if all(is_possible(candidate.applied(d), robot) for d in candidate.directions):
+            return candidate
+    return None
+
+
+def is_possible(applied: AppliedEffect | Sequence[AppliedEffect], robot: Robot) -> bool:
+    """Whether effects leave a physical robot: a light link has no moment to lose."""
+    try:
+        changed_robot(robot, [applied] if isinstance(applied, AppliedEffect) else applied)
+    except ConfigurationError:
+        return False
+    return True
+
+
+def _candidate(
+    effect: Effect,
+    robot: Robot,
+    where: str | None,
+    variant: Mapping[str, float],
+    trials: int,
+    share: float,
+) -> Candidate:
+    still = {**effect.nominal, **variant}
+    directions, steps, sizes, lower, upper = [], [], [], [], []
+    for parameter, phase in _linear_parameters(effect.parameters_at(robot, where)):
+        size = parameter.size if math.isfinite(parameter.size) else 1.0
+        step = share * size
+        value = value_of(parameter, origin_of(parameter) + step)
+        for turn in (None,) if phase is None else (0.0, 0.5 * math.pi):
+            direction = {**still, parameter.name: value}
+            if phase is not None and turn is not None:
+                direction[phase.name] = turn
+            directions.append(direction)
+            steps.append(step)
+            sizes.append(size)
+            low, high = _bounds(parameter) if phase is None else (-math.inf, math.inf)
+            lower.append(low)
+            upper.append(high)
+    return Candidate(
+        effect,
+        where,
+        variant,
+        tuple(directions),
+        np.array(steps),
+        np.array(sizes),
+        np.array(lower),
+        np.array(upper),
+        trials,
+    )
+
+
+def _bounds(parameter: Parameter) -> tuple[float, float]:
+    """Least and largest coefficient."""
+    if parameter.role in ('reciprocal', 'square'):
+        return 0.0, math.inf
+    return (
+        max(parameter.minimum, parameter.above) - parameter.nominal,
+        parameter.maximum - parameter.nominal,
+    )
+
+
+def _linear_parameters(
+    parameters: Sequence[Parameter],
+) -> list[tuple[Parameter, Parameter | None]]:
+    """Parameters with columns, each with the phase that makes a pair of it."""
+    phases = [p for p in parameters if p.role == 'phase']
+    linear = [p for p in parameters if p.role in PROPORTIONAL]
+    phase = phases[0] if phases else None
+    return [(p, phase if i == 0 else None) for i, p in enumerate(linear)]
+
+
+class Signatures:
+    """Columns of candidates about one model.
+
+    Args:
+        innovations: The model's filter.
+    """
+
+    def __init__(self, innovations: Innovations) -> None:
+        self._filter = innovations
+        self._response = Response(innovations.process.robot, innovations.motion)
+
+    @cached_property
+    def _samples(self) -> dict[str, tuple[Kinematics, Motion]]:
+        """The reference at the samples of every channel: only sensors' faults ask for it."""
+        return {
+            channel: self._motion_at(channel)
+            for channel in CHANNELS
+            if len(self._filter.at_samples(channel).time)
+        }
+
+    def whitened(self, directions: Sequence[tuple[AppliedEffect, float]]) -> Array:
+        """(R, K) whitened innovations by each direction's coefficient.
+
+        Args:
+            directions: Effects a small step from doing nothing, with that step.
+        """
+        filtered = self._filter
+        forces = np.stack([self._force(applied) / step for applied, step in directions], axis=2)
+        measured = {}
+        if any(_is_sensor(applied) for applied, _ in directions):
+            for channel in self._samples.keys() & set(_MEASURED):
+                columns = [self._sensed(channel, applied) / step for applied, step in directions]
+                measured[channel] = np.stack(columns, axis=2)
+        return filtered.columns(Columns(filtered.accelerations(forces), measured))
+
+    def between(
+        self,
+        run_robot: Robot,
+        effects: Sequence[AppliedEffect],
+        neighbours: Sequence[tuple[int, AppliedEffect, float]],
+    ) -> Array:
+        """(R, P) whitened innovations when one of the model's effects moves to a neighbour.
+
+        Args:
+            run_robot: The robot before any effect.
+            effects: All effects of the model.
+            neighbours: Index of the effect, what it becomes, by how far.
+        """
+        here = self._needed(run_robot, effects)
+        forces: list[Array] = []
+        measured: dict[str, list[Array]] = {}
+        if any(_is_sensor(moved) for _, moved, _ in neighbours):
+            measured = {c: [] for c in _MEASURED if c in self._samples}
+        for i, moved, step in neighbours:
+            changed = [*effects[:i], moved, *effects[i + 1 :]]
+            force = self._needed(run_robot, changed) - here
+            force += self._effort_error(moved) - self._effort_error(effects[i])
+            forces.append(force / step)
+            for channel, columns in measured.items():
+                change = self._sensed(channel, moved) - self._sensed(channel, effects[i])
+                columns.append(change / step)
+        filtered = self._filter
+        return filtered.columns(
+            Columns(
+                filtered.accelerations(np.stack(forces, axis=2)),
+                {channel: np.stack(columns, axis=2) for channel, columns in measured.items()},
+            )
+        )
+
+    def _needed(self, robot: Robot, effects: Sequence[AppliedEffect]) -> Array:
+        """(N, 6 + n) force of the effects less what the changed robot needs for the motion."""
+        process = TorqueDriven(robot, effects)
+        motion = self._filter.motion.of(process.robot)
+        return process.forces(motion) - InverseDynamics(process.robot)(motion)
+
+    def _force(self, applied: AppliedEffect) -> Array:
+        """(N, 6 + n) generalised force, what is wrong about the measured torque included."""
+        return self._response.force(applied) + self._effort_error(applied)
+
+    def _effort_error(self, applied: AppliedEffect) -> Array:
+        """(N, 6 + n) true motor torque less what is measured."""
+        motion = self._filter.motion
+        force = motion.zeros()
+        force[:, 6:] = motion.effort - applied.sense('joint_effort', motion.effort, motion)
+        late = applied.delay('joints') + applied.delay('effort')
+        if late:
+            force[:, 6:] += late * self._filter.reference.effort(motion.time, 1)
+        return force
+
+    def _sensed(self, channel: str, applied: AppliedEffect) -> Array:
+        """(samples, width) by which a channel reads more than the truth."""
+        kinematics, motion = self._samples[channel]
+        value, slope = _channel(channel, kinematics)
+        clock = {'gyro': 'imu', 'attitude': 'attitude'}.get(channel, 'joints')
+        return applied.sense(channel, value, motion) - value - applied.delay(clock) * slope
+
+    def _motion_at(self, channel: str) -> tuple[Kinematics, Motion]:
+        kinematics = self._filter.at_samples(channel)
+        effort = self._filter.reference.effort(kinematics.time)
+        return kinematics, self._filter.process.motion(kinematics, effort)
+
+
+def _is_sensor(applied: AppliedEffect) -> bool:
+    """Whether an effect changes what any sensor says."""
+    return applied.acts('sense') or applied.acts('delay')
+
+
+def _channel(channel: str, at: Kinematics) -> tuple[Array, Array]:
+    """True values of a channel and their time derivatives."""
+    if channel == 'joint_position':
+        return at.q, at.qd
+    if channel == 'joint_velocity':
+        return at.qd, at.qdd
+    if channel == 'gyro':
+        return at.omega, at.alpha
+    return np.zeros_like(at.omega), at.omega

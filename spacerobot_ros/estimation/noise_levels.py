@@ -1,0 +1,87 @@
+"""How noisy each sensor is: as the robot file states it, checked against the data."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
+
+from ..identification.noise import fourth_difference_std
+from ..model.settings import SensorSettings
+from ..types import Array
+from .observations import Observations
+from .reference import NoiseLevels
+from .smoothing import integrated_rotation
+
+_FLOOR = {
+    'joint_position': 1e-8,
+    'joint_velocity': 1e-7,
+    'joint_effort': 1e-6,
+    'gyro': 1e-8,
+    'attitude': 1e-8,
+}
+_UNIFORM = float(np.sqrt(12.0))  # step of a scale by standard deviation of its rounding
+_DISAGREEMENT = 1.5  # factor between statement and data from which on the data count
+
+
+def noise_levels(
+    sensors: SensorSettings, observed: Observations
+) -> tuple[NoiseLevels, tuple[str, ...]]:
+    """Standard deviations of one sample of each channel, and what should be said of them.
+
+    Where the file states none, and where the data are clearly noisier than it states, the level
+    comes from the data's fourth differences, in which a smooth motion is not seen. An effort that
+    the controller itself makes rough looks noisy without being so: its stated level stands.
+    """
+    measured: dict[str, Array | None] = {
+        'joint_position': observed.q,
+        'joint_velocity': observed.qd,
+        'joint_effort': observed.effort,
+        'gyro': observed.omega if len(observed.omega) else None,
+        'attitude': _turns(observed),
+    }
+    levels, notes = {}, []
+    for name, values in measured.items():
+        stated = getattr(sensors, f'{name}_std')
+        seen = fourth_difference_std(values) if values is not None else 0.0
+        level = seen if stated is None else stated
+        if stated is None and values is not None:
+            notes.append(f'{name}_std is not stated; estimated from the data: {seen:.3g}')
+        elif name != 'joint_effort' and stated and seen > _DISAGREEMENT * stated:
+            level = seen
+            notes.append(
+                f'{name}: the data are noisier than stated, {seen:.3g} against {stated:.3g}; '
+                'the data count'
+            )
+        levels[name] = max(level or 0.0, _resolution(values) / _UNIFORM, _FLOOR[name])
+    return NoiseLevels(**levels), tuple(notes)
+
+
+def _resolution(values: Array | None) -> float:
+    """Smallest step of (N, k) values, the largest of all columns; 0 without any."""
+    if values is None:
+        return 0.0
+    steps = [np.diff(np.unique(column)) for column in values.T]
+    return max((float(step.min()) for step in steps if len(step)), default=0.0)
+
+
+def _turns(observed: Observations) -> Array | None:
+    """(Na, 3) accumulated turns from sample to sample, less what the gyro saw of them.
+
+    A tracker is slow: without the gyro a fast turn would pass for noise.
+    """
+    if observed.attitude is None or len(observed.attitude_time) < 2:
+        return None
+    attitude, times = observed.attitude, observed.attitude_time
+    if len(observed.rate_time) > len(times):
+        grid = np.unique(np.concatenate([times, observed.rate_time]))
+        curve = make_interp_spline(observed.rate_time, observed.omega, k=3)
+        seen = integrated_rotation(
+            lambda t: np.asarray(curve(np.clip(t, *observed.rate_time[[0, -1]]))),
+            grid,
+            Rotation.identity(),
+        )
+        start = attitude * seen[np.searchsorted(grid, times)].inv()  # the same at all times
+        return np.asarray((start[0].inv() * start).as_rotvec())
+    steps = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])

@@ -1,0 +1,338 @@
+"""Effects fitted to a run: Gauss and Newton's method on the filter's whitened innovations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from ..effects.effect import AppliedEffect, Effect, Parameter
+from ..errors import ConfigurationError
+from ..model.robot import Robot
+from ..types import Array
+from .columns import STEPS, Signatures, is_possible
+from .evidence import price
+from .observations import Observations, corrected
+from .prediction import Innovations, Scene
+from .reference import NoiseLevels
+from .scaling import (
+    PROPORTIONAL,
+    coordinate_of,
+    has_prior,
+    origin_of,
+    size_of,
+    spread_of,
+    value_of,
+    value_std,
+)
+from .torque_process import TorqueDriven
+
+_PASSES = 6
+_SETTLED = 0.02  # of a standard deviation
+_HALVINGS = 3
+_DRAWS = 30
+
+
+class Run:
+    """What is the same for every model of a run.
+
+    Args:
+        observed: As measured.
+        robot: The robot file's robot.
+        believed: Its own effects.
+        noise: Noise levels.
+        timing: How efforts act, a key of `innovations.TIMINGS`.
+    """
+
+    def __init__(
+        self,
+        observed: Observations,
+        robot: Robot,
+        believed: Sequence[AppliedEffect],
+        noise: NoiseLevels,
+        timing: str = 'sampled',
+    ) -> None:
+        self.observed = observed
+        self.robot = robot
+        self.believed = tuple(believed)
+        self.noise = noise
+        self.timing = timing
+        self._filters = [0]
+
+    @property
+    def filters(self) -> int:
+        """Number of filters made so far, those of the same run otherwise timed among them."""
+        return self._filters[0]
+
+    def timed(self, timing: str) -> Run:
+        """The same run, its efforts acting in another way."""
+        other = Run(self.observed, self.robot, self.believed, self.noise, timing)
+        other.__dict__['_scene'] = self._scene
+        other._filters = self._filters
+        return other
+
+    def innovations(self, causes: Sequence[AppliedEffect]) -> Innovations:
+        """The filter of the robot with its own effects and some causes."""
+        self._filters[0] += 1
+        process = TorqueDriven(self.robot, (*self.believed, *causes))
+        return Innovations(self.scene(causes), process, self.timing)
+
+    def scene(self, causes: Sequence[AppliedEffect]) -> Scene:
+        """What is observed, the robot's own sensor effects and those of some causes undone."""
+        if not any(_is_sensor(cause) for cause in causes):
+            return self._scene
+        process = TorqueDriven(self.robot, (*self.believed, *causes))
+        return self._make_scene(causes, process)
+
+    @cached_property
+    def _scene(self) -> Scene:
+        return self._make_scene((), TorqueDriven(self.robot, self.believed))
+
+    def _make_scene(self, causes: Sequence[AppliedEffect], process: TorqueDriven) -> Scene:
+        effects = (*self.believed, *causes)
+        return Scene(corrected(self.observed, effects, process.robot), self.noise, process)
+
+
+def _is_sensor(cause: AppliedEffect) -> bool:
+    kind = type(cause.effect)
+    return kind.sense is not Effect.sense or kind.delay is not Effect.delay
+
+
+class Fit:
+    """One model of a run: causes with values, its filter, and the derivatives by the values.
+
+    Args:
+        run: The run.
+        causes: Effects beyond the robot file's.
+    """
+
+    def __init__(self, run: Run, causes: Sequence[AppliedEffect]) -> None:
+        self.run = run
+        self.causes = tuple(causes)
+        self.filter = run.innovations(self.causes)
+
+    @cached_property
+    def free(self) -> list[tuple[int, Parameter]]:
+        """Every fitted number: index of its cause, parameter."""
+        robot = self.run.robot
+        return [
+            (i, p)
+            for i, c in enumerate(self.causes)
+            for p in c.effect.parameters_at(robot, c.where)
+        ]
+
+    @cached_property
+    def data(self) -> Array:
+        """(R,) whitened innovations."""
+        return self.filter.data
+
+    @cached_property
+    def misfit(self) -> float:
+        """Squared whitened innovations, and what the priors of the values add."""
+        prior = sum(
+            ((coordinate_of(p, self.causes[i].values[p.name]) - origin_of(p)) / size_of(p)) ** 2
+            for i, p in self.free
+            if has_prior(p)
+        )
+        return float(self.data @ self.data) + prior
+
+    @property
+    def cost(self) -> float:
+        """Minus twice the log posterior, but for a constant."""
+        return self.misfit + self.filter.log_determinant
+
+    @cached_property
+    def signatures(self) -> Signatures:
+        """Columns of anything about this model."""
+        return Signatures(self.filter)
+
+    @cached_property
+    def tangents(self) -> Array:
+        """(R, P) whitened innovations by every fitted number's coordinate."""
+        if not self.free:
+            return np.zeros((self.filter.rows, 0))
+        own = len(self.run.believed)
+        moves = [self._neighbours(i, p) for i, p in self.free]
+        return self.signatures.between(
+            self.run.robot,
+            (*self.run.believed, *self.causes),
+            [(own + i, moved, step) for i, moved, step in moves],
+        )
+
+    @property
+    def precision(self) -> Array:
+        """(P,) prior precision of every coordinate."""
+        return np.array([1.0 / size_of(p) ** 2 if has_prior(p) else 0.0 for _, p in self.free])
+
+    @cached_property
+    def evidence(self) -> float:
+        """Log evidence by Laplace's approximation, but for a constant of the run.
+
+        Minus infinity where the model can not be followed.
+        """
+        if not (math.isfinite(self.cost) and self._is_followed):
+            return -math.inf
+        sizes = np.array([spread_of(p) for _, p in self.free])
+        scaled = sizes[:, None] * (self.tangents.T @ self.tangents) * sizes
+        values = np.linalg.eigvalsh(scaled) if len(sizes) else np.zeros(0)
+        return -0.5 * self.cost - price(values, len(self.data))
+
+    @cached_property
+    def _is_followed(self) -> bool:
+        """Whether the model and its neighbours are robots whose motion stays finite."""
+        try:
+            return bool(np.all(np.isfinite(self.tangents)))
+        except ConfigurationError:
+            return False
+
+    def predicted(self, blocks: Sequence[slice]) -> Array:
+        """(R,) whitened innovations of each block of rows with the values that the others give."""
+        if not self.free:
+            return self.data
+        out = self.data.copy()
+        for block in blocks:
+            rest = np.ones(len(out), dtype=bool)
+            rest[block] = False
+            columns = self.tangents[rest]
+            slope = columns.T @ self.data[rest] - self._prior_slope
+            information = columns.T @ columns + np.diag(self.precision)
+            out[block] -= self.tangents[block] @ np.linalg.lstsq(information, slope, 1e-12)[0]
+        return out
+
+    @property
+    def _prior_slope(self) -> Array:
+        """(P,) by which the priors pull every coordinate back."""
+        now = np.array([coordinate_of(p, self.causes[i].values[p.name]) for i, p in self.free])
+        origin = np.array([origin_of(p) for _, p in self.free])
+        return self.precision * (now - origin)
+
+    def covariance(self) -> Array:
+        """(P, P) of the coordinates."""
+        if not self.free:
+            return np.zeros((0, 0))
+        # what the data do not tell is as uncertain as it was thought possible
+        weak = np.array([spread_of(p) for _, p in self.free]) ** -2.0
+        return np.asarray(np.linalg.inv(self.tangents.T @ self.tangents + np.diag(weak)))
+
+    def standard_deviations(self) -> list[dict[str, float]]:
+        """Of every cause's parameters, in their own units."""
+        spread = np.sqrt(np.maximum(np.diag(self.covariance()), 0.0))
+        out: list[dict[str, float]] = [{} for _ in self.causes]
+        for (i, p), std in zip(self.free, spread, strict=True):
+            value = self.causes[i].values[p.name]
+            out[i][p.name] = value_std(p, value, float(std))
+        return out
+
+    def step(self) -> list[AppliedEffect] | None:
+        """The causes after one step; None where they have settled."""
+        if not self.free:
+            return None
+        # nothing moves farther at once than it was thought possible
+        spread = np.array([spread_of(p) for _, p in self.free])
+        information = self.tangents.T @ self.tangents + np.diag(spread**-2.0)
+        slope = self.tangents.T @ self.data - self._prior_slope
+        change = np.asarray(np.linalg.lstsq(information, slope, rcond=1e-12)[0])
+        if float(change @ information @ change) < _SETTLED**2:
+            return None
+        return self.moved(change)
+
+    def moved(self, change: Array) -> list[AppliedEffect]:
+        """The causes with every coordinate changed, within its bounds."""
+        values: list[dict[str, float]] = [dict(c.values) for c in self.causes]
+        for (i, p), delta in zip(self.free, change, strict=True):
+            values[i][p.name] = value_of(p, coordinate_of(p, values[i][p.name]) + float(delta))
+        return [replace(c, values=v) for c, v in zip(self.causes, values, strict=True)]
+
+    def _neighbours(self, i: int, p: Parameter) -> tuple[int, AppliedEffect, float]:
+        """A cause with one coordinate moved a little to where it may go, and by how much."""
+        cause = self.causes[i]
+        here = coordinate_of(p, cause.values[p.name])
+        scale = size_of(p) if has_prior(p) or here == 0.0 else abs(here)
+        moved, there = cause, here
+        for step in (sign * share * scale for share in STEPS for sign in (1.0, -1.0)):
+            value = value_of(p, here + step)
+            moved = replace(cause, values={**cause.values, p.name: value})
+            there = coordinate_of(p, value)
+            others = [*self.run.believed, *self.causes[:i], moved, *self.causes[i + 1 :]]
+            if there != here and is_possible(others, self.run.robot):
+                break
+        return i, moved, there - here
+
+
+def refine(run: Run, causes: Sequence[AppliedEffect], passes: int = _PASSES) -> Fit:
+    """The most probable values of the causes' parameters, from the given ones.
+
+    Args:
+        run: The run.
+        causes: Effects with first guesses.
+        passes: Largest number of steps.
+    """
+    fit = Fit(run, _possible(run, causes))
+    for _ in range(passes):
+        try:
+            ahead = fit.step()
+        except (ConfigurationError, np.linalg.LinAlgError):
+            break  # at the edge of what is physical: no neighbour is a robot that can be followed
+        if ahead is None:
+            break
+        better = _descend(fit, ahead)
+        if better is None:
+            break
+        fit = better
+    return _canonical(fit)
+
+
+def _possible(run: Run, causes: Sequence[AppliedEffect]) -> Sequence[AppliedEffect]:
+    """The causes, drawn towards no effect until a physical robot has them together.
+
+    One may have taken what another had given: without that other it is too much.
+    """
+    for _ in range(_DRAWS):
+        if is_possible([*run.believed, *causes], run.robot):
+            break
+        causes = [replace(c, values={**c.values, **_halved(c)}) for c in causes]
+    return causes
+
+
+def _halved(cause: AppliedEffect) -> dict[str, float]:
+    return {
+        p.name: value_of(p, 0.5 * (coordinate_of(p, cause.values[p.name]) + origin_of(p)))
+        for p in cause.effect.parameters
+        if p.role in PROPORTIONAL
+    }
+
+
+def _canonical(fit: Fit) -> Fit:
+    """The same model with its causes' values in their usual form, such as axes of unit length."""
+    causes = [replace(c, values=c.effect.canonical(c.values)) for c in fit.causes]
+    if all(new.values == old.values for new, old in zip(causes, fit.causes, strict=True)):
+        return fit
+    return Fit(fit.run, causes)
+
+
+def _descend(fit: Fit, ahead: list[AppliedEffect]) -> Fit | None:
+    """The next fit along a step, shortened until it is better; None where nothing is."""
+    for k in range(_HALVINGS):
+        share = 0.4**k
+        causes = [
+            replace(new, values=_between(old, new, share))
+            for old, new in zip(fit.causes, ahead, strict=True)
+        ]
+        try:
+            trial = Fit(fit.run, causes)
+            if math.isfinite(trial.cost) and trial.cost < fit.cost:
+                return trial
+        except (ConfigurationError, np.linalg.LinAlgError):
+            continue  # a step too far: no physical robot there
+    return None
+
+
+def _between(old: AppliedEffect, new: AppliedEffect, share: float) -> Mapping[str, float]:
+    out = {}
+    for p in old.effect.parameters:
+        a, b = coordinate_of(p, old.values[p.name]), coordinate_of(p, new.values[p.name])
+        out[p.name] = value_of(p, a + share * (b - a))
+    return out

@@ -1,0 +1,30 @@
+"""What minimal parameters group, on a robot small enough to know it by hand."""
+
+import numpy as np
+from support.identification import servicer
+
+from spacerobot_ros.estimation.grouping import standard_parameters
+from spacerobot_ros.estimation.minimal import minimal_set
+
+
+def test_last_links_own_inertia_is_grouped_with_nothing_else():
+    robot = servicer('zyx')
+    minimal = minimal_set(robot, 'symmetric')
+    groups = dict(
+        zip(minimal.names, standard_parameters(robot, minimal, 'symmetric'), strict=True)
+    )
+    # the last joint turns about x, on which the link's centre lies
+    assert groups['J3xx'] == 'link_3: Ixx'
+    assert groups['J3yy'] == 'link_3: Iyy Izz'
+
+
+def test_numbers_that_are_not_named_change_nothing():
+    robot = servicer('xyy')
+    minimal = minimal_set(robot, 'generic')
+    groups = standard_parameters(robot, minimal, 'generic')
+    assert len(groups) == len(minimal) == 45
+    assert all(groups)
+    # every mass enters the products of first moments, which the base's inertia stands for
+    place = minimal.names.index('J0xx')
+    assert all(f'{body.name}: m' in groups[place] for body in robot.bodies)
+    assert not np.any(['Izz' in part for part in groups[place].split(';') if 'base' in part])

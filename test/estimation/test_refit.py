@@ -1,0 +1,39 @@
+"""Fits that start where no physical robot is, and fits that lead there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.effect import AppliedEffect
+from spacerobot_ros.estimation.columns import is_possible
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.observations import observe
+from spacerobot_ros.estimation.refit import Run, refine
+
+
+def applied(effect, where, **values):
+    entry = CATALOGUE[effect]
+    return AppliedEffect(
+        name=effect, effect=entry, where=where, values={**entry.nominal, **values}
+    )
+
+
+def test_two_causes_that_take_the_same_mass_are_drawn_back_to_a_body():
+    robot = robot_file('servicer').robot
+    observed = observe(simulated('servicer', 'default', 1, (), 6.0), robot)
+    run = Run(observed, robot, (), noise_levels(robot.sensors, observed)[0], 'held_before')
+    # link_2 has 100 kg: taken at its centre of mass, 60 kg leave a body and 120 kg do not
+    x = float(robot.bodies[2].com[0])
+    second = -60.0 * x**2
+    moments = {'mx': -60.0 * x, 'iyy': second, 'izz': second}
+    lighter = applied('inertial_parameters', 'link_2', mass=-60.0, **moments)
+    fuel = applied('fuel_slosh', 'link_2', mass=60.0, frequency=3.0, damping=0.05, x=x)
+    assert is_possible(lighter, robot)
+    assert not is_possible([lighter, fuel], robot)
+    fit = refine(run, [lighter, fuel])
+    assert is_possible(fit.causes, robot)
+    assert np.isfinite(fit.evidence)
+    # nothing is hidden in the record: both come out as nothing
+    assert abs(fit.causes[0].values['mass']) < 5.0 * fit.standard_deviations()[0]['mass']
