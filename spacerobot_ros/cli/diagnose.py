@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import shlex
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from ..errors import ConfigurationError
-from .options import Formatter
+from .options import Subparsers, add_command, check_folder
+from .terminal import print_json, print_sections, progress
+
+if TYPE_CHECKING:
+    from ..report.diagnosis_tables import Answer
 
 JSON_NAME, REPORT_NAME = 'diagnosis.json', 'report.html'
 
@@ -42,14 +42,14 @@ exit status: 0 consistent with the model, 1 something was found, 2 unusable inpu
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         'diagnose',
-        help='name what a simulation gets wrong about measured data, and extend its model',
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=Formatter,
+        'name what a simulation gets wrong about measured data, and extend its model',
+        _DESCRIPTION,
+        _EPILOG,
     )
     parser.add_argument(
         'data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON'
@@ -73,50 +73,63 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose, write, print; 0 where the data are consistent with the model, else 1."""
     from ..diagnosis.answer.extended_model import write_extended_model
     from ..diagnosis.answer.output import EXTENDED_MODEL
+    from ..json_values import json_text
+    from ..model.files import write_text
+    from ..report.diagnosis_page import diagnosis_page
+    from ..report.diagnosis_tables import summary
     from ..report.html import write_report
-    from .diagnose_answer import answer_of
-    from .diagnose_report import report_of
-    from .diagnose_summary import print_summary
 
-    out = check_folder(args.out, args.force)
-    with progress() as report:
-        answer = answer_of(args, _command(args), report)
-    text = json.dumps(answer.to_dict(), indent=2, allow_nan=False)
+    out = check_folder(args.out, (JSON_NAME, 'a diagnosis'), args.force)
+    with progress() as stage:
+        answer = _answer(args, stage('reading', 1.0))
+    values = answer.to_dict()
     write_extended_model(args.robot, answer.added, out / EXTENDED_MODEL)
-    write_report(report_of(answer), out / REPORT_NAME)
-    _write_text(out / JSON_NAME, text + '\n')  # the last: it says that the diagnosis is there
+    write_text(out / JSON_NAME, json_text(values))
+    write_report(diagnosis_page(answer), out / REPORT_NAME)
     if args.json:
-        print(text)
+        print_json(values)
     else:
-        print_summary(answer)
+        print_sections(summary(answer))
         print(f'written: {out}: {JSON_NAME}, {REPORT_NAME}, {EXTENDED_MODEL}')
     return 0 if answer.diagnosis.verdict == 'consistent' else 1
 
 
-def _write_text(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(str(path), f'can not be written: {error.strerror}') from error
+def _answer(args: argparse.Namespace, report: Callable[[float, str], None]) -> Answer:
+    """Read, diagnose, and measure what that is worth."""
+    from ..diagnosis.answer.appearance import appearances
+    from ..diagnosis.answer.closed_loop_gain import closed_loop_gain
+    from ..diagnosis.answer.extended_model import named
+    from ..diagnosis.answer.next_motion import with_motions
+    from ..diagnosis.answer.score_on import score_on
+    from ..diagnosis.diagnose import diagnose
+    from ..model.loader import load_robot_file
+    from ..recording.read import read_record
+    from ..report.diagnosis_tables import Answer
 
-
-def check_folder(path: str, force: bool) -> Path:
-    """The folder to write to.
-
-    Raises:
-        ConfigurationError: it can't be written to, or holds a diagnosis already.
-    """
-    folder = Path(path)
-    above = next(p for p in (folder, *folder.absolute().parents) if p.exists())
-    if not above.is_dir():
-        raise ConfigurationError('--out', f'{above} is a file, not a folder')
-    if not os.access(above, os.W_OK | os.X_OK):
-        raise ConfigurationError('--out', f'{above} can not be written to')
-    if (folder / JSON_NAME).exists() and not force:
-        raise ConfigurationError(
-            '--out', f'{folder} holds a diagnosis already (--force replaces it)'
-        )
-    return folder
+    file = load_robot_file(args.robot)
+    record = read_record(args.data, file.robot, args.map)
+    diagnosis = diagnose(
+        record, file.robot, file.effects, report=lambda what, share: report(share, what)
+    )
+    diagnosis = replace(diagnosis, notes=(*record.notes, *diagnosis.notes))
+    diagnosis = with_motions(diagnosis, args.robot)
+    added = named((cause.applied for cause in diagnosis.causes), file.effects)
+    closed, why = None, 'left out (--no-closed-loop)'
+    if not args.no_closed_loop:
+        report(0.95, 'simulating a controller with the old and the extended model')
+        closed, why = closed_loop_gain(file, added)
+    other = read_record(args.score, file.robot, args.map) if args.score else None
+    return Answer(
+        diagnosis=diagnosis,
+        file=file,
+        record=record,
+        added=added,
+        closed_loop=closed,
+        why_open=why,
+        appearances=appearances(diagnosis.series, record),
+        command=_command(args),
+        score=() if other is None else score_on(other, file.robot, added, file.effects),
+    )
 
 
 def _command(args: argparse.Namespace) -> str:
@@ -125,17 +138,3 @@ def _command(args: argparse.Namespace) -> str:
     words += ['--score', args.score] if args.score else []
     words += ['--no-closed-loop'] if args.no_closed_loop else []
     return shlex.join(words)
-
-
-@contextmanager
-def progress() -> Iterator[Callable[[str, float], None]]:
-    """A progress bar on stderr with what is being done; nothing where that is no terminal."""
-    if not sys.stderr.isatty():
-        yield lambda what, share: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task('reading', total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)

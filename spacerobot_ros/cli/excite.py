@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     from .excite_report import report_of
     from .excite_separate import run_separate
     from .excite_tables import print_summary
-    from .simulate import progress_bar
+    from .terminal import progress
 
     _check_target(args.output, args.robot, args.force)
     if args.separate:
@@ -95,7 +95,8 @@ def run(args: argparse.Namespace) -> int:
         _check_target(args.report, args.robot, args.force)
     problem = Problem(with_options(load_robot_file(args.robot), args))
     options = problem.settings.excitation
-    with progress_bar(options.starts * options.iterations, 'designing') as advance:
+    with progress() as stage:
+        advance = stage('designing', options.starts * options.iterations)
         design = search(problem, lambda steps, _: advance(steps))
     write_trajectory(problem, design.x, args.robot, args.output)
     summary = summarise(problem, design)

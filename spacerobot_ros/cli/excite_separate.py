@@ -23,14 +23,15 @@ def run_separate(args: argparse.Namespace) -> int:
     from ..excitation.separation import budget, separate
     from ..model.loader import load_robot_file
     from .excite import with_options
-    from .simulate import progress_bar
+    from .terminal import progress
 
     _refuse_options(args)
     file = with_options(load_robot_file(args.robot), args)
     first, second = (parse_place(text, file.robot) for text in args.separate)
     if first.name == second.name:
         raise ConfigurationError('--separate', f'{first.name} is given twice')
-    with progress_bar(budget(file, args.duration), 'designing') as advance:
+    with progress() as stage:
+        advance = stage('designing', budget(file, args.duration))
         found = separate(file, first, second, args.duration, advance)
     best = found.best
     write_trajectory(best.motions, best.x, args.robot, args.output)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
-import sys
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from ..display import Section, Table, Text, table
 from ..errors import IdentificationError
-from .options import Formatter
+from .options import Subparsers, add_command, check_file
+from .terminal import print_json, print_sections
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from ..identification.advice import Advice
     from ..identification.estimate import Estimate
 
@@ -40,14 +37,14 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         'identify',
-        help='estimate wheel momentum and inertial parameters from a recording',
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=Formatter,
+        'estimate wheel momentum and inertial parameters from a recording',
+        _DESCRIPTION,
+        _EPILOG,
     )
     parser.add_argument('bag', metavar='BAG', help='rosbag2 folder, one mcap or db3 file, or npz')
     parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
@@ -71,13 +68,14 @@ def run(args: argparse.Namespace) -> int:
     from ..estimation.momentum_process import MomentumModel
     from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
-    from ..json_values import json_value
     from ..model.loader import load_robot_file
     from ..model.writer import write_robot_file
     from ..recording.bag import read_bag
     from ..recording.npz import load_npz
     from ..sensing.correction import corrected_record
 
+    if args.write:
+        check_file(args.write, args.force)
     file = load_robot_file(args.robot)
     record = load_npz(args.bag) if args.bag.endswith('.npz') else read_bag(args.bag, file.robot)
     record = corrected_record(record, file.robot, file.effects)
@@ -94,12 +92,10 @@ def run(args: argparse.Namespace) -> int:
         for parameter, group in zip(data['parameters'], groups, strict=True):
             parameter['groups'] = group
         data['advice'] = [asdict(one) for one in advice]
-        print(json.dumps(json_value(data), indent=2, allow_nan=False))
+        print_json(data)
     else:
-        _print_human(estimate, groups, advice)
+        print_sections(_sections(estimate, groups, advice))
     if args.write:
-        if Path(args.write).exists() and not args.force:
-            raise IdentificationError(f'{args.write}: exists; --force overwrites it')
         if result.robot is None:
             raise IdentificationError(
                 f'{args.write} is not written: no physical bodies were found'
@@ -108,94 +104,64 @@ def run(args: argparse.Namespace) -> int:
     return 0 if estimate.valid else 1
 
 
-def _print_human(estimate: Estimate, groups: tuple[str, ...], advice: tuple[Advice, ...]) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
-    for title, rows, notes in (
-        ('wheel momentum of the captured body', _aam_rows(estimate), ()),
-        ('total angular momentum, inertial frame', _momentum_rows(estimate), ()),
-        (
-            'minimal inertial parameters, each with the numbers of the bodies that it groups',
-            _parameter_rows(estimate),
-            groups,
-        ),
-    ):
-        console.print(title)
-        console.print(_table(rows, notes))
-    console.print(
-        f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
-        f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
-        f'chi-square per degree of freedom {estimate.chi2_per_dof:.3g}',
-        markup=False,
+def _sections(
+    estimate: Estimate, groups: Sequence[str], advice: Sequence[Advice]
+) -> Iterator[Section]:
+    """What is printed for people."""
+    n = len(estimate.aam)
+    std = estimate.std
+    momentum_std = estimate.total_momentum_covariance.diagonal() ** 0.5
+    links = [f'{link} {axis}' for link in estimate.aam_links for axis in 'xyz']
+    yield _estimates(
+        'wheel momentum of the captured body',
+        'N m s',
+        zip(links, estimate.aam, std[:n], strict=True),
     )
-    for note in estimate.notes:
-        console.print(f'note: {note}', markup=False)
-    if not estimate.valid:
-        console.print(f'not valid: {estimate.reason}', markup=False)
+    yield _estimates(
+        'total angular momentum, inertial frame',
+        'N m s',
+        zip('xyz', estimate.total_momentum, momentum_std, strict=True),
+    )
+    yield _estimates(
+        'minimal inertial parameters, each with the numbers of the bodies that it groups',
+        'kg m^2',
+        zip(estimate.parameter_names, estimate.parameters, std[n:], groups, strict=True),
+    )
+    yield Section(
+        '',
+        [
+            Text(
+                f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
+                f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
+                f'chi-square per degree of freedom {estimate.chi2_per_dof:.3g}'
+            ),
+            *(Text(f'note: {note}') for note in estimate.notes),
+            *([] if estimate.valid else [Text(f'not valid: {estimate.reason}')]),
+        ],
+    )
     if advice:
-        console.print(
-            '\nwhat the data cannot tell, and the cheapest motions that would, in this order'
-            '\n(A with -1.00 B: where A and B change so together, the data stay the same)'
+        columns = {
+            'extra motion': lambda one: one.motion or 'none of those tried',
+            'tells': lambda one: '\n'.join(one.tells),
+        }
+        shown = table(
+            advice,
+            columns,
+            '(A with -1.00 B: where A and B change so together, the data stay the same)',
         )
-        console.print(_advice_table(advice))
+        yield Section(
+            'what the data cannot tell, and the cheapest motions that would, in this order',
+            [shown],
+        )
 
 
-def _aam_rows(estimate: Estimate) -> list[tuple[str, float, float, str]]:
-    names = [f'{link} {axis}' for link in estimate.aam_links for axis in 'xyz']
-    std = estimate.std[: len(names)].tolist()
-    return _rows(names, estimate.aam.tolist(), std, 'N m s')
+def _estimates(title: str, unit: str, rows: Iterable[tuple[Any, ...]]) -> Section:
+    """Names, values as far as they are known, their standard deviations, and groups."""
+    from ..report.formats import decimals
 
-
-def _momentum_rows(estimate: Estimate) -> list[tuple[str, float, float, str]]:
-    variances = estimate.total_momentum_covariance.diagonal().tolist()
-    std = [math.sqrt(v) for v in variances]
-    return _rows(list('xyz'), estimate.total_momentum.tolist(), std, 'N m s')
-
-
-def _parameter_rows(estimate: Estimate) -> list[tuple[str, float, float, str]]:
-    std = estimate.std[len(estimate.aam) :].tolist()
-    return _rows(list(estimate.parameter_names), estimate.parameters.tolist(), std, 'kg m^2')
-
-
-def _rows(
-    names: list[str], values: list[float], stds: list[float], unit: str
-) -> list[tuple[str, float, float, str]]:
-    return [(name, v, s, unit) for name, v, s in zip(names, values, stds, strict=True)]
-
-
-def _table(rows: list[tuple[str, float, float, str]], notes: tuple[str, ...] = ()) -> Table:
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column('name')
-    for column in ('value', '+- std'):
-        table.add_column(column, justify='right')
-    table.add_column('unit')
-    if notes:
-        table.add_column('groups')
-    for i, (name, value, std, unit) in enumerate(rows):
-        digits = decimals(std)
-        cells = (name, f'{value:.{digits}f}', f'{std:.{digits}f}', unit, *notes[i : i + 1])
-        table.add_row(*(Text(cell) for cell in cells))
-    return table
-
-
-def _advice_table(advice: tuple[Advice, ...]) -> Table:
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table('extra motion', 'tells', box=box.SIMPLE_HEAD, pad_edge=False)
-    for one in advice:
-        table.add_row(Text(one.motion or 'none of those tried'), Text('\n'.join(one.tells)))
-    return table
-
-
-def decimals(std: float) -> int:
-    """Decimals that show a standard deviation with two digits, and its value as far as it goes."""
-    if not math.isfinite(std) or std <= 0.0:
-        return 6
-    return min(max(1 - math.floor(math.log10(std)), 0), 12)
+    head = ('name', 'value', '+- std', 'unit', 'groups')
+    cells = [
+        (name, f'{value:.{decimals(std)}f}', f'{std:.{decimals(std)}f}', unit, *groups)
+        for name, value, std, *groups in rows
+    ]
+    return Section(title, [Table(head[: len(cells[0])] if cells else head[:4], cells)])

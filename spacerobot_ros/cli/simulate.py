@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from .options import Formatter, positive_float, seed
+from .options import Subparsers, add_command, positive_float, seed
+from .terminal import progress
 
 if TYPE_CHECKING:
     from ..model.settings import Settings
@@ -27,8 +27,6 @@ LAWS = (
     'adaptive_rls_paper',
     'adaptive_lyapunov_paper',
 )
-
-_DEGREES = 57.29577951308232
 
 _DESCRIPTION = """\
 Simulate the robot of a robot file in closed loop, without ROS, and record a rosbag2 (mcap).
@@ -51,14 +49,14 @@ examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         'simulate',
-        help='simulate a robot in closed loop (no ROS needed) and record a bag',
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=Formatter,
+        'simulate a robot in closed loop (no ROS needed) and record a bag',
+        _DESCRIPTION,
+        _EPILOG,
     )
     parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
     parser.add_argument('-o', '--output', required=True, metavar='BAG', help='folder to create')
@@ -98,7 +96,8 @@ def run(args: argparse.Namespace) -> int:
     if adaptive is not None and adaptive.health.sampling_warning:
         sys.stderr.write(f'warning: {adaptive.health.sampling_warning}\n')
     started = time.perf_counter()
-    with progress_bar(steps, 'simulating') as advance:
+    with progress() as stage:
+        advance = stage('simulating', steps)
         summary = record_run(loop, steps, args.output, overwrite=args.force, progress=advance)
     print(_line(args.output, summary, time.perf_counter() - started))
     return 0
@@ -118,38 +117,13 @@ def with_options(settings: Settings, args: argparse.Namespace) -> Settings:
     return replace(settings, simulator=simulator, controller=controller, reference=reference)
 
 
-@contextmanager
-def progress_bar(total: int, what: str) -> Iterator[Callable[[int], None]]:
-    """A progress bar on stderr; nothing where that is not a terminal.
-
-    Args:
-        total: Number of steps.
-        what: What is being done.
-    """
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=total)
-        stride = max(1, total // 200)
-
-        def advance(done: int) -> None:
-            if done % stride == 0 or done == total:
-                progress.update(task, completed=done)
-
-        yield advance
-
-
 def _line(path: str, summary: RunSummary, wall: float) -> str:
     cut = f', torque limits cut {summary.saturated} commands' if summary.saturated else ''
     attitude = ''
     if summary.max_attitude_error is not None:
-        attitude = f', of the attitude {_DEGREES * summary.max_attitude_error:.3g} deg'
+        attitude = f', of the attitude {math.degrees(summary.max_attitude_error):.3g} deg'
     return (
         f'{path}: {summary.duration:g} s in {summary.messages} messages, largest joint error '
-        f'{_DEGREES * summary.max_joint_error:.3g} deg{attitude}{cut}, momentum drift '
+        f'{math.degrees(summary.max_joint_error):.3g} deg{attitude}{cut}, momentum drift '
         f'{summary.momentum_drift:.1e}, {summary.duration / wall:.0f} times real time'
     )

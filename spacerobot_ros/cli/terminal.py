@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..display import KeyFigures, Plot, Section, Table, Text
 
@@ -16,8 +16,16 @@ _WIDTH = 120  # columns, where the output is no terminal
 _UPDATES = 200  # of a progress bar
 _NO_NUMBERS = ('never', 'none', 'not tested')  # but said in their place
 
-Stage = Callable[[str, float], Callable[[float], None]]
-"""Called with what is being done and its total; gives what is called with the part done."""
+
+class Advance(Protocol):
+    """Called with the part of a stage that is done, and what is being done where that changes."""
+
+    def __call__(self, done: float, what: str = '') -> None:
+        """Show it."""
+
+
+Stage = Callable[[str, float], Advance]
+"""Called with what is being done and its total."""
 
 
 def print_json(value: Any) -> None:
@@ -28,12 +36,12 @@ def print_json(value: Any) -> None:
 
 
 def print_sections(sections: Iterable[Section]) -> None:
-    """Texts and tables of a report, below their titles; texts below a title are indented."""
+    """Texts and tables of a report below their titles, texts indented; empty ones are left out."""
     from rich.console import Console
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     for section in sections:
-        if section.title:
+        if section.title and section.items:
             console.print(section.title, markup=False, style='bold')
         for item in section.items:
             if isinstance(item, Text):
@@ -71,7 +79,7 @@ def _is_number(text: str) -> bool:
 def progress() -> Iterator[Stage]:
     """Progress bars on stderr, one a stage; nothing where that is no terminal."""
     if not sys.stderr.isatty():
-        yield lambda what, total: lambda done: None
+        yield lambda what, total: lambda done, what='': None
         return
     from rich.console import Console
     from rich.progress import (
@@ -87,13 +95,13 @@ def progress() -> Iterator[Stage]:
         *columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True
     ) as bar:
 
-        def stage(what: str, total: float) -> Callable[[float], None]:
+        def stage(what: str, total: float) -> Advance:
             task, shown = bar.add_task(what, total=total), [0.0]
 
-            def advance(done: float) -> None:
-                if done >= total or done - shown[0] >= total / _UPDATES:
+            def advance(done: float, what: str = '') -> None:
+                if what or done >= total or done - shown[0] >= total / _UPDATES:
                     shown[0] = done
-                    bar.update(task, completed=done)
+                    bar.update(task, completed=done, description=what or None)
 
             return advance
 

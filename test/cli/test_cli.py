@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.cli import identify, main, simulate
-from spacerobot_ros.cli.identify import decimals
 from spacerobot_ros.errors import SpaceRobotError
 from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.recording.bag import read_bag
 from spacerobot_ros.recording.npz import save_npz
+from spacerobot_ros.report.formats import decimals
 
 ROOT = Path(__file__).resolve().parents[2]
 ROBOT = str(ROOT / 'config' / 'servicer.yaml')

@@ -11,11 +11,9 @@ import pytest
 import yaml
 from support.diagnosis import hand_made
 
-from spacerobot_ros.cli import diagnose, main
-from spacerobot_ros.cli.diagnose_answer import Answer
-from spacerobot_ros.cli.diagnose_report import report_of
-from spacerobot_ros.cli.diagnose_summary import print_summary
-from spacerobot_ros.cli.diagnose_tables import number, probability, remaining, value_with
+from spacerobot_ros.cli import main
+from spacerobot_ros.cli.options import check_folder
+from spacerobot_ros.cli.terminal import print_sections
 from spacerobot_ros.diagnosis.answer.closed_loop_gain import ClosedLoopGain
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
 from spacerobot_ros.diagnosis.answer.result import Rival
@@ -23,6 +21,9 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
+from spacerobot_ros.report.diagnosis_page import diagnosis_page
+from spacerobot_ros.report.diagnosis_tables import Answer, remaining, summary
+from spacerobot_ros.report.formats import number, probability, value_with
 from spacerobot_ros.report.html import render
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -153,9 +154,9 @@ target_wheel_drag at link_3: time_constant never +- - s
 best single effects, each against the model as it stands
 effect where log evidence log L gain p
 joint_viscous_friction joint_2 800 812 < 1e-99
-residuals before and after (white p: probability that what is left is white noise)
+residuals before and after (white p: probability of as much structure in white noise)
 channel unit rms before rms after noise floor after/floor white p
-joint_torque/joint_2 N m 0.687 0.0687 0.1 0.69 -
+joint_torque/joint_2 N m 0.687 0.0687 0.1 0.69 not tested
 joint_rate/joint_2 rad/s 0.0691 0.00691 0.01 0.69 0.4
 held-out prediction error, in standard deviations of the noise: 7 before, 1.01 after (6.8 with \
 the best placebo)
@@ -170,7 +171,7 @@ note: joints: 1 gap
 
 
 def test_the_printed_summary(capsys, tmp_path):
-    print_summary(answer(tmp_path))
+    print_sections(summary(answer(tmp_path)))
     lines = (' '.join(line.split()) for line in capsys.readouterr().out.splitlines())
     text = ''.join(f'{line}\n' for line in lines if line.strip(' ─'))
     threshold = CATALOGUE['joint_viscous_friction'].parameters[0].relevant
@@ -179,7 +180,7 @@ def test_the_printed_summary(capsys, tmp_path):
 
 @pytest.mark.parametrize('verdict', ['consistent', 'partly_explained'])
 def test_the_report_has_everything_and_needs_no_network(tmp_path, verdict):
-    page = render(report_of(answer(tmp_path, verdict)))
+    page = render(diagnosis_page(answer(tmp_path, verdict)))
     for title in (
         'Verdict',
         'Causes',
@@ -226,7 +227,7 @@ def test_a_diagnosis_is_not_replaced_unless_told(capsys, bag, model, tmp_path):
     (tmp_path / 'diagnosis.json').write_text('{}')
     err = fails(capsys, bag, '--robot', model, '--out', tmp_path)
     assert 'holds a diagnosis already (--force replaces it)' in err
-    assert diagnose.check_folder(str(tmp_path), force=True) == tmp_path
+    assert check_folder(str(tmp_path), ('diagnosis.json', 'a diagnosis'), force=True) == tmp_path
 
 
 def test_a_folder_that_can_not_be_written_is_refused_first(capsys, tmp_path):

@@ -1,0 +1,341 @@
+"""The page of a diagnosis for a review: verdict, causes, signals, errors, spectra, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import groupby
+
+import numpy as np
+from scipy.signal import welch
+
+from .. import __version__
+from ..diagnosis.answer.result import Diagnosis, Series
+from ..diagnosis.answer.score_on import BAND
+from ..display import Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, Text
+from ..types import Array
+from .diagnosis_tables import (
+    Answer,
+    appearance_table,
+    closed_loop_table,
+    evidence_table,
+    is_balance,
+    minor_lines,
+    parameter_table,
+    placebo_words,
+    ranking_table,
+    remaining,
+    residual_table,
+    rival_lines,
+    score_line,
+)
+from .formats import number, probability
+from .plots import bars, plot, thinned
+
+_SHORT = 20  # characters of a cell that stays on one line
+_NEAR_NOISE = 1.05  # held-out error from which on something is left
+_SIGNALS, _SPECTRA, _RANKED = 3, 3, 12
+_POINTS = 500  # a curve: a page holds many
+_SEGMENT = 512  # samples, of a spectrum
+_FEWEST = 128  # samples, of the same
+_BEFORE, _AFTER, _MEASURED = 1, 0, 6  # colours
+
+_PREDICTION = (
+    'An error-state filter predicts every sample of every sensor from the model and the measured '
+    'joint torques, one step ahead, with the noise of the sensors taken through. Every effect '
+    'of the catalogue at every place is one column of such predictions; which columns the errors '
+    'want is asked of the whole record by evidence, and each fifth of it must agree with what the '
+    'other four say. '
+)
+_BALANCE = (
+    'The robot file does not say how noisy the efforts are, so the torques that the model needs '
+    f'along the smoothed motion are compared with the measured ones below {BAND:g} Hz. Every '
+    'effect of the catalogue at every place adds its own torques to the balance; what inertial '
+    'errors and the whole catalogue together leave is taken for noise, and what explains more '
+    'than that is found; it is named when it is also large enough to matter. Held-out errors are '
+    'those of parts of the record with the values that the rest gives. No fit and no placebo was '
+    'tested: the verdict is at most partly explained. '
+)
+_HELD_OUT = (
+    'Held-out errors are those of each fifth of the record with the values that the other four '
+    'give. A placebo is the same column with its seconds shuffled: what it explains, any '
+    'extension of that size would. A cause counts when it beats chance over the whole catalogue '
+    'and its price in parameters, improves what is held out by more than its placebos, and stays '
+    'the same along the record; it is named when it is also large enough to matter. '
+)
+_KINDS = {
+    'joint_torque': 'Torque on each joint that the model does not explain, half second by half '
+    'second.',
+    'angular_momentum': 'Torque on the whole robot that the model does not explain: the rate at '
+    'which its angular momentum seems to change.',
+    'joint_position': 'Joint positions against their prediction one step ahead.',
+    'joint_rate': 'Joint rates against their prediction one step ahead.',
+    'gyro': 'Body rates against their prediction one step ahead.',
+    'attitude': 'Attitude against its prediction from the last one.',
+}
+
+
+def diagnosis_page(answer: Answer) -> Report:
+    """The report of a diagnosis."""
+    diagnosis = answer.diagnosis
+    causes = [('Causes', _causes)] if diagnosis.causes or diagnosis.minor else []
+    sections: list[tuple[str, Callable[[Answer], Iterator[Item]]]] = [
+        ('Verdict', _verdict),
+        *causes,
+        ('Measured against simulated', _signals),
+        ('Prediction errors, channel by channel', _errors),
+        ('Which effects the data want', _ranking),
+        ('In closed loop', _closed_loop),
+        ('What remains', _remains),
+        ('What to fly next', _next),
+        ('How it was done', _how),
+    ]
+    return Report(
+        title=f'Diagnosis: {diagnosis.verdict.replace("_", " ")}',
+        subtitle=f'robot {answer.file.robot.name}, {_data_in_words(answer)}',
+        sections=[Section(title, list(items(answer))) for title, items in sections],
+    )
+
+
+def _verdict(answer: Answer) -> Iterator[Item]:
+    diagnosis, gain, closed = answer.diagnosis, answer.diagnosis.gain, answer.closed_loop
+    yield Text(diagnosis.sentence)
+    figures = [
+        KeyFigure('held-out error, model as it stands', number(gain.before, 3), 'noise std'),
+        KeyFigure(
+            'held-out error, extended model',
+            number(gain.after, 3),
+            'noise std',
+            f'1 is perfect; {placebo_words(gain.placebo)}',
+            'good' if gain.after < _NEAR_NOISE else 'bad',
+        ),
+        KeyFigure(
+            'a right model fits as badly',
+            probability(diagnosis.fit_p),
+            '',
+            f'probability; model as it stands: {probability(diagnosis.null_p)}',
+        ),
+    ]
+    if closed is not None:
+        remark = f'with the old model: {number(closed.rms_before, 2)} rad'
+        rms = number(closed.rms_after, 2)
+        figures.append(KeyFigure('rms joint error in closed loop', rms, 'rad', remark))
+    yield KeyFigures(figures)
+
+
+def _causes(answer: Answer) -> Iterator[Item]:
+    causes, minor = answer.diagnosis.causes, answer.diagnosis.minor
+    if causes:
+        caption = 'Values with standard deviations; below `matters from` an effect is not named.'
+        yield _tied(parameter_table(causes, caption))
+        yield evidence_table(
+            causes,
+            'Gains in log likelihood and BIC; p: of such a gain by chance; held out: share of '
+            'the held-out excess misfit that it removes, placebo: the best of its placebos; '
+            'constant p: probability that its values are the same all along the record.',
+        )
+    for line in rival_lines(causes):
+        yield Text(line)
+    for line in minor_lines(minor):
+        yield Text(f'Significant, but too small to matter: {line}.')
+
+
+def _tied(shown: Table) -> Table:
+    """A table whose short cells do not break at their spaces."""
+    rows = [
+        [c.replace(' ', '\u00a0') if len(c) < _SHORT else c for c in row] for row in shown.rows
+    ]
+    return replace(shown, rows=rows)
+
+
+def _signals(answer: Answer) -> Iterator[Item]:
+    worst = _worst([s for s in answer.diagnosis.series if len(s.measured)], _SIGNALS)
+    if not worst:
+        yield Text('No sensor was predicted: torques were balanced along the measured motion.')
+        return
+    yield Text(
+        'The channels whose errors stand out most. Simulated means predicted one step ahead; '
+        'the errors below each show on their own scale what the curves hide. Before: the model as '
+        'it stands; after: the extended one.'
+    )
+    for series in worst:
+        yield Plot(partial(_signal_plot, series))
+
+
+def _errors(answer: Answer) -> Iterator[Item]:
+    diagnosis = answer.diagnosis
+    floor = 'what is taken for noise' if is_balance(diagnosis) else 'what a right model has'
+    yield residual_table(
+        diagnosis,
+        f'Noise floor: {floor}; white p: probability of as much structure in white noise.',
+    )
+    if answer.appearances:
+        yield appearance_table(
+            answer.appearances,
+            'Where the errors of the model as it stands appear: a hint for people, no evidence.',
+        )
+    for kind, group in groupby(diagnosis.series, key=lambda s: s.channel.split('/')[0]):
+        caption = _KINDS.get(kind, kind)
+        if is_balance(diagnosis):
+            caption = f'Torque on each joint that the model does not explain, below {BAND:g} Hz.'
+        yield Plot(partial(_error_plot, list(group)), caption)
+    sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
+    if sampled:
+        caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'
+        yield Plot(partial(_spectrum_plot, _worst(sampled, _SPECTRA)), caption)
+
+
+def _ranking(answer: Answer) -> Iterator[Item]:
+    yield Text(
+        'Every effect at every place alone against the model as it stands. The second best is '
+        'often the shadow of the best: what counts is what the data still want once a cause is in.'
+    )
+    if any(r.log_likelihood_gain > 0.0 for r in answer.diagnosis.ranking[:_RANKED]):
+        caption = 'Twice the gain in log likelihood; dark: named causes.'
+        yield Plot(partial(_ranking_plot, answer.diagnosis), caption)
+    yield ranking_table(answer.diagnosis)
+
+
+def _closed_loop(answer: Answer) -> Iterator[Item]:
+    closed = answer.closed_loop
+    if closed is None:
+        yield Text(f'Not simulated: {answer.why_open}.')
+        return
+    yield Text(
+        f'The plant is simulated with the named causes; it follows {closed.task} for '
+        f'{closed.duration:g} s under a controller that knows the old model, then the extended '
+        'one. Same start, same noise.'
+    )
+    yield closed_loop_table(closed)
+
+
+def _remains(answer: Answer) -> Iterator[Item]:
+    lines = remaining(answer.diagnosis)
+    if not lines and is_balance(answer.diagnosis):
+        yield Text('Not tested: what no effect explains was taken for noise.')
+    elif not lines:
+        yield Text('Nothing: every channel is down to its noise floor and white.')
+    for line in lines:
+        yield Text(line)
+    if answer.score:
+        yield Text(f'{score_line(answer.score).capitalize()}.')
+
+
+def _next(answer: Answer) -> Iterator[Item]:
+    for line in answer.diagnosis.next_motion or ('Nothing asks for another flight.',):
+        yield Text(line)
+
+
+def _how(answer: Answer) -> Iterator[Item]:
+    yield Text(f'{answer.command}   (spacerobot {__version__})')
+    way = _BALANCE if is_balance(answer.diagnosis) else _PREDICTION + _HELD_OUT
+    yield Text(f'{way}See docs/diagnosis.md.')
+    for note in answer.diagnosis.notes:
+        yield Text(f'Note: {note}.')
+
+
+def _data_in_words(answer: Answer) -> str:
+    record = answer.record
+    first, last = record.span_ns
+    counts = [
+        f'{len(series.stamp_ns)} {name}'
+        for name, series in (
+            ('joint samples', record.joints),
+            ('gyro samples', record.rates),
+            ('attitudes', record.attitudes),
+        )
+        if series is not None
+    ]
+    return f'{(last - first) / 1e9:.1f} s of data: {", ".join(counts)}'
+
+
+def _signal_plot(series: Series) -> str:
+    """Measured and simulated values of a channel, and its errors."""
+    curves = [
+        _curve('measured', series, series.measured, _MEASURED),
+        _curve('simulated before', series, series.measured - series.before, _BEFORE),
+        _curve('simulated after', series, series.measured - series.after, _AFTER),
+    ]
+    errors = _error_panel(series, 'measured less simulated')
+    return plot([Panel(_title(series), series.unit, curves), errors])
+
+
+def _error_plot(group: Sequence[Series]) -> str:
+    """Errors of the channels of a kind before and after."""
+    return plot([_error_panel(series, _title(series)) for series in group], height=1.5)
+
+
+def _error_panel(series: Series, title: str) -> Panel:
+    band = 3.0 * series.noise_floor
+    curves = [
+        _curve('before', series, series.before, _BEFORE),
+        _curve('after', series, series.after, _AFTER),
+    ]
+    levels = ((band, '3 noise floors'), (-band, ''))
+    return Panel(title, series.unit, curves, levels=levels)
+
+
+def _curve(name: str, series: Series, values: Array, colour: int) -> Curve:
+    return Curve(name, *thinned(series.time, values, _POINTS), None, colour)
+
+
+def _spectrum_plot(channels: Sequence[Series]) -> str:
+    """Amplitude spectra of errors."""
+    return plot(
+        [_spectrum_panel(series) for series in channels], abscissa='frequency [Hz]', height=1.9
+    )
+
+
+def _spectrum_panel(series: Series) -> Panel:
+    step = float(np.median(np.diff(series.time)))
+    curves = []
+    for name, values, colour in (
+        ('before', series.before, _BEFORE),
+        ('after', series.after, _AFTER),
+    ):
+        size = min(_SEGMENT, len(values))
+        frequency, power = welch(values, fs=1.0 / step, nperseg=size, detrend=False)
+        curves.append(Curve(name, frequency[1:], np.sqrt(power[1:]), None, colour))
+    floor = series.noise_floor * np.sqrt(2.0 * step)
+    unit = f'{series.unit}/Hz^0.5'
+    return Panel(_title(series), unit, curves, log=True, levels=((floor, 'noise floor'),))
+
+
+def _ranking_plot(diagnosis: Diagnosis) -> str:
+    """Gains of the best single effects."""
+    named = {(c.applied.effect.id, c.applied.where) for c in diagnosis.causes}
+    ranked = [r for r in diagnosis.ranking[:_RANKED] if r.log_likelihood_gain > 0.0]
+    return bars(
+        [r.effect + (f' at {r.where}' if r.where else '') for r in ranked],
+        [2.0 * r.log_likelihood_gain for r in ranked],
+        abscissa='twice the gain in log likelihood',
+        marked=[(r.effect, r.where) in named for r in ranked],
+    )
+
+
+def _title(series: Series) -> str:
+    kind, _, place = series.channel.partition('/')
+    return f'{kind.replace("_", " ")}, {place}'
+
+
+def _worst(channels: Sequence[Series], count: int) -> list[Series]:
+    """The channel of each kind whose errors stand out most, at most so many kinds.
+
+    The attitude comes last: as a rotation vector it jumps after half a turn.
+    """
+    kinds: dict[str, list[Series]] = {}
+    for series in channels:
+        kinds.setdefault(series.channel.split('/')[0], []).append(series)
+    best = [max(group, key=_excess) for group in kinds.values()]
+    best.sort(key=lambda series: (series.channel.startswith('attitude'), -_excess(series)))
+    return best[:count]
+
+
+def _excess(series: Series) -> float:
+    """How far the slow part of an error is above its noise: a sign of a wrong model."""
+    if not len(series.before) or series.noise_floor <= 0.0:
+        return 0.0
+    pieces = np.array_split(series.before, max(1, len(series.before) // 20))
+    means = np.array([piece.sum() / np.sqrt(len(piece)) for piece in pieces])
+    return float(np.sqrt(np.mean(means**2)) / series.noise_floor)

@@ -1,0 +1,42 @@
+"""Numbers as text, for people: as many digits as are known, and words where there is no number."""
+
+from __future__ import annotations
+
+import math
+
+SMALLEST = 1e-99  # probability that is worth its digits
+UNTESTED = 'not tested'
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number with so many digits; `never` for infinity, a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return 'never' if value is not None and value > 0.0 else '-'
+    return f'{value:.{digits}g}'
+
+
+def probability(p: float | None) -> str:
+    """A probability; very small ones without their digits."""
+    if p is None or math.isnan(p):
+        return UNTESTED
+    return f'< {SMALLEST:g}' if p < SMALLEST else number(p, 2)
+
+
+def percent(share: float | None, form: str = '.1f', nothing: str = '-') -> str:
+    """A share as a percentage."""
+    return nothing if share is None or not math.isfinite(share) else f'{100.0 * share:{form}} %'
+
+
+def value_with(value: float, std: float) -> str:
+    """A value as far as its standard deviation lets it be known: two digits of that."""
+    if not (math.isfinite(value) and math.isfinite(std)) or value == 0.0 or std <= 0.0:
+        return number(value)
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
+    return f'{value:#.{min(max(digits, 2), 12)}g}'.rstrip('.')
+
+
+def decimals(std: float) -> int:
+    """Decimals that show a standard deviation with two digits, and its value as far as it goes."""
+    if not math.isfinite(std) or std <= 0.0:
+        return 6
+    return min(max(1 - math.floor(math.log10(std)), 0), 12)
