@@ -13,8 +13,9 @@ import numpy as np
 from spacerobot_ros.demo.results import Run
 from spacerobot_ros.demo.run import identify, track
 from spacerobot_ros.display import Curve, Panel
-from spacerobot_ros.model.loader import load_robot_file, true_robot
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.report.plots import plot
+from spacerobot_ros.simulation.truth import true_robot
 
 HERE = Path(__file__).parent
 EVERY = 10  # samples; keeps the file small

@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 
 from spacerobot_ros.dynamics.rotation import rotation_matrix
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.effects.catalogue import apply_effect
-from spacerobot_ros.effects.effect import AppliedEffect
+from spacerobot_ros.effects.catalogue import bind_effect
+from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.effects.motion import Motion
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.response import Response
-from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.simulation.plant import Plant
 from spacerobot_ros.types import Array
@@ -105,8 +105,8 @@ def main() -> None:
     ground = on_ground(motion)
     held = Response(ground.robot, ground)
     for effect, (where, values) in EXAMPLES.items():
-        applied = apply_effect(effect, effect, where, values, robot)
-        seen_in = among_wheels if applied.effect.group == 'wheels' else response
+        applied = bind_effect(effect, effect, where, values, robot)
+        seen_in = among_wheels if applied.group == 'wheels' else response
         if effect == 'gravity_error':
             seen_in = held
         (HERE / 'effects' / f'{effect}.svg').write_text(
@@ -163,10 +163,10 @@ def on_ground(motion: Motion) -> Motion:
     )
 
 
-def signature(applied: AppliedEffect, response: Response) -> tuple[str, Array]:
+def signature(applied: Effect, response: Response) -> tuple[str, Array]:
     """Label and (N,) values of where the effect shows most."""
     motion = response.motion
-    late = LATE.get(applied.effect.id)
+    late = LATE.get(applied.id)
     for channel, (label, unit) in SENSORS.items():
         value = {
             'joint_position': motion.q,

@@ -11,7 +11,8 @@ from ..control.adaptive.pseudo_inertia import parameters_of, pseudo_inertia
 from ..control.adaptive.regressors import Regressors
 from ..control.adaptive.tree import parameter_values
 from ..control.adaptive.types import Target
-from ..model.loader import load_robot_file, resolve_urdf
+from ..effects.robot_file import load_robot_file
+from ..model.loader import resolve_urdf
 from ..model.robot import Robot
 from ..types import Array
 

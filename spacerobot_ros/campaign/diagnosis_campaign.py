@@ -19,7 +19,7 @@ import numpy as np
 from ..diagnosis.answer.result import Cause, Diagnosis
 from ..diagnosis.diagnose import diagnose
 from ..effects.catalogue import CATALOGUE
-from ..effects.effect import AppliedEffect, Effect
+from ..effects.effect import Effect
 from ..errors import SpaceRobotError
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observe
@@ -163,7 +163,7 @@ def run_campaign(folder: Path, options: Options, done: Callable[[], None]) -> li
 def run_case(case: Case) -> dict[str, Any]:
     """Hide, simulate, diagnose; plain data."""
     rng = np.random.default_rng([case.seed, 11])
-    hidden: list[AppliedEffect] = []
+    hidden: list[Effect] = []
     strength = wall = 0.0
     failure = NOT_SIMULATED  # such as an effect under which the controller is not stable
     try:
@@ -180,7 +180,7 @@ def run_case(case: Case) -> dict[str, Any]:
             **{name: getattr(case, name) for name in ('kind', 'robot', 'excitation', 'multiple')},
             'strength': strength,
             'hidden': [
-                {'effect': h.effect.id, 'where': h.where, 'values': dict(h.values)} for h in hidden
+                {'effect': h.id, 'where': h.where, 'values': dict(h.values)} for h in hidden
             ],
             'wall_s': wall,
             **said,
@@ -189,13 +189,13 @@ def run_case(case: Case) -> dict[str, Any]:
     return line
 
 
-def _known(case: Case) -> list[Effect]:
+def _known(case: Case) -> list[type[Effect]]:
     """The catalogue, without what is hidden where it is left out."""
     out = case.effects if case.kind == 'left_out' else ()
     return [effect for effect in CATALOGUE.values() if effect.id not in out]
 
 
-def _hide(case: Case, rng: np.random.Generator) -> tuple[list[AppliedEffect], float]:
+def _hide(case: Case, rng: np.random.Generator) -> tuple[list[Effect], float]:
     """The effects of a case, and the weakest one's strength by the detection limit.
 
     It is 0 where the robot has no place for one.
@@ -233,7 +233,7 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
 def _plain(cause: Cause) -> dict[str, Any]:
     """A cause with its values and their standard deviations."""
     return {
-        'effect': cause.applied.effect.id,
+        'effect': cause.applied.id,
         'where': cause.applied.where,
         'rivals': [[r.effect, r.where] for r in cause.rivals],
         'values': {

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects.catalogue import CATALOGUE
-from ..effects.effect import AppliedEffect, Effect
+from ..effects.effect import Effect
 from ..errors import ConfigurationError
 from ..estimation.columns import is_possible
 from ..estimation.refit import Fit
@@ -38,24 +38,24 @@ class Direction:
     """Effects of one kind at one place that differ in strength.
 
     Args:
-        effect: Catalogue entry.
+        kind: Catalogue entry.
         where: Its place.
         rest: Values of what the strength does not change.
         sizes: Coordinate of every other parameter at strength one, about no effect.
     """
 
-    effect: Effect
+    kind: type[Effect]
     where: str | None
     rest: Mapping[str, float]
     sizes: Mapping[str, float]
 
-    def applied(self, strength: float) -> AppliedEffect:
+    def applied(self, strength: float) -> Effect:
         """The effect, its values within their bounds."""
         values = dict(self.rest)
-        for p in self.effect.parameters:
+        for p in self.kind.parameters:
             if p.name in self.sizes:
                 values[p.name] = value_of(p, origin_of(p) + strength * self.sizes[p.name])
-        return AppliedEffect(name='hidden', effect=self.effect, where=self.where, values=values)
+        return self.kind(name='hidden', where=self.where, values=values)
 
     def reaches(self, strength: float, robot: Robot) -> bool:
         """Whether bounds and bodies leave room for so much."""
@@ -67,7 +67,7 @@ class Direction:
                 rel_tol=1e-6,
                 abs_tol=1e-12,
             )
-            for p in self.effect.parameters
+            for p in self.kind.parameters
             if p.name in self.sizes
         )
 
@@ -84,7 +84,7 @@ def places(robot: Robot) -> list[tuple[str, str | None]]:
 
 def drawn(
     clean: Fit, effect_id: str, where: str | None, multiple: float, rng: np.random.Generator
-) -> tuple[AppliedEffect, float]:
+) -> tuple[Effect, float]:
     """An effect at a place, of a strength by what the motion can show.
 
     Args:
@@ -118,7 +118,7 @@ def drawn(
 
 def _softening(direction: Direction, strength: float, robot: Robot) -> float:
     """By how much more of an effect of its own states moves slowly enough; 1 where none does."""
-    if not direction.effect.hidden or not strength:
+    if not direction.kind.hidden or not strength:
         return 1.0
     for share in (2.0**k for k in range(_DOUBLINGS)):
         if not direction.reaches(share * strength, robot):
@@ -128,22 +128,22 @@ def _softening(direction: Direction, strength: float, robot: Robot) -> float:
     return 1.0
 
 
-def _is_sound(applied: AppliedEffect, robot: Robot) -> bool:
+def _is_sound(applied: Effect, robot: Robot) -> bool:
     """Whether values contradict neither each other nor the robot."""
     try:
-        applied.effect.check(robot, applied.where, applied.values, applied.name)
+        applied.check(robot)
     except ConfigurationError:
         return False
     return is_possible(applied, robot)
 
 
 def _direction(
-    effect: Effect, robot: Robot, where: str | None, rng: np.random.Generator
+    kind: type[Effect], robot: Robot, where: str | None, rng: np.random.Generator
 ) -> Direction:
     """Random proportions of the parameters, phases and frequencies."""
-    rest = dict(rng.choice(np.array(effect.variants(robot, where), dtype=object)))
+    rest = dict(rng.choice(np.array(kind.variants(robot, where), dtype=object)))
     sizes = {}
-    for p in effect.parameters:
+    for p in kind.parameters:
         if p.role in PROPORTIONAL:
             amount = float(rng.standard_normal()) * size_of(p)
             one_sided = p.role != 'linear' or max(p.minimum, p.above) >= p.nominal
@@ -153,12 +153,12 @@ def _direction(
         elif min(p.grid, default=0.0) > 0.0 and len(p.grid) > 1:
             low, high = math.log(min(p.grid)), math.log(min(max(p.grid), _FASTEST))
             rest[p.name] = math.exp(rng.uniform(low, high))
-    if effect.id == 'inertial_parameters':
+    if kind.id == 'inertial_parameters':
         sizes = _payload(rng)
-    if effect.id == 'joint_flexibility':  # without losses its rotor would ring for minutes
+    if kind.id == 'joint_flexibility':  # without losses its rotor would ring for minutes
         del sizes['damping']
         rest['damping'] = float(rng.uniform(*_GEAR_DAMPING))
-    return Direction(effect, where, rest, sizes)
+    return Direction(kind, where, rest, sizes)
 
 
 def _payload(rng: np.random.Generator) -> dict[str, float]:

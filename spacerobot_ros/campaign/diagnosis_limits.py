@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects.catalogue import CATALOGUE
-from ..effects.effect import Effect, Parameter, Values
+from ..effects.effect import Effect, Values
+from ..effects.parameter import Parameter
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_of
 from .diagnosis_judge import Line
 from .diagnosis_scenario import robot_file
@@ -62,7 +63,7 @@ def physical_limits(lines: Sequence[Line]) -> dict[str, Limit]:
     }
 
 
-def main_parameters(effect: Effect) -> tuple[Parameter, ...]:
+def main_parameters(effect: type[Effect]) -> tuple[Parameter, ...]:
     """The first parameter that the effect is in proportion to, or the three of its vector."""
     listed = [p for p in effect.parameters if p.role in PROPORTIONAL]
     first = listed[0]
@@ -71,14 +72,14 @@ def main_parameters(effect: Effect) -> tuple[Parameter, ...]:
     return vector if len(vector) == 3 else (first,)
 
 
-def _size(effect: Effect, values: Values) -> float:
+def _size(effect: type[Effect], values: Values) -> float:
     """Length of the main coordinates about no effect."""
     return math.hypot(
         *(coordinate_of(p, values[p.name]) - origin_of(p) for p in main_parameters(effect))
     )
 
 
-def _limit(effect: Effect, sizes: Sequence[float], thresholds: Sequence[float]) -> Limit:
+def _limit(effect: type[Effect], sizes: Sequence[float], thresholds: Sequence[float]) -> Limit:
     first, *others = main_parameters(effect)
     shown = [_shown(first, size) for size in sizes]
     name = first.name.removesuffix('x').rstrip('_') or 'vector' if others else first.name

@@ -11,9 +11,10 @@ import numpy as np
 from ..control.loop import ControlLoop
 from ..control.reference import build_reference
 from ..diagnosis.answer.extended_model import effects_section
-from ..effects.effect import AppliedEffect
+from ..effects.effect import Effect
+from ..effects.robot_file import RobotFile, load_robot_file
 from ..errors import SimulationDivergedError
-from ..model.loader import RobotFile, load_robot_file, resolve_urdf
+from ..model.loader import resolve_urdf
 from ..model.settings import ReferenceSettings, TruthSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from ..simulation.closed_loop import ClosedLoop, Step
@@ -55,7 +56,7 @@ def simulated(
     robot: str,
     excitation: str,
     seed: int,
-    effects: Sequence[AppliedEffect] = (),
+    effects: Sequence[Effect] = (),
     duration: float = DURATION,
 ) -> Record:
     """A record of the robot with effects that neither its file nor its controller knows.

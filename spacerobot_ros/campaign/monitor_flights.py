@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..diagnosis.flight.monitor import Monitor
 from ..diagnosis.flight.state import MonitorState
-from ..effects.catalogue import changed_robot, parse_effects
-from ..effects.effect import AppliedEffect, Effect, Values
+from ..effects.catalogue import bind_effects, changed_robot
+from ..effects.effect import Effect
 from ..effects.motion import Motion
-from ..model.loader import RobotFile, load_robot_file, resolve_urdf
+from ..effects.robot_file import RobotFile, load_robot_file
+from ..model.loader import resolve_urdf
 from ..model.robot import Robot
 from ..model.settings import ReferenceSettings
 from ..simulation.closed_loop import ClosedLoop, Step
@@ -105,7 +106,7 @@ class Flight:
         file = self.file
         loop = ClosedLoop(file.robot, file.settings)
         robot = loop.plant.robot
-        later = [_later(e, self.onset, self.end) for e in parse_effects(self.effects, robot)]
+        later = [_later(e, self.onset, self.end) for e in bind_effects(self.effects, robot)]
         onset, end = (round(t / loop.plant.period) for t in (self.onset, self.end))
         loop.plant = _moved(loop.plant, robot, later)
         for k, step in enumerate(loop.run(round(duration / loop.plant.period))):
@@ -142,45 +143,30 @@ def watch(monitor: Monitor, samples: Iterable[Sample]) -> Iterator[MonitorState]
         last = state
 
 
-@dataclass(frozen=True, kw_only=True)
 class _Later(Effect):
-    """An effect whose force begins and ends at given times."""
+    """An effect whose force begins and ends at given times [s]."""
 
-    inner: Effect
-    onset: float
-    end: float
+    onset: ClassVar[float]
+    end: ClassVar[float]
+    is_timed = True
 
-    def change(self, robot: Robot, where: str | None, values: Values) -> Robot:
-        """As of the effect itself; when, the flight says."""
-        return self.inner.change(robot, where, values)
-
-    def force(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
+    def force(self, motion: Motion, hidden: Array) -> Array:
         """As of the effect itself, by the time since its onset."""
         at = motion.time - self.onset
         if not 0.0 <= at[0] < self.end - self.onset:
             return motion.zeros()
         moved = motion.of(motion.robot)
         moved.time = at
-        return self.inner.force(moved, where, values, hidden)
+        return super().force(moved, hidden)
 
 
-def _later(applied: AppliedEffect, onset: float, end: float) -> AppliedEffect:
-    e = applied.effect
-    later = _Later(
-        id=e.id,
-        title=e.title,
-        group=e.group,
-        parameters=e.parameters,
-        is_external=e.is_external,
-        is_timed=True,
-        inner=e,
-        onset=onset,
-        end=end,
-    )
-    return replace(applied, effect=later)
+def _later(effect: Effect, onset: float, end: float) -> Effect:
+    kind = type('Later', (_Later, type(effect)), {'onset': onset, 'end': end})
+    later: Effect = kind(name=effect.name, where=effect.where, values=effect.values)
+    return later
 
 
-def _moved(plant: Plant, robot: Robot, effects: Iterable[AppliedEffect]) -> Plant:
+def _moved(plant: Plant, robot: Robot, effects: Iterable[Effect]) -> Plant:
     """The plant with another robot in the same state."""
     new = Plant(robot, plant.state, plant.period, plant.substeps, tuple(effects))
     new.step_index, new.effort = plant.step_index, plant.effort

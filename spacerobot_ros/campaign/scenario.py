@@ -21,10 +21,11 @@ from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import Torque, rk4_step, simulate_smooth
 from ..dynamics.rotation import quaternion_rate, rotation_matrix
 from ..dynamics.state import State, initial_state
+from ..effects.robot_file import load_robot_file
 from ..errors import ConfigurationError
 from ..estimation.minimal import MinimalSet, minimal_set
 from ..estimation.momentum_process import Reference
-from ..model.loader import load_robot_file, package_folder
+from ..model.loader import package_folder
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array, Vector3

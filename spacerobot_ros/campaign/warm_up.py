@@ -8,7 +8,7 @@ waits for them later.
 from __future__ import annotations
 
 from ..diagnosis.diagnose import diagnose
-from ..effects.catalogue import apply_effect
+from ..effects.catalogue import bind_effect
 from .diagnosis_scenario import robot_file, simulated
 
 _DURATION = 3.0  # s
@@ -20,8 +20,8 @@ def main() -> None:
     fuel = {'mass': 60.0, 'frequency': 3.0, 'damping': 0.05}
     friction = {'coefficient': 5.0}
     hidden = [
-        apply_effect('hidden_0', 'fuel_slosh', 'base_link', fuel, robot),
-        apply_effect('hidden_1', 'joint_viscous_friction', 'joint_2', friction, robot),
+        bind_effect('hidden_0', 'fuel_slosh', 'base_link', fuel, robot),
+        bind_effect('hidden_1', 'joint_viscous_friction', 'joint_2', friction, robot),
     ]
     diagnose(simulated('servicer', 'fast', 1, hidden, _DURATION), robot)
 

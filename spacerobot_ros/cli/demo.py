@@ -15,7 +15,7 @@ from .options import Formatter, seed
 
 if TYPE_CHECKING:
     from ..demo.results import Results
-    from ..model.loader import RobotFile
+    from ..effects.robot_file import RobotFile
 
 _DESCRIPTION = """\
 Run simulator, identifier and controller as ROS 2 nodes in one process, in lockstep:
@@ -93,7 +93,7 @@ def _prepare(folder: Path) -> None:
 def _results(args: argparse.Namespace) -> Results:
     from ..demo.results import Results, truth_of
     from ..demo.run import check_file, identify, track
-    from ..model.loader import true_robot
+    from ..simulation.truth import true_robot
 
     started = time.perf_counter()
     file = _robot_file(args)
@@ -122,7 +122,8 @@ def _results(args: argparse.Namespace) -> Results:
 def _robot_file(args: argparse.Namespace) -> RobotFile:
     from dataclasses import replace
 
-    from ..model.loader import load_robot_file, package_folder
+    from ..effects.robot_file import load_robot_file
+    from ..model.loader import package_folder
 
     path = args.robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
     file = load_robot_file(path)

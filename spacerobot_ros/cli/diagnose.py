@@ -102,7 +102,7 @@ def _answer(args: argparse.Namespace, report: Callable[[float, str], None]) -> A
     from ..diagnosis.answer.next_motion import with_motions
     from ..diagnosis.answer.score_on import score_on
     from ..diagnosis.diagnose import diagnose
-    from ..model.loader import load_robot_file
+    from ..effects.robot_file import load_robot_file
     from ..recording.read import read_record
     from ..report.diagnosis_tables import Answer
 

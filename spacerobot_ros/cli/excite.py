@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from .options import Formatter, positive_float, seed
 
 if TYPE_CHECKING:
-    from ..model.loader import RobotFile
+    from ..effects.robot_file import RobotFile
 
 CRITERIA = ('information', 'condition', 'unit_condition')
 
@@ -77,11 +77,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Design, write, print; 0 when the motion is written, 130 when Ctrl-C cut the search."""
+    from ..effects.robot_file import load_robot_file
     from ..excitation.design import search
     from ..excitation.output import write_trajectory
     from ..excitation.problem import Problem
     from ..excitation.summary import summarise
-    from ..model.loader import load_robot_file
     from ..report.html import write_report
     from .excite_report import report_of
     from .excite_separate import run_separate

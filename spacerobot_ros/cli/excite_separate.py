@@ -19,9 +19,9 @@ _NESTED = 1e-3  # sine of the angle between signatures; below, one is a special 
 
 def run_separate(args: argparse.Namespace) -> int:
     """Design, write, print; 0 when the motion is written."""
+    from ..effects.robot_file import load_robot_file
     from ..excitation.output import write_trajectory
     from ..excitation.separation import budget, separate
-    from ..model.loader import load_robot_file
     from .excite import with_options
     from .terminal import progress
 

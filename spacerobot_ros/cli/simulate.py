@@ -81,7 +81,7 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and record; 0 when the bag is complete."""
-    from ..model.loader import load_robot_file
+    from ..effects.robot_file import load_robot_file
     from ..recording.bag_writer import check_target
     from ..simulation.closed_loop import ClosedLoop
     from ..simulation.to_bag import record_run

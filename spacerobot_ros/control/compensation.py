@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..dynamics.equations import Dynamics
-from ..effects.effect import AppliedEffect
+from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array, Vector3
@@ -31,7 +31,7 @@ class FeedForward:
         effects: The believed effects; those that can't be fed forward are passed over.
     """
 
-    def __init__(self, robot: Robot, effects: Sequence[AppliedEffect]) -> None:
+    def __init__(self, robot: Robot, effects: Sequence[Effect]) -> None:
         self._robot = robot
         self._effects = tuple(effect for effect in effects if _is_internal(effect))
         self._dynamics = Dynamics(robot)
@@ -74,6 +74,7 @@ class FeedForward:
         return np.asarray(np.linalg.solve(M[:6, :6], M[:6, 6:]).T)
 
 
-def _is_internal(applied: AppliedEffect) -> bool:
-    effect = applied.effect
-    return applied.acts('force') and not (effect.is_external or effect.is_timed or effect.hidden)
+def _is_internal(applied: Effect) -> bool:
+    return applied.acts('force') and not (
+        applied.is_external or applied.is_timed or applied.hidden
+    )

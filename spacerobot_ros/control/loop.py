@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..effects.catalogue import changed_robot, parse_effects
+from ..effects.catalogue import bind_effects, changed_robot
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
@@ -42,7 +42,7 @@ class ControlLoop:
     """
 
     def __init__(self, robot: Robot, settings: Settings) -> None:
-        effects = parse_effects(settings.effects, robot)
+        effects = bind_effects(settings.effects, robot)
         robot = changed_robot(robot, effects)
         self._faults = SensorFaults(robot, effects)
         self.robot = robot

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..effects.effect import AppliedEffect
+from ..effects.effect import Effect
 from ..errors import IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
@@ -69,9 +69,7 @@ class JointPilot:
 
     needs_attitude = False
 
-    def __init__(
-        self, robot: Robot, settings: Settings, effects: Sequence[AppliedEffect] = ()
-    ) -> None:
+    def __init__(self, robot: Robot, settings: Settings, effects: Sequence[Effect] = ()) -> None:
         options = settings.controller
         self._robot, self._name = robot, options.law
         self._structure = settings.identifier.structure

@@ -14,9 +14,9 @@ from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Ledger, Tracking
 
+from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError, IdentificationError
 from ..identification.estimate import Estimate
-from ..model.loader import RobotFile
 from ..model.settings import Settings
 from ..nodes.controller import ControllerNode
 from ..nodes.identifier import IdentifierNode

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from ..effects.catalogue import CATALOGUE
-from ..effects.effect import AppliedEffect, Effect
+from ..effects.effect import Effect
 from ..estimation.evidence import Gram, score
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observe
@@ -38,8 +38,8 @@ _WINDOWS = 4
 def diagnose(
     record: Record,
     robot: Robot,
-    believed: Sequence[AppliedEffect] = (),
-    catalogue: Iterable[Effect] | None = None,
+    believed: Sequence[Effect] = (),
+    catalogue: Iterable[type[Effect]] | None = None,
     report: Callable[[str, float], None] = lambda what, share: None,
 ) -> Diagnosis:
     """Compare a run with the robot's simulation and name what is different.
@@ -134,7 +134,7 @@ def _cause(found: Found, index: int) -> Cause:
     spread = fit.standard_deviations()[index]
     parameters = {
         p.name: Estimated(value=applied.values[p.name], std=spread[p.name], unit=p.unit)
-        for p in applied.effect.parameters
+        for p in applied.parameters
     }
     return Cause(
         applied=applied,
@@ -212,7 +212,7 @@ def _rms(values: Array) -> float:
 def _ranked(found: Found) -> Iterable[Ranked]:
     for judged in found.first:
         yield Ranked(
-            effect=judged.candidate.effect.id,
+            effect=judged.candidate.kind.id,
             where=judged.candidate.where,
             values=judged.applied.values,
             evidence=judged.score.evidence,
@@ -251,4 +251,4 @@ def _in_words(cause: Cause) -> str:
         f'{name} {e.value:.4g} +- {e.std:.2g}{f" {e.unit}" if e.unit else ""}'
         for name, e in cause.parameters.items()
     )
-    return f'{cause.applied.effect.title}{where} ({values})'
+    return f'{cause.applied.title}{where} ({values})'

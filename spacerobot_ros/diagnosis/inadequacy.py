@@ -17,7 +17,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.stats import chi2
 
-from ..effects.effect import AppliedEffect, Effect, Parameter
+from ..effects.effect import Effect
+from ..effects.parameter import Parameter
 from ..estimation.balance import TorqueBalance, band_limited, band_terms, missed_torque
 from ..estimation.columns import is_possible
 from ..estimation.reference import NoiseLevels, ReferenceTrajectory
@@ -72,7 +73,9 @@ def _with_noise(run: Run, noise: NoiseLevels) -> Run:
     return Run(run.observed, run.robot, run.believed, noise, run.timing)
 
 
-def diagnose_balance(run: Run, effects: Sequence[Effect], notes: tuple[str, ...]) -> Diagnosis:
+def diagnose_balance(
+    run: Run, effects: Sequence[type[Effect]], notes: tuple[str, ...]
+) -> Diagnosis:
     """Name what explains more of the torques than is left by all effects.
 
     Args:
@@ -118,7 +121,7 @@ def _simplest(wanted: Sequence[Judged]) -> Judged:
         if j.candidate.where == best.candidate.where
         and j.score.evidence > _SIMPLER * best.score.evidence
     ]
-    return min(good, key=lambda j: (len(j.candidate.effect.parameters), -j.score.evidence))
+    return min(good, key=lambda j: (len(j.candidate.kind.parameters), -j.score.evidence))
 
 
 def _causes(balance: TorqueBalance, found: Sequence[Judged]) -> list[Cause]:
@@ -136,19 +139,19 @@ def _causes(balance: TorqueBalance, found: Sequence[Judged]) -> list[Cause]:
         std = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
         change = halves[0][0][own] - halves[1][0][own]
         spread = halves[0][1][own, own] + halves[1][1][own, own]
-        thresholds = applied.effect.parameters_at(balance.robot, applied.where)
+        thresholds = applied.parameters_at(balance.robot, applied.where)
         constant_p = _same(change, spread)
         out.append(_cause(judged, applied, thresholds, std, excess, constant_p))
         start = own.stop
     return out
 
 
-def _of_a_body(applied: AppliedEffect, robot: Robot) -> AppliedEffect:
+def _of_a_body(applied: Effect, robot: Robot) -> Effect:
     """Inertial parameters whose mass and centre are as found, the inertia about it as in the file.
 
     Torques of a slow arm tell weights; inertias that fit them as well need not be any body's.
     """
-    if applied.effect.id != 'inertial_parameters' or is_possible(applied, robot):
+    if applied.id != 'inertial_parameters' or is_possible(applied, robot):
         return applied
     index = [body.name for body in robot.bodies].index(str(applied.where))
     row = robot.inertial_parameters[index]
@@ -168,7 +171,7 @@ def _same(change: Array, covariance: Array) -> float:
 
 def _cause(
     judged: Judged,
-    applied: AppliedEffect,
+    applied: Effect,
     at: Sequence[Parameter],
     std: Array,
     excess: float,
@@ -206,7 +209,7 @@ def _gain(balance: TorqueBalance, found: Sequence[Judged]) -> Gain:
     return Gain(before=before, after=balance.error(found, values, test), placebo=before)
 
 
-def _series(run: Run, causes: Sequence[AppliedEffect], unexplained: Array) -> tuple[Series, ...]:
+def _series(run: Run, causes: Sequence[Effect], unexplained: Array) -> tuple[Series, ...]:
     """Missing torque of every joint in the band, with and without the causes."""
     times, before = missed_torque(run)
     later, after = missed_torque(run, causes)
@@ -240,7 +243,7 @@ def _residual(s: Series) -> Residual:
 
 def _ranked(judged: Judged) -> Ranked:
     return Ranked(
-        effect=judged.candidate.effect.id,
+        effect=judged.candidate.kind.id,
         where=judged.candidate.where,
         values=judged.applied.values,
         evidence=judged.score.evidence,
@@ -258,8 +261,7 @@ def _sentence(named: Sequence[Cause], channels: Sequence[Series]) -> str:
     if not named:
         return f'The model misses {before:.3g} N m (rms), and no known effect explains much of it.'
     what = ' and '.join(
-        c.applied.effect.title + (f' at {c.applied.where}' if c.applied.where else '')
-        for c in named
+        c.applied.title + (f' at {c.applied.where}' if c.applied.where else '') for c in named
     )
     return (
         f'The data differ from the model by {what}: it misses {before:.3g} N m (rms) without and '

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..effects.effect import AppliedEffect, Effect
+from ..effects.effect import Effect
 from ..estimation.columns import Candidate, candidates, is_possible
 from ..estimation.evidence import Gram, Score, cross_validated, folds, score, sum_of
 from ..estimation.prediction import Innovations
@@ -46,11 +46,11 @@ class Judged:
     score: Score
 
     @property
-    def applied(self) -> AppliedEffect:
+    def applied(self) -> Effect:
         """The candidate with its estimated values."""
         return self.candidate.applied(self.candidate.values(self.score.estimate))
 
-    def guess(self, robot: Robot) -> AppliedEffect:
+    def guess(self, robot: Robot) -> Effect:
         """Its estimated values, drawn towards no effect until a physical robot has them."""
         for k in range(_HALVINGS):
             values = self.candidate.values(0.5**k * self.score.estimate)
@@ -106,7 +106,7 @@ class Search:
     def __init__(
         self,
         run: Run,
-        effects: Sequence[Effect],
+        effects: Sequence[type[Effect]],
         report: Callable[[str, float], None],
         timings: Iterable[str] = (),
     ) -> None:
@@ -125,7 +125,7 @@ class Search:
             wanted = wanted_of(ranking)
             if not wanted:
                 break
-            self.report(f'fitting {wanted[0].candidate.effect.title}', 0.2 + 0.1 * len(choices))
+            self.report(f'fitting {wanted[0].candidate.kind.title}', 0.2 + 0.1 * len(choices))
             fit, choice = self._choose(fit, wanted)
             choices.append(choice)
             asks = len(choices) == 1 or fit_test(fit.filter, fit.data)[0] < _SUSPICIOUS
@@ -149,7 +149,7 @@ class Search:
         own (springs, sloshing) are dear, and leave slow errors or lines that `fit_test` sees: they
         are looked at where it sees any.
         """
-        chosen = {(c.effect.id, c.where) for c in fit.causes}
+        chosen = {(c.id, c.where) for c in fit.causes}
         p_value, channels = fit_test(fit.filter, fit.data)
         effects = [e for e in self._effects if p_value < _SUSPICIOUS or not e.hidden]
         pool = [
@@ -240,7 +240,7 @@ def _shortlist(wanted: Sequence[Judged]) -> list[Judged]:
     """The best and those nearly as good, each kind of effect at its best place."""
     best = wanted[0].score.evidence
     floor = min(_CLOSE_SHARE * best, best - _CLOSE_GAP)
-    kinds = {j.candidate.effect.id: j for j in reversed(wanted)}
+    kinds = {j.candidate.kind.id: j for j in reversed(wanted)}
     close = sorted(kinds.values(), key=lambda j: -j.score.evidence)[:_SHORTLIST]
     return [j for j in close if j.score.evidence >= floor]
 
@@ -248,7 +248,7 @@ def _shortlist(wanted: Sequence[Judged]) -> list[Judged]:
 def _elsewhere(best: Judged, wanted: Sequence[Judged]) -> list[Judged]:
     """The same effect at other places that do half as well: neighbours share what they carry."""
     floor = _ALIKE_SHARE * best.score.evidence
-    same = [j for j in wanted if j.candidate.effect is best.candidate.effect and j is not best]
+    same = [j for j in wanted if j.candidate.kind is best.candidate.kind and j is not best]
     return [j for j in same if j.score.evidence >= floor][:_MOST_ALIKE]
 
 

@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
-from ..effects.effect import AppliedEffect, Effect
+from ..effects.effect import Effect
 from ..estimation.columns import candidates
 from ..estimation.evidence import Gram, score
 from ..estimation.observations import Observations
@@ -39,9 +39,9 @@ _SAID = {
 def first_timing(
     observed: Observations,
     robot: Robot,
-    believed: Sequence[AppliedEffect],
+    believed: Sequence[Effect],
     noise: NoiseLevels,
-    effects: Iterable[Effect],
+    effects: Iterable[type[Effect]],
 ) -> str:
     """Key of `innovations.TIMINGS` under which the model with at most one effect misses least.
 
@@ -66,7 +66,7 @@ def first_timing(
     return min(fits, key=lambda timing: fits[timing].misfit - 2.0 * _gain(fits[timing], simple))
 
 
-def _gain(fit: Fit, effects: Sequence[Effect]) -> float:
+def _gain(fit: Fit, effects: Sequence[type[Effect]]) -> float:
     """Log evidence that the best of some effects adds to a model without causes."""
     pool = candidates(effects, fit.filter, fit.data)
     columns = fit.signatures.whitened(
@@ -81,10 +81,11 @@ def _gain(fit: Fit, effects: Sequence[Effect]) -> float:
     return best
 
 
-def _is_simple(effect: Effect) -> bool:
+def _is_simple(effect: type[Effect]) -> bool:
     """Whether an effect is a few columns, other than the efforts' own lateness."""
     searched = any(p.role in ('search', 'phase') for p in effect.parameters)
-    return not (searched or effect.hidden or effect.delay('effort', _ALL_LATE))
+    late = effect(name='', where=None, values=_ALL_LATE).delay('effort')
+    return not (searched or effect.hidden or late)
 
 
 def better_timing(fit: Fit, tried: Collection[str]) -> str | None:

@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
-from .effect import Effect, Parameter, Values
+from .effect import Effect
+from .motion import body_index
+from .parameter import Parameter
 
-NAMES = ('mass', 'mx', 'my', 'mz', 'ixx', 'ixy', 'iyy', 'ixz', 'iyz', 'izz')
+_MOMENTS = ('mx', 'my', 'mz')
+_INERTIAS = ('ixx', 'ixy', 'iyy', 'ixz', 'iyz', 'izz')
+NAMES = ('mass', *_MOMENTS, *_INERTIAS)
 """In Pinocchio's order: mass, first moment, inertia about the origin of the body's frame."""
 _ROUNDING = 1e-9  # of a body's own inertia, by which it may seem to be below zero
 _RELEVANT = 5e-4  # of a body's own parameters: a change worth a name
@@ -20,72 +23,88 @@ _LEAST_SHARE = 1e-3  # of the robot's mass
 _LEAST_RADIUS = 1e-2  # m
 
 
-class BodyEffect(Effect):
-    """An effect at a body of the arm or at the base; wheels' rotors are none."""
+class MovingBodyEffect(Effect):
+    """An effect of the motion of a body of the arm or of a free base; wheels' rotors are none."""
 
-    def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Every body."""
-        return tuple(b.name for b in robot.bodies[: len(robot.bodies) - robot.rotor_count])
+    group = 'bodies'
 
-
-class MovingBodyEffect(BodyEffect):
-    """An effect of a body's motion; a fixed base has none."""
-
-    def places(self, robot: Robot) -> tuple[str | None, ...]:
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str | None, ...]:
         """Every body that moves."""
-        return super().places(robot)[0 if robot.is_free else 1 :]
+        names = tuple(b.name for b in robot.bodies[: len(robot.bodies) - robot.rotor_count])
+        return names[0 if robot.is_free else 1 :]
+
+    def row(self, robot: Robot) -> Array:
+        """(10,) inertial parameters of the body."""
+        return np.asarray(robot.inertial_parameters[body_index(robot, self.where)])
+
+    def with_addition(self, robot: Robot, addition: Array) -> Robot:
+        """The robot with inertial parameters (10,), in the order of `NAMES`, added to the body.
+
+        Raises:
+            ConfigurationError: the mass or the inertia would not be positive.
+        """
+        parameters = robot.inertial_parameters.copy()
+        row = parameters[body_index(robot, self.where)]
+        largest = float(np.trace(_central_inertia(row)))
+        row += addition
+        mass = float(row[0])
+        if mass < 0.0 or (mass == 0.0 and row.any()):
+            raise self.refusal(f'leaves {self.where} with a mass of {mass:g} kg')
+        least = float(np.linalg.eigvalsh(_central_inertia(row))[0])
+        if least < -_ROUNDING * largest:
+            raise self.refusal(
+                f'leaves {self.where} with a moment of inertia of {least:.4g} kg m^2'
+            )
+        return robot.with_inertial_parameters(parameters)
 
 
 class InertialParameters(MovingBodyEffect):
     """Additions to a body's inertial parameters."""
 
-    def change(self, robot: Robot, where: str | None, values: Values) -> Robot:
+    id = 'inertial_parameters'
+    title = 'a body of other mass, centre of mass or inertia than the file says'
+    parameters = (
+        Parameter('mass', 'kg', 'Added mass.', 20.0, 0.05, default=0.0),
+        *(
+            Parameter(
+                name,
+                'kg m',
+                f"Added mass times its position along {name[1]} of the body's frame.",
+                20.0,
+                0.02,
+                default=0.0,
+            )
+            for name in _MOMENTS
+        ),
+        *(
+            Parameter(
+                name,
+                'kg m^2',
+                f"Added inertia {name[1:]} about the origin of the body's frame.",
+                20.0,
+                0.05,
+                default=0.0,
+            )
+            for name in _INERTIAS
+        ),
+    )
+    magnitude = '1 to 10 % of the body; a payload or used fuel: any'
+    signature = "torque residuals that follow the body's acceleration and, on ground, its angle"
+    source = 'Atkeson, An and Hollerbach, Int. J. Robotics Research 5 (1986)'
+
+    def change(self, robot: Robot) -> Robot:
         """The robot with the body's parameters increased."""
-        return with_addition(robot, where, np.array([values[name] for name in NAMES]), self.id)
+        return self.with_addition(robot, self.vector(*NAMES))
 
-    def check(self, robot: Robot, where: str | None, values: Values, place: str) -> None:
-        """What is left is a body."""
-        with_addition(robot, where, np.array([values[name] for name in NAMES]), place)
-
-    def parameters_at(self, robot: Robot, where: str | None) -> tuple[Parameter, ...]:
+    @classmethod
+    def parameters_at(cls, robot: Robot, where: str | None) -> tuple[Parameter, ...]:
         """As uncertain as the robot file says, in proportion to the body itself."""
         scales = _scales(robot, where)
         return tuple(
             replace(p, size=robot.inertia_uncertainty * scale, relevant=_RELEVANT * scale)
-            for p, scale in zip(self.parameters, scales, strict=True)
+            for p, scale in zip(cls.parameters, scales, strict=True)
         )
-
-
-def body_index(robot: Robot, where: str | None) -> int:
-    """Number of a body."""
-    return [body.name for body in robot.bodies].index(str(where))
-
-
-def with_addition(robot: Robot, where: str | None, addition: Array, place: str) -> Robot:
-    """The robot with inertial parameters added to one body.
-
-    Args:
-        robot: The robot.
-        where: Name of the body.
-        addition: (10,) in the order of `NAMES`.
-        place: For the message.
-
-    Raises:
-        ConfigurationError: the mass or the inertia would not be positive.
-    """
-    parameters = robot.inertial_parameters.copy()
-    row = parameters[body_index(robot, where)]
-    before = _central_inertia(row)
-    row += addition
-    mass = float(row[0])
-    if mass < 0.0 or (mass == 0.0 and row.any()):
-        raise ConfigurationError(place, f'leaves {where} with a mass of {mass:g} kg')
-    least, largest = float(np.linalg.eigvalsh(_central_inertia(row))[0]), float(np.trace(before))
-    if least < -_ROUNDING * largest:
-        raise ConfigurationError(
-            place, f'leaves {where} with a moment of inertia of {least:.4g} kg m^2'
-        )
-    return robot.with_inertial_parameters(parameters)
 
 
 def _scales(robot: Robot, where: str | None) -> Array:
@@ -105,43 +124,4 @@ def _central_inertia(row: Array) -> Array:
     return np.asarray(pin.Inertia.FromDynamicParameters(row).inertia)
 
 
-def _parameters() -> tuple[Parameter, ...]:
-    mass = Parameter(
-        name='mass', unit='kg', doc='Added mass.', default=0.0, size=20.0, relevant=0.05
-    )
-    first = tuple(
-        Parameter(
-            name=name,
-            unit='kg m',
-            doc=f"Added mass times its position along {name[1]} of the body's frame.",
-            default=0.0,
-            size=20.0,
-            relevant=0.02,
-        )
-        for name in NAMES[1:4]
-    )
-    second = tuple(
-        Parameter(
-            name=name,
-            unit='kg m^2',
-            doc=f"Added inertia {name[1:]} about the origin of the body's frame.",
-            default=0.0,
-            size=20.0,
-            relevant=0.05,
-        )
-        for name in NAMES[4:]
-    )
-    return (mass, *first, *second)
-
-
-EFFECTS = (
-    InertialParameters(
-        id='inertial_parameters',
-        title='a body of other mass, centre of mass or inertia than the file says',
-        group='bodies',
-        parameters=_parameters(),
-        magnitude='1 to 10 % of the body; a payload or used fuel: any',
-        signature="torque residuals that follow the body's acceleration and, on ground, its angle",
-        source='Atkeson, An and Hollerbach, Int. J. Robotics Research 5 (1986)',
-    ),
-)
+EFFECTS = (InertialParameters,)

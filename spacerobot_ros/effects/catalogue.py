@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from types import MappingProxyType
@@ -23,7 +24,8 @@ from . import (
     sprung,
     wheels,
 )
-from .effect import AppliedEffect, Effect, checked_values
+from .effect import Effect
+from .parameter import checked_values
 
 _MODULES = (
     *(friction, drive, flexibility),
@@ -32,19 +34,15 @@ _MODULES = (
     *(bodies, sprung, slosh),
     *(environment, orbit),
 )
-CATALOGUE: Mapping[str, Effect] = MappingProxyType(
-    {effect.id: effect for module in _MODULES for effect in module.EFFECTS}
+CATALOGUE: Mapping[str, type[Effect]] = MappingProxyType(
+    {kind.id: kind for module in _MODULES for kind in module.EFFECTS}
 )
-"""Every effect by its id, in the order of the documentation."""
+"""Every kind of effect by its id, in the order of the documentation."""
 
 
-def apply_effect(
-    name: str,
-    effect_id: str,
-    where: str | None,
-    values: Mapping[str, float],
-    robot: Robot,
-) -> AppliedEffect:
+def bind_effect(
+    name: str, effect_id: str, where: str | None, values: Mapping[str, float], robot: Robot
+) -> Effect:
     """An effect at a place, checked against the robot.
 
     Args:
@@ -62,20 +60,21 @@ def apply_effect(
         near = get_close_matches(effect_id, CATALOGUE, n=3)
         hint = f' (did you mean {", ".join(near)}?)' if near else ''
         raise ConfigurationError(f'{place}.effect', f'no effect {effect_id!r}{hint}')
-    effect = CATALOGUE[effect_id]
-    if effect.needs_free_base and not robot.is_free:
+    kind = CATALOGUE[effect_id]
+    if kind.needs_free_base and not robot.is_free:
         raise ConfigurationError(place, f'{effect_id} shows nothing on a fixed base: leave it out')
-    places = effect.places(robot)
+    places = kind.places(robot)
     if places == (None,) and where == robot.base_link:
         where = None  # what sits on the base may say so
     if where not in places:
-        raise ConfigurationError(f'{place}.where', _wrong_place(effect, where, places))
-    complete = checked_values(effect, values, place)
-    effect.check(robot, where, complete, place)
-    return AppliedEffect(name=name, effect=effect, where=where, values=complete)
+        raise ConfigurationError(f'{place}.where', _wrong_place(kind, where, places))
+    complete = checked_values(kind.parameters, values, effect_id, place)
+    effect = kind(name=name, where=where, values=complete)
+    effect.check(robot)
+    return effect
 
 
-def parse_effects(section: Mapping[str, Any], robot: Robot) -> tuple[AppliedEffect, ...]:
+def bind_effects(section: Mapping[str, Any], robot: Robot) -> tuple[Effect, ...]:
     """The `effects:` map of a robot file.
 
     Args:
@@ -85,45 +84,42 @@ def parse_effects(section: Mapping[str, Any], robot: Robot) -> tuple[AppliedEffe
     Raises:
         ConfigurationError: anything wrong in it, with its place.
     """
-    applied = []
+    effects = []
     for name, entry in section.items():
         if not isinstance(entry, Mapping) or 'effect' not in entry:
             raise ConfigurationError(
                 f'effects.{name}', 'expected {effect: ..., where: ..., parameters...}'
             )
         values = {key: value for key, value in entry.items() if key not in ('effect', 'where')}
-        applied.append(
-            apply_effect(str(name), str(entry['effect']), entry.get('where'), values, robot)
+        effects.append(
+            bind_effect(str(name), str(entry['effect']), entry.get('where'), values, robot)
         )
-    _check_contradictions(applied)
-    return tuple(applied)
+    for first, second in itertools.combinations(effects, 2):
+        _check_contradiction(first, second)
+    return tuple(effects)
 
 
-def changed_robot(robot: Robot, effects: Iterable[AppliedEffect]) -> Robot:
+def changed_robot(robot: Robot, effects: Iterable[Effect]) -> Robot:
     """The robot as all effects make it, in their order."""
     for effect in effects:
         robot = effect.change(robot)
     return robot
 
 
-def _check_contradictions(effects: list[AppliedEffect]) -> None:
-    for i, second in enumerate(effects):
-        for first in effects[:i]:
-            ids = (first.effect.id, second.effect.id)
-            excluded = ids[0] in second.effect.excludes or ids[1] in first.effect.excludes
-            if excluded and first.where == second.where:
-                at = '' if second.where is None else f' at {second.where}'
-                raise ConfigurationError(
-                    f'effects.{second.name}',
-                    f'{ids[1]}{at} contradicts {ids[0]} of effects.{first.name}: give one of them',
-                )
+def _check_contradiction(first: Effect, second: Effect) -> None:
+    excluded = first.id in second.excludes or second.id in first.excludes
+    if excluded and first.where == second.where:
+        at = '' if second.where is None else f' at {second.where}'
+        raise second.refusal(
+            f'{second.id}{at} contradicts {first.id} of effects.{first.name}: give one of them'
+        )
 
 
-def _wrong_place(effect: Effect, where: str | None, places: tuple[str | None, ...]) -> str:
+def _wrong_place(kind: type[Effect], where: str | None, places: tuple[str | None, ...]) -> str:
     if places == (None,):
-        return f'{effect.id} acts on the system as a whole: leave `where` out, got {where!r}'
+        return f'{kind.id} acts on the system as a whole: leave `where` out, got {where!r}'
     if not places:
-        return f'{effect.id} has no place on this robot'
+        return f'{kind.id} has no place on this robot'
     if where is None:
-        return f'is missing: {effect.id} acts at one of {", ".join(map(str, places))}'
-    return f'{effect.id} has no place {where!r} (it has {", ".join(map(str, places))})'
+        return f'is missing: {kind.id} acts at one of {", ".join(map(str, places))}'
+    return f'{kind.id} has no place {where!r} (it has {", ".join(map(str, places))})'

@@ -6,46 +6,96 @@ import numpy as np
 
 from ..model.robot import Robot
 from ..types import Array
-from .effect import Parameter, Values
-from .joint import JointEffect, JointTorque, column_of, mobility
+from .joint import JointEffect, JointTorque
 from .motion import Motion
+from .parameter import amount, guess, phase
 
 
 class TorqueConstant(JointTorque):
     """tau = (g - 1) tau_m: the motor gives g times what is measured or commanded."""
 
-    def torque(self, q: Array, qd: Array, effort: Array, values: Values) -> Array:
+    id = 'joint_torque_constant'
+    title = "a motor's torque constant off its nominal value"
+    parameters = (
+        amount(
+            'gain', '', 'True motor torque per measured one.', 0.1, 3e-4, nominal=1.0, maximum=10.0
+        ),
+    )
+    magnitude = '2 to 10 % off, from magnet temperature and current sensor'
+    signature = 'a torque residual in proportion to the motor torque, at every speed'
+    source = 'Gautier and Briot, J. Dyn. Sys. Meas. Control 136 (2014)'
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """What the motor gives beyond its nominal torque; friction is none of it."""
-        return (values['gain'] - 1.0) * effort
+        return (self['gain'] - 1.0) * effort
 
 
 class TorqueRipple(JointTorque):
     """tau = A sin(k q + phi)."""
 
-    def torque(self, q: Array, qd: Array, effort: Array, values: Values) -> Array:
+    id = 'joint_torque_ripple'
+    title = "torque ripple that goes round with a joint's angle"
+    parameters = (
+        amount('amplitude', 'N m', 'Largest torque.', 1.0, 0.02),
+        guess(
+            'harmonic',
+            '',
+            'Periods in one turn of the joint.',
+            50.0,
+            nominal=1.0,
+            above=0.0,
+            maximum=2000.0,
+            grid=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0),
+        ),
+        phase('Phase at joint angle zero.'),
+    )
+    magnitude = '0.1 to 2 N m at 2 to 200 periods a turn, from cogging and harmonic drives'
+    signature = 'a torque residual that is periodic in the joint angle'
+    source = 'Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996)'
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque that goes round with the joint."""
-        return values['amplitude'] * np.sin(values['harmonic'] * q + values['phase'])
+        return self['amplitude'] * np.sin(self['harmonic'] * q + self['phase'])
 
-    def argument(self, motion: Motion, where: str | None) -> Array | None:
+    @classmethod
+    def argument(cls, motion: Motion, where: str | None) -> Array | None:
         """The joint's angle."""
-        return motion.q[:, column_of(motion, where)]
+        return motion.q[:, motion.column(where)]
 
-    def fastest(self, robot: Robot, where: str | None, values: Values) -> float:
+    def fastest(self, robot: Robot) -> float:
         """Of small oscillations in one of its wells."""
-        stiffness = values['amplitude'] * values['harmonic']
-        return float(np.sqrt(abs(stiffness) * mobility(robot, where)))
+        return float(np.sqrt(abs(self['amplitude'] * self['harmonic']) * self.mobility(robot)))
 
 
 class Stiffness(JointTorque):
     """tau = -k (q - q0)."""
 
-    def torque(self, q: Array, qd: Array, effort: Array, values: Values) -> Array:
-        """Torque towards the rest angle."""
-        return -values['stiffness'] * (q - values['rest_angle'])
+    id = 'joint_stiffness'
+    title = 'a spring across a joint, such as a cable harness'
+    parameters = (
+        amount('stiffness', 'N m/rad', 'Torque towards the rest angle per angle.', 5.0, 0.05),
+        guess(
+            'rest_angle',
+            'rad',
+            'Angle without torque.',
+            1.0,
+            default=0.0,
+            minimum=-20.0,
+            maximum=20.0,
+            grid=(-1.0, 0.0, 1.0),
+        ),
+    )
+    magnitude = '0.5 to 20 N m/rad for harness across joints of space arms'
+    signature = 'a torque residual in proportion to the joint angle, with an offset'
+    source = 'Siciliano et al., Robotics: Modelling, Planning and Control (2009), 5.1'
 
-    def fastest(self, robot: Robot, where: str | None, values: Values) -> float:
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque towards the rest angle."""
+        return -self['stiffness'] * (q - self['rest_angle'])
+
+    def fastest(self, robot: Robot) -> float:
         """Of the joint on its spring."""
-        return float(np.sqrt(values['stiffness'] * mobility(robot, where)))
+        return float(np.sqrt(self['stiffness'] * self.mobility(robot)))
 
 
 class MotorInertia(JointEffect):
@@ -55,113 +105,20 @@ class MotorInertia(JointEffect):
     carrier's rate w is left out, and its momentum too, as in Pinocchio and MuJoCo.
     """
 
-    def change(self, robot: Robot, where: str | None, values: Values) -> Robot:
+    id = 'motor_inertia'
+    title = "inertia of a geared motor's rotor"
+    parameters = (
+        amount(
+            'inertia', 'kg m^2', 'Inertia of the rotor times the gear ratio squared.', 3.0, 0.02
+        ),
+    )
+    magnitude = '0.1 to 10 kg m^2 for gear ratios of 50 to 200'
+    signature = "a torque residual in proportion to the joint's own acceleration"
+    source = 'Featherstone, Rigid Body Dynamics Algorithms (2008), 9.6'
+
+    def change(self, robot: Robot) -> Robot:
         """More inertia against the joint's own acceleration."""
-        return robot.with_motor_inertia(str(where), values['inertia'])
+        return robot.with_motor_inertia(str(self.where), self['inertia'])
 
 
-EFFECTS = (
-    TorqueConstant(
-        id='joint_torque_constant',
-        title="a motor's torque constant off its nominal value",
-        group='joint',
-        parameters=(
-            Parameter(
-                name='gain',
-                unit='',
-                doc='True motor torque per measured one.',
-                nominal=1.0,
-                minimum=0.0,
-                maximum=10.0,
-                size=0.1,
-                relevant=3e-4,
-            ),
-        ),
-        magnitude='2 to 10 % off, from magnet temperature and current sensor',
-        signature='a torque residual in proportion to the motor torque, at every speed',
-        source='Gautier and Briot, J. Dyn. Sys. Meas. Control 136 (2014)',
-    ),
-    TorqueRipple(
-        id='joint_torque_ripple',
-        title="torque ripple that goes round with a joint's angle",
-        group='joint',
-        parameters=(
-            Parameter(
-                name='amplitude',
-                unit='N m',
-                doc='Largest torque.',
-                size=1.0,
-                minimum=0.0,
-                relevant=0.02,
-            ),
-            Parameter(
-                name='harmonic',
-                unit='',
-                doc='Periods in one turn of the joint.',
-                nominal=1.0,
-                above=0.0,
-                maximum=2000.0,
-                size=50.0,
-                role='search',
-                grid=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0),
-            ),
-            Parameter(
-                name='phase',
-                unit='rad',
-                doc='Phase at joint angle zero.',
-                default=0.0,
-                role='phase',
-            ),
-        ),
-        magnitude='0.1 to 2 N m at 2 to 200 periods a turn, from cogging and harmonic drives',
-        signature='a torque residual that is periodic in the joint angle',
-        source='Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996)',
-    ),
-    Stiffness(
-        id='joint_stiffness',
-        title='a spring across a joint, such as a cable harness',
-        group='joint',
-        parameters=(
-            Parameter(
-                name='stiffness',
-                unit='N m/rad',
-                doc='Torque towards the rest angle per angle.',
-                minimum=0.0,
-                size=5.0,
-                relevant=0.05,
-            ),
-            Parameter(
-                name='rest_angle',
-                unit='rad',
-                doc='Angle without torque.',
-                default=0.0,
-                minimum=-20.0,
-                maximum=20.0,
-                size=1.0,
-                role='search',
-                grid=(-1.0, 0.0, 1.0),
-            ),
-        ),
-        magnitude='0.5 to 20 N m/rad for harness across joints of space arms',
-        signature='a torque residual in proportion to the joint angle, with an offset',
-        source='Siciliano et al., Robotics: Modelling, Planning and Control (2009), 5.1',
-    ),
-    MotorInertia(
-        id='motor_inertia',
-        title="inertia of a geared motor's rotor",
-        group='joint',
-        parameters=(
-            Parameter(
-                name='inertia',
-                unit='kg m^2',
-                doc='Inertia of the rotor times the gear ratio squared.',
-                minimum=0.0,
-                size=3.0,
-                relevant=0.02,
-            ),
-        ),
-        magnitude='0.1 to 10 kg m^2 for gear ratios of 50 to 200',
-        signature="a torque residual in proportion to the joint's own acceleration",
-        source='Featherstone, Rigid Body Dynamics Algorithms (2008), 9.6',
-    ),
-)
+EFFECTS = (TorqueConstant, TorqueRipple, Stiffness, MotorInertia)

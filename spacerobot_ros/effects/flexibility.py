@@ -16,9 +16,9 @@ import numpy as np
 
 from ..model.robot import Robot
 from ..types import Array
-from .effect import Parameter, Values
-from .joint import JointEffect, column_of, mobility
+from .joint import JointEffect
 from .motion import Motion
+from .parameter import Parameter, amount, guess
 
 _REACH = 5  # samples on each side that a slope is taken over
 CROSSING_TORQUE = 0.02
@@ -31,66 +31,110 @@ class Flexibility(JointEffect):
     The rotor knows its own rate alone, as `motor_inertia`, which is the limit of a stiff gear.
     """
 
-    def force(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
+    id = 'joint_flexibility'
+    title = 'a flexible gear between motor and link'
+    hidden = 2
+    parameters = (
+        Parameter(
+            'stiffness',
+            'N m/rad',
+            'Torque of the gear per wind-up.',
+            1e-4,
+            2e-6,
+            nominal=math.inf,
+            above=0.0,
+            role='reciprocal',
+        ),
+        amount(
+            'damping',
+            'N m s/rad',
+            'Torque of the gear per rate of its wind-up.',
+            20.0,
+            default=0.0,
+        ),
+        Parameter(
+            'rotor_inertia',
+            'kg m^2',
+            "Inertia of the motor's rotor times the gear ratio squared.",
+            3.0,
+            0.02,
+            above=0.0,
+        ),
+        guess(
+            'motor_side',
+            '',
+            'Encoder on the motor, before the gear (1), or on the link (0).',
+            1.0,
+            nominal=1.0,
+            default=1.0,
+            minimum=0.0,
+            maximum=1.0,
+            grid=(1.0, 0.0),
+        ),
+    )
+    magnitude = '5e3 to 1e5 N m/rad, rotor 0.1 to 10 kg m^2, for harmonic drives of space arms'
+    signature = 'joint angle and rate that are off by torque over stiffness, and its derivative'
+    source = 'Spong, J. Dyn. Sys. Meas. Control 109 (1987)'
+
+    def force(self, motion: Motion, hidden: Array) -> Array:
         """What the link feels, less the motor torque."""
-        column = column_of(motion, where)
-        if math.isinf(values['stiffness']):
-            passed = -values['rotor_inertia'] * _acceleration(motion, column)
+        if math.isinf(self['stiffness']):
+            passed = -self['rotor_inertia'] * self._acceleration(motion)
         else:
-            gear = values['stiffness'] * hidden[:, 0] + values['damping'] * hidden[:, 1]
-            passed = gear - motion.effort[:, column]
-        return motion.joint_force(str(where), passed)
+            passed = self._gear(hidden) - motion.effort[:, motion.column(self.where)]
+        return motion.joint_force(self.where, passed)
 
-    def hidden_rate(
-        self, motion: Motion, where: str | None, values: Values, hidden: Array
-    ) -> Array:
+    def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
         """[delta', delta'']."""
-        column = column_of(motion, where)
-        gear = values['stiffness'] * hidden[:, 0] + values['damping'] * hidden[:, 1]
-        rotor = (motion.effort[:, column] - gear) / values['rotor_inertia']
-        return np.column_stack([hidden[:, 1], rotor - _acceleration(motion, column)])
+        effort = motion.effort[:, motion.column(self.where)]
+        rotor = (effort - self._gear(hidden)) / self['rotor_inertia']
+        return np.column_stack([hidden[:, 1], rotor - self._acceleration(motion)])
 
-    def driven(self, motion: Motion, where: str | None, values: Values) -> Array:
+    def driven(self, motion: Motion) -> Array:
         """Wind-up [delta, delta'] of a gear that is stiff for the motion: k delta = u.
 
         The free oscillation of rotor on gear, which no slow record shows, is left out; so a gear
         of any stiffness up to infinity, and a rotor of any inertia from zero, has an answer.
         """
-        column = column_of(motion, where)
-        passed = motion.effort[:, column]
-        passed = passed - values['rotor_inertia'] * _acceleration(motion, column)
-        angle = passed / values['stiffness']
-        if values['damping'] and np.isfinite(values['stiffness']):
-            angle = angle - values['damping'] / values['stiffness'] * _slope(angle, motion.time)
+        passed = motion.effort[:, motion.column(self.where)]
+        passed = passed - self['rotor_inertia'] * self._acceleration(motion)
+        angle = passed / self['stiffness']
+        if self['damping'] and np.isfinite(self['stiffness']):
+            angle = angle - self['damping'] / self['stiffness'] * _slope(angle, motion.time)
         return np.column_stack([angle, _slope(angle, motion.time)])
 
     def sense(
-        self,
-        channel: str,
-        value: Array,
-        motion: Motion,
-        where: str | None,
-        values: Values,
-        hidden: Array,
+        self, channel: str, value: Array, motion: Motion, hidden: Array | None = None
     ) -> Array:
         """The motor's angle and rate, as far as the encoder is on the motor."""
         state = {'joint_position': 0, 'joint_velocity': 1}.get(channel)
         if state is None:
             return value
+        own = self.driven(motion) if hidden is None else hidden
         out = np.array(value)
-        out[:, column_of(motion, where)] += values['motor_side'] * hidden[:, state]
+        out[:, motion.column(self.where)] += self['motor_side'] * own[:, state]
         return out
 
-    def variants(self, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:
+    @classmethod
+    def variants(cls, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:
         """Encoder on the motor, then on the link."""
         return {'motor_side': 1.0}, {'motor_side': 0.0}
 
-    def fastest(self, robot: Robot, where: str | None, values: Values) -> float:
+    def fastest(self, robot: Robot) -> float:
         """Rotor against link on the gear."""
-        inverse = 1.0 / values['rotor_inertia'] + mobility(robot, where)
-        return max(
-            float(np.sqrt(values['stiffness'] * inverse)), float(values['damping'] * inverse)
-        )
+        inverse = 1.0 / self['rotor_inertia'] + self.mobility(robot)
+        return max(float(np.sqrt(self['stiffness'] * inverse)), float(self['damping'] * inverse))
+
+    def _gear(self, hidden: Array) -> Array:
+        """(N,) torque that the gear passes on."""
+        return self['stiffness'] * hidden[:, 0] + self['damping'] * hidden[:, 1]
+
+    def _acceleration(self, motion: Motion) -> Array:
+        """(N,) of the joint, from its rates where it is not known."""
+        column = motion.column(self.where)
+        if motion.acceleration is None:
+            return _slope(motion.qd[:, column], motion.time)
+        return motion.acceleration[:, 6 + column]
 
 
 class Backlash(JointEffect):
@@ -100,29 +144,22 @@ class Backlash(JointEffect):
     changes sign. The crossing itself, a few milliseconds of free motor, is left out.
     """
 
+    id = 'joint_backlash'
+    title = 'play between the encoder on the motor and the link'
+    parameters = (amount('gap', 'rad', 'Full width of the play.', 2e-3, 1e-4, maximum=1.0),)
+    magnitude = '1e-4 to 3e-3 rad for spur and planetary gears; none for harmonic drives'
+    signature = 'joint angles that jump by the gap when the motor torque changes its sign'
+    source = 'Nordin and Gutman, Automatica 38 (2002)'
+
     def sense(
-        self,
-        channel: str,
-        value: Array,
-        motion: Motion,
-        where: str | None,
-        values: Values,
-        hidden: Array,
+        self, channel: str, value: Array, motion: Motion, hidden: Array | None = None
     ) -> Array:
         """The motor's angle."""
         if channel != 'joint_position':
             return value
-        out, column = np.array(value), column_of(motion, where)
-        flank = np.tanh(motion.effort[:, column] / CROSSING_TORQUE)
-        out[:, column] += 0.5 * values['gap'] * flank
+        out, column = np.array(value), motion.column(self.where)
+        out[:, column] += 0.5 * self['gap'] * np.tanh(motion.effort[:, column] / CROSSING_TORQUE)
         return out
-
-
-def _acceleration(motion: Motion, column: int) -> Array:
-    """(N,) of a joint, from its rates where it is not known."""
-    if motion.acceleration is None:
-        return _slope(motion.qd[:, column], motion.time)
-    return motion.acceleration[:, 6 + column]
 
 
 def _slope(values: Array, time: Array) -> Array:
@@ -135,73 +172,4 @@ def _slope(values: Array, time: Array) -> Array:
     return np.asarray((values[after] - values[before]) / (time[after] - time[before]))
 
 
-EFFECTS = (
-    Flexibility(
-        id='joint_flexibility',
-        title='a flexible gear between motor and link',
-        group='joint',
-        hidden=2,
-        parameters=(
-            Parameter(
-                name='stiffness',
-                unit='N m/rad',
-                doc='Torque of the gear per wind-up.',
-                nominal=math.inf,
-                above=0.0,
-                size=1e-4,
-                relevant=2e-6,
-                role='reciprocal',
-            ),
-            Parameter(
-                name='damping',
-                unit='N m s/rad',
-                doc='Torque of the gear per rate of its wind-up.',
-                default=0.0,
-                minimum=0.0,
-                size=20.0,
-            ),
-            Parameter(
-                name='rotor_inertia',
-                unit='kg m^2',
-                doc="Inertia of the motor's rotor times the gear ratio squared.",
-                above=0.0,
-                size=3.0,
-                relevant=0.02,
-            ),
-            Parameter(
-                name='motor_side',
-                unit='',
-                doc='Encoder on the motor, before the gear (1), or on the link (0).',
-                nominal=1.0,
-                default=1.0,
-                minimum=0.0,
-                maximum=1.0,
-                size=1.0,
-                role='search',
-                grid=(1.0, 0.0),
-            ),
-        ),
-        magnitude='5e3 to 1e5 N m/rad, rotor 0.1 to 10 kg m^2, for harmonic drives of space arms',
-        signature='joint angle and rate that are off by torque over stiffness, and its derivative',
-        source='Spong, J. Dyn. Sys. Meas. Control 109 (1987)',
-    ),
-    Backlash(
-        id='joint_backlash',
-        title='play between the encoder on the motor and the link',
-        group='joint',
-        parameters=(
-            Parameter(
-                name='gap',
-                unit='rad',
-                doc='Full width of the play.',
-                minimum=0.0,
-                maximum=1.0,
-                size=2e-3,
-                relevant=1e-4,
-            ),
-        ),
-        magnitude='1e-4 to 3e-3 rad for spur and planetary gears; none for harmonic drives',
-        signature='joint angles that jump by the gap when the motor torque changes its sign',
-        source='Nordin and Gutman, Automatica 38 (2002)',
-    ),
-)
+EFFECTS = (Flexibility, Backlash)

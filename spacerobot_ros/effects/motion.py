@@ -98,14 +98,22 @@ class Motion:
         """(N, 6 + n) of zeros: no force."""
         return np.zeros((len(self), 6 + self.robot.n_joints))
 
-    def joint_force(self, joint: str, torque: Array) -> Array:
+    def column(self, joint: str | None) -> int:
+        """Place of a joint in joint vectors."""
+        return self.robot.joints.index(str(joint))
+
+    def joint_force(self, joint: str | None, torque: Array) -> Array:
         """(N, 6 + n) generalised force of a torque (N,) on one joint."""
         out = self.zeros()
-        out[:, 6 + self.robot.joints.index(joint)] = torque
+        out[:, 6 + self.column(joint)] = torque
         return out
 
     def wrench(
-        self, link: str, force: Array | None, torque: Array | None, point: Array | None = None
+        self,
+        link: str | None,
+        force: Array | None,
+        torque: Array | None,
+        point: Array | None = None,
     ) -> Array:
         """(N, 6 + n) generalised force of a force and a torque on a body.
 
@@ -125,32 +133,34 @@ class Motion:
         rotations, origins = self.kinematics[:2]
         return np.asarray(
             generalized_force(
-                self.tree, self.robot.is_free, self._body(link), rotations, origins, total
+                self.tree,
+                self.robot.is_free,
+                body_index(self.robot, link),
+                rotations,
+                origins,
+                total,
             )
         )
 
-    def link_rotation(self, link: str) -> Array:
+    def link_rotation(self, link: str | None) -> Array:
         """(N, 3, 3) takes coordinates of a body to the inertial frame."""
         return np.asarray(self.rotation @ self.base_rotation(link))
 
-    def base_rotation(self, link: str) -> Array:
+    def base_rotation(self, link: str | None) -> Array:
         """(N, 3, 3) takes coordinates of a body to base coordinates."""
-        return self.kinematics[0][:, self._body(link)]
+        return self.kinematics[0][:, body_index(self.robot, link)]
 
-    def link_position(self, link: str) -> Array:
+    def link_position(self, link: str | None) -> Array:
         """(N, 3) origin of a body in base coordinates [m]."""
-        return self.kinematics[1][:, self._body(link)]
+        return self.kinematics[1][:, body_index(self.robot, link)]
 
-    def twist(self, link: str) -> Array:
+    def twist(self, link: str | None) -> Array:
         """(N, 6) [linear; angular] velocity of a body's frame, in it."""
-        return self.kinematics[2][:, self._body(link)]
+        return self.kinematics[2][:, body_index(self.robot, link)]
 
-    def link_acceleration(self, link: str) -> Array:
+    def link_acceleration(self, link: str | None) -> Array:
         """(N, 6) time derivative of `twist`, in the body's frame; needs `acceleration`."""
-        return self.accelerations[:, self._body(link)]
-
-    def _body(self, link: str) -> int:
-        return [body.name for body in self.robot.bodies].index(link)
+        return self.accelerations[:, body_index(self.robot, link)]
 
     @cached_property
     def tree(self) -> Records:
@@ -202,6 +212,11 @@ def motion_at(robot: Robot, time: float, state: State, torque: Array) -> Motion:
         omega=state.omega_WB_B[None],
         velocity=state.v_WB_B[None],
     )
+
+
+def body_index(robot: Robot, link: str | None) -> int:
+    """Number of a body."""
+    return [body.name for body in robot.bodies].index(str(link))
 
 
 def _moves_alike(a: Robot, b: Robot) -> bool:

@@ -8,9 +8,9 @@ import pinocchio as pin
 from ..dynamics.rotation import cross_rows
 from ..model.robot import Robot
 from ..types import Array
-from .bodies import body_index
-from .effect import Parameter, Values
-from .motion import Motion
+from .bodies import MovingBodyEffect
+from .motion import Motion, body_index
+from .parameter import Parameter, guess
 
 FREQUENCIES = tuple(0.5 * 1.8**k for k in range(8))
 """First guesses of a frequency [rad/s]: 0.5 to 31, as sampled motions of arms can show."""
@@ -18,32 +18,46 @@ FIRST_DAMPING = 0.05
 """First guess of a damping ratio: a broad resonance, seen from the next guess of a frequency."""
 
 
-def fall(motion: Motion, where: str | None) -> Array:
-    """(N, 3) gravity in a body's frame [m/s^2]."""
-    gravity = motion.robot.gravity
-    if not np.any(gravity):
-        return np.zeros((len(motion), 3))
-    return np.einsum('nji,j->ni', motion.link_rotation(str(where)), gravity)
+class Sprung(MovingBodyEffect):
+    """A part of a body on springs of one frequency in k directions, which are its 2 k states."""
 
+    def spring(self, hidden: Array) -> Array:
+        """(N, k) 2 zeta omega eta' + omega^2 eta."""
+        size = hidden.shape[1] // 2
+        omega, damping = self['frequency'], self['damping']
+        return omega**2 * hidden[:, :size] + 2.0 * damping * omega * hidden[:, size:]
 
-def to_base(motion: Motion, where: str | None, momentum: Array) -> Array:
-    """(N, 6) momentum in base coordinates about the base origin, of one in a body's frame."""
-    R, r = motion.base_rotation(str(where)), motion.link_position(str(where))
-    linear = np.einsum('nij,nj->ni', R, momentum[:, :3])
-    angular = np.einsum('nij,nj->ni', R, momentum[:, 3:]) + cross_rows(r, linear)
-    return np.concatenate([linear, angular], axis=1)
+    def gravity(self, motion: Motion) -> Array:
+        """(N, 3) gravity in the body's frame [m/s^2]."""
+        gravity = motion.robot.gravity
+        if not np.any(gravity):
+            return np.zeros((len(motion), 3))
+        return np.einsum('nji,j->ni', motion.link_rotation(self.where), gravity)
 
+    def to_base(self, motion: Motion, momentum: Array) -> Array:
+        """(N, 6) momentum about the base origin, in its axes, of one in the body's frame."""
+        R, r = motion.base_rotation(self.where), motion.link_position(self.where)
+        linear = np.einsum('nij,nj->ni', R, momentum[:, :3])
+        angular = np.einsum('nij,nj->ni', R, momentum[:, 3:]) + cross_rows(r, linear)
+        return np.concatenate([linear, angular], axis=1)
 
-def link_mobility(robot: Robot, where: str | None) -> Array:
-    """(6, 6) acceleration of a body's frame by a wrench there, all joints at zero."""
-    model = robot.pin_model
-    data, q = model.createData(), pin.neutral(model)
-    joint = robot.pin_joint_ids[body_index(robot, where)]
-    inverse = np.triu(pin.computeMinverse(model, data, q))
-    inverse = inverse + np.triu(inverse, 1).T
-    pin.computeJointJacobians(model, data, q)
-    J = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
-    return np.asarray(J @ inverse @ J.T)
+    def fastest_against(self, robot: Robot, S: Array, G: Array) -> float:
+        """Of a part on its spring against the recoiling robot.
+
+        Args:
+            robot: The robot without the part.
+            S: (6, k) its directions.
+            G: (k, k) its inertia along them.
+        """
+        model = robot.pin_model
+        data, q = model.createData(), pin.neutral(model)
+        joint = robot.pin_joint_ids[body_index(robot, self.where)]
+        inverse = np.triu(pin.computeMinverse(model, data, q))
+        inverse = inverse + np.triu(inverse, 1).T
+        pin.computeJointJacobians(model, data, q)
+        J = S.T @ pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
+        ratio = np.linalg.eigvals(G @ J @ inverse @ J.T).real.max()
+        return float(max(1.0, self['damping']) * self['frequency'] * np.sqrt(1.0 + ratio))
 
 
 def recoil(motion: Motion, force: Array) -> Array:
@@ -56,39 +70,28 @@ def recoil(motion: Motion, force: Array) -> Array:
     return np.asarray(force / np.sum(motion.robot.inertial_parameters[:, 0]))
 
 
-def spring(values: Values, hidden: Array, size: int) -> Array:
-    """(N, size) 2 zeta omega eta' + omega^2 eta."""
-    omega = values['frequency']
-    rate = 2.0 * values['damping'] * omega
-    return omega**2 * hidden[:, :size] + rate * hidden[:, size:]
-
-
-def frequency_parameter(doc: str) -> Parameter:
-    """Natural frequency of a part on its spring, the host held."""
-    return Parameter(
-        name='frequency',
-        unit='rad/s',
-        doc=doc,
-        nominal=1.0,
-        above=0.0,
-        maximum=1e4,
-        size=10.0,
-        role='search',
-        grid=FREQUENCIES,
-    )
-
-
-def damping_parameter(default: float) -> Parameter:
-    """Damping ratio of a part on its spring."""
-    return Parameter(
-        name='damping',
-        unit='',
-        doc='Damping as a share of the critical one.',
-        nominal=default,
-        default=default,
-        minimum=0.0,
-        maximum=10.0,
-        size=0.1,
-        role='search',
-        grid=(FIRST_DAMPING,),
+def spring_parameters(doc: str, damping: float) -> tuple[Parameter, Parameter]:
+    """Natural frequency and damping ratio of a part on its spring, the host held."""
+    return (
+        guess(
+            'frequency',
+            'rad/s',
+            doc,
+            10.0,
+            nominal=1.0,
+            above=0.0,
+            maximum=1e4,
+            grid=FREQUENCIES,
+        ),
+        guess(
+            'damping',
+            '',
+            'Damping as a share of the critical one.',
+            0.1,
+            nominal=damping,
+            default=damping,
+            minimum=0.0,
+            maximum=10.0,
+            grid=(FIRST_DAMPING,),
+        ),
     )

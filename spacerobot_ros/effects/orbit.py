@@ -17,13 +17,11 @@ import math
 import numpy as np
 
 from ..dynamics.rotation import cross_rows
-from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
-from .effect import Effect, Parameter, Values
-from .environment import AT, into_base, on_base
+from .environment import AT, External, into_base
 from .motion import Motion
-from .sensors import vector, xyz
+from .parameter import Parameter, amount, guess, xyz
 
 GRAVITY_OF_EARTH = 3.986004418e14
 """[m^3/s^2]"""
@@ -33,140 +31,108 @@ SOLAR_PRESSURE = 4.56e-6
 """On a black surface at the Earth's distance from the sun [N/m^2]."""
 
 
-def _place(time: Array, values: Values) -> tuple[Array, Array, float]:
-    """Directions (N, 3) of place and velocity, and distance from the Earth's centre [m]."""
-    rate, tilt = values['orbital_rate'], values['inclination']
-    u = values['latitude_argument'] + rate * time
-    lift = np.array([math.cos(tilt), math.sin(tilt)])
-    out = np.stack([np.cos(u), np.sin(u) * lift[0], np.sin(u) * lift[1]], axis=1)
-    ahead = np.stack([-np.sin(u), np.cos(u) * lift[0], np.cos(u) * lift[1]], axis=1)
-    return out, ahead, (GRAVITY_OF_EARTH / rate**2) ** (1.0 / 3.0)
+def _known(name: str, unit: str, doc: str, value: float, **bounds: float) -> Parameter:
+    """A parameter that the fit leaves at its usual value."""
+    return guess(name, unit, doc, nominal=value, default=value, grid=(value,), **bounds)
 
 
-class MagneticDipole(Effect):
+_ORBIT = (
+    _known('orbital_rate', 'rad/s', 'Rate of the circular orbit.', 1.1e-3, above=0.0),
+    _known('inclination', 'rad', 'Inclination of the orbit.', 0.9),
+    _known('latitude_argument', 'rad', 'Argument of latitude at the start.', 0.0),
+)
+_AREA = amount('area', 'm^2', 'Area that is exposed times its coefficient.', 20.0, 1.0)
+_PRESSURE_POINT = tuple(
+    _known(name, 'm', f"Centre of pressure along the base's {name[-1]}.", 0.0) for name in AT
+)
+
+
+class Orbital(External):
+    """A force or torque of what surrounds the orbit."""
+
+    is_timed = True
+    is_fitted = False
+
+    def orbit(self, time: Array) -> tuple[Array, Array, float]:
+        """Directions (N, 3) of place and velocity, and distance from the Earth's centre [m]."""
+        u = self['latitude_argument'] + self['orbital_rate'] * time
+        up = np.array([math.cos(self['inclination']), math.sin(self['inclination'])])
+        out = np.stack([np.cos(u), np.sin(u) * up[0], np.sin(u) * up[1]], axis=1)
+        ahead = np.stack([-np.sin(u), np.cos(u) * up[0], np.cos(u) * up[1]], axis=1)
+        return out, ahead, (GRAVITY_OF_EARTH / self['orbital_rate'] ** 2) ** (1.0 / 3.0)
+
+
+class MagneticDipole(Orbital):
     """Torque m x B of a residual dipole m in the field of a dipole along the Earth's axis.
 
     B = (k / r^3) (z - 3 (z . r^) r^), which points north on the equator.
     """
 
-    def force(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
+    id = 'magnetic_dipole'
+    title = "residual magnetic dipole in the Earth's field"
+    parameters = (*xyz('A m^2', "Dipole along the base's", 10.0, 1.0), *_ORBIT)
+    magnitude = '0.1 to 10 A m^2 in 3e-5 T: below 3e-4 N m'
+    signature = 'a torque across the field, twice an orbit'
+    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2.4 and appendix H'
+
+    def force(self, motion: Motion, hidden: Array) -> Array:
         """The torque on the base."""
-        place, _, distance = _place(motion.time, values)
+        place, _, distance = self.orbit(motion.time)
         north = np.array([0.0, 0.0, 1.0])
         field = DIPOLE_OF_EARTH / distance**3 * (north - 3.0 * place[:, 2:] * place)
-        return on_base(motion, None, cross_rows(vector(values), into_base(motion, field)))
+        return self.on_base(motion, cross_rows(self.vector(), into_base(motion, field)))
 
 
-class AtmosphericDrag(Effect):
+class AtmosphericDrag(Orbital):
     """Force -rho/2 (C A) v^2 v^ at the centre of pressure."""
 
-    def force(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
+    id = 'atmospheric_drag'
+    title = 'drag of the atmosphere'
+    parameters = (
+        _AREA,
+        _known('density', 'kg/m^3', 'Density of the air.', 3e-12, minimum=0.0),
+        *_PRESSURE_POINT,
+        *_ORBIT,
+    )
+    magnitude = '3e-12 kg/m^3 at 400 km: 1e-3 N on 10 m^2'
+    signature = 'a force against the flight, and its torque'
+    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2.3'
+
+    def force(self, motion: Motion, hidden: Array) -> Array:
         """Force and its torque on the base."""
-        _, ahead, distance = _place(motion.time, values)
-        speed = values['orbital_rate'] * distance
-        size = 0.5 * values['density'] * values['area'] * speed**2
-        force = into_base(motion, -size * ahead)
-        return on_base(motion, force, cross_rows(vector(values, AT), force))
+        _, ahead, distance = self.orbit(motion.time)
+        speed = self['orbital_rate'] * distance
+        size = 0.5 * self['density'] * self['area'] * speed**2
+        return self.force_at(motion, into_base(motion, -size * ahead))
 
 
-class SolarPressure(Effect):
+class SolarPressure(External):
     """Force -P (C A) s away from the sun at the centre of pressure."""
 
-    def check(self, robot: Robot, where: str | None, values: Values, place: str) -> None:
-        """Refuse a direction without length."""
-        if not vector(values).any():
-            raise ConfigurationError(place, 'x, y, z are all zero: give the direction of the sun')
-
-    def force(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
-        """Force and its torque on the base."""
-        sun = vector(values)
-        length = float(np.linalg.norm(sun)) or 1.0
-        force = into_base(motion, -SOLAR_PRESSURE * values['area'] * sun / length)
-        return on_base(motion, force, cross_rows(vector(values, AT), force))
-
-
-def _number(name: str, unit: str, doc: str, nominal: float, **bounds: float) -> Parameter:
-    return Parameter(
-        name=name,
-        unit=unit,
-        doc=doc,
-        nominal=nominal,
-        default=nominal,
-        role='search',
-        grid=(nominal,),
-        **bounds,
+    id = 'solar_pressure'
+    title = 'pressure of sunlight'
+    is_fitted = False
+    parameters = (
+        _AREA,
+        *_PRESSURE_POINT,
+        *(
+            _known(axis, '', f'Direction to the sun in the inertial frame, {axis}.', nominal)
+            for axis, nominal in zip('xyz', (1.0, 0.0, 0.0), strict=True)
+        ),
     )
+    magnitude = '1e-4 N on 20 m^2'
+    signature = 'a force away from the sun, and its torque'
+    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2.2'
+
+    def check(self, robot: Robot) -> None:
+        """Refuse a direction without length."""
+        self.check_direction('the sun')
+
+    def force(self, motion: Motion, hidden: Array) -> Array:
+        """Force and its torque on the base."""
+        sun = self.vector()
+        sun /= float(np.linalg.norm(sun)) or 1.0
+        return self.force_at(motion, into_base(motion, -SOLAR_PRESSURE * self['area'] * sun))
 
 
-_ORBIT = (
-    _number('orbital_rate', 'rad/s', 'Rate of the circular orbit.', 1.1e-3, above=0.0),
-    _number('inclination', 'rad', 'Inclination of the orbit.', 0.9),
-    _number('latitude_argument', 'rad', 'Argument of latitude at the start.', 0.0),
-)
-_AREA = Parameter(
-    name='area',
-    unit='m^2',
-    doc='Area that is exposed times its coefficient.',
-    minimum=0.0,
-    size=20.0,
-    relevant=1.0,
-)
-_PRESSURE_POINT = tuple(
-    _number(name, 'm', f"Centre of pressure along the base's {name[-1]}.", 0.0) for name in AT
-)
-
-EFFECTS = (
-    MagneticDipole(
-        id='magnetic_dipole',
-        title="residual magnetic dipole in the Earth's field",
-        group='environment',
-        needs_free_base=True,
-        is_external=True,
-        is_timed=True,
-        is_fitted=False,
-        parameters=(
-            *xyz('A m^2', "Dipole along the base's", size=10.0, relevant=1.0),
-            *_ORBIT,
-        ),
-        magnitude='0.1 to 10 A m^2 in 3e-5 T: below 3e-4 N m',
-        signature='a torque across the field, twice an orbit',
-        source='Wertz, Spacecraft Attitude Determination and Control, 17.2.4 and appendix H',
-    ),
-    AtmosphericDrag(
-        id='atmospheric_drag',
-        title='drag of the atmosphere',
-        group='environment',
-        needs_free_base=True,
-        is_external=True,
-        is_timed=True,
-        is_fitted=False,
-        parameters=(
-            _AREA,
-            _number('density', 'kg/m^3', 'Density of the air.', 3e-12, minimum=0.0),
-            *_PRESSURE_POINT,
-            *_ORBIT,
-        ),
-        magnitude='3e-12 kg/m^3 at 400 km: 1e-3 N on 10 m^2',
-        signature='a force against the flight, and its torque',
-        source='Wertz, Spacecraft Attitude Determination and Control, 17.2.3',
-    ),
-    SolarPressure(
-        id='solar_pressure',
-        title='pressure of sunlight',
-        group='environment',
-        needs_free_base=True,
-        is_external=True,
-        is_fitted=False,
-        parameters=(
-            _AREA,
-            *_PRESSURE_POINT,
-            *(
-                _number(axis, '', f'Direction to the sun in the inertial frame, {axis}.', nominal)
-                for axis, nominal in zip('xyz', (1.0, 0.0, 0.0), strict=True)
-            ),
-        ),
-        magnitude='1e-4 N on 20 m^2',
-        signature='a force away from the sun, and its torque',
-        source='Wertz, Spacecraft Attitude Determination and Control, 17.2.2',
-    ),
-)
+EFFECTS = (MagneticDipole, AtmosphericDrag, SolarPressure)

@@ -16,158 +16,154 @@ momentum of host and part together is kept exactly. Gravity is an acceleration -
 from __future__ import annotations
 
 import itertools
-from functools import partial
 
 import numpy as np
 
 from ..dynamics.rotation import cross_rows, skew
-from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
-from .bodies import MovingBodyEffect, body_index, with_addition
-from .effect import Parameter, Values, unit_axis
+from .effect import Effect
 from .hidden import driven_states
-from .motion import Motion
-from .mounting import (
-    FIRST_DAMPING,
-    FREQUENCIES,
-    damping_parameter,
-    fall,
-    frequency_parameter,
-    link_mobility,
-    recoil,
-    spring,
-    to_base,
-)
+from .motion import Motion, body_index
+from .mounting import FIRST_DAMPING, FREQUENCIES, Sprung, recoil, spring_parameters
+from .parameter import amount, guess
 
 _LIGHT = 1e-3  # of the whole's mass: what a part may have whose recoil does not matter
 
 
-class SprungPart(MovingBodyEffect):
-    """A part of a body on springs of one frequency in all its directions."""
+class SprungPart(Sprung):
+    """A rigid part on springs."""
 
-    def directions(self, values: Values) -> Array:
+    def directions(self) -> Array:
         """(6, k) orthonormal directions S, [linear; angular] in the host's frame."""
         raise NotImplementedError
 
-    def inertia(self, host: Array, values: Values, is_left: bool) -> Array:
+    def inertia(self, host: Array, is_left: bool) -> Array:
         """(6, 6) spatial inertia G.
 
         Args:
             host: (10,) inertial parameters of the host.
-            values: Parameters.
             is_left: Whether the part has been taken out of them.
         """
         raise NotImplementedError
 
-    def change(self, robot: Robot, where: str | None, values: Values) -> Robot:
+    def change(self, robot: Robot) -> Robot:
         """The host without the part."""
-        part = self.inertia(_row(robot, where), values, False)
-        return with_addition(robot, where, -_parameters_of(part), self.id)
+        part = self.inertia(self.row(robot), False)
+        return self.with_addition(robot, -_parameters_of(part))
 
-    def check(self, robot: Robot, where: str | None, values: Values, place: str) -> None:
-        """The part is not more than its host."""
-        part = self.inertia(_row(robot, where), values, False)
-        with_addition(robot, where, -_parameters_of(part), place)
-
-    def force(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
+    def force(self, motion: Motion, hidden: Array) -> Array:
         """Spring, and the turning of the part's momentum with the host."""
-        return motion.wrench(str(where), *self._load(motion, where, values, hidden))
+        return motion.wrench(self.where, *self._wrench(motion, hidden))
 
-    def _load(
-        self, motion: Motion, where: str | None, values: Values, hidden: Array
-    ) -> tuple[Array, Array]:
+    def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
+        """[eta', eta'']."""
+        S = self.directions()
+        drive = motion.link_acceleration(self.where)
+        drive = np.concatenate([drive[:, :3] - self.gravity(motion), drive[:, 3:]], axis=1)
+        return np.concatenate([hidden[:, S.shape[1] :], -drive @ S - self.spring(hidden)], axis=1)
+
+    def driven(self, motion: Motion) -> Array:
+        """Each direction is an oscillator of its own, unless the whole recoils from the part."""
+        size = self.hidden // 2
+        if motion.coasts and self._share(motion.robot) > _LIGHT:
+            return driven_states(
+                lambda own: self._recoiling(motion, own), motion.time, self.hidden
+            )
+        drives = self.hidden_rate(motion, np.zeros((len(motion), self.hidden)))
+
+        def states(drive: Array) -> Array:
+            return driven_states(
+                lambda own: np.column_stack([own[:, 1], drive - self.spring(own)[:, 0]]),
+                motion.time,
+                2,
+            )
+
+        return np.stack([states(drive) for drive in drives[:, size:].T], axis=2).reshape(
+            len(motion), self.hidden
+        )
+
+    def momentum(self, motion: Motion, hidden: Array) -> Array:
+        """The part's, its rigid share included."""
+        return self.to_base(motion, self._part_momentum(motion, hidden))
+
+    def fastest(self, robot: Robot) -> float:
+        """Of the part on its spring against the recoiling robot."""
+        S = self.directions()
+        return self.fastest_against(robot, S, S.T @ self.inertia(self.row(robot), True) @ S)
+
+    def _wrench(self, motion: Motion, hidden: Array) -> tuple[Array, Array]:
         """(N, 3) force and (N, 3) torque on the host, in its frame."""
-        S, V = self.directions(values), motion.twist(str(where))
-        G = self.inertia(_row(motion.robot, where), values, True)
-        pull = spring(values, hidden, S.shape[1]) @ (G @ S).T
-        h = self._momentum(V, S, G, hidden)
+        S, V = self.directions(), motion.twist(self.where)
+        pull = self.spring(hidden) @ (self.inertia(self.row(motion.robot), True) @ S).T
+        h = self._part_momentum(motion, hidden)
         turning = cross_rows(V[:, 3:], h[:, 3:]) + cross_rows(V[:, :3], h[:, :3])
         return pull[:, :3] - cross_rows(V[:, 3:], h[:, :3]), pull[:, 3:] - turning
 
-    def hidden_rate(
-        self, motion: Motion, where: str | None, values: Values, hidden: Array
-    ) -> Array:
-        """[eta', eta'']."""
-        S = self.directions(values)
-        size = S.shape[1]
-        drive = motion.link_acceleration(str(where))
-        drive = np.concatenate([drive[:, :3] - fall(motion, where), drive[:, 3:]], axis=1)
-        return np.concatenate(
-            [hidden[:, size:], -drive @ S - spring(values, hidden, size)], axis=1
-        )
+    def _part_momentum(self, motion: Motion, hidden: Array) -> Array:
+        """(N, 6) in the host's frame."""
+        S, G = self.directions(), self.inertia(self.row(motion.robot), True)
+        return np.asarray((motion.twist(self.where) + hidden[:, S.shape[1] :] @ S.T) @ G.T)
 
-    def driven(self, motion: Motion, where: str | None, values: Values) -> Array:
-        """Each direction is an oscillator of its own, unless the whole recoils from the part."""
-        size = self.hidden // 2
-        if motion.coasts and self._share(motion.robot, where, values) > _LIGHT:
-            return driven_states(
-                partial(self._recoiling, motion, where, values), motion.time, self.hidden
-            )
-        drives = self.hidden_rate(motion, where, values, np.zeros((len(motion), self.hidden)))
-        states = [
-            driven_states(partial(_oscillator, values, drive), motion.time, 2)
-            for drive in drives[:, size:].T
-        ]
-        return np.concatenate([s[:, i, None] for i in (0, 1) for s in states], axis=1)
-
-    def _recoiling(
-        self, motion: Motion, where: str | None, values: Values, hidden: Array
-    ) -> Array:
+    def _recoiling(self, motion: Motion, hidden: Array) -> Array:
         """`hidden_rate` with the recoil that the motion does not hold."""
-        S = self.directions(values)
-        out = self.hidden_rate(motion, where, values, hidden)
-        force, _ = self._load(motion, where, values, hidden)
+        S, out = self.directions(), self.hidden_rate(motion, hidden)
+        force, _ = self._wrench(motion, hidden)
         out[:, S.shape[1] :] -= recoil(motion, force) @ S[:3]
         return out
 
-    def _share(self, robot: Robot, where: str | None, values: Values) -> float:
+    def _share(self, robot: Robot) -> float:
         """Mass that moves against the host, by that of all else."""
-        part = self.inertia(_row(robot, where), values, True)
-        moved = np.linalg.norm(part[:3] @ self.directions(values))
+        moved = np.linalg.norm(self.inertia(self.row(robot), True)[:3] @ self.directions())
         return float(moved / np.sum(robot.inertial_parameters[:, 0]))
-
-    def momentum(self, motion: Motion, where: str | None, values: Values, hidden: Array) -> Array:
-        """The part's, its rigid share included."""
-        S, V = self.directions(values), motion.twist(str(where))
-        G = self.inertia(_row(motion.robot, where), values, True)
-        return to_base(motion, where, self._momentum(V, S, G, hidden))
-
-    def fastest(self, robot: Robot, where: str | None, values: Values) -> float:
-        """Of the part on its spring against the recoiling robot."""
-        S = self.directions(values)
-        G = S.T @ self.inertia(_row(robot, where), values, True) @ S
-        recoil = np.linalg.eigvals(G @ S.T @ link_mobility(robot, where) @ S).real.max()
-        return float(max(1.0, values['damping']) * values['frequency'] * np.sqrt(1.0 + recoil))
-
-    def _momentum(self, V: Array, S: Array, G: Array, hidden: Array) -> Array:
-        return np.asarray((V + hidden[:, S.shape[1] :] @ S.T) @ G.T)
 
 
 class Appendage(SprungPart):
     """A first bending mode: inertia about an axis of the host, G = I [0; a] [0; a]^T."""
 
-    def directions(self, values: Values) -> Array:
+    id = 'flexible_appendage'
+    title = 'a flexible panel or boom on a body'
+    hidden = 2
+    parameters = (
+        amount(
+            'inertia',
+            'kg m^2',
+            "What of the body's inertia about the axis takes part.",
+            50.0,
+            0.05,
+        ),
+        *spring_parameters('Natural frequency, the body held.', 0.005),
+        *(
+            guess(name, '', f"Axis along {name} of the body's frame; x, y, z of any length.", 1.0)
+            for name in 'xyz'
+        ),
+    )
+    magnitude = '0.5 to 10 rad/s, damping 0.002 to 0.02, 10 to 100 kg m^2 for solar panels'
+    signature = 'a decaying oscillation of the body after every change of its rotation'
+    source = 'Likins, AIAA J. 5 (1967); Hughes, Spacecraft Attitude Dynamics (1986), 3.6'
+
+    def directions(self) -> Array:
         """Turning about the axis."""
-        axis = np.array([values['x'], values['y'], values['z']])
+        axis = self.vector()
         return np.concatenate([np.zeros(3), axis / np.linalg.norm(axis)])[:, None]
 
-    def inertia(self, host: Array, values: Values, is_left: bool) -> Array:
+    def inertia(self, host: Array, is_left: bool) -> Array:
         """About the axis alone."""
-        S = self.directions(values)
-        return np.asarray(values['inertia'] * S @ S.T)
+        S = self.directions()
+        return np.asarray(self['inertia'] * S @ S.T)
 
-    def check(self, robot: Robot, where: str | None, values: Values, place: str) -> None:
+    def check(self, robot: Robot) -> None:
         """The axis has a direction, and the host that much inertia."""
-        if not any(values[name] for name in 'xyz'):
-            raise ConfigurationError(f'{place}.x', 'the axis x, y, z has no direction: all zero')
-        super().check(robot, where, values, place)
+        if not self.vector().any():
+            raise self.refusal('the axis x, y, z has no direction: all zero', 'x')
+        super().check(robot)
 
-    def canonical(self, values: Values) -> Values:
+    def canonical(self) -> Effect:
         """The axis of unit length."""
-        return unit_axis(values)
+        return self.with_unit_axis()
 
-    def variants(self, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:
+    @classmethod
+    def variants(cls, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:
         """Every frequency about every axis of the host's frame."""
         return tuple(
             {'frequency': frequency, 'damping': FIRST_DAMPING, 'x': x, 'y': y, 'z': z}
@@ -178,28 +174,38 @@ class Appendage(SprungPart):
 class GraspCompliance(SprungPart):
     """A share of a body that gives way to the grasp in all six directions, G = share G_host."""
 
-    def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Bodies at the end of an arm."""
-        parents = {body.parent for body in robot.bodies}
-        return tuple(p for p in super().places(robot) if body_index(robot, p) not in parents | {0})
+    id = 'grasp_compliance'
+    title = 'a captured body that gives way in the grasp'
+    hidden = 12
+    parameters = (
+        amount(
+            'share',
+            '',
+            "What of the last body's inertia is beyond the grasp.",
+            0.5,
+            0.02,
+            maximum=0.99,
+        ),
+        *spring_parameters('Natural frequency in every direction, the arm held.', 0.02),
+    )
+    magnitude = '3 to 60 rad/s, damping 0.01 to 0.1, 50 to 99 % of the last body with its load'
+    signature = 'oscillation of the last joints and the base after every change of the motion'
+    source = 'Likins, AIAA J. 5 (1967)'
 
-    def directions(self, values: Values) -> Array:
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str | None, ...]:
+        """Bodies at the end of an arm."""
+        inner = {0, *(body.parent for body in robot.bodies)}
+        return tuple(p for p in super().places(robot) if body_index(robot, p) not in inner)
+
+    def directions(self) -> Array:
         """All."""
         return np.eye(6)
 
-    def inertia(self, host: Array, values: Values, is_left: bool) -> Array:
+    def inertia(self, host: Array, is_left: bool) -> Array:
         """In proportion to the host's."""
-        share = values['share'] / (1.0 - values['share'] if is_left else 1.0)
+        share = self['share'] / (1.0 - self['share'] if is_left else 1.0)
         return share * _spatial(host)
-
-
-def _oscillator(values: Values, drive: Array, own: Array) -> Array:
-    """(N, 2) [eta', eta''] of one direction under its drive (N,)."""
-    return np.column_stack([own[:, 1], drive - spring(values, own, 1)[:, 0]])
-
-
-def _row(robot: Robot, where: str | None) -> Array:
-    return np.asarray(robot.inertial_parameters[body_index(robot, where)])
 
 
 def _spatial(row: Array) -> Array:
@@ -212,65 +218,7 @@ def _spatial(row: Array) -> Array:
 
 def _parameters_of(G: Array) -> Array:
     """(10,) inertial parameters of a spatial inertia."""
-    lower = G[3:, 3:]
-    moment = np.array([G[5, 1], G[3, 2], G[4, 0]])
-    second = lower[0, 0], lower[0, 1], lower[1, 1], lower[0, 2], lower[1, 2], lower[2, 2]
-    return np.concatenate([[G[0, 0]], moment, second])
+    return G[[0, 5, 3, 4, 3, 3, 4, 3, 4, 5], [0, 1, 2, 0, 3, 4, 4, 5, 5, 5]]
 
 
-def _axis(name: str) -> Parameter:
-    return Parameter(
-        name=name,
-        unit='',
-        doc=f"Axis along {name} of the body's frame; x, y, z of any length.",
-        size=1.0,
-        role='search',
-    )
-
-
-EFFECTS = (
-    Appendage(
-        id='flexible_appendage',
-        title='a flexible panel or boom on a body',
-        group='bodies',
-        hidden=2,
-        parameters=(
-            Parameter(
-                name='inertia',
-                unit='kg m^2',
-                doc="What of the body's inertia about the axis takes part.",
-                minimum=0.0,
-                size=50.0,
-                relevant=0.05,
-            ),
-            frequency_parameter('Natural frequency, the body held.'),
-            damping_parameter(0.005),
-            *(_axis(name) for name in 'xyz'),
-        ),
-        magnitude='0.5 to 10 rad/s, damping 0.002 to 0.02, 10 to 100 kg m^2 for solar panels',
-        signature='a decaying oscillation of the body after every change of its rotation',
-        source='Likins, AIAA J. 5 (1967); Hughes, Spacecraft Attitude Dynamics (1986), 3.6',
-    ),
-    GraspCompliance(
-        id='grasp_compliance',
-        title='a captured body that gives way in the grasp',
-        group='bodies',
-        hidden=12,
-        parameters=(
-            Parameter(
-                name='share',
-                unit='',
-                doc="What of the last body's inertia is beyond the grasp.",
-                minimum=0.0,
-                maximum=0.99,
-                size=0.5,
-                relevant=0.02,
-            ),
-            frequency_parameter('Natural frequency in every direction, the arm held.'),
-            damping_parameter(0.02),
-        ),
-        magnitude='3 to 60 rad/s, damping 0.01 to 0.1, 50 to 99 % of the last body with its load',
-        signature='oscillation of the last joints and the base after every change of the motion',
-        source='Likins, AIAA J. 5 (1967)',
-    ),
-)
+EFFECTS = (Appendage, GraspCompliance)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.fft import dct, idct
 
 from ..diagnosis.search import Judged
-from ..effects.effect import AppliedEffect, Effect
+from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..types import Array, IntArray
 from .columns import Candidate, candidates
@@ -49,7 +49,7 @@ def _count(times: Array) -> int:
     return max(4, int(2.0 * BAND * (times[-1] - times[0])))
 
 
-def missed_torque(run: Run, causes: Sequence[AppliedEffect] = ()) -> tuple[Array, Array]:
+def missed_torque(run: Run, causes: Sequence[Effect] = ()) -> tuple[Array, Array]:
     """Times (N,) and torques (N, n) that a model needs beyond those measured.
 
     Args:
@@ -71,7 +71,7 @@ class TorqueBalance:
         effects: The catalogue.
     """
 
-    def __init__(self, run: Run, effects: Sequence[Effect]) -> None:
+    def __init__(self, run: Run, effects: Sequence[type[Effect]]) -> None:
         filtered = run.innovations(())
         self._filter = filtered
         self.robot = filtered.process.robot
@@ -158,7 +158,7 @@ class TorqueBalance:
 
     def _held(self, causes: Sequence[Judged]) -> IntArray:
         """Columns of inertial errors and causes."""
-        inertial = [self._place[id(c)] for c in self.pool if c.effect.id == 'inertial_parameters']
+        inertial = [self._place[id(c)] for c in self.pool if c.kind.id == 'inertial_parameters']
         own = [self._place[id(c.candidate)] for c in causes]
         return np.unique(np.concatenate([np.zeros(0, dtype=int), *inertial, *own]))
 
@@ -172,7 +172,7 @@ class TorqueBalance:
             axis=2,
         )
 
-    def _missing(self, applied: AppliedEffect) -> Array:
+    def _missing(self, applied: Effect) -> Array:
         """(N, n) torque that the model misses by an effect.
 
         What scales measured torques is taken to scale those that the model needs: else a gain of
@@ -186,7 +186,7 @@ class TorqueBalance:
             force += late * self._filter.reference.effort(motion.time, 1)
         return force + self._misread(applied) if applied.acts('sense') else force
 
-    def _misread(self, applied: AppliedEffect) -> Array:
+    def _misread(self, applied: Effect) -> Array:
         """(N, n) torque that inverse dynamics add where positions are read wrongly."""
         at: Kinematics = self._filter.kinematics
         error = applied.sense('joint_position', at.q, self._motion) - at.q
@@ -226,7 +226,7 @@ class TorqueBalance:
         return np.asarray(levels)
 
 
-def _of_the_joints(effects: Sequence[Effect]) -> list[Effect]:
+def _of_the_joints(effects: Sequence[type[Effect]]) -> list[type[Effect]]:
     """Effects without states of their own: what swings by itself looks like anything here."""
     return [effect for effect in effects if not effect.hidden]
 

@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from ..effects.catalogue import changed_robot
-from ..effects.effect import CHANNELS, AppliedEffect, Effect, Parameter
+from ..effects.effect import CHANNELS, Effect
 from ..effects.motion import Motion
+from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
@@ -32,7 +33,7 @@ class Candidate:
     """One effect at one place, linear in K coefficients.
 
     Args:
-        effect: Catalogue entry.
+        kind: Catalogue entry.
         where: Its place.
         variant: Values of the parameters that it is not linear in.
         directions: K sets of parameter values a small step from doing nothing.
@@ -40,7 +41,7 @@ class Candidate:
         lower: (K,) bounds of the coefficients. upper: (K,).
     """
 
-    effect: Effect
+    kind: type[Effect]
     where: str | None
     variant: Mapping[str, float]
     directions: tuple[Mapping[str, float], ...]
@@ -53,13 +54,13 @@ class Candidate:
     @property
     def key(self) -> tuple[str, str | None]:
         """Effect and place."""
-        return self.effect.id, self.where
+        return self.kind.id, self.where
 
     def values(self, coefficients: Array) -> dict[str, float]:
         """Parameter values that coefficients (K,) stand for."""
-        values = {**self.effect.nominal, **self.variant}
+        values = {**self.kind.nominal(), **self.variant}
         used = 0
-        for parameter, phase in _linear_parameters(self.effect.parameters):
+        for parameter, phase in _linear_parameters(self.kind.parameters):
             first = float(coefficients[used])
             if phase is not None:
                 second = float(coefficients[used + 1])
@@ -70,14 +71,14 @@ class Candidate:
             used += 1 if phase is None else 2
         return values
 
-    def applied(self, values: Mapping[str, float]) -> AppliedEffect:
+    def applied(self, values: Mapping[str, float]) -> Effect:
         """The effect with given values."""
-        name = self.effect.id if self.where is None else f'{self.effect.id}_{self.where}'
-        return AppliedEffect(name=name, effect=self.effect, where=self.where, values=dict(values))
+        name = self.kind.id if self.where is None else f'{self.kind.id}_{self.where}'
+        return self.kind(name=name, where=self.where, values=dict(values))
 
 
 def candidates(
-    effects: Iterable[Effect],
+    kinds: Iterable[type[Effect]],
     filtered: Innovations,
     data: Array,
     ringing: tuple[float, ...] = (),
@@ -85,7 +86,7 @@ def candidates(
     """Every variant of every effect at every place where this robot can show it.
 
     Args:
-        effects: Catalogue entries.
+        kinds: Catalogue entries.
         filtered: The model's filter, for what only the data can propose.
         data: (R,) its whitened innovations.
         ringing: Frequencies that stand out in them [rad/s]: guesses for what swings by itself.
@@ -94,64 +95,64 @@ def candidates(
     wanted = filtered.wanted_force(data)
     return [
         candidate
-        for effect in effects
-        if effect.is_fitted and (robot.is_free or not effect.needs_free_base)
-        for where in effect.places(robot)
-        for variant, trials in _variants(effect, where, filtered, wanted, ringing)
-        if (candidate := _possible(effect, robot, where, variant, trials)) is not None
+        for kind in kinds
+        if kind.is_fitted and (robot.is_free or not kind.needs_free_base)
+        for where in kind.places(robot)
+        for variant, trials in _variants(kind, where, filtered, wanted, ringing)
+        if (candidate := _possible(kind, robot, where, variant, trials)) is not None
     ]
 
 
 def _variants(
-    effect: Effect,
+    kind: type[Effect],
     where: str | None,
     filtered: Innovations,
     wanted: Array,
     ringing: tuple[float, ...],
 ) -> list[tuple[dict[str, float], int]]:
     """Values of what an effect is not linear in, with the number of values looked at."""
-    parameter = searched(effect)
+    parameter = searched(kind)
     if parameter is not None:
-        values, looked_at = propose(effect, where, filtered.motion, wanted)
+        values, looked_at = propose(kind, where, filtered.motion, wanted)
         return [({parameter.name: value}, looked_at) for value in values]
-    variants = effect.variants(filtered.process.robot, where)
-    if effect.hidden and variants and 'frequency' in variants[0]:
+    variants = kind.variants(filtered.process.robot, where)
+    if kind.hidden and variants and 'frequency' in variants[0]:
         others = {tuple((v | {'frequency': 0.0}).items()): v for v in variants}.values()
         variants += tuple(v | {'frequency': f} for f in ringing for v in others)
     return [(variant, 1) for variant in variants]
 
 
 def _possible(
-    effect: Effect, robot: Robot, where: str | None, variant: Mapping[str, float], trials: int
+    kind: type[Effect], robot: Robot, where: str | None, variant: Mapping[str, float], trials: int
 ) -> Candidate | None:
     """The effect with steps so small that bodies stay bodies; None where there are none."""
     for share in STEPS:
-        candidate = _candidate(effect, robot, where, variant, trials, share)
+        candidate = _candidate(kind, robot, where, variant, trials, share)
         if all(is_possible(candidate.applied(d), robot) for d in candidate.directions):
             return candidate
     return None
 
 
-def is_possible(applied: AppliedEffect | Sequence[AppliedEffect], robot: Robot) -> bool:
+def is_possible(applied: Effect | Sequence[Effect], robot: Robot) -> bool:
     """Whether effects leave a physical robot: a light link has no moment to lose."""
     try:
-        changed_robot(robot, [applied] if isinstance(applied, AppliedEffect) else applied)
+        changed_robot(robot, [applied] if isinstance(applied, Effect) else applied)
     except ConfigurationError:
         return False
     return True
 
 
 def _candidate(
-    effect: Effect,
+    kind: type[Effect],
     robot: Robot,
     where: str | None,
     variant: Mapping[str, float],
     trials: int,
     share: float,
 ) -> Candidate:
-    still = {**effect.nominal, **variant}
+    still = {**kind.nominal(), **variant}
     directions, steps, sizes, lower, upper = [], [], [], [], []
-    for parameter, phase in _linear_parameters(effect.parameters_at(robot, where)):
+    for parameter, phase in _linear_parameters(kind.parameters_at(robot, where)):
         size = parameter.size if math.isfinite(parameter.size) else 1.0
         step = share * size
         value = value_of(parameter, origin_of(parameter) + step)
@@ -166,7 +167,7 @@ def _candidate(
             lower.append(low)
             upper.append(high)
     return Candidate(
-        effect,
+        kind,
         where,
         variant,
         tuple(directions),
@@ -218,7 +219,7 @@ class Signatures:
             if len(self._filter.at_samples(channel).time)
         }
 
-    def whitened(self, directions: Sequence[tuple[AppliedEffect, float]]) -> Array:
+    def whitened(self, directions: Sequence[tuple[Effect, float]]) -> Array:
         """(R, K) whitened innovations by each direction's coefficient.
 
         Args:
@@ -236,8 +237,8 @@ class Signatures:
     def between(
         self,
         run_robot: Robot,
-        effects: Sequence[AppliedEffect],
-        neighbours: Sequence[tuple[int, AppliedEffect, float]],
+        effects: Sequence[Effect],
+        neighbours: Sequence[tuple[int, Effect, float]],
     ) -> Array:
         """(R, P) whitened innovations when one of the model's effects moves to a neighbour.
 
@@ -267,17 +268,17 @@ class Signatures:
             )
         )
 
-    def _needed(self, robot: Robot, effects: Sequence[AppliedEffect]) -> Array:
+    def _needed(self, robot: Robot, effects: Sequence[Effect]) -> Array:
         """(N, 6 + n) force of the effects less what the changed robot needs for the motion."""
         process = TorqueDriven(robot, effects)
         motion = self._filter.motion.of(process.robot)
         return process.forces(motion) - InverseDynamics(process.robot)(motion)
 
-    def _force(self, applied: AppliedEffect) -> Array:
+    def _force(self, applied: Effect) -> Array:
         """(N, 6 + n) generalised force, what is wrong about the measured torque included."""
         return self._response.force(applied) + self._effort_error(applied)
 
-    def _effort_error(self, applied: AppliedEffect) -> Array:
+    def _effort_error(self, applied: Effect) -> Array:
         """(N, 6 + n) true motor torque less what is measured."""
         motion = self._filter.motion
         force = motion.zeros()
@@ -287,7 +288,7 @@ class Signatures:
             force[:, 6:] += late * self._filter.reference.effort(motion.time, 1)
         return force
 
-    def _sensed(self, channel: str, applied: AppliedEffect) -> Array:
+    def _sensed(self, channel: str, applied: Effect) -> Array:
         """(samples, width) by which a channel reads more than the truth."""
         kinematics, motion = self._samples[channel]
         value, slope = _channel(channel, kinematics)
@@ -300,7 +301,7 @@ class Signatures:
         return kinematics, self._filter.process.motion(kinematics, effort)
 
 
-def _is_sensor(applied: AppliedEffect) -> bool:
+def _is_sensor(applied: Effect) -> bool:
     """Whether an effect changes what any sensor says."""
     return applied.acts('sense') or applied.acts('delay')
 

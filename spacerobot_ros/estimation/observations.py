@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..effects.effect import AppliedEffect
+from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..errors import RecordingError
 from ..model.robot import Robot
@@ -105,9 +105,7 @@ def observe(record: Record, robot: Robot) -> Observations:
     )
 
 
-def corrected(
-    observed: Observations, effects: Sequence[AppliedEffect], robot: Robot
-) -> Observations:
+def corrected(observed: Observations, effects: Sequence[Effect], robot: Robot) -> Observations:
     """The observations without what the believed sensor effects do to them.
 
     Args:
@@ -144,7 +142,7 @@ def corrected(
 
 
 def _undo_joint_sensors(
-    observed: Observations, effects: Sequence[AppliedEffect], robot: Robot
+    observed: Observations, effects: Sequence[Effect], robot: Robot
 ) -> Observations:
     """Undo what is done to /joint_states; an effect may depend on all three of its channels."""
     zeros = np.zeros_like(observed.q)
@@ -174,16 +172,14 @@ def _undo_joint_sensors(
     )
 
 
-def _undo(
-    channel: str, measured: Array, effects: Sequence[AppliedEffect], motion: Motion
-) -> Array:
+def _undo(channel: str, measured: Array, effects: Sequence[Effect], motion: Motion) -> Array:
     true = measured
     for _ in range(_UNDO_PASSES):
         true = measured - _error(channel, true, effects, motion)
     return true
 
 
-def _error(channel: str, true: Array, effects: Sequence[AppliedEffect], motion: Motion) -> Array:
+def _error(channel: str, true: Array, effects: Sequence[Effect], motion: Motion) -> Array:
     value = true
     for effect in effects:
         value = effect.sense(channel, value, motion)

@@ -9,7 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..effects.effect import AppliedEffect, Effect, Parameter
+from ..effects.effect import Effect
+from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
@@ -51,7 +52,7 @@ class Run:
         self,
         observed: Observations,
         robot: Robot,
-        believed: Sequence[AppliedEffect],
+        believed: Sequence[Effect],
         noise: NoiseLevels,
         timing: str = 'sampled',
     ) -> None:
@@ -74,13 +75,13 @@ class Run:
         other._filters = self._filters
         return other
 
-    def innovations(self, causes: Sequence[AppliedEffect]) -> Innovations:
+    def innovations(self, causes: Sequence[Effect]) -> Innovations:
         """The filter of the robot with its own effects and some causes."""
         self._filters[0] += 1
         process = TorqueDriven(self.robot, (*self.believed, *causes))
         return Innovations(self.scene(causes), process, self.timing)
 
-    def scene(self, causes: Sequence[AppliedEffect]) -> Scene:
+    def scene(self, causes: Sequence[Effect]) -> Scene:
         """What is observed, the robot's own sensor effects and those of some causes undone."""
         if not any(_is_sensor(cause) for cause in causes):
             return self._scene
@@ -91,14 +92,13 @@ class Run:
     def _scene(self) -> Scene:
         return self._make_scene((), TorqueDriven(self.robot, self.believed))
 
-    def _make_scene(self, causes: Sequence[AppliedEffect], process: TorqueDriven) -> Scene:
+    def _make_scene(self, causes: Sequence[Effect], process: TorqueDriven) -> Scene:
         effects = (*self.believed, *causes)
         return Scene(corrected(self.observed, effects, process.robot), self.noise, process)
 
 
-def _is_sensor(cause: AppliedEffect) -> bool:
-    kind = type(cause.effect)
-    return kind.sense is not Effect.sense or kind.delay is not Effect.delay
+def _is_sensor(cause: Effect) -> bool:
+    return cause.acts('sense') or cause.acts('delay')
 
 
 class Fit:
@@ -109,7 +109,7 @@ class Fit:
         causes: Effects beyond the robot file's.
     """
 
-    def __init__(self, run: Run, causes: Sequence[AppliedEffect]) -> None:
+    def __init__(self, run: Run, causes: Sequence[Effect]) -> None:
         self.run = run
         self.causes = tuple(causes)
         self.filter = run.innovations(self.causes)
@@ -118,11 +118,7 @@ class Fit:
     def free(self) -> list[tuple[int, Parameter]]:
         """Every fitted number: index of its cause, parameter."""
         robot = self.run.robot
-        return [
-            (i, p)
-            for i, c in enumerate(self.causes)
-            for p in c.effect.parameters_at(robot, c.where)
-        ]
+        return [(i, p) for i, c in enumerate(self.causes) for p in c.parameters_at(robot, c.where)]
 
     @cached_property
     def data(self) -> Array:
@@ -226,7 +222,7 @@ class Fit:
             out[i][p.name] = value_std(p, value, float(std))
         return out
 
-    def step(self) -> list[AppliedEffect] | None:
+    def step(self) -> list[Effect] | None:
         """The causes after one step; None where they have settled."""
         if not self.free:
             return None
@@ -239,14 +235,14 @@ class Fit:
             return None
         return self.moved(change)
 
-    def moved(self, change: Array) -> list[AppliedEffect]:
+    def moved(self, change: Array) -> list[Effect]:
         """The causes with every coordinate changed, within its bounds."""
         values: list[dict[str, float]] = [dict(c.values) for c in self.causes]
         for (i, p), delta in zip(self.free, change, strict=True):
             values[i][p.name] = value_of(p, coordinate_of(p, values[i][p.name]) + float(delta))
         return [replace(c, values=v) for c, v in zip(self.causes, values, strict=True)]
 
-    def _neighbours(self, i: int, p: Parameter) -> tuple[int, AppliedEffect, float]:
+    def _neighbours(self, i: int, p: Parameter) -> tuple[int, Effect, float]:
         """A cause with one coordinate moved a little to where it may go, and by how much."""
         cause = self.causes[i]
         here = coordinate_of(p, cause.values[p.name])
@@ -262,7 +258,7 @@ class Fit:
         return i, moved, there - here
 
 
-def refine(run: Run, causes: Sequence[AppliedEffect], passes: int = _PASSES) -> Fit:
+def refine(run: Run, causes: Sequence[Effect], passes: int = _PASSES) -> Fit:
     """The most probable values of the causes' parameters, from the given ones.
 
     Args:
@@ -285,7 +281,7 @@ def refine(run: Run, causes: Sequence[AppliedEffect], passes: int = _PASSES) -> 
     return _canonical(fit)
 
 
-def _possible(run: Run, causes: Sequence[AppliedEffect]) -> Sequence[AppliedEffect]:
+def _possible(run: Run, causes: Sequence[Effect]) -> Sequence[Effect]:
     """The causes, drawn towards no effect until a physical robot has them together.
 
     One may have taken what another had given: without that other it is too much.
@@ -297,23 +293,23 @@ def _possible(run: Run, causes: Sequence[AppliedEffect]) -> Sequence[AppliedEffe
     return causes
 
 
-def _halved(cause: AppliedEffect) -> dict[str, float]:
+def _halved(cause: Effect) -> dict[str, float]:
     return {
         p.name: value_of(p, 0.5 * (coordinate_of(p, cause.values[p.name]) + origin_of(p)))
-        for p in cause.effect.parameters
+        for p in cause.parameters
         if p.role in PROPORTIONAL
     }
 
 
 def _canonical(fit: Fit) -> Fit:
     """The same model with its causes' values in their usual form, such as axes of unit length."""
-    causes = [replace(c, values=c.effect.canonical(c.values)) for c in fit.causes]
+    causes = [c.canonical() for c in fit.causes]
     if all(new.values == old.values for new, old in zip(causes, fit.causes, strict=True)):
         return fit
     return Fit(fit.run, causes)
 
 
-def _descend(fit: Fit, ahead: list[AppliedEffect]) -> Fit | None:
+def _descend(fit: Fit, ahead: list[Effect]) -> Fit | None:
     """The next fit along a step, shortened until it is better; None where nothing is."""
     for k in range(_HALVINGS):
         share = 0.4**k
@@ -330,9 +326,9 @@ def _descend(fit: Fit, ahead: list[AppliedEffect]) -> Fit | None:
     return None
 
 
-def _between(old: AppliedEffect, new: AppliedEffect, share: float) -> Mapping[str, float]:
+def _between(old: Effect, new: Effect, share: float) -> Mapping[str, float]:
     out = {}
-    for p in old.effect.parameters:
+    for p in old.parameters:
         a, b = coordinate_of(p, old.values[p.name]), coordinate_of(p, new.values[p.name])
         out[p.name] = value_of(p, a + share * (b - a))
     return out

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..dynamics.rnea import rnea
-from ..effects.effect import AppliedEffect
+from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array
@@ -130,7 +130,7 @@ class Response:
     def _needed(self) -> Array:
         return self._inverse(self.motion)
 
-    def force(self, effect: AppliedEffect) -> Array:
+    def force(self, effect: Effect) -> Array:
         """(N, 6 + n) by which the robot with the effect differs from the one without."""
         changed = effect.change(self.robot)
         if changed is self.robot:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..effects.effect import Parameter
+from ..effects.parameter import Parameter
 
 PROPORTIONAL = ('linear', 'reciprocal', 'square')
 """Roles of parameters in whose coordinate an effect is linear."""

@@ -11,8 +11,9 @@ import numba
 import numpy as np
 from scipy.ndimage import median_filter
 
-from ..effects.effect import Effect, Parameter
+from ..effects.effect import Effect
 from ..effects.motion import Motion
+from ..effects.parameter import Parameter
 from ..types import Array
 
 _PEAKS = 3
@@ -22,15 +23,15 @@ _MOST = 4000
 _CHUNK = 256  # turns after which rounding is started afresh
 
 
-def searched(effect: Effect) -> Parameter | None:
+def searched(effect: type[Effect]) -> Parameter | None:
     """The parameter that multiplies the effect's argument; None where it has no such argument."""
-    if type(effect).argument is Effect.argument:
+    if not effect.acts('argument'):
         return None
     return next(p for p in effect.parameters if p.role == 'search')
 
 
 def propose(
-    effect: Effect, where: str | None, motion: Motion, wanted: Array
+    effect: type[Effect], where: str | None, motion: Motion, wanted: Array
 ) -> tuple[tuple[float, ...], int]:
     """Values of p that stand out, and how many were looked at.
 
@@ -89,13 +90,16 @@ def _power(values: Array, argument: Array, signals: Array) -> Array:
     return power
 
 
-def _signals(effect: Effect, where: str | None, motion: Motion, wanted: Array, name: str) -> Array:
+def _signals(
+    effect: type[Effect], where: str | None, motion: Motion, wanted: Array, name: str
+) -> Array:
     """(N, 2) correlation with the force that the effect has at p = 0, for two phases."""
     (amplitude,) = [p.name for p in effect.parameters if p.role == 'linear'][:1]
     (phase,) = [p.name for p in effect.parameters if p.role == 'phase']
     hidden = np.zeros((len(motion), effect.hidden))
-    still = {**effect.nominal, amplitude: 1.0, name: 0.0}
+    still = {**effect.nominal(), amplitude: 1.0, name: 0.0}
     forces = [
-        effect.force(motion, where, {**still, phase: turn}, hidden) for turn in (0.0, 0.5 * np.pi)
+        effect(name='', where=where, values={**still, phase: turn}).force(motion, hidden)
+        for turn in (0.0, 0.5 * np.pi)
     ]
     return np.stack([np.sum(wanted * force, axis=1) for force in forces], axis=1)

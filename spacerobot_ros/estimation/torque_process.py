@@ -15,7 +15,7 @@ import numpy as np
 from ..dynamics.crba import PART
 from ..dynamics.rnea_derivatives import linearize
 from ..effects.catalogue import changed_robot
-from ..effects.effect import AppliedEffect, Effect
+from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array
@@ -48,11 +48,11 @@ class TorqueDriven:
         effects: Effects believed in.
     """
 
-    def __init__(self, robot: Robot, effects: Sequence[AppliedEffect] = ()) -> None:
+    def __init__(self, robot: Robot, effects: Sequence[Effect] = ()) -> None:
         self.robot = changed_robot(robot, effects)
-        self.effects = tuple(e for e in effects if type(e.effect).force is not Effect.force)
+        self.effects = tuple(e for e in effects if e.acts('force'))
         # what has states of its own is driven by the reference and adds no gradient
-        self._direct = tuple(e for e in self.effects if not e.effect.hidden)
+        self._direct = tuple(e for e in self.effects if not e.hidden)
         self.first = 3 if robot.is_free else 6
         self.n = robot.n_joints
         self.m = self.n + 6 - self.first
@@ -109,7 +109,7 @@ class TorqueDriven:
                     change = (self._sum(self._direct, moved) - here) / _STEP
                     gradient[:, :, i] += np.einsum('nij,nj->ni', inverse[:, self.first :], change)
 
-    def _sum(self, effects: Sequence[AppliedEffect], motion: Motion) -> Array:
+    def _sum(self, effects: Sequence[Effect], motion: Motion) -> Array:
         total = motion.zeros()
         for effect in effects:
             total += effect.force(motion, effect.driven(motion))

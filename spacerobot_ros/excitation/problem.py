@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..dynamics.state import initial_state
+from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
 from ..estimation.minimal import MinimalSet, minimal_set
 from ..estimation.momentum_process import MomentumModel
-from ..model.loader import RobotFile, true_robot
 from ..model.robot import Robot
 from ..model.settings import Settings
+from ..simulation.truth import true_robot
 from ..types import Array
 from .family import MotionFamily
 from .free_base import BaseMotion, FreeBase, Start

@@ -21,12 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..effects.effect import AppliedEffect, Effect, Parameter
+from ..effects.effect import Effect
+from ..effects.parameter import Parameter
+from ..effects.robot_file import RobotFile
 from ..estimation.columns import Signatures
 from ..estimation.observations import Observations
 from ..estimation.reference import NoiseLevels
 from ..estimation.refit import Fit, Run
-from ..model.loader import RobotFile
 from ..model.settings import SensorSettings
 from ..types import Array
 from .design import scaled_to_limits
@@ -49,13 +50,13 @@ _LONGEST_FREE = 1.0  # plausible size of a parameter that states none
 class Place:
     """An effect at a place: one side of the question."""
 
-    effect: Effect
+    kind: type[Effect]
     where: str | None
 
     @property
     def name(self) -> str:
         """As the command line says it."""
-        return self.effect.id if self.where is None else f'{self.effect.id}@{self.where}'
+        return self.kind.id if self.where is None else f'{self.kind.id}@{self.where}'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,14 +190,14 @@ def _columns(fit: Fit, places: tuple[Place, Place]) -> tuple[Array, Array]:
     return both[:, :cut], both[:, cut:]
 
 
-def _directions(place: Place, fit: Fit) -> list[tuple[AppliedEffect, float]]:
+def _directions(place: Place, fit: Fit) -> list[tuple[Effect, float]]:
     """A small step from doing nothing for each number of an effect, as a share of its size."""
-    effect, where = place.effect, place.where
-    variants = effect.variants(fit.filter.process.robot, where)
-    still = {**effect.nominal, **variants[len(variants) // 2]}
-    phase = next((p.name for p in effect.parameters if p.role == 'phase'), None)
-    out: list[tuple[AppliedEffect, float]] = []
-    for p in effect.parameters:
+    kind, where = place.kind, place.where
+    variants = kind.variants(fit.filter.process.robot, where)
+    still = {**kind.nominal(), **variants[len(variants) // 2]}
+    phase = next((p.name for p in kind.parameters if p.role == 'phase'), None)
+    out: list[tuple[Effect, float]] = []
+    for p in kind.parameters:
         if p.role in ('phase', 'search'):
             continue
         turns = (0.0, 0.5 * math.pi) if phase is not None and not out else (None,)
@@ -204,7 +205,7 @@ def _directions(place: Place, fit: Fit) -> list[tuple[AppliedEffect, float]]:
             values = {**still, p.name: _small(p)}
             if phase is not None and turn is not None:
                 values[phase] = turn
-            applied = AppliedEffect(name=place.name, effect=effect, where=where, values=values)
+            applied = kind(name=place.name, where=where, values=values)
             out.append((applied, _STEP))
     return out
 

@@ -1,76 +1,19 @@
-"""Robot files: YAML and URDF to `Robot` and `Settings`, every refusal naming its place."""
+"""URDF and settings of a robot file to a `Robot`, every refusal naming its place."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
-from ..effects.catalogue import changed_robot, parse_effects
-from ..effects.effect import AppliedEffect
 from ..errors import ConfigurationError
-from ..types import Array
 from .body import Body, Rotor, effective_inertia
-from .files import read_parameters, read_text
 from .merge import merge_bodies
 from .robot import Robot
-from .settings import RobotSettings, SensorSettings, Settings, TruthSettings, parse_settings
-from .urdf import MOVING, Tree, check_inertia, parse_urdf
+from .settings import RobotSettings, Settings
+from .urdf import MOVING, Tree, parse_urdf
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
-
-
-@dataclass(frozen=True, eq=False)
-class RobotFile:
-    """A loaded robot file.
-
-    Args:
-        robot: The robot of URDF and `robot` section.
-        settings: All settings.
-        effects: The physical effects that the model believes in beside them.
-    """
-
-    robot: Robot
-    settings: Settings
-    effects: tuple[AppliedEffect, ...] = ()
-
-    @property
-    def believed(self) -> Robot:
-        """The robot with the changes that the believed effects make to it."""
-        return changed_robot(self.robot, self.effects)
-
-    def before_effects(self, believed: Robot) -> Robot:
-        """The robot that the effects change into a believed one, for writing it beside them."""
-        if not self.effects:
-            return believed
-        change, momentum = self.believed, believed.target_momentum
-        return believed.with_inertial_parameters(
-            believed.inertial_parameters
-            - change.inertial_parameters
-            + self.robot.inertial_parameters
-        ).with_target_momentum(momentum - change.target_momentum + self.robot.target_momentum)
-
-
-def load_robot_file(path: str | Path) -> RobotFile:
-    """Load a robot file (YAML) for the command line; a relative `robot.urdf` lies beside the file.
-
-    Args:
-        path: The YAML, in ROS 2 parameter-file form (`/**: ros__parameters: ...`).
-
-    Returns:
-        Robot, settings and effects.
-
-    Raises:
-        ConfigurationError: unreadable file, or anything wrong in it or in the URDF, with the place
-            named.
-    """
-    path = Path(path)
-    settings = parse_settings(read_parameters(path), f'{path}: ')
-    urdf_path = resolve_urdf(settings.robot.urdf, beside=path.parent)
-    robot = build_robot(settings, read_text(urdf_path, 'robot.urdf'), str(urdf_path))
-    return RobotFile(robot, settings, parse_effects(settings.effects, robot))
 
 
 def resolve_urdf(url: str, beside: Path | None) -> Path:
@@ -163,84 +106,6 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
     )
 
 
-def true_robot(robot: Robot, settings: Settings) -> Robot:
-    """The plant: the model's robot with free rotors and effects, and with what `truth` says.
-
-    `truth` has the last word: it says what is, whatever the model believes.
-
-    `truth.inertial_parameters` replace those of plant bodies, true rotors excluded.
-
-    Args:
-        robot: The model's robot, in the gyrostat view.
-        settings: Parsed settings.
-
-    Raises:
-        ConfigurationError: unknown link, wrong number of entries, momentum where rotors need
-            rates, unphysical inertia, or effects that don't fit.
-    """
-    truth = settings.truth
-    plant = robot.with_free_rotors(_true_rates(robot, truth))
-    plant = changed_robot(plant, parse_effects(settings.effects, robot))
-    for side, momentum in (
-        ('target', truth.target_momentum),
-        ('servicer', truth.servicer_momentum),
-    ):
-        if momentum and any(rotor.is_target == (side == 'target') for rotor in robot.rotors):
-            raise ConfigurationError(
-                f'truth.{side}_momentum', f'the wheels are rotors: give truth.{side}_rates'
-            )
-    if truth.target_momentum:
-        plant = plant.with_target_momentum(
-            np.array(truth.target_momentum), 'truth.target_momentum'
-        )
-    if truth.servicer_momentum:
-        plant = plant.with_servicer_momentum(
-            np.array(truth.servicer_momentum), 'truth.servicer_momentum'
-        )
-    return _with_true_inertia(plant, truth)
-
-
-def _true_rates(robot: Robot, truth: TruthSettings) -> Array:
-    rates = np.array([rotor.rate for rotor in robot.rotors])
-    for name, is_target, given in (
-        ('truth.servicer_rates', False, truth.servicer_rates),
-        ('truth.target_rates', True, truth.target_rates),
-    ):
-        chosen = [i for i, rotor in enumerate(robot.rotors) if rotor.is_target == is_target]
-        if given and len(given) != len(chosen):
-            raise ConfigurationError(
-                name, f'expected {len(chosen)} (one a rotor), got {len(given)}'
-            )
-        if given:
-            rates[chosen] = given
-    return rates
-
-
-def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
-    if len(truth.inertial_parameters) != 10 * len(truth.links):
-        raise ConfigurationError(
-            'truth.inertial_parameters',
-            f'expected 10 a link in truth.links, got {len(truth.inertial_parameters)}',
-        )
-    names = [body.name for body in robot.bodies]
-    parameters = robot.inertial_parameters.copy()
-    for i, link in enumerate(truth.links):
-        if link not in names:
-            raise ConfigurationError(
-                f'truth.links[{i}]', f'no body {link!r} (bodies: {", ".join(names)})'
-            )
-        if link in truth.links[:i]:
-            raise ConfigurationError(f'truth.links[{i}]', f'{link!r} is named twice')
-        row = np.array(truth.inertial_parameters[10 * i : 10 * i + 10])
-        where = f'truth.inertial_parameters of {link!r}'
-        if row[0] <= 0.0:
-            raise ConfigurationError(where, f'mass {row[0]:g} kg must be above zero')
-        inertia = pin.Inertia.FromDynamicParameters(row)
-        check_inertia(inertia.mass, inertia.inertia, where)
-        parameters[names.index(link)] = row
-    return robot.with_inertial_parameters(parameters) if truth.links else robot
-
-
 def _check_joints(options: RobotSettings, tree: Tree) -> None:
     moving = [j.name for j in tree.joints.values() if j.kind in MOVING]
     if not options.joints:
@@ -294,13 +159,3 @@ def _check_bodies(
                 f'{urdf_name}: link {bodies[carrier].name!r}',
                 'carries rotors, so it needs a mass and an inertia of its own',
             )
-
-
-__all__ = [
-    'RobotFile',
-    'SensorSettings',
-    'build_robot',
-    'load_robot_file',
-    'resolve_urdf',
-    'true_robot',
-]

@@ -16,7 +16,7 @@ from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from std_srvs.srv import Trigger
 
-from ..effects.catalogue import changed_robot, parse_effects
+from ..effects.catalogue import bind_effects, changed_robot
 from ..errors import IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..identification.online import OnlineIdentifier
@@ -90,7 +90,7 @@ class IdentifierNode(Node):
     # ------------------------------------------------------------ set-up
 
     def _open(self, robot: Robot) -> None:
-        effects = parse_effects(self.settings.effects, robot)
+        effects = bind_effects(self.settings.effects, robot)
         self._faults = SensorFaults(robot, effects)
         self.identifier = OnlineIdentifier(changed_robot(robot, effects), self.settings.identifier)
         self.is_open = True

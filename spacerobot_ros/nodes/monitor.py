@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 
 from ..diagnosis.flight.monitor import Monitor
 from ..diagnosis.flight.state import MonitorState
-from ..effects.catalogue import parse_effects
+from ..effects.catalogue import bind_effects
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..ros import convert
@@ -84,7 +84,7 @@ class MonitorNode(Node):
 
     def _open(self, robot: Robot) -> None:
         settings = self.settings
-        effects = parse_effects(settings.effects, robot)
+        effects = bind_effects(settings.effects, robot)
         prior = settings.identifier.momentum_prior_std
         self.monitor = Monitor(robot, settings.monitor, effects, prior)
         self._names, self._base_link = list(robot.joints), robot.base_link

@@ -304,7 +304,7 @@ def _spectrum_panel(series: Series) -> Panel:
 
 def _ranking_plot(diagnosis: Diagnosis) -> str:
     """Gains of the best single effects."""
-    named = {(c.applied.effect.id, c.applied.where) for c in diagnosis.causes}
+    named = {(c.applied.id, c.applied.where) for c in diagnosis.causes}
     ranked = [r for r in diagnosis.ranking[:_RANKED] if r.log_likelihood_gain > 0.0]
     return bars(
         [r.effect + (f' at {r.where}' if r.where else '') for r in ranked],

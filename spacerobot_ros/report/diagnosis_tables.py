@@ -14,8 +14,8 @@ from ..diagnosis.answer.result import Cause, Diagnosis, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.answer.score_on import to_dict as score_to_dict
 from ..display import Section, Table, Text, table
-from ..effects.effect import AppliedEffect
-from ..model.loader import RobotFile
+from ..effects.effect import Effect
+from ..effects.robot_file import RobotFile
 from ..recording.record import Record
 from .formats import UNTESTED, number, percent, probability, value_with
 
@@ -45,7 +45,7 @@ class Answer:
     diagnosis: Diagnosis
     file: RobotFile
     record: Record
-    added: tuple[AppliedEffect, ...]
+    added: tuple[Effect, ...]
     closed_loop: ClosedLoopGain | None
     why_open: str
     appearances: Mapping[str, Appearance]
@@ -96,7 +96,7 @@ def parameter_table(causes: Sequence[Cause], caption: str = '') -> Table:
     """One row a parameter of each cause."""
     rows: list[tuple[str, ...]] = []
     for cause in causes:
-        place = cause.applied.effect.title, cause.applied.where or ''
+        place = cause.applied.title, cause.applied.where or ''
         for name, found in cause.parameters.items():
             value = value_with(found.value, found.std)
             threshold = relevance(cause.thresholds[name])
@@ -260,7 +260,7 @@ def _floors(residual: Residual) -> float:
 
 def label(cause: Cause) -> str:
     """A cause in a few words."""
-    return _at(cause.applied.effect.id, cause.applied.where)
+    return _at(cause.applied.id, cause.applied.where)
 
 
 def _at(effect: str, where: str | None) -> str:

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..effects.effect import AppliedEffect
+from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from ..types import IntArray
 from .faults import SensorFaults
 
 
-def corrected_record(record: Record, robot: Robot, effects: Sequence[AppliedEffect]) -> Record:
+def corrected_record(record: Record, robot: Robot, effects: Sequence[Effect]) -> Record:
     """Samples as right sensors with punctual clocks would have taken them.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..dynamics.state import State
-from ..effects.effect import CLOCKS, AppliedEffect, own_states
+from ..effects.effect import CLOCKS, Effect, own_states
 from ..effects.motion import Motion, motion_at
 from ..model.robot import Robot
 from ..types import Array
@@ -24,7 +24,7 @@ class SensorFaults:
         effects: Physical effects; only their `sense` and `delay` matter here.
     """
 
-    def __init__(self, robot: Robot, effects: Sequence[AppliedEffect] = ()) -> None:
+    def __init__(self, robot: Robot, effects: Sequence[Effect] = ()) -> None:
         self._robot = robot
         places = zip(effects, own_states(effects), strict=True)
         self._effects = tuple((e, own) for e, own in places if e.acts('sense'))
@@ -48,7 +48,7 @@ class SensorFaults:
             hidden: Own states of all effects at a single state (`Plant.hidden`); None: at rest.
         """
         for effect, own in self._effects:
-            rest = np.zeros((len(motion), effect.effect.hidden))
+            rest = np.zeros((len(motion), effect.hidden))
             value = effect.sense(
                 channel, value, motion, rest if hidden is None else hidden[None, own]
             )

@@ -21,7 +21,7 @@ from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import rk8_step
 from ..dynamics.rotation import cross, rotation_matrix
 from ..dynamics.state import State
-from ..effects.effect import AppliedEffect, own_states
+from ..effects.effect import Effect, own_states
 from ..effects.motion import Motion, motion_at
 from ..errors import ConfigurationError, SimulationDivergedError
 from ..model.robot import Robot
@@ -73,20 +73,20 @@ class ForcedMotion:
     """
 
     def __init__(
-        self, dynamics: Dynamics, effects: Sequence[AppliedEffect], period: float, substeps: int
+        self, dynamics: Dynamics, effects: Sequence[Effect], period: float, substeps: int
     ) -> None:
         self._dynamics = dynamics
         self._robot = dynamics.robot
         places = list(zip(effects, own_states(effects), strict=True))
-        active = [(e, own) for e, own in places if e.acts('force') or e.effect.hidden]
+        active = [(e, own) for e, own in places if e.acts('force') or e.hidden]
         self._forces = tuple(e for e, _ in active)
         self._own = [own for _, own in active]
         self._holders = tuple(e.acts('momentum') for e in self._forces)
         # what wheels hold is a couple; only effects with states of their own move a mass
         self._holds_mass = any(
-            e.effect.hidden and holds for e, holds in zip(self._forces, self._holders, strict=True)
+            e.hidden and holds for e, holds in zip(self._forces, self._holders, strict=True)
         )
-        self.hidden: Array = np.zeros(sum(e.effect.hidden for e in effects))
+        self.hidden: Array = np.zeros(sum(e.hidden for e in effects))
         self.substeps = max([substeps, *(_steps(e, self._robot, period) for e in effects)])
         self._period = period
         self._size = 13 + 2 * self._robot.n_joints
@@ -153,7 +153,7 @@ class ForcedMotion:
         for effect, own in zip(self._forces, self._own, strict=True):
             force = effect.force(motion, hidden[None, own])[0]
             total += force
-            if effect.effect.is_external:
+            if effect.is_external:
                 external += force[:6]
         dx = self._dynamics.rate(x, torque + total[6:], wrench + total[:6])
         slopes = np.empty(len(hidden))
@@ -202,7 +202,7 @@ class ForcedMotion:
         return c, M[:3] @ rates / mass, mass
 
 
-def _steps(effect: AppliedEffect, robot: Robot, period: float) -> int:
+def _steps(effect: Effect, robot: Robot, period: float) -> int:
     """Runge-Kutta steps that an effect needs in a period."""
     fastest = effect.fastest(robot)
     steps = max(1, math.ceil(fastest * period / _ANGLE_PER_STEP))

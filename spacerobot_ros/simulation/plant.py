@@ -13,7 +13,7 @@ from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import hold_step
 from ..dynamics.ledger import MomentumLedger
 from ..dynamics.state import State
-from ..effects.effect import AppliedEffect
+from ..effects.effect import Effect
 from ..errors import ConfigurationError, MessageRejectedError
 from ..model.robot import Robot
 from ..types import Array, Vector6
@@ -45,7 +45,7 @@ class Plant:
         initial: State,
         period: float,
         substeps: int,
-        effects: Sequence[AppliedEffect] = (),
+        effects: Sequence[Effect] = (),
     ) -> None:
         self.robot = robot
         self.effects = tuple(effects)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pinocchio as pin
+
 from ..dynamics.state import initial_state
-from ..effects.catalogue import parse_effects
-from ..model.loader import true_robot
+from ..effects.catalogue import bind_effects, changed_robot
+from ..errors import ConfigurationError
 from ..model.robot import Robot
-from ..model.settings import Settings
+from ..model.settings import Settings, TruthSettings
+from ..model.urdf import check_inertia
+from ..types import Array
 from .plant import Plant
 
 
@@ -21,8 +26,86 @@ def build_plant(robot: Robot, settings: Settings) -> Plant:
         ConfigurationError: settings that don't fit the robot.
     """
     options = settings.simulator
-    truth, effects = true_robot(robot, settings), parse_effects(settings.effects, robot)
+    truth, effects = true_robot(robot, settings), bind_effects(settings.effects, robot)
     start = initial_state(truth, settings.initial)
     plant = Plant(truth, start, options.period, options.substeps)
     at_rest = plant.dynamics.at_rest_centre(start)
     return Plant(truth, at_rest, options.period, options.substeps, effects)
+
+
+def true_robot(robot: Robot, settings: Settings) -> Robot:
+    """The plant: the model's robot with free rotors and effects, and with what `truth` says.
+
+    `truth` has the last word: it says what is, whatever the model believes.
+
+    `truth.inertial_parameters` replace those of plant bodies, true rotors excluded.
+
+    Args:
+        robot: The model's robot, in the gyrostat view.
+        settings: Parsed settings.
+
+    Raises:
+        ConfigurationError: unknown link, wrong number of entries, momentum where rotors need
+            rates, unphysical inertia, or effects that don't fit.
+    """
+    truth = settings.truth
+    plant = robot.with_free_rotors(_true_rates(robot, truth))
+    plant = changed_robot(plant, bind_effects(settings.effects, robot))
+    for side, momentum in (
+        ('target', truth.target_momentum),
+        ('servicer', truth.servicer_momentum),
+    ):
+        if momentum and any(rotor.is_target == (side == 'target') for rotor in robot.rotors):
+            raise ConfigurationError(
+                f'truth.{side}_momentum', f'the wheels are rotors: give truth.{side}_rates'
+            )
+    if truth.target_momentum:
+        plant = plant.with_target_momentum(
+            np.array(truth.target_momentum), 'truth.target_momentum'
+        )
+    if truth.servicer_momentum:
+        plant = plant.with_servicer_momentum(
+            np.array(truth.servicer_momentum), 'truth.servicer_momentum'
+        )
+    return _with_true_inertia(plant, truth)
+
+
+def _true_rates(robot: Robot, truth: TruthSettings) -> Array:
+    rates = np.array([rotor.rate for rotor in robot.rotors])
+    for name, is_target, given in (
+        ('truth.servicer_rates', False, truth.servicer_rates),
+        ('truth.target_rates', True, truth.target_rates),
+    ):
+        chosen = [i for i, rotor in enumerate(robot.rotors) if rotor.is_target == is_target]
+        if given and len(given) != len(chosen):
+            raise ConfigurationError(
+                name, f'expected {len(chosen)} (one a rotor), got {len(given)}'
+            )
+        if given:
+            rates[chosen] = given
+    return rates
+
+
+def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
+    if len(truth.inertial_parameters) != 10 * len(truth.links):
+        raise ConfigurationError(
+            'truth.inertial_parameters',
+            f'expected 10 a link in truth.links, got {len(truth.inertial_parameters)}',
+        )
+    names = [body.name for body in robot.bodies]
+    parameters = robot.inertial_parameters.copy()
+    for i, link in enumerate(truth.links):
+        if link not in names:
+            raise ConfigurationError(
+                f'truth.links[{i}]', f'no body {link!r} (bodies: {", ".join(names)})'
+            )
+        if link in truth.links[:i]:
+            raise ConfigurationError(f'truth.links[{i}]', f'{link!r} is named twice')
+        row = np.array(truth.inertial_parameters[10 * i : 10 * i + 10])
+        where = f'truth.inertial_parameters of {link!r}'
+        if row[0] <= 0.0:
+            raise ConfigurationError(where, f'mass {row[0]:g} kg must be above zero')
+        inertia = pin.Inertia.FromDynamicParameters(row)
+        check_inertia(inertia.mass, inertia.inertia, where)
+        parameters[names.index(link)] = row
+    return robot.with_inertial_parameters(parameters) if truth.links else robot

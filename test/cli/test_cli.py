@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.cli import identify, main, simulate
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import SpaceRobotError
-from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.recording.bag import read_bag
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.report.formats import decimals

@@ -18,7 +18,7 @@ from spacerobot_ros.diagnosis.answer.closed_loop_gain import ClosedLoopGain
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
 from spacerobot_ros.diagnosis.answer.result import Rival
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
 from spacerobot_ros.report.diagnosis_page import diagnosis_page

@@ -11,9 +11,9 @@ import yaml
 
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.excitation.motions import Motions
 from spacerobot_ros.excitation.separation import GAP, Place, Told, fly
-from spacerobot_ros.model.loader import load_robot_file
 
 CONFIG = Path(__file__).parents[2] / 'config'
 VISCOUS = 'joint_viscous_friction@joint_2'

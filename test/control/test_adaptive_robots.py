@@ -13,7 +13,7 @@ from spacerobot_ros.control.adaptive.types import Measured, Target
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.effects.robot_file import load_robot_file
 
 PULSE = 2.0 * np.pi / 10.0
 AXIS = np.array([1.0, 0.0, 0.0])

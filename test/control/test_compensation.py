@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.control.loop import ControlLoop
-from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.model.settings import TruthSettings
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 

@@ -16,9 +16,10 @@ from spacerobot_ros.control.laws import (
 from spacerobot_ros.control.reference import Point, build_reference
 from spacerobot_ros.dynamics.equations import Dynamics, ReducedEquation
 from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.loader import load_robot_file, true_robot
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
+from spacerobot_ros.simulation.truth import true_robot
 
 
 @pytest.fixture(scope='module')

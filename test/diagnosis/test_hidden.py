@@ -16,7 +16,7 @@ from support.mujoco_robots import ROBOTS
 from support.mujoco_truth import generate
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.read import read_record
 
 DURATION = 20.0  # s: a period of the motion
@@ -40,7 +40,7 @@ def hide(folder, robot, *effects, seed):
 
 
 def named(said):
-    return {(cause.applied.effect.id, cause.applied.where) for cause in said.causes}
+    return {(cause.applied.id, cause.applied.where) for cause in said.causes}
 
 
 def found(said, case):
@@ -48,7 +48,7 @@ def found(said, case):
     assert said.verdict == 'explained', said.sentence
     assert len(said.causes) == len(case.hidden), said.sentence
     assert named(said) == {(effect, where) for effect, where, _ in case.hidden}, said.sentence
-    by_id = {cause.applied.effect.id: cause.parameters for cause in said.causes}
+    by_id = {cause.applied.id: cause.parameters for cause in said.causes}
     for effect, _, truth in case.hidden:
         assert set(by_id[effect]) == NUMBERS[effect]
         for name, estimated in by_id[effect].items():

@@ -14,7 +14,7 @@ from support.mujoco_robots import ROBOTS
 from support.mujoco_truth import generate
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.read import read_record
 
 DURATION = 15.0  # s
@@ -59,9 +59,9 @@ def test_what_a_joint_hides_is_named_at_that_joint(tmp_path, name):
     assert said.verdict == 'explained', said.sentence
     (cause,) = said.causes
     ((hidden, where, truth),) = case.hidden
-    assert (cause.applied.effect.id, cause.applied.where) == (hidden, where)
+    assert (cause.applied.id, cause.applied.where) == (hidden, where)
     estimated = cause.parameters[parameter]
-    off = estimated.value - truth[parameter] - cause.applied.effect.nominal[parameter]
+    off = estimated.value - truth[parameter] - cause.applied.nominal()[parameter]
     assert abs(off) <= SIGMA * estimated.std
 
 
@@ -80,7 +80,7 @@ def test_what_the_whole_hides_is_named(tmp_path, effect):
     assert said.verdict == 'explained', said.sentence
     (cause,) = said.causes
     ((hidden, _, truth),) = case.hidden
-    assert cause.applied.effect.id == hidden
+    assert cause.applied.id == hidden
     turned = -1.0 if effect == 'gyro_misalignment' else 1.0  # the truth turns the sensor instead
     for name, value in truth.items():
         estimated = cause.parameters[name]
@@ -94,7 +94,7 @@ def test_a_payload_is_weighed(tmp_path):
     assert said.verdict == 'explained', said.sentence
     (cause,) = said.causes
     ((hidden, where, truth),) = case.hidden
-    assert (cause.applied.effect.id, cause.applied.where) == (hidden, where)
+    assert (cause.applied.id, cause.applied.where) == (hidden, where)
     # the figure asked for
     np.testing.assert_allclose(cause.parameters['mass'].value, truth['mass'], rtol=0.1, atol=0.0)
 

@@ -19,10 +19,10 @@ from spacerobot_ros.diagnosis.answer.extended_model import NEVER, named, write_e
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
 from spacerobot_ros.diagnosis.answer.output import relevance, to_dict
 from spacerobot_ros.diagnosis.answer.result import Rival, Series
-from spacerobot_ros.effects.catalogue import parse_effects
-from spacerobot_ros.effects.effect import Parameter
+from spacerobot_ros.effects.catalogue import bind_effects
+from spacerobot_ros.effects.parameter import Parameter
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.recording.record import JointSeries, Record
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -192,7 +192,7 @@ def test_closed_loop_gain_of_friction():
     short = replace(reference, duration=4.0, **gentle)
     file = replace(file, settings=replace(file.settings, reference=short))
     section = {'f': {'effect': 'joint_viscous_friction', 'where': 'joint_2', 'coefficient': 3.0}}
-    gain, why = closed_loop_gain(file, parse_effects(section, file.robot))
+    gain, why = closed_loop_gain(file, bind_effects(section, file.robot))
     assert why == ''
     assert gain.duration == 4.0
     before, after = gain.joints['joint_2']

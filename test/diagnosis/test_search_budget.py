@@ -7,7 +7,7 @@ import pytest
 from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis import search
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.effects.catalogue import CATALOGUE, apply_effect
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 
 FRICTION = 'joint_viscous_friction'
 UNFINISHED = 'before all that stands out'
@@ -17,7 +17,7 @@ UNFINISHED = 'before all that stands out'
 def test_a_search_ends_with_its_budget_and_says_so(monkeypatch, most, is_named):
     monkeypatch.setattr(search, '_MOST_FILTERS', most)
     robot = robot_file('servicer').robot
-    hidden = apply_effect('hidden', FRICTION, robot.joints[0], {'coefficient': 5.0}, robot)
+    hidden = bind_effect('hidden', FRICTION, robot.joints[0], {'coefficient': 5.0}, robot)
     record = simulated('servicer', 'default', 3, [hidden], 6.0)
     said = diagnose(record, robot, catalogue=[CATALOGUE[FRICTION]])
     assert bool(said.causes) == is_named

@@ -26,8 +26,8 @@ from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step, rk4_step, rk8_step, simulate_smooth
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import SimulationDivergedError
-from spacerobot_ros.model.loader import true_robot
 from spacerobot_ros.model.settings import ReferenceSettings, SimulatorSettings
+from spacerobot_ros.simulation.truth import true_robot
 
 PERIOD, DURATION = 0.01, 20.0
 SUBSTEPS = SimulatorSettings().substeps

@@ -22,7 +22,7 @@ from support.states import motion_of, random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.model.loader import true_robot
+from spacerobot_ros.simulation.truth import true_robot
 
 RELATIVE = 1e-13  # sums of at most a few hundred products
 

@@ -26,7 +26,7 @@ from support.states import random_state
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import simulate_smooth
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.model.loader import true_robot
+from spacerobot_ros.simulation.truth import true_robot
 
 mujoco = pytest.importorskip('mujoco')
 

@@ -20,7 +20,7 @@ from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.model.loader import true_robot
+from spacerobot_ros.simulation.truth import true_robot
 
 STATES = 200
 LIMIT = 1e-9  # N m and N; torques are of order 1e3, so about 1e3 roundings

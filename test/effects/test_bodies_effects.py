@@ -15,7 +15,7 @@ from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.effects.catalogue import apply_effect, changed_robot
+from spacerobot_ros.effects.catalogue import bind_effect, changed_robot
 from spacerobot_ros.effects.hidden import driven_states
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import ConfigurationError
@@ -77,7 +77,7 @@ def test_payload_is_a_body_more(parts, rng):
     values |= {'izz': mass * (x * x + y * y), 'ixy': -mass * x * y}
     values |= {'ixz': -mass * x * z, 'iyz': -mass * y * z}
     robot, known = robot_of(parts), Dynamics(robot_of(heavier))
-    changed = apply_effect('x', 'inertial_parameters', TIP, values, robot).change(robot)
+    changed = bind_effect('x', 'inertial_parameters', TIP, values, robot).change(robot)
     state, tau = random_state(rng, robot.n_joints), rng.standard_normal(robot.n_joints)
     np.testing.assert_allclose(
         Dynamics(changed).rate(state.to_vector(), tau),
@@ -90,7 +90,7 @@ def test_payload_is_a_body_more(parts, rng):
 def test_payload_on_ground_bends_the_arm_by_its_weight(parts, rng):
     """Static torques grow by m g times the lever arm of the payload about each axis."""
     robot = robot_of(parts, base='fixed', gravity=[0.0, 0.0, -9.81])
-    applied = apply_effect('x', 'inertial_parameters', TIP, {'mass': 2.0}, robot)
+    applied = bind_effect('x', 'inertial_parameters', TIP, {'mass': 2.0}, robot)
     state = random_state(rng, robot.n_joints, rate=0.0)
     needed = [
         Dynamics(r).inverse(state, np.zeros(6), np.zeros(robot.n_joints))[1]
@@ -269,7 +269,7 @@ def test_tank_hangs_by_its_weight(parts, rng):
     """On ground the fuel settles g / omega^2 below its place, and all of the weight is felt."""
     robot = robot_of(parts, base='fixed', gravity=[0.0, 0.0, -9.81])
     values = {'mass': 0.5, 'frequency': 30.0, 'x': 0.1, 'y': 0.2, 'z': 0.0}
-    applied = apply_effect('x', 'fuel_slosh', LINK, values, robot)
+    applied = bind_effect('x', 'fuel_slosh', LINK, values, robot)
     motion = motion_of(changed_robot(robot, [applied]), rng)
     motion.qd[:], motion.acceleration = 0.0, np.zeros((1, 6 + robot.n_joints))
     motion.omega, motion.velocity = np.zeros((1, 3)), np.zeros((1, 3))
@@ -335,11 +335,11 @@ def test_what_nobody_measures_of_the_base_is_made_up_for(case, robot, rng):
 @pytest.mark.parametrize('case', ['panel on the base', 'soft grasp'])
 def test_directions_are_driven_one_by_one_as_together(case, robot, rng):
     effect, where, values = SPRUNG[case]
-    applied = apply_effect('x', effect, where, values, robot)
+    applied = bind_effect('x', effect, where, values, robot)
     n = robot.n_joints
     motion = motion_of(robot, rng, 30, acceleration=rng.standard_normal((30, 6 + n)))
     together = driven_states(
-        lambda own: applied.hidden_rate(motion, own), motion.time, applied.effect.hidden
+        lambda own: applied.hidden_rate(motion, own), motion.time, applied.hidden
     )
     np.testing.assert_allclose(applied.driven(motion), together, rtol=0, atol=1e-12)
 
@@ -399,10 +399,10 @@ def test_driven_oscillator_in_closed_form():
 )
 def test_nonsense_is_refused(effect, where, values, message, robot):
     with pytest.raises(ConfigurationError, match=message):
-        apply_effect('part', effect, where, values, robot)
+        bind_effect('part', effect, where, values, robot)
 
 
 def test_a_fixed_base_carries_no_sprung_part(parts):
     robot = robot_of(parts, base='fixed')
     with pytest.raises(ConfigurationError, match="no place 'base_link'"):
-        apply_effect('x', 'fuel_slosh', BASE, {'mass': 1.0, 'frequency': 1.0}, robot)
+        bind_effect('x', 'fuel_slosh', BASE, {'mass': 1.0, 'frequency': 1.0}, robot)

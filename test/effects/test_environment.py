@@ -14,7 +14,7 @@ from support.against_mujoco import (
 )
 from support.models import robot_of, table_one
 
-from spacerobot_ros.effects.catalogue import apply_effect, parse_effects
+from spacerobot_ros.effects.catalogue import bind_effect, bind_effects
 from spacerobot_ros.effects.environment import FORCE
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import ConfigurationError
@@ -119,7 +119,7 @@ def test_pulses_give_force_times_width_each():
 
 def one(effect, robot, time=0.0, **values):
     """Generalised force of an effect at one state at rest."""
-    applied = apply_effect('it', effect, None, values, robot)
+    applied = bind_effect('it', effect, None, values, robot)
     n = robot.n_joints
     still = np.zeros((1, n))
     motion = Motion(robot, np.array([time]), still, still, still)
@@ -191,10 +191,10 @@ def test_a_vertical_and_its_opposite_pull_alike():
 )
 def test_bad_input_is_refused_with_its_place(entry, message):
     with pytest.raises(ConfigurationError, match=message):
-        parse_effects({'it': entry}, robot_of(table_one()))
+        bind_effects({'it': entry}, robot_of(table_one()))
 
 
 def test_a_fixed_base_has_no_external_torque():
     entry = {'effect': 'external_torque_body', 'x': 1.0, 'y': 0.0, 'z': 0.0}
     with pytest.raises(ConfigurationError, match='shows nothing on a fixed base'):
-        parse_effects({'it': entry}, robot_of(table_one(), base='fixed'))
+        bind_effects({'it': entry}, robot_of(table_one(), base='fixed'))

@@ -13,7 +13,7 @@ from support.models import random_tree, robot_of, to_mjcf
 from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.effects.catalogue import CATALOGUE, apply_effect
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.effects.friction import STICTION_RATE
 from spacerobot_ros.errors import ConfigurationError
 
@@ -59,7 +59,7 @@ def robot(parts):
 @pytest.mark.parametrize('effect', LAWS)
 def test_torque_is_the_law(effect, robot, rng):
     values, law = LAWS[effect]
-    applied = apply_effect('x', effect, JOINT, values, robot)
+    applied = bind_effect('x', effect, JOINT, values, robot)
     motion = motion_of(robot, rng, 50)
     column = robot.joints.index(JOINT)
     motion.qd += np.copysign(9.0 * STICTION_RATE, motion.qd)  # where sign(v) is right to 1e-7
@@ -160,7 +160,7 @@ def test_encoder_is_on_the_motor_or_on_the_link(robot, rng):
     motion, hidden = motion_of(robot, rng, 4), rng.standard_normal((4, 2))
     column = robot.joints.index(JOINT)
     for side in (1.0, 0.0):
-        applied = apply_effect(
+        applied = bind_effect(
             'x',
             'joint_flexibility',
             JOINT,
@@ -182,7 +182,7 @@ def test_wind_up_of_a_stiff_gear_is_torque_over_stiffness(robot):
     time = np.linspace(0.0, 2.0, 401)
     n, column = robot.n_joints, robot.joints.index(JOINT)
     values = {'stiffness': 1e5, 'damping': 300.0, 'rotor_inertia': 2.0}
-    applied = apply_effect('x', 'joint_flexibility', JOINT, values, robot)
+    applied = bind_effect('x', 'joint_flexibility', JOINT, values, robot)
     wave = np.sin(2.0 * time)
     motion = motion_of(robot, np.random.default_rng(1), 401)
     motion.time = time
@@ -201,10 +201,10 @@ def test_wind_up_of_a_stiff_gear_is_torque_over_stiffness(robot):
 def test_infinitely_stiff_gear_is_a_motor_inertia(robot, rng):
     n = robot.n_joints
     motion = motion_of(robot, rng, 5, acceleration=rng.standard_normal((5, 6 + n)))
-    values = {**CATALOGUE['joint_flexibility'].nominal, 'rotor_inertia': 2.0}
-    effect = CATALOGUE['joint_flexibility']
-    hidden = effect.driven(motion, JOINT, values)
-    force = effect.force(motion, JOINT, values, hidden)
+    kind = CATALOGUE['joint_flexibility']
+    effect = kind(name='gear', where=JOINT, values={**kind.nominal(), 'rotor_inertia': 2.0})
+    hidden = effect.driven(motion)
+    force = effect.force(motion, hidden)
     column = 6 + robot.joints.index(JOINT)
     np.testing.assert_allclose(
         force[:, column], -2.0 * motion.acceleration[:, column], rtol=1e-14, atol=0
@@ -237,7 +237,7 @@ def test_play_is_crossed_where_the_torque_changes_sign(robot, rng):
     motion = motion_of(robot, rng, 3)
     column = robot.joints.index(JOINT)
     motion.effort[:, column] = [4.0, -4.0, 0.0]
-    applied = apply_effect('x', 'joint_backlash', JOINT, {'gap': 2e-3}, robot)
+    applied = bind_effect('x', 'joint_backlash', JOINT, {'gap': 2e-3}, robot)
     play = (applied.sense('joint_position', motion.q, motion) - motion.q)[:, column]
     np.testing.assert_allclose(play, [1e-3, -1e-3, 0.0], rtol=0, atol=1e-15)
     assert np.array_equal(applied.sense('gyro', motion.omega, motion), motion.omega)
@@ -285,7 +285,7 @@ def test_play_is_crossed_where_the_torque_changes_sign(robot, rng):
 )
 def test_nonsense_is_refused(effect, where, values, message, robot):
     with pytest.raises(ConfigurationError, match=message):
-        apply_effect('elbow', effect, where, values, robot)
+        bind_effect('elbow', effect, where, values, robot)
 
 
 def test_too_stiff_a_gear_names_the_step_it_needs(robot, rng):

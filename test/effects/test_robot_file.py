@@ -10,9 +10,9 @@ import yaml
 from support.models import robot_of, table_one
 
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.effects.catalogue import CATALOGUE, parse_effects
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 from spacerobot_ros.simulation.forced import ForcedMotion
@@ -123,7 +123,7 @@ def test_every_entry_says_what_a_reader_needs(effect):
         if parameter.role in ('linear', 'reciprocal', 'square'):
             assert 0.0 <= parameter.relevant < parameter.size < np.inf
         if parameter.role == 'search':
-            assert parameter.grid or type(effect).variants is not effect.variants
+            assert parameter.grid or effect.acts('variants')
 
 
 def test_a_fast_effect_makes_the_steps_shorter():
@@ -134,5 +134,5 @@ def test_a_fast_effect_makes_the_steps_shorter():
         'frequency': 450.0,
     }
     robot = robot_of(table_one())
-    motion = ForcedMotion(Dynamics(robot), parse_effects({'it': fast}, robot), 0.01, 1)
+    motion = ForcedMotion(Dynamics(robot), bind_effects({'it': fast}, robot), 0.01, 1)
     assert motion.substeps == 5  # one radian a step

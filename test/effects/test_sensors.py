@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from support.against_mujoco import TORQUE, plant_with
 from support.models import robot_of, table_one
 
-from spacerobot_ros.effects.catalogue import parse_effects
+from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.settings import SensorSettings, SimulatorSettings
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
@@ -180,7 +180,7 @@ def test_a_model_that_knows_the_faults_undoes_them():
     }
     states, efforts, samples = measure(entries, steps=20)
     robot = robot_of(table_one())
-    faults = SensorFaults(robot, parse_effects(entries, robot))
+    faults = SensorFaults(robot, bind_effects(entries, robot))
     for state, effort, sample in zip(states, efforts, samples, strict=True):
         j = sample.joints
         q, qd, tau = faults.undo_joints(j.position, j.velocity, j.effort)
@@ -219,7 +219,7 @@ def test_a_record_is_corrected_as_a_whole():
         attitudes=AttitudeSeries(stamps, np.array([s.attitude_xyzw for s in samples])),
     )
     robot = robot_of(table_one())
-    right = corrected_record(record, robot, parse_effects(entries, robot))
+    right = corrected_record(record, robot, bind_effects(entries, robot))
     np.testing.assert_array_equal(right.joints.stamp_ns, stamps - 10_000_000)
     np.testing.assert_array_equal(right.rates.stamp_ns, stamps - 30_000_000)
     for k in range(5, STEPS - 3):
@@ -255,7 +255,7 @@ def test_the_history_is_as_long_as_it_must_be():
 )
 def test_bad_input_is_refused_with_its_place(entry, message):
     with pytest.raises(ConfigurationError, match=message):
-        parse_effects({'it': entry}, robot_of(table_one()))
+        bind_effects({'it': entry}, robot_of(table_one()))
 
 
 def test_random_faults_need_noise():

@@ -30,12 +30,13 @@ from support.models import (
 from support.pinocchio_states import pin_columns
 
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.effects.catalogue import apply_effect, changed_robot, parse_effects
+from spacerobot_ros.effects.catalogue import bind_effect, bind_effects, changed_robot
 from spacerobot_ros.effects.rotors import transverse
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.loader import build_robot, true_robot
+from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.plant import Plant
+from spacerobot_ros.simulation.truth import true_robot
 
 SECONDS = 2.0
 SAME = 1e-9  # MuJoCo's RK4 at 1 ms and ours of order 8 at 10 ms: both below 1e-10 here
@@ -90,7 +91,7 @@ def test_wheels_keep_the_momentum_of_the_whole(effect):
 
 def test_drag_hands_the_momentum_over_to_the_body():
     robot = robot_of(table_one(), **WHEELS)
-    drag = apply_effect('it', 'target_wheel_drag', 'link_3', {'time_constant': 5.0}, robot)
+    drag = bind_effect('it', 'target_wheel_drag', 'link_3', {'time_constant': 5.0}, robot)
     plant = plant_with(
         table_one(),
         {'it': {'effect': 'target_wheel_drag', 'where': 'link_3', 'time_constant': 5.0}},
@@ -144,7 +145,7 @@ def rotor_plant(substeps=4, **effects):
         OMEGA,
         np.array([0.0, 0.0, 0.0, 420.0, 490.0, 410.0]),
     )
-    return Plant(truth, start, 0.01, substeps, parse_effects(settings.effects, robot))
+    return Plant(truth, start, 0.01, substeps, bind_effects(settings.effects, robot))
 
 
 def link_rate(plant, body):
@@ -166,7 +167,7 @@ def test_free_rotors_are_the_true_rotors_of_a_finer_model():
     absolute = WHEEL_SPIN * (spin + host)
     target = {'links': ['link_3'], 'momentum': [float(x) for x in absolute]}
     built = robot_of(table_one(), target_wheels=target)
-    effects = parse_effects({'it': entry}, built)
+    effects = bind_effects({'it': entry}, built)
     start = true.state
     arm = State(
         start.p_WB, start.q_WB_xyzw, start.q[:3], start.v_WB_B, start.omega_WB_B, start.qd[:3]
@@ -235,7 +236,7 @@ def test_static_imbalance_moves_the_centre_of_mass_of_the_rotor():
     u = transverse(before.axis)
     assert abs(u @ before.axis) < 1e-15
     np.testing.assert_allclose(rotor.mass * (rotor.com - before.com), 2e-4 * u, rtol=0, atol=1e-18)
-    assert changed_robot(robot, parse_effects(settings.effects, robot)) is robot  # locked wheels
+    assert changed_robot(robot, bind_effects(settings.effects, robot)) is robot  # locked wheels
 
 
 def test_the_truth_has_the_last_word_on_momentum():
@@ -248,7 +249,7 @@ def test_the_truth_has_the_last_word_on_momentum():
     )
     robot = build_robot(settings, to_urdf(table_one()))
     np.testing.assert_array_equal(true_robot(robot, settings).target_momentum, [1.0, 2.0, 3.0])
-    believed = changed_robot(robot, parse_effects(settings.effects, robot))
+    believed = changed_robot(robot, bind_effects(settings.effects, robot))
     np.testing.assert_allclose(
         believed.target_momentum, H_TARGET + np.array([4.0, -7.0, 11.0]), rtol=1e-15, atol=0
     )
@@ -294,7 +295,7 @@ DRAG = {'effect': 'target_wheel_drag', 'where': 'link_3', 'time_constant': 5.0}
 )
 def test_bad_input_is_refused_with_its_place(effects, message):
     with pytest.raises(ConfigurationError, match=message):
-        parse_effects(effects, robot_of(table_one(), **WHEELS))
+        bind_effects(effects, robot_of(table_one(), **WHEELS))
 
 
 def test_a_wheel_too_fast_for_the_period_is_refused_with_the_step_that_it_needs():

@@ -6,7 +6,6 @@ import numpy as np
 
 from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.effects.effect import AppliedEffect
 from spacerobot_ros.estimation.columns import is_possible
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observe
@@ -15,9 +14,7 @@ from spacerobot_ros.estimation.refit import Run, refine
 
 def applied(effect, where, **values):
     entry = CATALOGUE[effect]
-    return AppliedEffect(
-        name=effect, effect=entry, where=where, values={**entry.nominal, **values}
-    )
+    return entry(name=effect, where=where, values={**entry.nominal(), **values})
 
 
 def test_two_causes_that_take_the_same_mass_are_drawn_back_to_a_body():

@@ -9,11 +9,11 @@ from support.models import H_TARGET
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.momentum_process import MomentumModel
 from spacerobot_ros.identification.batch import identify, identify_robot
 from spacerobot_ros.identification.physical import BodyParameters, project
-from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.model.settings import IdentifierSettings
 from spacerobot_ros.model.urdf import check_inertia
 from spacerobot_ros.model.writer import urdf_text, write_robot_file

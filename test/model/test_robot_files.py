@@ -10,9 +10,11 @@ import pytest
 from support.models import Part, robot_of, settings_of, table_one, to_urdf
 
 from spacerobot_ros.dynamics.state import initial_state
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.loader import build_robot, load_robot_file, resolve_urdf, true_robot
+from spacerobot_ros.model.loader import build_robot, resolve_urdf
 from spacerobot_ros.model.settings import InitialSettings, TruthSettings, parse_settings
+from spacerobot_ros.simulation.truth import true_robot
 
 SERVICER = Path(__file__).parents[2] / 'config' / 'servicer.yaml'
 TEXT = """/**:

@@ -20,8 +20,8 @@ from support.free_flying import (
 )
 from support.rig import Rig, file_parameters
 
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros import convert

@@ -12,8 +12,8 @@ from scipy.signal import savgol_filter
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.recording.read import read_record
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,7 +11,7 @@ pytest.importorskip('mujoco')
 
 from support.mujoco_truth import ROBOTS, believing, generate
 
-from spacerobot_ros.model.loader import load_robot_file
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.record import JointSeries, Record
 from spacerobot_ros.recording.torque_faults import find_torque_faults
 

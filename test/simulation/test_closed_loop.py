@@ -19,8 +19,8 @@ from support.models import (
     with_wheels,
 )
 
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError, RecordingError, SimulationDivergedError
-from spacerobot_ros.model.loader import load_robot_file
 from spacerobot_ros.recording.bag import read_bag
 from spacerobot_ros.recording.message_types import typestore
 from spacerobot_ros.simulation.closed_loop import ClosedLoop

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.effects.catalogue import changed_robot, parse_effects
+from spacerobot_ros.effects.catalogue import bind_effects, changed_robot
 from spacerobot_ros.simulation.plant import Plant
 
 from .models import (
@@ -44,7 +44,7 @@ class End:
 def plant_with(parts: list[Part], entries: dict[str, dict[str, Any]], **robot: Any) -> Plant:
     """Our plant at the common start, under effects given as in a robot file."""
     built = robot_of(parts, **robot)
-    effects = parse_effects(entries, built)
+    effects = bind_effects(entries, built)
     turning = OMEGA if built.is_free else np.zeros(3)
     attitude = ATTITUDE_XYZW if built.is_free else np.array([0.0, 0.0, 0.0, 1.0])
     start = State(np.zeros(3), attitude, Q0, np.zeros(3), turning, np.zeros(3))

@@ -18,14 +18,12 @@ from spacerobot_ros.diagnosis.answer.result import (
     Series,
 )
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.effects.effect import AppliedEffect
 
 
 def friction_cause(rivals: tuple[Rival, ...] = ()) -> Cause:
     """Viscous friction of 3 N m s/rad at joint_2."""
-    applied = AppliedEffect(
+    applied = CATALOGUE['joint_viscous_friction'](
         name='joint_viscous_friction_joint_2',
-        effect=CATALOGUE['joint_viscous_friction'],
         where='joint_2',
         values={'coefficient': 3.0},
     )
@@ -40,7 +38,7 @@ def friction_cause(rivals: tuple[Rival, ...] = ()) -> Cause:
             placebo_gain=0.02,
         ),
         rivals=rivals,
-        thresholds={p.name: p for p in applied.effect.parameters},
+        thresholds={p.name: p for p in applied.parameters},
         relevant=True,
         constant_p=0.5,
     )
@@ -50,7 +48,7 @@ def hand_made(verdict: str = 'explained', rivals: tuple[Rival, ...] = ()) -> Dia
     """One cause, one minor one whose value is infinite, two channels, one without a test."""
     drag = CATALOGUE['target_wheel_drag']
     values = {'time_constant': math.inf}
-    endless = AppliedEffect(name='drag', effect=drag, where='link_3', values=values)
+    endless = drag(name='drag', where='link_3', values=values)
     cause = friction_cause(rivals)
     minor = Cause(
         applied=endless,

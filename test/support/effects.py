@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.effects.catalogue import apply_effect, changed_robot
+from spacerobot_ros.effects.catalogue import bind_effect, changed_robot
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.simulation.plant import Plant
@@ -28,7 +28,7 @@ def plant_with(
     robot: Robot, state: State, effect: str, where: str | None, values: Mapping[str, float]
 ) -> Plant:
     """The plant of a robot with one effect."""
-    applied = apply_effect('hidden', effect, where, values, robot)
+    applied = bind_effect('hidden', effect, where, values, robot)
     return Plant(changed_robot(robot, [applied]), state, PERIOD, 1, [applied])
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from spacerobot_ros.model.loader import RobotFile, build_robot
+from spacerobot_ros.effects.robot_file import RobotFile
+from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from support.identification import _COSINE, _SINE, STDS
 from support.models import AXIS, H_BASE, H_TARGET, Part, random_inertia, table_one, to_urdf

@@ -14,7 +14,7 @@ from support.mujoco_truth import EFFECTS, EXCITATIONS, Excitation, Sensors, gene
 
 from spacerobot_ros.dynamics.equations import Dynamics  # noqa: E402
 from spacerobot_ros.dynamics.state import State  # noqa: E402
-from spacerobot_ros.model.loader import load_robot_file  # noqa: E402
+from spacerobot_ros.effects.robot_file import load_robot_file  # noqa: E402
 from spacerobot_ros.recording.read import read_record  # noqa: E402
 from spacerobot_ros.simulation.plant import Plant  # noqa: E402
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...control.loop import ControlLoop
-from ...effects.effect import AppliedEffect
+from ...effects.effect import Effect
+from ...effects.robot_file import RobotFile
 from ...errors import SpaceRobotError
-from ...model.loader import RobotFile
 from ...model.settings import COMPUTED_TORQUE_LAWS, ReferenceSettings, Settings, TruthSettings
 from ...simulation.closed_loop import ClosedLoop
 from ...types import Array
@@ -59,7 +59,7 @@ class ClosedLoopGain:
 
 
 def closed_loop_gain(
-    file: RobotFile, added: Sequence[AppliedEffect]
+    file: RobotFile, added: Sequence[Effect]
 ) -> tuple[ClosedLoopGain | None, str]:
     """Simulate the task with both controllers.
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from ...effects.effect import AppliedEffect
+from ...effects.effect import Effect
 from ...errors import ConfigurationError
 from ...model.files import read_parameters, read_text
 from ...model.loader import resolve_urdf
@@ -24,9 +24,7 @@ NEVER = 1e12
 """What a robot file says where a value is infinite, such as the time constant of no drag."""
 
 
-def named(
-    causes: Iterable[AppliedEffect], believed: Sequence[AppliedEffect]
-) -> tuple[AppliedEffect, ...]:
+def named(causes: Iterable[Effect], believed: Sequence[Effect]) -> tuple[Effect, ...]:
     """The causes under names that the robot file does not use yet."""
     taken = {effect.name for effect in believed}
     out = []
@@ -37,14 +35,12 @@ def named(
     return tuple(out)
 
 
-def effects_section(effects: Iterable[AppliedEffect]) -> dict[str, dict[str, Any]]:
+def effects_section(effects: Iterable[Effect]) -> dict[str, dict[str, Any]]:
     """Effects as the `effects:` section of a robot file."""
     return {effect.name: _entry(effect) for effect in effects}
 
 
-def write_extended_model(
-    template: str | Path, causes: Iterable[AppliedEffect], path: str | Path
-) -> Path:
+def write_extended_model(template: str | Path, causes: Iterable[Effect], path: str | Path) -> Path:
     """Write the robot file with further effects.
 
     A URDF with a relative path is copied beside the new file, under its name; a package's or an
@@ -97,9 +93,9 @@ def _copied_urdf(url: str, template: Path, path: Path) -> str | None:
     return copy.name
 
 
-def _free_name(cause: AppliedEffect, taken: set[str]) -> str:
+def _free_name(cause: Effect, taken: set[str]) -> str:
     place = '' if cause.where is None else f'_{cause.where}'
-    name = first = f'{cause.effect.id}{place}'.replace('.', '_')
+    name = first = f'{cause.id}{place}'.replace('.', '_')
     count = 1
     while name in taken:
         count += 1
@@ -107,9 +103,9 @@ def _free_name(cause: AppliedEffect, taken: set[str]) -> str:
     return name
 
 
-def _entry(effect: AppliedEffect) -> dict[str, Any]:
+def _entry(effect: Effect) -> dict[str, Any]:
     place = {} if effect.where is None else {'where': effect.where}
-    return {'effect': effect.effect.id, **place, **_finite(effect.values)}
+    return {'effect': effect.id, **place, **_finite(effect.values)}
 
 
 def _finite(values: Mapping[str, float]) -> dict[str, float]:

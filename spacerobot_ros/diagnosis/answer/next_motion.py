@@ -25,7 +25,7 @@ def effect_at(effect: str, where: str | None) -> str:
 
 
 def _with_motions(cause: Cause, robot_file: str) -> Cause:
-    own = effect_at(cause.applied.effect.id, cause.applied.where)
+    own = effect_at(cause.applied.id, cause.applied.where)
     rivals = (replace(rival, motion=_command(own, rival, robot_file)) for rival in cause.rivals)
     return replace(cause, rivals=tuple(rivals))
 
@@ -39,7 +39,7 @@ def _command(own: str, rival: Rival, robot_file: str) -> str:
 def _advice(diagnosis: Diagnosis, causes: tuple[Cause, ...]) -> tuple[str, ...]:
     """What would say more, most useful first."""
     lines = [
-        f'To tell {effect_at(cause.applied.effect.id, cause.applied.where)} from '
+        f'To tell {effect_at(cause.applied.id, cause.applied.where)} from '
         f'{effect_at(rival.effect, rival.where)}, fly the motion that this designs: {rival.motion}'
         for cause in causes
         for rival in cause.rivals

@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...effects.effect import AppliedEffect, Parameter
+from ...effects.effect import Effect
+from ...effects.parameter import Parameter
 from ...json_values import json_value
 from .appearance import Appearance
 from .closed_loop_gain import ClosedLoopGain
@@ -18,7 +19,7 @@ EXTENDED_MODEL = 'extended_model.yaml'
 
 def to_dict(
     diagnosis: Diagnosis,
-    added: Sequence[AppliedEffect] = (),
+    added: Sequence[Effect] = (),
     closed_loop: ClosedLoopGain | None = None,
     appearances: Mapping[str, Appearance] | None = None,
 ) -> dict[str, Any]:
@@ -62,9 +63,9 @@ def _ids(diagnosis: Diagnosis) -> list[str]:
 def _cause(cause: Cause) -> dict[str, Any]:
     evidence = cause.evidence
     return {
-        'effect': cause.applied.effect.id,
+        'effect': cause.applied.id,
         'where': cause.applied.where,
-        'title': cause.applied.effect.title,
+        'title': cause.applied.title,
         'parameters': {
             name: _estimated(estimated, cause.thresholds[name])
             for name, estimated in cause.parameters.items()

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...effects.effect import AppliedEffect, Parameter
+from ...effects.effect import Effect
+from ...effects.parameter import Parameter
 from ...types import Array
 
 VERDICTS = ('consistent', 'explained', 'partly_explained', 'unexplained')
@@ -69,7 +70,7 @@ class Cause:
         constant_p: Probability that its parameters are the same all along the record.
     """
 
-    applied: AppliedEffect
+    applied: Effect
     parameters: Mapping[str, Estimated]
     evidence: Evidence
     rivals: tuple[Rival, ...]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...effects.effect import AppliedEffect
+from ...effects.effect import Effect
 from ...errors import RecordingError
 from ...estimation.balance import BAND as BAND
 from ...estimation.balance import band_limited, missed_torque
@@ -41,8 +41,8 @@ class JointScore:
 def score_on(
     record: Record,
     robot: Robot,
-    causes: Sequence[AppliedEffect],
-    believed: Sequence[AppliedEffect] = (),
+    causes: Sequence[Effect],
+    believed: Sequence[Effect] = (),
 ) -> tuple[JointScore, ...]:
     """Hold a model with causes from one record against another; nothing is fitted.
 
@@ -85,7 +85,7 @@ def to_dict(scores: Sequence[JointScore]) -> dict[str, Any]:
     }
 
 
-def _rms(run: Run, causes: Sequence[AppliedEffect]) -> np.ndarray:
+def _rms(run: Run, causes: Sequence[Effect]) -> np.ndarray:
     times, missed = missed_torque(run, causes)
     inside = (times > times[0] + _EDGE) & (times < times[-1] - _EDGE)
     return np.sqrt(np.mean(band_limited(missed, times)[inside] ** 2, axis=0))

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...effects.effect import AppliedEffect
+from ...effects.effect import Effect
 from ...errors import MessageRejectedError
 from ...estimation.observations import Observations, corrected
 from ...estimation.torque_process import TorqueDriven
@@ -52,7 +52,7 @@ class Monitor:
         self,
         robot: Robot,
         settings: MonitorSettings,
-        believed: Sequence[AppliedEffect] = (),
+        believed: Sequence[Effect] = (),
         momentum_std: float = 1000.0,
     ) -> None:
         self.robot = robot

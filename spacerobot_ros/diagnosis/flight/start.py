@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...effects.effect import AppliedEffect
+from ...effects.effect import Effect
 from ...estimation.noise_levels import noise_levels
 from ...estimation.observations import Observations
 from ...estimation.prediction import TIMINGS, Columns, Innovations, Scene
@@ -45,7 +45,7 @@ class Start:
 def learn(
     observed: Observations,
     robot: Robot,
-    believed: Sequence[AppliedEffect],
+    believed: Sequence[Effect],
     momentum_std: float,
 ) -> Start:
     """Settle how a flight is judged.

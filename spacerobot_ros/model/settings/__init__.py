@@ -35,7 +35,7 @@ class Settings:
     """All sections of a robot file.
 
     `effects` holds physical effects that the model believes in, under free names, as {effect: id,
-    where: place, parameters...}; `effects.catalogue.parse_effects` checks them against the robot.
+    where: place, parameters...}; `effects.catalogue.bind_effects` checks them against the robot.
     """
 
     robot: RobotSettings

@@ -1,0 +1,64 @@
+"""Robot files: YAML and URDF to a robot, its settings and its believed effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..model.files import read_parameters, read_text
+from ..model.loader import build_robot, resolve_urdf
+from ..model.robot import Robot
+from ..model.settings import Settings, parse_settings
+from .catalogue import bind_effects, changed_robot
+from .effect import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class RobotFile:
+    """A loaded robot file.
+
+    Args:
+        robot: The robot of URDF and `robot` section.
+        settings: All settings.
+        effects: The physical effects that the model believes in beside them.
+    """
+
+    robot: Robot
+    settings: Settings
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def believed(self) -> Robot:
+        """The robot with the changes that the believed effects make to it."""
+        return changed_robot(self.robot, self.effects)
+
+    def before_effects(self, believed: Robot) -> Robot:
+        """The robot that the effects change into a believed one, for writing it beside them."""
+        if not self.effects:
+            return believed
+        change, momentum = self.believed, believed.target_momentum
+        return believed.with_inertial_parameters(
+            believed.inertial_parameters
+            - change.inertial_parameters
+            + self.robot.inertial_parameters
+        ).with_target_momentum(momentum - change.target_momentum + self.robot.target_momentum)
+
+
+def load_robot_file(path: str | Path) -> RobotFile:
+    """Load a robot file (YAML) for the command line; a relative `robot.urdf` lies beside the file.
+
+    Args:
+        path: The YAML, in ROS 2 parameter-file form (`/**: ros__parameters: ...`).
+
+    Returns:
+        Robot, settings and effects.
+
+    Raises:
+        ConfigurationError: unreadable file, or anything wrong in it or in the URDF, with the place
+            named.
+    """
+    path = Path(path)
+    settings = parse_settings(read_parameters(path), f'{path}: ')
+    urdf_path = resolve_urdf(settings.robot.urdf, beside=path.parent)
+    robot = build_robot(settings, read_text(urdf_path, 'robot.urdf'), str(urdf_path))
+    return RobotFile(robot, settings, bind_effects(settings.effects, robot))
