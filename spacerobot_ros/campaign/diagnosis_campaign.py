@@ -22,7 +22,7 @@ from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..errors import SpaceRobotError
 from ..estimation.noise_levels import noise_levels
-from ..estimation.observations import observe
+from ..estimation.observations import observed
 from ..estimation.refit import Fit, Run
 from ..json_values import json_value
 from .diagnosis_draw import drawn, places
@@ -204,8 +204,8 @@ def _hide(case: Case, rng: np.random.Generator) -> tuple[list[Effect], float]:
         return [], 0.0
     robot = robot_file(case.robot).robot
     record = simulated(case.robot, case.excitation, case.seed, (), case.duration)
-    observed = observe(record, robot)
-    clean = Fit(Run(observed, robot, (), noise_levels(robot.sensors, observed)[0]), ())
+    measured = observed(record, robot)
+    clean = Fit(Run(measured, robot, (), noise_levels(robot.sensors, measured)[0]), ())
     hidden = []
     for effect in case.effects:
         where = [w for e, w in places(robot) if e == effect]

@@ -12,7 +12,7 @@ from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..estimation.evidence import Gram, score
 from ..estimation.noise_levels import noise_levels
-from ..estimation.observations import observe
+from ..estimation.observations import observed
 from ..estimation.placebo import held_out_gain
 from ..estimation.prediction import TIMINGS
 from ..estimation.refit import Fit, Run, refine
@@ -55,12 +55,12 @@ def diagnose(
         RecordingError: a record from which nothing can be said, or only what is wrong.
     """
     check_data(record, robot)
-    observed = observe(record, robot)
-    noise, notes = noise_levels(robot.sensors, observed)
+    measured = observed(record, robot)
+    noise, notes = noise_levels(robot.sensors, measured)
     report('finding how efforts act', 0.02)
     effects = list(CATALOGUE.values() if catalogue is None else catalogue)
-    timing = first_timing(observed, robot, believed, noise, effects)
-    run = Run(observed, robot, believed, noise, timing)
+    timing = first_timing(measured, robot, believed, noise, effects)
+    run = Run(measured, robot, believed, noise, timing)
     if is_of_unknown_noise(run) and shows_no_noise(run):
         return diagnose_balance(run, effects, notes)
     found = Search(run, effects, report).find()

@@ -44,12 +44,12 @@ NOTE = (
 def is_of_unknown_noise(run: Run) -> bool:
     """Whether torques are measured on a fixed base, and nobody says how well."""
     stated = run.robot.sensors.joint_effort_std is not None
-    return not (run.robot.is_free or stated or run.observed.effort is None)
+    return not (run.robot.is_free or stated or run.record.effort is None)
 
 
 def shows_no_noise(run: Run) -> bool:
     """Whether the efforts were filtered before they were logged, so that no noise is left."""
-    effort = run.observed.effort
+    effort = run.record.effort
     return effort is not None and run.noise.joint_effort < _FILTERED * float(np.std(effort))
 
 
@@ -58,19 +58,21 @@ def settled(run: Run) -> Run:
 
     Rates are often made of positions by a filter, smooth and late.
     """
-    observed = run.observed
+    record = run.record
     noise = replace(run.noise, joint_position=max(run.noise.joint_position, _LEAST_ANGLE))
-    if observed.qd is None:
+    if record.joints is None or record.qd is None:
         return _with_noise(run, noise)
-    positions = ReferenceTrajectory(replace(observed, qd=None), noise, observed.joint_time)
-    missed = observed.qd - positions.at(observed.joint_time).qd
-    level = np.mean(band_terms(missed, observed.joint_time) ** 2, axis=0)
+    positions = ReferenceTrajectory(
+        replace(record, joints=replace(record.joints, velocity=None)), noise, record.joint_time
+    )
+    missed = record.qd - positions.at(record.joint_time).qd
+    level = np.mean(band_terms(missed, record.joint_time) ** 2, axis=0)
     rate = max(noise.joint_velocity, float(np.sqrt(np.max(level))))
     return _with_noise(run, replace(noise, joint_velocity=rate))
 
 
 def _with_noise(run: Run, noise: NoiseLevels) -> Run:
-    return Run(run.observed, run.robot, run.believed, noise, run.timing)
+    return Run(run.record, run.robot, run.believed, noise, run.timing)
 
 
 def diagnose_balance(

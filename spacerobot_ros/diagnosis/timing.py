@@ -17,12 +17,12 @@ import numpy as np
 from ..effects.effect import Effect
 from ..estimation.columns import candidates
 from ..estimation.evidence import Gram, score
-from ..estimation.observations import Observations
 from ..estimation.prediction import TIMINGS
 from ..estimation.reference import NoiseLevels
 from ..estimation.refit import Fit, Run, refine
 from ..estimation.whiteness import fit_test
 from ..model.robot import Robot
+from ..recording.record import Record
 
 _SPAN = 20.0  # s of the record that decide
 _FITS = 0.05  # probability of a fit that asks for no effect beside it
@@ -37,7 +37,7 @@ _SAID = {
 
 
 def first_timing(
-    observed: Observations,
+    record: Record,
     robot: Robot,
     believed: Sequence[Effect],
     noise: NoiseLevels,
@@ -49,15 +49,15 @@ def first_timing(
     model. A large one is not in proportion to its column: `better_timing` asks again, once named.
 
     Args:
-        observed: Observations.
+        record: What was measured.
         robot: The robot file's robot.
         believed: Its own effects.
         noise: Noise levels.
         effects: What may be wrong.
     """
-    if observed.effort is None:
+    if record.effort is None:
         return 'sampled'
-    short = observed.first(_SPAN)
+    short = record.between(-np.inf, record.joint_time[0] + _SPAN)
     fits = {timing: Fit(Run(short, robot, believed, noise, timing), ()) for timing in TIMINGS}
     best = min(fits, key=lambda timing: fits[timing].misfit)
     if fit_test(fits[best].filter, fits[best].data)[0] >= _FITS:
@@ -96,7 +96,7 @@ def better_timing(fit: Fit, tried: Collection[str]) -> str | None:
         tried: Timings that are out of the question.
     """
     others = [t for t in TIMINGS if t not in tried]
-    if fit.run.observed.effort is None or not others:
+    if fit.run.record.effort is None or not others:
         return None
     fits = {t: refine(fit.run.timed(t), fit.causes) for t in others}
     best = min(fits, key=lambda t: np.nan_to_num(fits[t].misfit, nan=np.inf))
@@ -108,7 +108,7 @@ def held_after_all(fit: Fit) -> str | None:
     late = sum(cause.delay('effort') for cause in fit.causes)
     if not late:
         return None
-    interval = float(np.median(np.diff(fit.run.observed.effort_time)))
+    interval = float(np.median(np.diff(fit.run.record.effort_time)))
     total = late / interval + _LATENESS[fit.run.timing]
     for timing, lateness in _LATENESS.items():
         if abs(total - lateness) < _TOLERANCE and timing != fit.run.timing:

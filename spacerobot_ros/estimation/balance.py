@@ -56,10 +56,10 @@ def missed_torque(run: Run, causes: Sequence[Effect] = ()) -> tuple[Array, Array
         run: The run.
         causes: Effects that the model has beside the robot file's.
     """
-    scene = run.scene(causes)
+    measured = run.measured(causes)
     process = TorqueDriven(run.robot, (*run.believed, *causes))
-    times = scene.grid.times
-    motion = process.motion(scene.kinematics, scene.reference.effort(times))
+    times = measured.time_base.times
+    motion = process.motion(measured.kinematics, measured.reference.effort(times))
     return times, -process.force_error(motion)[:, 6:]
 
 
@@ -76,7 +76,7 @@ class TorqueBalance:
         self._filter = filtered
         self.robot = filtered.process.robot
         self.pool = candidates(_of_the_joints(effects), filtered, filtered.data)
-        self.times = filtered.grid.times
+        self.times = filtered.time_base.times
         ends = np.cumsum([len(c.steps) for c in self.pool])
         self._place = {
             id(c): np.arange(end - len(c.steps), end)
@@ -218,7 +218,7 @@ class TorqueBalance:
         """(n,) level of one term of what all effects together leave."""
         missed = np.concatenate(self._missed)
         columns = np.concatenate(self._effects) * self._sizes
-        effort = self._filter.observed.effort
+        effort = self._filter.record.effort
         least = _LEAST * np.std(effort, axis=0) if effort is not None else 0.0
         levels = np.maximum(np.sqrt(np.mean(missed**2, axis=0)), least)
         for _ in range(_PASSES):

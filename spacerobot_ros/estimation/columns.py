@@ -92,7 +92,7 @@ def candidates(
         ringing: Frequencies that stand out in them [rad/s]: guesses for what swings by itself.
     """
     robot = filtered.process.robot
-    wanted = filtered.wanted_force(data)
+    wanted = filtered.force_correlation(data)
     return [
         candidate
         for kind in kinds

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from ..identification.noise import fourth_difference_std
 from ..model.settings import SensorSettings
+from ..recording.record import Record
 from ..types import Array
-from .observations import Observations
 from .reference import NoiseLevels
 from .smoothing import integrated_rotation
 
@@ -24,9 +24,7 @@ _UNIFORM = float(np.sqrt(12.0))  # step of a scale by standard deviation of its 
 _DISAGREEMENT = 1.5  # factor between statement and data from which on the data count
 
 
-def noise_levels(
-    sensors: SensorSettings, observed: Observations
-) -> tuple[NoiseLevels, tuple[str, ...]]:
+def noise_levels(sensors: SensorSettings, record: Record) -> tuple[NoiseLevels, tuple[str, ...]]:
     """Standard deviations of one sample of each channel, and what should be said of them.
 
     Where the file states none, and where the data are clearly noisier than it states, the level
@@ -34,11 +32,11 @@ def noise_levels(
     the controller itself makes rough looks noisy without being so: its stated level stands.
     """
     measured: dict[str, Array | None] = {
-        'joint_position': observed.q,
-        'joint_velocity': observed.qd,
-        'joint_effort': observed.effort,
-        'gyro': observed.omega if len(observed.omega) else None,
-        'attitude': _turns(observed),
+        'joint_position': record.q,
+        'joint_velocity': record.qd,
+        'joint_effort': record.effort,
+        'gyro': record.omega if len(record.omega) else None,
+        'attitude': _turns(record),
     }
     levels, notes = {}, []
     for name, values in measured.items():
@@ -65,19 +63,19 @@ def _resolution(values: Array | None) -> float:
     return max((float(step.min()) for step in steps if len(step)), default=0.0)
 
 
-def _turns(observed: Observations) -> Array | None:
+def _turns(record: Record) -> Array | None:
     """(Na, 3) accumulated turns from sample to sample, less what the gyro saw of them.
 
     A tracker is slow: without the gyro a fast turn would pass for noise.
     """
-    if observed.attitude is None or len(observed.attitude_time) < 2:
+    if record.attitude is None or len(record.attitude_time) < 2:
         return None
-    attitude, times = observed.attitude, observed.attitude_time
-    if len(observed.rate_time) > len(times):
-        grid = np.unique(np.concatenate([times, observed.rate_time]))
-        curve = make_interp_spline(observed.rate_time, observed.omega, k=3)
+    attitude, times = record.attitude, record.attitude_time
+    if len(record.rate_time) > len(times):
+        grid = np.unique(np.concatenate([times, record.rate_time]))
+        curve = make_interp_spline(record.rate_time, record.omega, k=3)
         seen = integrated_rotation(
-            lambda t: np.asarray(curve(np.clip(t, *observed.rate_time[[0, -1]]))),
+            lambda t: np.asarray(curve(np.clip(t, *record.rate_time[[0, -1]]))),
             grid,
             Rotation.identity(),
         )

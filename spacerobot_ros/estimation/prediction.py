@@ -1,10 +1,10 @@
-r"""Whitened innovations of the torque-driven filter, for the data and for any column.
+r"""Rows by prediction: whitened innovations of the torque-driven filter, for data and columns.
 
 State: deviations [dphi; dq | domega; dqd] from the reference, and the errors of the two effort
 samples between which the step lies, so that an effort that is interpolated is not taken for two
-independent ones. The filter is linear, its gains depend on no data; so the innovations of data,
-and of data with an effect, are one linear operator applied to what is measured and to what drives
-(Gertler 1998, ch. 6; Willsky and Jones 1976). All inference is then ordinary least squares.
+independent ones. Innovations of data, and of data with an effect, are one linear operator applied
+to what is measured and to what drives (`kalman`; Gertler 1998, ch. 6): all inference behind them
+is ordinary least squares.
 """
 
 from __future__ import annotations
@@ -16,17 +16,19 @@ from functools import cached_property
 
 import numpy as np
 
+from ..dynamics.rotation import skew
+from ..recording.record import Record
 from ..types import Array, IntArray
-from .filter_recursions import adjoint_pass, covariance_pass, mean_pass
+from .kalman import StateSpace, correlate, gains_of, whiten
 from .linear_steps import Steps
-from .observations import Observations
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
-from .time_base import CHANNELS, make_grid
+from .time_base import make_time_base
 from .torque_process import TorqueDriven
 
 _GAUSS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
 _PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
 _START_STD = 0.03  # rad, rad/s; far above what the reference misses
+_UNKNOWN_EFFORT = 1e3  # N m; internal torques unknown: only momentum is left to judge by
 _THREADS = 2
 TIMINGS = {'sampled': None, 'held_before': 1.0, 'held_after': 0.0}
 """How efforts act: interpolated between samples, or held over the interval that a sample ends or
@@ -38,7 +40,7 @@ class Columns:
     """K directions in which a model may change.
 
     Args:
-        acceleration: (N, m, K) change of the accelerations at the grid's times.
+        acceleration: (N, m, K) change of the accelerations at the times of the filter.
         measured: Channel to (samples, width, K) change of what is measured; absent: none.
     """
 
@@ -46,134 +48,113 @@ class Columns:
     measured: dict[str, Array]
 
 
-class Scene:
-    """Observations with their grid and reference: what does not depend on the model's forces.
+class MeasuredMotion:
+    """A record on its time base, with its reference: what does not depend on a model's forces.
 
     Args:
-        observed: Sensor effects already undone.
+        record: Sensor effects already undone.
         noise: Noise levels.
         process: Any model of the robot, for the number of its velocities.
     """
 
-    def __init__(self, observed: Observations, noise: NoiseLevels, process: TorqueDriven) -> None:
-        self.observed = observed
+    def __init__(self, record: Record, noise: NoiseLevels, process: TorqueDriven) -> None:
+        self.record = record
         self.noise = noise
-        self.grid = make_grid(observed, process.m, process.first)
-        self.reference = ReferenceTrajectory(observed, noise, self.grid.times)
-        self.kinematics = self.reference.at(self.grid.times)
+        self.time_base = make_time_base(record, process.m, process.first)
+        self.reference = ReferenceTrajectory(record, noise, self.time_base.times)
+        self.kinematics = self.reference.at(self.time_base.times)
         self._at: dict[str, Kinematics] = {}
 
     @cached_property
     def inner(self) -> tuple[tuple[float, Kinematics], ...]:
         """Gauss's places in the step, and the reference there."""
-        start, dt = self.grid.times[:-1], np.diff(self.grid.times)
+        start, dt = self.time_base.times[:-1], np.diff(self.time_base.times)
         return tuple((place, self.reference.at(start + place * dt)) for place in _GAUSS)
 
     def at_samples(self, channel: str) -> Kinematics:
         """The reference at the (corrected) times of a channel's samples."""
-        observed = self.observed
-        times = {
-            'joint_position': observed.joint_time,
-            'joint_velocity': observed.joint_time,
-            'joint_effort': observed.joint_time,
-            'gyro': observed.rate_time,
-            'attitude': observed.attitude_time,
-        }[channel]
         if channel not in self._at:
-            self._at[channel] = self.reference.at(
-                np.clip(times, self.grid.times[0], self.grid.times[-1])
-            )
+            record, times = self.record, self.time_base.times
+            stamps = {'gyro': record.rate_time, 'attitude': record.attitude_time}
+            at = np.clip(stamps.get(channel, record.joint_time), times[0], times[-1])
+            self._at[channel] = self.reference.at(at)
         return self._at[channel]
 
     @cached_property
     def deviations(self) -> Array:
         """(R,) measured less reference."""
-        observed = self.observed
+        record = self.record
         joints = self.at_samples('joint_position')
-        values = {'joint_position': observed.q - joints.q}
-        if observed.qd is not None:
-            values['joint_velocity'] = observed.qd - joints.qd
-        if len(observed.rate_time):
-            values['gyro'] = observed.omega - self.at_samples('gyro').omega
-        if observed.attitude is not None:
+        values = {'joint_position': record.q - joints.q}
+        if record.qd is not None:
+            values['joint_velocity'] = record.qd - joints.qd
+        if len(record.rate_time):
+            values['gyro'] = record.omega - self.at_samples('gyro').omega
+        if record.attitude is not None:
             reference = self.at_samples('attitude').rotation
-            values['attitude'] = (reference.inv() * observed.attitude).as_rotvec()
-        return self.by_row(values)
-
-    def by_row(self, values: Mapping[str, Array | None]) -> Array:
-        """(R,) of channel arrays (samples, width)."""
-        rows, out = self.grid.rows, np.zeros(len(self.grid.rows.state))
-        for c, name in enumerate(CHANNELS):
-            samples = values.get(name)
-            if samples is not None:
-                at = rows.channel == c
-                out[at] = samples[rows.sample[at], rows.axis[at]]
-        return out
+            values['attitude'] = (reference.inv() * record.attitude).as_rotvec()
+        return self.time_base.by_row({c: v[..., None] for c, v in values.items()})[:, 0]
 
 
 class Innovations:
-    """The filter of one model on one run.
+    """The filter of one model on one record.
 
     Args:
-        scene: The run, its sensors as the model believes them.
+        measured: The record, its sensors as the model believes them.
         process: The model.
         timing: How efforts act, a key of `TIMINGS`.
     """
 
-    def __init__(self, scene: Scene, process: TorqueDriven, timing: str = 'sampled') -> None:
+    def __init__(
+        self, measured: MeasuredMotion, process: TorqueDriven, timing: str = 'sampled'
+    ) -> None:
         self.process = process
-        self.observed, self.noise, self.timing = scene.observed, scene.noise, timing
+        self.record, self.noise, self.timing = measured.record, measured.noise, timing
         self.m, self.n = process.m, process.n
-        self.grid, self.reference = scene.grid, scene.reference
-        self.kinematics = scene.kinematics
-        self._scene = scene
-        self.motion = process.motion(self.kinematics, self.reference.effort(self.grid.times))
+        self.time_base, self.reference = measured.time_base, measured.reference
+        self.kinematics = measured.kinematics
+        self.at_samples = measured.at_samples
+        self._measured = measured
+        self.motion = process.motion(self.kinematics, self.reference.effort(self.time_base.times))
         self._linear = self.process.linearize(self.motion)
-        self._transitions = self._make_transitions()
-        rows = self.grid.rows
-        self._gains, self.stds = covariance_pass(
-            self._transitions,
-            self.grid.fresh,
-            self._effort_variance(),
-            rows.first,
-            rows.state,
-            self._row_variance(),
-            self._start(),
-            self._extra_variance(),
-        )
+        self._model = self._state_space()
+        self._gains = gains_of(self._model, self._start())
 
     @property
     def durations(self) -> Array:
         """(N-1,) length of each step [s]."""
-        return np.diff(self.grid.times)
+        return np.diff(self.time_base.times)
+
+    @property
+    def stds(self) -> Array:
+        """(R,) standard deviation of every innovation."""
+        return self._gains.std
 
     @property
     def rows(self) -> int:
         """Number of scalar measurements."""
-        return len(self.grid.rows.state)
+        return len(self.time_base.rows.state)
 
     @cached_property
     def row_times(self) -> Array:
         """(R,) time of every scalar measurement [s]."""
-        return np.repeat(self.grid.times, np.diff(self.grid.rows.first))
+        return np.repeat(self.time_base.times, np.diff(self.time_base.rows.first))
 
     @cached_property
     def measured(self) -> Array:
         """(R,) measured values; for the attitude the turn since the first sample [rad]."""
-        observed = self.observed
-        values: dict[str, Array | None] = {
-            'joint_position': observed.q,
-            'joint_velocity': observed.qd,
-        }
-        values['gyro'] = observed.omega
-        if observed.attitude is not None:
-            values['attitude'] = (observed.attitude[0].inv() * observed.attitude).as_rotvec()
-        return self._scene.by_row(values)
+        record = self.record
+        values: dict[str, Array] = {'joint_position': record.q, 'gyro': record.omega}
+        if record.qd is not None:
+            values['joint_velocity'] = record.qd
+        if record.attitude is not None:
+            values['attitude'] = (record.attitude[0].inv() * record.attitude).as_rotvec()
+        return self.time_base.by_row({c: v[..., None] for c, v in values.items()})[:, 0]
 
     @property
     def deviations(self) -> Array:
         """(R,) measured less reference."""
-        return self._scene.deviations
+        return self._measured.deviations
 
     @property
     def rate_by_impulse(self) -> Array:
@@ -183,8 +164,8 @@ class Innovations:
     @cached_property
     def data(self) -> Array:
         """(R,) whitened innovations of the data under the model: white and of unit variance."""
-        accelerations = np.zeros((len(self.grid.times), self.m, 1))
-        return self._pass(accelerations, self.deviations[:, None], self._kicks())[:, 0]
+        rates = np.zeros((len(self.time_base.times), self.m, 1))
+        return self._whiten(rates, self._defects(), self.deviations[:, None])[:, 0]
 
     @cached_property
     def log_determinant(self) -> float:
@@ -200,98 +181,91 @@ class Innovations:
         parts = np.array_split(np.arange(columns.acceleration.shape[2]), _THREADS)
         with ThreadPoolExecutor(_THREADS) as pool:
             done = pool.map(
-                lambda part: self._pass(
+                lambda part: self._whiten(
                     np.negative(columns.acceleration[..., part], order='C'),
-                    self._measured_rows(columns.measured, part),
                     np.zeros((0, 0)),
+                    self._by_row(columns.measured, part),
                 ),
                 [part for part in parts if len(part)],
             )
         return np.concatenate(list(done), axis=1)
 
-    def _measured_rows(self, measured: Mapping[str, Array], part: IntArray) -> Array:
-        """(R, columns of the part) of what is measured; empty where nothing is."""
-        out = np.zeros((self.rows if measured else 0, len(part)))
-        rows = self.grid.rows
-        for c, name in enumerate(CHANNELS):
-            if name in measured:
-                at = np.flatnonzero(rows.channel == c)
-                out[at] = measured[name][rows.sample[at], rows.axis[at], part[0] : part[-1] + 1]
-        return out
-
-    def wanted_force(self, weights: Array) -> Array:
+    def force_correlation(self, weights: Array) -> Array:
         """(N, 6 + n) correlation of a generalised force at each time with weights of the rows.
 
         Its product with a column's force, summed over times and components, is `weights` times the
         column's whitened innovations: one pass backwards instead of one a column.
         """
-        rows = self.grid.rows
-        pushes = -adjoint_pass(
-            self.durations,
-            self._transitions,
-            self.grid.fresh,
-            rows.first,
-            rows.state,
-            self._gains,
-            self.stds,
-            weights,
-            self.m,
-            self.n,
-        )
-        return np.asarray(np.einsum('nm,nmi->ni', pushes, self._linear.by_force))
+        impulses = -correlate(self._model, self._gains, weights, self.m)
+        return np.asarray(np.einsum('nm,nmi->ni', impulses, self._linear.by_force))
 
     def accelerations(self, forces: Array) -> Array:
-        """(N, m, K) accelerations by generalised forces (N, 6 + n, K) at the grid's times."""
+        """(N, m, K) accelerations by generalised forces (N, 6 + n, K) at the filter's times."""
         return np.asarray(self._linear.by_force @ forces)
 
-    def at_samples(self, channel: str) -> Kinematics:
-        """The reference at the (corrected) times of a channel's samples."""
-        return self._scene.at_samples(channel)
+    def _whiten(
+        self, rates: Array, defects: Array, measured: Array, mean: Array | None = None
+    ) -> Array:
+        if mean is None:
+            mean = np.zeros((2 * self.m + 2 * self.n, rates.shape[2]))
+        return np.asarray(whiten(self._model, self._gains, mean, rates, defects, measured))
 
-    def _pass(self, accelerations: Array, measured: Array, kicks: Array) -> Array:
-        rows = self.grid.rows
-        mean = np.zeros((2 * self.m + 2 * self.n, accelerations.shape[2]))
-        return np.asarray(
-            mean_pass(
-                mean,
-                (0, len(self.grid.times)),
-                self.durations,
-                self._transitions,
-                self.grid.fresh,
-                accelerations,
-                kicks,
-                rows.first,
-                rows.state,
-                self._gains,
-                self.stds,
-                measured,
-                self.n,
-            )
+    def _by_row(self, measured: Mapping[str, Array], part: IntArray) -> Array:
+        """(R, columns of the part) of what is measured; empty where nothing is."""
+        if not measured:
+            return np.zeros((0, len(part)))
+        return self.time_base.by_row(
+            {c: v[..., part[0] : part[-1] + 1] for c, v in measured.items()}
         )
 
     @cached_property
     def _steps(self) -> Steps:
         m, linear = self.m, self._linear
-        a = np.zeros((len(self.grid.times), 2 * m, 2 * m))
+        a = np.zeros((len(self.time_base.times), 2 * m, 2 * m))
         a[:, :m, m:] = np.eye(m)
         a[:, m:, :m] = linear.by_position
         a[:, m:, m:] = linear.by_velocity
         if m > self.n:
-            a[:, :3, :3] = -_skew(self.kinematics.omega)
+            a[:, :3, :3] = -skew(self.kinematics.omega)
         return Steps(self.durations, a)
 
-    def _make_transitions(self) -> Array:
-        """(N-1, d, d); errors of effort samples push the velocities along the whole step."""
-        m, n = self.m, self.n
-        out = np.zeros((len(self.durations), 2 * m + 2 * n, 2 * m + 2 * n))
-        out[:, : 2 * m, : 2 * m] = self._steps.transitions
-        push = _between(self._linear.by_force, 0.5)[:, :, 6:]
+    def _state_space(self) -> StateSpace:
+        """The model about the reference.
+
+        A step that lies in another effort interval than the last begins with the sample that the
+        last one ended with, and with a new one at its end; errors of both act along the step.
+        """
+        m, n, rows = self.m, self.n, self.time_base.rows
+        early, late = slice(2 * m, 2 * m + n), slice(2 * m + n, 2 * m + 2 * n)
+        size = 2 * m + 2 * n
+        f = np.zeros((len(self.durations), size, size))
+        f[:, : 2 * m, : 2 * m] = self._steps.transitions
+        by_effort = _between(self._linear.by_force, 0.5)[:, :, 6:]
         start, growth = (x[:, None, None] for x in self._late_shares())
-        late = self._steps.driven(start * push, growth * push)
-        out[:, : 2 * m, 2 * m : 2 * m + n] = late - self._steps.driven(push)
-        out[:, : 2 * m, 2 * m + n :] = -late
-        out[:, 2 * m :, 2 * m :] = np.eye(2 * n)
-        return out
+        f[:, : 2 * m, late] = -self._steps.driven(start * by_effort, growth * by_effort)
+        f[:, : 2 * m, early] = -f[:, : 2 * m, late] - self._steps.driven(by_effort)
+        f[:, 2 * m :, 2 * m :] = np.eye(2 * n)
+        variance = np.zeros((len(f), size))  # of the effort samples that enter
+        fresh = self.time_base.fresh
+        variance[fresh > 0, late] = self._effort_variance()[fresh > 0]
+        variance[fresh > 1, early] = self._effort_variance()[fresh > 1]
+        noise = (f[:, :, 2 * m :] * variance[:, None, 2 * m :]) @ np.swapaxes(
+            f[:, :, 2 * m :], 1, 2
+        )
+        noise[:, np.arange(size), np.arange(size)] += self._extra_variance()
+        f[fresh == 1, :, late] = f[fresh == 1, :, early]
+        f[fresh == 1, :, early] = 0.0
+        f[fresh > 1, :, 2 * m :] = 0.0
+        return StateSpace(
+            self.durations,
+            f,
+            noise,
+            m,
+            rows.first,
+            rows.state,
+            np.zeros((0, size)),
+            self._row_variance(),
+        )
 
     def _late_shares(self) -> tuple[Array, Array]:
         """(N-1,) share of the later effort sample at each step's start, and its growth over it."""
@@ -299,19 +273,19 @@ class Innovations:
         if end is not None:
             held = np.full(len(self.durations), end)
             return held, np.zeros(len(held))
-        growth = self.durations / np.diff(self.observed.effort_time)[self.grid.interval]
-        return self.grid.fraction - 0.5 * growth, growth
+        growth = self.durations / np.diff(self.record.effort_time)[self.time_base.interval]
+        return self.time_base.fraction - 0.5 * growth, growth
 
     def _effort(self, times: Array, interval: IntArray) -> Array:
         """(M, n) motor torque at times within given effort intervals."""
-        observed = self.observed
-        if observed.effort is None:
+        record = self.record
+        if record.effort is None:
             return np.zeros((len(times), self.n))
-        early, late = observed.effort[interval], observed.effort[interval + 1]
+        early, late = record.effort[interval], record.effort[interval + 1]
         end = TIMINGS[self.timing]
         if end is not None:
             return late if end else early
-        stamps = observed.effort_time
+        stamps = record.effort_time
         share = (times - stamps[interval]) / (stamps[interval + 1] - stamps[interval])
         share = np.clip(share, 0.0, 1.0)[:, None]
         # straight between the samples, bent as the smooth torque bends
@@ -320,14 +294,14 @@ class Innovations:
         bend -= share * self.reference.effort(stamps[interval + 1])
         return (1.0 - share) * early + share * late + bend
 
-    def _kicks(self) -> Array:
+    def _defects(self) -> Array:
         """(N-1, 2 m) what the model's accelerations miss of the reference over each step.
 
         The error is a parabola e_0 + e_1 s + e_2 s^2 through Gauss's points of the step.
         """
         errors = []
-        for place, kinematics in self._scene.inner:
-            effort = self._effort(kinematics.time, self.grid.interval)
+        for place, kinematics in self._measured.inner:
+            effort = self._effort(kinematics.time, self.time_base.interval)
             motion = self.process.motion(kinematics, effort)
             by_force = _between(self._linear.by_force, place)
             errors.append(np.einsum('nij,nj->ni', by_force, self.process.force_error(motion)))
@@ -337,15 +311,15 @@ class Innovations:
     def _row_variance(self) -> Array:
         noise = self.noise
         levels = np.array([noise.joint_position, noise.joint_velocity, noise.gyro, noise.attitude])
-        return np.asarray(levels[self.grid.rows.channel] ** 2)
+        return np.asarray(levels[self.time_base.rows.channel] ** 2)
 
     def _effort_variance(self) -> Array:
         """(N-1, n) variance of the effort samples that enter with each step."""
         variance = np.full((len(self.durations), self.n), self.noise.joint_effort**2)
-        effort = self.observed.effort
+        effort = self.record.effort
         if effort is None:
             return variance + _UNKNOWN_EFFORT**2
-        variance[self.grid.blind] += np.var(effort, axis=0) + self.noise.joint_effort**2
+        variance[self.time_base.blind] += np.var(effort, axis=0) + self.noise.joint_effort**2
         return variance
 
     def _extra_variance(self) -> Array:
@@ -359,14 +333,5 @@ class Innovations:
         return np.diag(variance)
 
 
-_UNKNOWN_EFFORT = 1e3  # N m; internal torques unknown: only momentum is left to judge by
-
-
 def _between(x: Array, place: float) -> Array:
     return np.asarray((1.0 - place) * x[:-1] + place * x[1:])
-
-
-def _skew(v: Array) -> Array:
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return out - np.swapaxes(out, 1, 2)

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from ..recording.record import Record
 from ..types import Array
-from .observations import Observations
 from .smoothing import integrated_rotation
 from .splines import Samples, fit_spline
 
@@ -61,24 +61,24 @@ class ReferenceTrajectory:
     """Smooth motion through the observations, with derivatives at any time.
 
     Args:
-        observed: Observations.
+        record: Record.
         noise: Noise levels, for the splines' weights.
         times: (N,) increasing; the attitude is integrated along them.
     """
 
-    def __init__(self, observed: Observations, noise: NoiseLevels, times: Array) -> None:
+    def __init__(self, record: Record, noise: NoiseLevels, times: Array) -> None:
         start, end = float(times[0]), float(times[-1])
-        joints = [Samples(observed.joint_time, observed.q, noise.joint_position)]
-        if observed.qd is not None:
+        joints = [Samples(record.joint_time, record.q, noise.joint_position)]
+        if record.qd is not None:
             joints.append(
-                Samples(observed.joint_time, observed.qd, noise.joint_velocity, derivative=1)
+                Samples(record.joint_time, record.qd, noise.joint_velocity, derivative=1)
             )
         self._joints = fit_spline(joints, start, end).curve
-        self._rate = _base_rate(observed, noise, start, end)
-        self._rotations = Slerp(times, _attitude(self._rate, observed, times))
+        self._rate = _base_rate(record, noise, start, end)
+        self._rotations = Slerp(times, _attitude(self._rate, record, times))
         self._effort = None
-        if observed.effort is not None:
-            effort = Samples(observed.effort_time, observed.effort, noise.joint_effort)
+        if record.effort is not None:
+            effort = Samples(record.effort_time, record.effort, noise.joint_effort)
             self._effort = fit_spline([effort], start, end).curve
 
     def at(self, times: Array) -> Kinematics:
@@ -114,37 +114,37 @@ class _Rate:
         return total
 
 
-def _base_rate(observed: Observations, noise: NoiseLevels, start: float, end: float) -> _Rate:
+def _base_rate(record: Record, noise: NoiseLevels, start: float, end: float) -> _Rate:
     """Base rate: through the gyro's samples, drawn to the tracker where the two disagree."""
-    if len(observed.rate_time):
-        gyro = [Samples(observed.rate_time, observed.omega, noise.gyro)]
+    if len(record.rate_time):
+        gyro = [Samples(record.rate_time, record.omega, noise.gyro)]
         return _drawn_to_tracker(
-            _Rate(fit_spline(gyro, start, end).curve), observed, noise, start, end
+            _Rate(fit_spline(gyro, start, end).curve), record, noise, start, end
         )
-    if observed.attitude is None:
+    if record.attitude is None:
         return _Rate()
-    steps = np.diff(observed.attitude_time)[:, None]
-    turns = (observed.attitude[:-1].inv() * observed.attitude[1:]).as_rotvec() / steps
-    middle = 0.5 * (observed.attitude_time[1:] + observed.attitude_time[:-1])
+    steps = np.diff(record.attitude_time)[:, None]
+    turns = (record.attitude[:-1].inv() * record.attitude[1:]).as_rotvec() / steps
+    middle = 0.5 * (record.attitude_time[1:] + record.attitude_time[:-1])
     std = noise.attitude * np.sqrt(2.0) / float(np.median(steps))
     return _Rate(fit_spline([Samples(middle, turns, std)], start, end).curve)
 
 
 def _drawn_to_tracker(
-    rate: _Rate, observed: Observations, noise: NoiseLevels, start: float, end: float
+    rate: _Rate, record: Record, noise: NoiseLevels, start: float, end: float
 ) -> _Rate:
     """The rate plus the slow drift that the tracker sees of its integral.
 
     Without it a biased gyro would carry the reference attitude away until it is no longer close.
     """
-    if observed.attitude is None or len(observed.attitude_time) < _FEWEST_FOR_DRIFT:
+    if record.attitude is None or len(record.attitude_time) < _FEWEST_FOR_DRIFT:
         return rate
-    at = observed.attitude_time
-    times = np.unique(np.concatenate([observed.rate_time, at, [start, end]]))
+    at = record.attitude_time
+    times = np.unique(np.concatenate([record.rate_time, at, [start, end]]))
     for _ in range(_DRIFT_PASSES):
-        rotation = _attitude(rate, observed, times)
+        rotation = _attitude(rate, record, times)
         here = rotation[np.searchsorted(times, at)]
-        deviation = (here.inv() * observed.attitude).as_rotvec()
+        deviation = (here.inv() * record.attitude).as_rotvec()
         if np.max(np.abs(deviation)) < _CLOSE * noise.attitude:
             break
         std = noise.attitude / float(np.median(np.diff(at)))
@@ -153,11 +153,11 @@ def _drawn_to_tracker(
     return rate
 
 
-def _attitude(rate: _Rate, observed: Observations, times: Array) -> Rotation:
+def _attitude(rate: _Rate, record: Record, times: Array) -> Rotation:
     """Attitudes whose rate is given, turned as a whole to agree with the tracker."""
     integrated = integrated_rotation(rate, times, Rotation.identity())
-    if observed.attitude is None:
+    if record.attitude is None:
         return integrated
-    inside = (observed.attitude_time >= times[0]) & (observed.attitude_time <= times[-1])
-    here = Slerp(times, integrated)(observed.attitude_time[inside])
-    return (observed.attitude[inside] * here.inv()).mean() * integrated
+    inside = (record.attitude_time >= times[0]) & (record.attitude_time <= times[-1])
+    here = Slerp(times, integrated)(record.attitude_time[inside])
+    return (record.attitude[inside] * here.inv()).mean() * integrated

@@ -13,11 +13,12 @@ from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..model.robot import Robot
+from ..recording.record import Record
 from ..types import Array
 from .columns import STEPS, Signatures, is_possible
 from .evidence import price
-from .observations import Observations, corrected
-from .prediction import Innovations, Scene
+from .observations import corrected
+from .prediction import Innovations, MeasuredMotion
 from .reference import NoiseLevels
 from .scaling import (
     PROPORTIONAL,
@@ -41,7 +42,7 @@ class Run:
     """What is the same for every model of a run.
 
     Args:
-        observed: As measured.
+        record: As measured.
         robot: The robot file's robot.
         believed: Its own effects.
         noise: Noise levels.
@@ -50,13 +51,13 @@ class Run:
 
     def __init__(
         self,
-        observed: Observations,
+        record: Record,
         robot: Robot,
         believed: Sequence[Effect],
         noise: NoiseLevels,
         timing: str = 'sampled',
     ) -> None:
-        self.observed = observed
+        self.record = record
         self.robot = robot
         self.believed = tuple(believed)
         self.noise = noise
@@ -70,8 +71,8 @@ class Run:
 
     def timed(self, timing: str) -> Run:
         """The same run, its efforts acting in another way."""
-        other = Run(self.observed, self.robot, self.believed, self.noise, timing)
-        other.__dict__['_scene'] = self._scene
+        other = Run(self.record, self.robot, self.believed, self.noise, timing)
+        other.__dict__['_own'] = self._own
         other._filters = self._filters
         return other
 
@@ -79,22 +80,22 @@ class Run:
         """The filter of the robot with its own effects and some causes."""
         self._filters[0] += 1
         process = TorqueDriven(self.robot, (*self.believed, *causes))
-        return Innovations(self.scene(causes), process, self.timing)
+        return Innovations(self.measured(causes), process, self.timing)
 
-    def scene(self, causes: Sequence[Effect]) -> Scene:
+    def measured(self, causes: Sequence[Effect]) -> MeasuredMotion:
         """What is observed, the robot's own sensor effects and those of some causes undone."""
         if not any(_is_sensor(cause) for cause in causes):
-            return self._scene
+            return self._own
         process = TorqueDriven(self.robot, (*self.believed, *causes))
-        return self._make_scene(causes, process)
+        return self._measured(causes, process)
 
     @cached_property
-    def _scene(self) -> Scene:
-        return self._make_scene((), TorqueDriven(self.robot, self.believed))
+    def _own(self) -> MeasuredMotion:
+        return self._measured((), TorqueDriven(self.robot, self.believed))
 
-    def _make_scene(self, causes: Sequence[Effect], process: TorqueDriven) -> Scene:
+    def _measured(self, causes: Sequence[Effect], process: TorqueDriven) -> MeasuredMotion:
         effects = (*self.believed, *causes)
-        return Scene(corrected(self.observed, effects, process.robot), self.noise, process)
+        return MeasuredMotion(corrected(self.record, effects, process.robot), self.noise, process)
 
 
 def _is_sensor(cause: Effect) -> bool:

@@ -2,7 +2,8 @@
 
 A torque ripple goes with the joint's angle, an imbalance with time: p is a harmonic or a
 frequency, and no grid of guesses is fine enough. The correlation of the innovations with such a
-force at every p is one transform of what `Innovations.wanted_force` gives, so all p are looked at.
+force at every p is one transform of what `Innovations.force_correlation` gives, so all p are
+looked at.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def propose(
         effect: An effect with an argument.
         where: Its place.
         motion: The reference motion.
-        wanted: (N, 6 + n) from `Innovations.wanted_force`.
+        wanted: (N, 6 + n) from `Innovations.force_correlation`.
     """
     parameter = searched(effect)
     argument = effect.argument(motion, where)

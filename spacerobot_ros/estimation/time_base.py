@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..recording.record import Record
 from ..types import Array, IntArray
-from .observations import Observations
 
 _SAME = 1e-5  # s; stamps closer than this are one time
 _LONGEST = 0.02  # s
@@ -34,7 +35,7 @@ CHANNELS = ('joint_position', 'joint_velocity', 'gyro', 'attitude')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Grid:
+class TimeBase:
     """Times of the filter.
 
     Args:
@@ -53,23 +54,32 @@ class Grid:
     fraction: Array
     blind: np.ndarray
 
+    def by_row(self, values: Mapping[str, Array]) -> Array:
+        """(R, K) of channel arrays (samples, width, K); zero where a channel has none."""
+        count = next(iter(values.values())).shape[2]
+        rows, out = self.rows, np.zeros((len(self.rows.state), count))
+        for name, samples in values.items():
+            at = np.flatnonzero(rows.channel == CHANNELS.index(name))
+            out[at] = samples[rows.sample[at], rows.axis[at]]
+        return out
 
-def make_grid(observed: Observations, m: int, first: int) -> Grid:
-    """The filter's times for some observations.
+
+def make_time_base(record: Record, m: int, first: int) -> TimeBase:
+    """The filter's times for a record.
 
     Args:
-        observed: Observations.
+        record: Record.
         m: Number of velocities of the filter.
         first: 3 for a free base, 6 for a fixed one.
     """
-    start, end = observed.span
+    start, end = record.span
     base = 6 - first
     n = m - base
     stamps = {
-        'joint_position': observed.joint_time,
-        'joint_velocity': observed.joint_time if observed.qd is not None else np.zeros(0),
-        'gyro': observed.rate_time,
-        'attitude': observed.attitude_time,
+        'joint_position': record.joint_time,
+        'joint_velocity': record.joint_time if record.qd is not None else np.zeros(0),
+        'gyro': record.rate_time,
+        'attitude': record.attitude_time,
     }
     states = {
         'joint_position': np.arange(base, m),
@@ -81,7 +91,7 @@ def make_grid(observed: Observations, m: int, first: int) -> Grid:
         name: np.flatnonzero((times >= start - _SAME) & (times <= end + _SAME))
         for name, times in stamps.items()
     }
-    times = _merged([stamps[name][inside[name]] for name in CHANNELS] + [observed.effort_time])
+    times = _merged([stamps[name][inside[name]] for name in CHANNELS] + [record.effort_time])
     times = _filled(times[(times >= start - _SAME) & (times <= end + _SAME)])
     parts = []
     for c, name in enumerate(CHANNELS):
@@ -103,7 +113,7 @@ def make_grid(observed: Observations, m: int, first: int) -> Grid:
     table = np.concatenate(parts)
     table = table[np.argsort(table[:, 0], kind='stable')]
     rows = Rows(np.searchsorted(table[:, 0], np.arange(len(times) + 1)), *table[:, 1:].T.copy())
-    return Grid(times, rows, *_effort_intervals(times, observed.effort_time))
+    return TimeBase(times, rows, *_effort_intervals(times, record.effort_time))
 
 
 def _effort_intervals(

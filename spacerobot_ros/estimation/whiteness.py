@@ -55,13 +55,13 @@ def fit_test(filtered: Innovations, data: Array) -> tuple[float, tuple[ChannelFi
         filtered: The model's filter.
         data: (R,) its whitened innovations.
     """
-    rows = filtered.grid.rows
+    rows = filtered.time_base.rows
     fits = []
     for c, name in enumerate(CHANNELS):
         for axis in range(filtered.n if name.startswith('joint') else 3):
             at = (rows.channel == c) & (rows.axis == axis)
             if np.count_nonzero(at) >= _FEWEST:
-                times = np.repeat(filtered.grid.times, np.diff(rows.first))[at]
+                times = np.repeat(filtered.time_base.times, np.diff(rows.first))[at]
                 fits.append(channel_fit(name, axis, data[at][_SKIPPED:], times[_SKIPPED:]))
     if not fits:
         return 1.0, ()

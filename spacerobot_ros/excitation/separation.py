@@ -25,10 +25,10 @@ from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..effects.robot_file import RobotFile
 from ..estimation.columns import Signatures
-from ..estimation.observations import Observations
 from ..estimation.reference import NoiseLevels
 from ..estimation.refit import Fit, Run
 from ..model.settings import SensorSettings
+from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
 from ..types import Array
 from .design import scaled_to_limits
 from .information import TYPICAL, with_typical
@@ -258,23 +258,22 @@ def _steps(file: RobotFile) -> int:
     return min(file.settings.excitation.iterations, 8)
 
 
-def _record(file: RobotFile, motions: Motions, x: Array) -> Observations:
+def _record(file: RobotFile, motions: Motions, x: Array) -> Record:
     """Noise-free samples of a motion at the sensors' rates."""
     rates = file.settings.simulator
     times = np.arange(0.0, motions.family.duration, 1.0 / rates.joint_rate)
     motion = motions.move(x[None], motions.family.at(times))
     every = max(1, round(rates.joint_rate / rates.attitude_rate))
     is_free = motions.robot.is_free
-    return Observations(
-        joint_time=times,
-        q=motion.q[0],
-        qd=motion.qd[0],
-        effort_time=times,
-        effort=motion.torque[0],
-        rate_time=times if is_free else np.zeros(0),
-        omega=motion.omega[0] if is_free else np.zeros((0, 3)),
-        attitude_time=times[::every] if is_free else np.zeros(0),
-        attitude=Rotation.from_matrix(motion.R_WB[0, ::every]) if is_free else None,
+    stamps = to_stamps(times)
+    joints = JointSeries(motions.robot.joints, stamps, motion.q[0], motion.qd[0], motion.torque[0])
+    if not is_free:
+        return Record(joints=joints)
+    q_xyzw = Rotation.from_matrix(motion.R_WB[0, ::every]).as_quat()
+    return Record(
+        joints=joints,
+        rates=RateSeries(stamps, motion.omega[0]),
+        attitudes=AttitudeSeries(stamps[::every], q_xyzw),
     )
 
 

@@ -31,7 +31,7 @@ from spacerobot_ros.cli.reproduce_report import write
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.observations import observe
+from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit, Run
 
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
@@ -221,8 +221,8 @@ def test_the_docs_show_every_signature_and_every_equivalent():
 def clean():
     """Return the servicer's model on a clean record."""
     robot = robot_file('servicer').robot
-    observed = observe(simulated('servicer', 'default', 1, (), 4.0), robot)
-    return Fit(Run(observed, robot, (), noise_levels(robot.sensors, observed)[0]), ())
+    record = observed(simulated('servicer', 'default', 1, (), 4.0), robot)
+    return Fit(Run(record, robot, (), noise_levels(robot.sensors, record)[0]), ())
 
 
 def test_a_gear_too_stiff_to_be_simulated_is_drawn_softer(clean):

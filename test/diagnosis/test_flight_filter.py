@@ -9,7 +9,7 @@ from spacerobot_ros.diagnosis.flight.probes import probes_of
 from spacerobot_ros.diagnosis.flight.wheel_momentum import Momentum, constant_pass
 from spacerobot_ros.diagnosis.flight.window import Window
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.prediction import Scene
+from spacerobot_ros.estimation.prediction import MeasuredMotion
 from spacerobot_ros.estimation.torque_process import TorqueDriven
 
 
@@ -19,7 +19,7 @@ def flight():
     flight = Flight(seed=3)
     robot = monitor_of(flight).robot
     truth = flight.file.settings.truth.target_momentum
-    window = Window(3)
+    window = Window(robot.joints)
     for s in flight.samples(6.0):
         window.add_joints(s.stamp_ns, *s.joints)
         window.add_rate(s.stamp_ns, s.omega)
@@ -46,7 +46,7 @@ def test_blocks_say_what_one_pass_says(flight):
         )
         for t in (1.0, 2.0, 3.0, 4.0, 5.0)
     ]  # fmt: skip
-    once = BlockInnovations(Scene(whole, noise, process), process, 'held_before')
+    once = BlockInnovations(MeasuredMotion(whole, noise, process), process, 'held_before')
     data = np.concatenate([block.data for block in blocks])
     times = np.concatenate([block.time for block in blocks])
     expected = once.data[: len(data)]

@@ -8,7 +8,7 @@ from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.columns import is_possible
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.observations import observe
+from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Run, refine
 
 
@@ -19,8 +19,8 @@ def applied(effect, where, **values):
 
 def test_two_causes_that_take_the_same_mass_are_drawn_back_to_a_body():
     robot = robot_file('servicer').robot
-    observed = observe(simulated('servicer', 'default', 1, (), 6.0), robot)
-    run = Run(observed, robot, (), noise_levels(robot.sensors, observed)[0], 'held_before')
+    record = observed(simulated('servicer', 'default', 1, (), 6.0), robot)
+    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
     # link_2 has 100 kg: taken at its centre of mass, 60 kg leave a body and 120 kg do not
     x = float(robot.bodies[2].com[0])
     second = -60.0 * x**2

@@ -104,7 +104,7 @@ def _window_torques(filtered: Innovations) -> tuple[Array, Array, Array]:
     On the base a torque is the rate at which angular momentum seems to change. Windows far enough
     apart do not see each other, so their columns are computed together.
     """
-    times, m = filtered.grid.times, filtered.m
+    times, m = filtered.time_base.times, filtered.m
     count = max(1, int((times[-1] - times[0] - _START - _MEMORY) / _WINDOW))
     # the first second still finds the state
     starts = times[0] + _START + _WINDOW * np.arange(count)
@@ -126,8 +126,8 @@ def _window_torques(filtered: Innovations) -> tuple[Array, Array, Array]:
 
 def _rows(filtered: Innovations, channel: int, axis: int) -> IntArray:
     """Rows of one axis once the state is found."""
-    rows = filtered.grid.rows
-    settled = filtered.row_times > filtered.grid.times[0] + _SETTLED
+    rows = filtered.time_base.rows
+    settled = filtered.row_times > filtered.time_base.times[0] + _SETTLED
     return np.flatnonzero(settled & (rows.channel == channel) & (rows.axis == axis))
 
 

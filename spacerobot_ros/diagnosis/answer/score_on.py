@@ -13,7 +13,7 @@ from ...errors import RecordingError
 from ...estimation.balance import BAND as BAND
 from ...estimation.balance import band_limited, missed_torque
 from ...estimation.noise_levels import noise_levels
-from ...estimation.observations import observe
+from ...estimation.observations import observed
 from ...estimation.refit import Run
 from ...model.robot import Robot
 from ...recording.record import Record
@@ -58,8 +58,8 @@ def score_on(
     check_data(record, robot)
     if record.joints is None or record.joints.effort is None:
         raise RecordingError(record.source or 'score', 'has no efforts to hold a model against')
-    observed = observe(record, robot)
-    run = settled(Run(observed, robot, tuple(believed), noise_levels(robot.sensors, observed)[0]))
+    measured = observed(record, robot)
+    run = settled(Run(measured, robot, tuple(believed), noise_levels(robot.sensors, measured)[0]))
     before, after = (_rms(run, chosen) for chosen in ((), tuple(causes)))
     return tuple(
         JointScore(joint=joint, before=float(b), after=float(a))

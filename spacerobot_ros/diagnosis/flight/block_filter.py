@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...estimation.filter_recursions import mean_pass
-from ...estimation.observations import Observations
-from ...estimation.prediction import Columns, Innovations, Scene
+from ...estimation.prediction import Columns, Innovations, MeasuredMotion
 from ...estimation.reference import Kinematics, NoiseLevels
-from ...estimation.time_base import CHANNELS, Grid, Rows
+from ...estimation.time_base import Rows, TimeBase
 from ...estimation.torque_process import TorqueDriven
+from ...recording.record import Record
 from ...types import Array, IntArray
 from .probes import Probe
 from .wheel_momentum import Momentum, constant_pass, momentum_forces
@@ -57,46 +56,55 @@ class Block:
         )
 
 
-class BlockScene(Scene):
-    """Observations around a block, filtered only within it.
+class BlockMotion(MeasuredMotion):
+    """A record around a block, filtered only within it.
 
     Args:
-        observed: The block and a little more on either side, for the reference.
+        record: The block and a little more on either side, for the reference.
         noise: Noise levels.
         process: The model.
         start: The block's beginning, whose own rows the last block has had [s]; None: the
-            observations' beginning, rows included.
+            record's beginning, rows included.
         end: The block's end [s].
     """
 
     def __init__(
         self,
-        observed: Observations,
+        record: Record,
         noise: NoiseLevels,
         process: TorqueDriven,
         start: float | None,
         end: float,
     ) -> None:
-        super().__init__(observed, noise, process)
-        self.grid = _cut(self.grid, start, end)
-        self.kinematics = self.reference.at(self.grid.times)
+        super().__init__(record, noise, process)
+        self.time_base = _cut(self.time_base, start, end)
+        self.kinematics = self.reference.at(self.time_base.times)
 
 
 class BlockInnovations(Innovations):
     """The filter over one block.
 
     Args:
-        scene: The block.
+        measured: The block.
         process: The model.
         timing: How efforts act.
         covariance: (d, d) at the block's beginning; None where nothing is known of the state.
     """
 
     def __init__(
-        self, scene: Scene, process: TorqueDriven, timing: str, covariance: Array | None = None
+        self,
+        measured: MeasuredMotion,
+        process: TorqueDriven,
+        timing: str,
+        covariance: Array | None = None,
     ) -> None:
-        self.covariance = None if covariance is None else covariance.copy()
-        super().__init__(scene, process, timing)
+        self._covariance = covariance
+        super().__init__(measured, process, timing)
+
+    @property
+    def covariance(self) -> Array:
+        """(d, d) at the block's end."""
+        return self._gains.end
 
     def run(self, columns: Columns, mean: Array) -> Array:
         """(R, 1 + K) whitened innovations of the data and of columns.
@@ -105,47 +113,24 @@ class BlockInnovations(Innovations):
             columns: K columns.
             mean: (d, 1 + K) state at the beginning; on return that at the end.
         """
-        drive = -columns.acceleration
-        data = np.zeros((*drive.shape[:2], 1))
-        measured = [self.deviations[:, None], self.by_row(columns)]
-        rows = self.grid.rows
-        return np.asarray(
-            mean_pass(
-                mean,
-                (0, len(self.grid.times)),
-                self.durations,
-                self._transitions,
-                self.grid.fresh,
-                np.concatenate([data, drive], axis=2),
-                self._kicks(),
-                rows.first,
-                rows.state,
-                self._gains,
-                self.stds,
-                np.concatenate(measured, axis=1),
-                self.n,
-            )
+        rates = -columns.acceleration
+        still = np.zeros((*rates.shape[:2], 1))
+        return self._whiten(
+            np.concatenate([still, rates], axis=2),
+            self._defects(),
+            np.column_stack([self.deviations, self.time_base.by_row(columns.measured)]),
+            mean,
         )
-
-    def by_row(self, columns: Columns) -> Array:
-        """(R, K) what the columns change of each measured scalar."""
-        rows = self.grid.rows
-        out = np.zeros((self.rows, columns.acceleration.shape[2]))
-        for c, name in enumerate(CHANNELS):
-            if name in columns.measured:
-                at = rows.channel == c
-                out[at] = columns.measured[name][rows.sample[at], rows.axis[at]]
-        return out
 
     def _effort_variance(self) -> Array:
         """As without lost samples, and what the torque may have done where one was lost."""
         variance = super()._effort_variance()
-        effort = self.observed.effort
+        effort = self.record.effort
         if effort is None:
             return variance
-        lengths = np.diff(self.observed.effort_time)
+        lengths = np.diff(self.record.effort_time)
         lost = lengths > _LOST * np.median(lengths)
-        at = self.grid.interval
+        at = self.time_base.interval
         if self.timing == 'held_after':  # the sample that enters serves the interval behind it
             at = np.minimum(at + 1, len(lost) - 1)
         variance[lost[at]] += np.mean(np.diff(effort, axis=0) ** 2, axis=0)
@@ -159,18 +144,16 @@ class BlockInnovations(Innovations):
         """
         extra = super()._extra_variance()
         base = self.m - self.n
-        if not base or self.observed.effort is None:
+        if not base or self.record.effort is None:
             return extra
-        interval = float(np.median(np.diff(self.observed.effort_time)))
+        interval = float(np.median(np.diff(self.record.effort_time)))
         impulse = _UNKNOWN_TORQUE * self.noise.joint_effort * np.sqrt(interval * self.durations)
         by_impulse = np.einsum('nii->ni', self.rate_by_impulse[:-1, :base, :base])
         extra[:, self.m : self.m + base] = (by_impulse * impulse[:, None]) ** 2
         return extra
 
     def _start(self) -> Array:
-        if self.covariance is None:
-            self.covariance = super()._start()
-        return self.covariance  # the pass leaves there what holds at the end
+        return super()._start() if self._covariance is None else self._covariance
 
 
 class FlightFilter:
@@ -215,25 +198,25 @@ class FlightFilter:
         """Forget the state, as after a gap; what is known of the momentum stays."""
         self._covariance = None
 
-    def block(self, observed: Observations, end: float) -> Block:
+    def block(self, record: Record, end: float) -> Block:
         """Filter up to a time.
 
         Args:
-            observed: From a little before the last block's end to a little after this one's.
+            record: From a little before the last block's end to a little after this one's.
             end: The block's end [s].
         """
         start = None
         if self._covariance is not None and self._reference is not None:
             start = float(self._reference.time[0])
-        scene = BlockScene(observed, self._noise, self.process, start, end)
-        filtered = BlockInnovations(scene, self.process, self.timing, self._covariance)
+        measured = BlockMotion(record, self._noise, self.process, start, end)
+        filtered = BlockInnovations(measured, self.process, self.timing, self._covariance)
         columns = self._columns(filtered)
         self._carry(filtered, columns.acceleration.shape[2])
         rows = filtered.run(columns, self._mean)
         self._covariance = filtered.covariance
-        self._reference = scene.reference.at(filtered.grid.times[-1:])
+        self._reference = measured.reference.at(filtered.time_base.times[-1:])
         white = self._without_momentum(rows)
-        k, at = len(self.probes), filtered.grid.rows
+        k, at = len(self.probes), filtered.time_base.rows
         return Block(
             at.channel,
             at.axis,
@@ -245,15 +228,15 @@ class FlightFilter:
 
     def _columns(self, filtered: BlockInnovations) -> Columns:
         """Of the momentum, of lasting errors, of sudden ones."""
-        observed, n = filtered.observed, filtered.n
+        record, n = filtered.record, filtered.n
         momentum = filtered.accelerations(momentum_forces(filtered.motion, filtered.process.robot))
         count = len(self.probes)
-        driven = np.zeros((len(filtered.grid.times), filtered.m, count))
+        driven = np.zeros((len(filtered.time_base.times), filtered.m, count))
         sizes = {
-            'joint_position': (len(observed.joint_time), n),
-            'joint_velocity': (len(observed.joint_time), n),
-            'gyro': (len(observed.rate_time), 3),
-            'attitude': (len(observed.attitude_time), 3),
+            'joint_position': (len(record.joint_time), n),
+            'joint_velocity': (len(record.joint_time), n),
+            'gyro': (len(record.rate_time), 3),
+            'attitude': (len(record.attitude_time), 3),
         }
         measured = {name: np.zeros((*size, count)) for name, size in sizes.items()}
         for k, probe in enumerate(self.probes):
@@ -269,7 +252,7 @@ class FlightFilter:
 
     def _carry(self, filtered: BlockInnovations, columns: int) -> None:
         """Express the state about the block's reference; sudden errors begin anew."""
-        last, first = self._reference, filtered.reference.at(filtered.grid.times[:1])
+        last, first = self._reference, filtered.reference.at(filtered.time_base.times[:1])
         d = 2 * (filtered.m + filtered.n)
         begun = 1 + self._p + len(self.probes)
         if self._covariance is None or last is None:
@@ -302,22 +285,22 @@ class FlightFilter:
         )
 
 
-def _cut(grid: Grid, start: float | None, end: float) -> Grid:
-    """The grid from one time to another, without the first one's rows."""
-    i0 = 0 if start is None else int(np.argmin(np.abs(grid.times - start)))
-    i1 = int(np.argmin(np.abs(grid.times - end)))
-    rows, first = grid.rows, grid.rows.first
+def _cut(base: TimeBase, start: float | None, end: float) -> TimeBase:
+    """The time base from one time to another, without the first one's rows."""
+    i0 = 0 if start is None else int(np.argmin(np.abs(base.times - start)))
+    i1 = int(np.argmin(np.abs(base.times - end)))
+    rows, first = base.rows, base.rows.first
     r0, r1 = first[i0 if start is None else i0 + 1], first[i1 + 1]
     begins = np.maximum(first[i0 : i1 + 2] - r0, 0)
     part, steps = slice(r0, r1), slice(i0, i1)
     return replace(
-        grid,
-        times=grid.times[i0 : i1 + 1],
+        base,
+        times=base.times[i0 : i1 + 1],
         rows=Rows(
             begins, rows.state[part], rows.channel[part], rows.axis[part], rows.sample[part]
         ),
-        interval=grid.interval[steps],
-        fresh=grid.fresh[steps],
-        fraction=grid.fraction[steps],
-        blind=grid.blind[steps],
+        interval=base.interval[steps],
+        fresh=base.fresh[steps],
+        fraction=base.fraction[steps],
+        blind=base.blind[steps],
     )

@@ -13,11 +13,12 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import MessageRejectedError
-from ...estimation.observations import Observations, corrected
+from ...estimation.observations import corrected
 from ...estimation.torque_process import TorqueDriven
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
+from ...recording.record import Record
 from ...types import Array
 from .block_filter import FlightFilter
 from .probes import probes_of
@@ -67,7 +68,7 @@ class Monitor:
     def reset(self) -> None:
         """Forget everything, as at the beginning of another run."""
         options = self._settings
-        self._window = Window(self.robot.n_joints)
+        self._window = Window(self.robot.joints)
         self._start: Start | None = None
         self._filter: FlightFilter | None = None
         self._edge_ns: int | None = None
@@ -157,11 +158,11 @@ class Monitor:
         self._take_estimate(edge_ns)
         end_ns = inside[-1] if inside else ahead[0]
         first_ns = edge_ns - _CONTEXT_NS * self._is_continued
-        observed = self._observe(first_ns, end_ns + _CONTEXT_NS)
-        if observed is None:
+        record = self._observe(first_ns, end_ns + _CONTEXT_NS)
+        if record is None:
             self._skip(end_ns, 'too few samples of the sensors')
             return True
-        self._judge(self._start, self._filter, observed, end_ns)
+        self._judge(self._start, self._filter, record, end_ns)
         return True
 
     def _learn(self, first_ns: int, newest: int) -> bool:
@@ -171,12 +172,12 @@ class Monitor:
             reason = f'learning: {done:.0f} of {self._settings.learn:g} s'
             self.state = MonitorState(reason=reason)
             return False
-        observed = self._observe(first_ns, end_ns)
-        if observed is None or len(observed.joint_time) < _FEWEST_TO_LEARN:
+        record = self._observe(first_ns, end_ns)
+        if record is None or len(record.joint_time) < _FEWEST_TO_LEARN:
             self._skip(end_ns, 'too few samples of the sensors to learn from')
             return True
         self._edge_ns = first_ns
-        self._start = learn(observed, self.robot, self._believed, self._momentum_std)
+        self._start = learn(record, self.robot, self._believed, self._momentum_std)
         self._begin(np.eye(self.robot.target_momentum.size) * self._momentum_std**2)
         return True
 
@@ -213,16 +214,15 @@ class Monitor:
         if self.state.level != 'error':
             self.state = replace(self.state, level='stale', reason=why, judged_ns=end_ns)
 
-    def _observe(self, first_ns: int, last_ns: int) -> Observations | None:
+    def _observe(self, first_ns: int, last_ns: int) -> Record | None:
         """The samples without what believed sensor effects do; None where they do not suffice."""
         seen = self._window.observations(first_ns, last_ns)
         if not self.robot.is_free:
-            seen = replace(seen, rate_time=np.zeros(0), omega=np.zeros((0, 3)), attitude=None)
-            seen = replace(seen, attitude_time=np.zeros(0))
+            seen = replace(seen, rates=None, attitudes=None)
         if len(seen.rate_time) < _FEWEST_RATES:
-            seen = replace(seen, rate_time=np.zeros(0), omega=np.zeros((0, 3)))
+            seen = replace(seen, rates=None)
         if len(seen.attitude_time) < _FEWEST_ATTITUDES:
-            seen = replace(seen, attitude_time=np.zeros(0), attitude=None)
+            seen = replace(seen, attitudes=None)
         blind = self.robot.is_free and not len(seen.rate_time) and seen.attitude is None
         if blind or len(seen.joint_time) < _FEWEST_JOINTS:
             return None
@@ -231,11 +231,9 @@ class Monitor:
 
     # ------------------------------------------------------------ judgement
 
-    def _judge(
-        self, start: Start, flight: FlightFilter, observed: Observations, end_ns: int
-    ) -> None:
+    def _judge(self, start: Start, flight: FlightFilter, record: Record, end_ns: int) -> None:
         known = flight.momentum
-        block = flight.block(observed, float(self._window.seconds(np.array(end_ns))))
+        block = flight.block(record, float(self._window.seconds(np.array(end_ns))))
         self._is_continued = True
         self._edge_ns = end_ns
         self._window.close(end_ns, 2 * _CONTEXT_NS)

@@ -9,12 +9,12 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...estimation.noise_levels import noise_levels
-from ...estimation.observations import Observations
-from ...estimation.prediction import TIMINGS, Columns, Innovations, Scene
+from ...estimation.prediction import TIMINGS, Columns, Innovations, MeasuredMotion
 from ...estimation.reference import NoiseLevels
 from ...estimation.time_base import CHANNELS
 from ...estimation.torque_process import TorqueDriven
 from ...model.robot import Robot
+from ...recording.record import Record
 from ...types import Array
 from ..timing import said_of
 from .block_filter import BlockInnovations
@@ -43,7 +43,7 @@ class Start:
 
 
 def learn(
-    observed: Observations,
+    record: Record,
     robot: Robot,
     believed: Sequence[Effect],
     momentum_std: float,
@@ -54,22 +54,24 @@ def learn(
     (`timing` says why not by likelihood).
 
     Args:
-        observed: The first seconds, believed sensor effects undone.
+        record: The first seconds, believed sensor effects undone.
         robot: The robot file's robot.
         believed: Its own effects.
         momentum_std: Of the captured wheels' momentum about the robot's, each axis [N m s]; zero
             where it is believed.
     """
-    noise, notes = noise_levels(robot.sensors, observed)
+    noise, notes = noise_levels(robot.sensors, record)
     process = TorqueDriven(robot, believed)
-    scene = Scene(observed, noise, process)
-    timings = ('sampled',) if observed.effort is None else tuple(TIMINGS)
-    tried = [_trial(BlockInnovations(scene, process, timing), momentum_std) for timing in timings]
+    measured = MeasuredMotion(record, noise, process)
+    timings = ('sampled',) if record.effort is None else tuple(TIMINGS)
+    tried = [
+        _trial(BlockInnovations(measured, process, timing), momentum_std) for timing in timings
+    ]
     best = min(tried, key=lambda trial: trial.misfit)
     if len(best.momentum):
         known = robot.with_target_momentum(robot.target_momentum + best.momentum)
         process = TorqueDriven(known, believed)
-        best = _trial(BlockInnovations(scene, process, best.filtered.timing), momentum_std)
+        best = _trial(BlockInnovations(measured, process, best.filtered.timing), momentum_std)
     timing = best.filtered.timing
     spread = _spread(best)
     return Start(process, noise, timing, spread, (*notes, *said_of(timing)))
@@ -97,7 +99,7 @@ def _trial(filtered: Innovations, momentum_std: float) -> _Trial:
 
 
 def _spread(trial: _Trial) -> Array:
-    rows = trial.filtered.grid.rows
+    rows = trial.filtered.time_base.rows
     out = np.ones(len(CHANNELS))
     for c in range(len(CHANNELS)):
         values = trial.left[rows.channel == c]

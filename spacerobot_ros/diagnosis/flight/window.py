@@ -5,11 +5,10 @@ from __future__ import annotations
 from bisect import bisect_left
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...errors import MessageRejectedError
-from ...estimation.observations import Observations
-from ...types import Array
+from ...recording.record import AttitudeSeries, JointSeries, RateSeries, Record
+from ...types import Array, IntArray
 
 _UNIT_TOLERANCE = 1e-3
 
@@ -56,7 +55,7 @@ class Stream:
         self.stamps.insert(place, stamp_ns)
         self._values.insert(place, values)
 
-    def between(self, start_ns: int, end_ns: int) -> tuple[Array, Array]:
+    def between(self, start_ns: int, end_ns: int) -> tuple[IntArray, Array]:
         """Stamps (N,) [ns] and values (N, width) from start to end, both included."""
         part = slice(bisect_left(self.stamps, start_ns), bisect_left(self.stamps, end_ns + 1))
         values = np.array(self._values[part]).reshape(-1, self._width)
@@ -72,11 +71,12 @@ class Window:
     """Samples of all sensors of one robot.
 
     Args:
-        n: Number of joints.
+        names: Of the n joints.
     """
 
-    def __init__(self, n: int) -> None:
-        self._n = n
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        self._n = n = len(names)
         self.joints = Stream(3 * n + 1)
         self.rates = Stream(3)
         self.attitudes = Stream(4)
@@ -111,25 +111,22 @@ class Window:
         norm = float(np.linalg.norm(q_xyzw))
         if abs(norm - 1.0) > _UNIT_TOLERANCE:
             raise MessageRejectedError(f'quaternion has norm {norm:.6g}, not 1')
-        self._add(self.attitudes, stamp_ns, q_xyzw)
+        self._add(self.attitudes, stamp_ns, np.asarray(q_xyzw) / norm)
 
-    def observations(self, start_ns: int, end_ns: int) -> Observations:
+    def observations(self, start_ns: int, end_ns: int) -> Record:
         """What was seen from start to end, times in seconds since the first sample of all."""
         n = self._n
         joint_ns, joints = self.joints.between(start_ns, end_ns)
         rate_ns, omega = self.rates.between(start_ns, end_ns)
         attitude_ns, q_xyzw = self.attitudes.between(start_ns, end_ns)
-        time = self.seconds(joint_ns)
-        return Observations(
-            joint_time=time,
-            q=joints[:, :n],
-            qd=joints[:, n : 2 * n],
-            effort_time=time,
-            effort=joints[:, 2 * n : 3 * n] if joints[:, -1].all() else None,
-            rate_time=self.seconds(rate_ns),
-            omega=omega,
-            attitude_time=self.seconds(attitude_ns),
-            attitude=Rotation.from_quat(q_xyzw) if len(q_xyzw) else None,
+        effort = joints[:, 2 * n : 3 * n] if joints[:, -1].all() else None
+        return Record(
+            joints=JointSeries(self._names, joint_ns, joints[:, :n], joints[:, n : 2 * n], effort)
+            if len(joint_ns)
+            else None,
+            rates=RateSeries(rate_ns, omega) if len(rate_ns) else None,
+            attitudes=AttitudeSeries(attitude_ns, q_xyzw) if len(attitude_ns) else None,
+            zero_ns=self.origin_ns or 0,
         )
 
     def seconds(self, stamps_ns: Array) -> Array:
