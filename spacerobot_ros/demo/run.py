@@ -154,7 +154,7 @@ class _Plan:
 
 def _run(file: RobotFile, plan: _Plan, progress: Progress) -> Run:
     settings, urdf, log = plan.settings, file.robot.urdf, _Log()
-    writer = BagWriter(plan.bag, overwrite=True, base_link=file.robot.base_link)
+    writer = BagWriter(plan.bag, overwrite=True)
     with writer, Session() as session:
         writer.text('/robot_description', 0, urdf)
         ears = session.plain('demo')

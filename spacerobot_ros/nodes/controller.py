@@ -19,7 +19,9 @@ from trajectory_msgs.msg import JointTrajectory
 from ..control.loop import Command, ControlLoop
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
+from ..recording import messages
 from ..ros import convert
+from ..ros.convert import compose
 from ..ros.diagnostics import Health, Status
 from ..ros.jumps import on_backward_jump
 from ..ros.main import run_node
@@ -153,7 +155,7 @@ class ControllerNode(LifecycleNode):
 
     def _on_imu(self, message: Imu) -> None:
         try:
-            stamp, omega = convert.angular_rate(message, self._base_link)
+            stamp, omega = messages.angular_rate(message, self._base_link)
             self._go_back(stamp, self._latest_rate and self._latest_rate[0], '/imu/data')
             self.loop.add_rate(stamp, omega)
         except MessageRejectedError as error:
@@ -165,7 +167,7 @@ class ControllerNode(LifecycleNode):
 
     def _on_attitude(self, message: QuaternionStamped) -> None:
         try:
-            stamp, attitude = convert.attitude(message)
+            stamp, attitude = messages.attitude(message)
             self._go_back(stamp, self._latest_attitude and self._latest_attitude[0], '/attitude')
             self.loop.add_attitude(stamp, attitude)
         except MessageRejectedError as error:
@@ -177,7 +179,7 @@ class ControllerNode(LifecycleNode):
 
     def _on_joints(self, message: JointState) -> None:
         try:
-            joints = convert.joint_sample(message, self._names)
+            joints = messages.joint_sample(message, self._names)
             last = self._latest[0] if self._latest else None
             self._go_back(joints[0], last, '/joint_states')
             if self._latest is not None and joints[0] <= self._latest[0]:
@@ -274,8 +276,8 @@ class ControllerNode(LifecycleNode):
 
     def _send(self, stamp: int, tau: np.ndarray, base: np.ndarray | None) -> None:
         if base is not None:
-            self._wrench_publisher.publish(convert.base_torque(stamp, self._base_link, base))
-        self._effort_publisher.publish(convert.joint_state(stamp, self._names, effort=tau))
+            self._wrench_publisher.publish(compose.base_torque(stamp, self._base_link, base))
+        self._effort_publisher.publish(compose.joint_state(stamp, self._names, effort=tau))
 
     def _watch(self) -> None:
         """Say on /diagnostics how things are."""

@@ -21,6 +21,7 @@ from ..errors import IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..identification.online import OnlineIdentifier
 from ..model.robot import Robot
+from ..recording import messages
 from ..ros import convert
 from ..ros.diagnostics import OK, STALE, WARN, Health, Status
 from ..ros.jumps import STAMP_JUMP_NS, on_backward_jump
@@ -112,13 +113,13 @@ class IdentifierNode(Node):
     # ------------------------------------------------------------ samples in
 
     def _on_imu(self, message: Imu) -> None:
-        self._take(RATE, convert.angular_rate, message, self._base_link)
+        self._take(RATE, messages.angular_rate, message, self._base_link)
 
     def _on_attitude(self, message: QuaternionStamped) -> None:
-        self._take(ATTITUDE, convert.attitude, message)
+        self._take(ATTITUDE, messages.attitude, message)
 
     def _on_joints(self, message: JointState) -> None:
-        self._take(JOINTS, convert.joint_sample, message, self._names)
+        self._take(JOINTS, messages.joint_sample, message, self._names)
 
     def _take(self, stream: int, to_arrays: Any, message: Any, *args: Any) -> None:
         try:

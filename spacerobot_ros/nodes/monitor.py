@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import QuaternionStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -25,6 +24,7 @@ from ..diagnosis.flight.state import MonitorState
 from ..effects.catalogue import bind_effects
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
+from ..recording import messages
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Health, Status
 from ..ros.jumps import STAMP_JUMP_NS, on_backward_jump
@@ -32,7 +32,6 @@ from ..ros.main import run_node
 from ..ros.merge import Merger
 from ..ros.params import declare_settings, open_robot
 from ..ros.qos import LATCHED, SAMPLES
-from ..types import Array
 from .event_recorder import EventRecorder
 
 PATIENCE_NS = 1_000_000_000
@@ -126,13 +125,13 @@ class MonitorNode(Node):
 
     def _to_arrays(self, topic: str, message: Any) -> tuple[int, tuple[Any, ...]]:
         if topic == IMU:
-            stamp, omega = convert.angular_rate(message, self._base_link)
+            stamp, omega = messages.angular_rate(message, self._base_link)
             return stamp, (omega,)
         if topic == ATTITUDE:
-            stamp, q_xyzw = convert.attitude(message)
+            stamp, q_xyzw = messages.attitude(message)
             return stamp, (q_xyzw,)
-        stamp, q, qd = convert.joint_sample(message, self._names)
-        return stamp, (q, qd, measured_efforts(message, self._names))
+        stamp, *columns = messages.joint_sample(message, self._names, efforts=True)
+        return stamp, tuple(columns)
 
     def _use(self, stamp_ns: int, stream: int, content: tuple[Any, ...]) -> None:
         topic = self._topics[stream]
@@ -225,21 +224,6 @@ class MonitorNode(Node):
             values['rms over noise floor'] = c.rms
             values['whiteness p'] = c.whiteness_p
         return Status(c.name, LEVELS[c.level], c.reason or 'as the model says', values)
-
-
-def measured_efforts(message: JointState, names: list[str]) -> Array | None:
-    """(n,) efforts of the named joints [N m]; None where the message holds none.
-
-    Raises:
-        MessageRejectedError: wrong length.
-    """
-    if not message.effort:
-        return None
-    if len(message.effort) != len(message.name):
-        raise MessageRejectedError(
-            f'effort has {len(message.effort)} entries for {len(message.name)} joints'
-        )
-    return np.array([message.effort[message.name.index(name)] for name in names])
 
 
 def main(args: list[str] | None = None) -> int:

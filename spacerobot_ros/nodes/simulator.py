@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..model.settings import ADAPTIVE_LAWS
-from ..ros import convert
+from ..recording import messages
 from ..ros.diagnostics import Health
 from ..ros.main import run_node
 from ..ros.params import declare_settings, open_robot
@@ -245,7 +245,7 @@ class SimulatorNode(Node):
 
     def _on_command(self, message: JointState) -> None:
         try:
-            stamp, tau = convert.joint_efforts(message, self._names)
+            stamp, tau = messages.joint_efforts(message, self._names)
             if self._options.lockstep:
                 self._answer.give_tau(stamp, tau)
         except MessageRejectedError as error:
@@ -259,8 +259,7 @@ class SimulatorNode(Node):
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         try:
-            wrench = convert.base_wrench(message, self._robot.base_link)
-            stamp = convert.stamp_ns(message.header.stamp)
+            stamp, wrench = messages.base_wrench(message, self._robot.base_link)
             is_answer = self._options.lockstep and self._answer.give_wrench(stamp, wrench)
         except MessageRejectedError as error:
             self.health.reject('/base_torque', error)

@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Ledger
 
-from ..ros import convert
+from ..ros.convert import compose
 from ..ros.qos import STATE
 from ..sensing.sensors import Measurements
 from ..simulation.plant import Plant
@@ -68,21 +68,21 @@ class SimulatorTopics:
     def publish(self, plant: Plant, sample: Measurements) -> None:
         """Publish what is due at a step; the joint states last, for they ask for a command."""
         ns = plant.time_ns
-        self._clock.publish(Clock(clock=convert.to_time(ns)))
+        self._clock.publish(Clock(clock=compose.time(ns)))
         if sample.omega is not None and plant.robot.is_free:
-            self._last_imu = convert.imu(ns, self._base_link, sample.omega, self._gyro_std)
+            self._last_imu = compose.imu(ns, self._base_link, sample.omega, self._gyro_std)
             self._imu.publish(self._last_imu)
         if sample.attitude_xyzw is not None:
-            self._last_attitude = convert.quaternion(ns, sample.attitude_xyzw)
+            self._last_attitude = compose.quaternion(ns, sample.attitude_xyzw)
             self._attitude.publish(self._last_attitude)
         if sample.wheel_rates is not None:
             rates = np.asarray(sample.wheel_rates)
-            self._wheels.publish(convert.joint_state(ns, self._wheel_names, velocity=rates))
+            self._wheels.publish(compose.joint_state(ns, self._wheel_names, velocity=rates))
         if plant.step_index % self._ledger_every == 0:
-            self._ledger.publish(convert.ledger_message(ns, plant.ledger()))
+            self._ledger.publish(compose.ledger(ns, plant.ledger()))
         if sample.joints is not None:
             j = sample.joints
-            self._last_joints = convert.joint_state(
+            self._last_joints = compose.joint_state(
                 ns, self._joint_names, j.position, j.velocity, j.effort
             )
             self._joints.publish(self._last_joints)

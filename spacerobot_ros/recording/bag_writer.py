@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -23,12 +22,12 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
 from rosbags.serde import SerdeError
 
-from ..dynamics.ledger import MomentumLedger
 from ..errors import RecordingError
-from ..types import Array, Quaternion, Vector3
-from .message_types import PACKAGE, canonical_cdr, typestore
+from ..types import Array
+from .compose import Composer
+from .message_types import canonical_cdr, typestore
+from .messages import stamp_ns
 
-INERTIAL_FRAME = 'inertial'
 _VERSION = 9  # of the bag's metadata: Jazzy and later
 _REORDER_NS = 1_000_000_000
 _NAME = (
@@ -66,19 +65,18 @@ class BagWriter:
     Args:
         path: Folder to create.
         overwrite: Replace a bag that is there.
-        base_link: Frame of the gyro.
+
+    Attributes:
+        compose: Makes the messages to `add`.
 
     Raises:
         RecordingError: something is at `path` that must stay, or the folder can't be made.
     """
 
-    def __init__(
-        self, path: str | Path, *, overwrite: bool = False, base_link: str = 'base_link'
-    ) -> None:
+    def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
         self._path = check_target(path, overwrite)
-        self._base_link = base_link
         self._store = typestore()
-        self._types = self._store.types
+        self.compose = Composer(self._store.types.__getitem__, _doubles)
         self._work = self._path.parent / f'.{self._path.name}.partial'
         self._queue: list[tuple[int, str, int, str, bytes, bool]] = []
         self._count = 0
@@ -120,92 +118,17 @@ class BagWriter:
         """Messages taken so far."""
         return self._count
 
-    def joint_states(
-        self,
-        stamp_ns: int,
-        names: Sequence[str],
-        position: Array | None = None,
-        velocity: Array | None = None,
-        effort: Array | None = None,
-        topic: str = '/joint_states',
-    ) -> None:
-        """Write a JointState; `topic` also serves `/joint_commands` and `/wheel_states`."""
-        columns = [
-            np.zeros(0) if v is None else np.asarray(v, dtype=float)
-            for v in (position, velocity, effort)
-        ]
-        self._add(topic, 'sensor_msgs/msg/JointState', stamp_ns, '', list(names), *columns)
-
-    def imu(
-        self, stamp_ns: int, omega_WB_B: Vector3, std: float = 0.0, topic: str = '/imu/data'
-    ) -> None:
-        """Write a gyro sample; orientation and acceleration are marked absent (REP 145).
-
-        Args:
-            stamp_ns: Sample time [ns].
-            omega_WB_B: (3,) [rad/s].
-            std: Standard deviation an axis [rad/s]; 0 for unknown.
-            topic: Topic.
-        """
-        absent = np.array([-1.0, *np.zeros(8)])
-        vector, quaternion = (
-            self._type('geometry_msgs', 'Vector3'),
-            self._type('geometry_msgs', 'Quaternion'),
-        )
-        rate = vector(*(float(v) for v in omega_WB_B))
-        covariance = (std * std * np.eye(3)).ravel()
-        self._add(
-            topic,
-            'sensor_msgs/msg/Imu',
-            stamp_ns,
-            self._base_link,
-            quaternion(0.0, 0.0, 0.0, 1.0),
-            absent,
-            rate,
-            covariance,
-            vector(0.0, 0.0, 0.0),
-            absent,
-        )
-
-    def attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion, topic: str = '/attitude') -> None:
-        """Write a star tracker sample, (4,) q_WB xyzw."""
-        quaternion = self._type('geometry_msgs', 'Quaternion')(*(float(v) for v in q_WB_xyzw))
-        self._add(
-            topic, 'geometry_msgs/msg/QuaternionStamped', stamp_ns, INERTIAL_FRAME, quaternion
-        )
-
-    def base_torque(self, stamp_ns: int, torque: Vector3, topic: str = '/base_torque') -> None:
-        """Write a torque on the base, (3,) in base coordinates [N m]."""
-        vector = self._type('geometry_msgs', 'Vector3')
-        wrench = self._type('geometry_msgs', 'Wrench')
-        held = wrench(vector(0.0, 0.0, 0.0), vector(*(float(v) for v in torque)))
-        self._add(topic, 'geometry_msgs/msg/WrenchStamped', stamp_ns, self._base_link, held)
-
-    def ledger(
-        self, stamp_ns: int, ledger: MomentumLedger, topic: str = '/simulator/ledger'
-    ) -> None:
-        """Write the simulated machine's momentum and energy book."""
-        vector = self._type('geometry_msgs', 'Vector3')
-        self._add(
-            topic,
-            f'{PACKAGE}/msg/Ledger',
-            stamp_ns,
-            INERTIAL_FRAME,
-            vector(*ledger.linear.tolist()),
-            vector(*ledger.angular.tolist()),
-            ledger.kinetic,
-            ledger.potential,
-            ledger.joint_work,
-            vector(*ledger.angular_impulse.tolist()),
-            ledger.momentum_drift,
-            ledger.energy_drift,
-        )
+    def add(self, topic: str, message: Any) -> None:
+        """Write a message with a header that `compose` made; its stamp is its time."""
+        ns, kind = stamp_ns(message.header.stamp), message.__msgtype__
+        self._write(topic, kind, ns, bytes(self._store.serialize_cdr(message, kind)), False)
 
     def text(self, topic: str, stamp_ns: int, text: str) -> None:
         """Write a latched String, such as `/robot_description`."""
         msgtype = 'std_msgs/msg/String'
-        cdr = bytes(self._store.serialize_cdr(self._types[msgtype](text), msgtype))
-        self._push(topic, msgtype, stamp_ns, cdr, True)
+        message = self.compose.make(msgtype, data=text)
+        cdr = bytes(self._store.serialize_cdr(message, msgtype))
+        self._write(topic, msgtype, stamp_ns, cdr, True)
 
     def message(
         self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool = False
@@ -226,20 +149,9 @@ class BagWriter:
             clean = canonical_cdr(msgtype, cdr)
         except (SerdeError, KeyError) as error:
             raise RecordingError(topic, f'not a {msgtype}: {error}') from error
-        self._push(topic, msgtype, stamp_ns, clean, latched)
+        self._write(topic, msgtype, stamp_ns, clean, latched)
 
-    def _add(self, topic: str, msgtype: str, stamp_ns: int, frame_id: str, *fields: Any) -> None:
-        stamp = self._type('builtin_interfaces', 'Time')(*divmod(stamp_ns, 1_000_000_000))
-        header = self._type('std_msgs', 'Header')(stamp, frame_id)
-        message = self._types[msgtype](header, *fields)
-        self._push(
-            topic, msgtype, stamp_ns, bytes(self._store.serialize_cdr(message, msgtype)), False
-        )
-
-    def _type(self, package: str, name: str) -> Any:
-        return self._types[f'{package}/msg/{name}']
-
-    def _push(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool) -> None:
+    def _write(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool) -> None:
         heapq.heappush(self._queue, (stamp_ns, topic, self._count, msgtype, cdr, latched))
         self._count += 1
         self._newest_ns = max(self._newest_ns, stamp_ns)
@@ -266,6 +178,10 @@ class BagWriter:
             check_target(self._path, overwrite=True)
             self._path.rename(self._work / 'replaced')
         (self._work / _NAME).rename(self._path)
+
+
+def _doubles(values: Array) -> Array:
+    return np.asarray(values, dtype=np.float64)
 
 
 def _qos(latched: bool) -> Qos:

@@ -10,8 +10,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from ..errors import RecordingError
-
-PACKAGE = 'spacerobot_msgs'
+from .compose import PACKAGE
 
 
 @functools.cache

@@ -1,115 +1,65 @@
-"""Messages to arrays, with every check that a message must pass before it is used, and back.
-
-A message that fails raises `MessageRejectedError` with the reason; nothing is repaired.
-"""
+"""Messages of ROS from and to the objects of the control loop; sensors: `recording.messages`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import importlib
+from array import array
+from functools import cache
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import QuaternionStamped, WrenchStamped
-from sensor_msgs.msg import Imu, JointState
-from spacerobot_msgs.msg import Estimate as EstimateMessage
-from trajectory_msgs.msg import JointTrajectory
 
+from ..control.adaptive.controller import AdaptiveController
+from ..control.command import Command
 from ..control.reference import Point, Sampled
 from ..errors import ConfigurationError, IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
-from ..types import Array, Quaternion, Vector6
-from ..types import Vector3 as Triple
-from .compose import (
-    INERTIAL_FRAME,
-    base_torque,
-    doubles,
-    estimate_message,
-    imu,
-    joint_state,
-    ledger_message,
-    parameters_message,
-    quaternion,
-    to_time,
-    tracking_message,
-    vector,
-)
+from ..recording.compose import PACKAGE, Composer
+from ..recording.messages import INERTIAL_FRAME, joint_order, stamp_ns
+from ..types import Array
 
-UNIT_TOLERANCE = 1e-3
+PARAMETER_UNIT = 'kg m^2'
 
 
-def stamp_ns(stamp: Time) -> int:
-    """Stamp of a header [ns]."""
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+@cache
+def message_type(kind: str) -> Any:
+    """The class of a message type such as `sensor_msgs/msg/Imu`."""
+    module, _, name = kind.replace('/', '.').rpartition('.')
+    return getattr(importlib.import_module(module), name)
 
 
-def joint_sample(message: JointState, names: list[str]) -> tuple[int, Array, Array]:
-    """Stamp [ns], positions and rates of the named joints; other joints are left out.
-
-    Raises:
-        MessageRejectedError: a joint missing or named twice, wrong lengths, or non-finite.
-    """
-    order = _order(message.name, names)
-    q = _entries(message.position, len(message.name), order, 'position')
-    qd = _entries(message.velocity, len(message.name), order, 'velocity')
-    return stamp_ns(message.header.stamp), q, qd
+def doubles(values: Array) -> array[float]:
+    """A float64 vector in the form that message fields take without a check of each entry."""
+    out = array('d')
+    out.frombytes(np.ascontiguousarray(values, dtype=np.float64).tobytes())
+    return out
 
 
-def joint_efforts(message: JointState, names: list[str]) -> tuple[int, Array]:
-    """Stamp [ns] and efforts of a command for exactly the named joints, in any order.
+compose = Composer(message_type, doubles)
 
-    Raises:
-        MessageRejectedError: a joint missing, unknown or named twice, wrong length, or non-finite.
-    """
-    unknown = [name for name in message.name if name not in names]
-    if unknown:
-        raise MessageRejectedError(f'unknown joint {unknown[0]!r}')
-    order = _order(message.name, names)
-    return stamp_ns(message.header.stamp), _entries(
-        message.effort, len(message.name), order, 'effort'
+
+def estimate_message(value: Estimate, rejected: int) -> Any:
+    """An Estimate message."""
+    names = ('method', 'valid', 'reason', 'rank', 'unknowns', 'samples')
+    return compose.stamped(
+        f'{PACKAGE}/msg/Estimate',
+        value.stamp_ns,
+        INERTIAL_FRAME,
+        **{name: getattr(value, name) for name in names},
+        **{name: doubles(getattr(value, name)) for name in ('aam', 'parameters', 'covariance')},
+        condition=float(value.condition),
+        chi2_per_dof=float(value.chi2_per_dof),
+        aam_links=list(value.aam_links),
+        parameter_names=list(value.parameter_names),
+        parameter_units=[PARAMETER_UNIT] * len(value.parameter_names),
+        unexcited=list(value.unexcited),
+        total_momentum=np.array(value.total_momentum, dtype=np.float64),
+        total_momentum_covariance=np.ravel(value.total_momentum_covariance),
+        rejected=rejected,
     )
 
 
-def angular_rate(message: Imu, base_link: str) -> tuple[int, Triple]:
-    """Stamp [ns] and omega_WB_B (3,) of an IMU message [rad/s].
-
-    Raises:
-        MessageRejectedError: another frame, no angular velocity in it (REP 145), or non-finite.
-    """
-    _frame(message.header.frame_id, base_link)
-    if message.angular_velocity_covariance[0] == -1.0:
-        raise MessageRejectedError('holds no angular velocity (covariance[0] is -1)')
-    w = message.angular_velocity
-    return stamp_ns(message.header.stamp), _finite(np.array([w.x, w.y, w.z]), 'angular_velocity')
-
-
-def attitude(message: QuaternionStamped) -> tuple[int, Quaternion]:
-    """Stamp [ns] and q_WB (4,) xyzw of an attitude message, as it came.
-
-    Raises:
-        MessageRejectedError: another frame, non-finite, or a norm off one by more than 1e-3.
-    """
-    _frame(message.header.frame_id, INERTIAL_FRAME)
-    q = message.quaternion
-    q_xyzw = _finite(np.array([q.x, q.y, q.z, q.w]), 'quaternion')
-    norm = float(np.sqrt(q_xyzw @ q_xyzw))
-    if abs(norm - 1.0) > UNIT_TOLERANCE:
-        raise MessageRejectedError(f'quaternion has norm {norm:.6g}, not 1')
-    return stamp_ns(message.header.stamp), q_xyzw
-
-
-def base_wrench(message: WrenchStamped, base_link: str) -> Vector6:
-    """[force; torque] (6,) on the base in base coordinates [N, N m].
-
-    Raises:
-        MessageRejectedError: another frame, or non-finite.
-    """
-    _frame(message.header.frame_id, base_link)
-    f, t = message.wrench.force, message.wrench.torque
-    return _finite(np.array([f.x, f.y, f.z, t.x, t.y, t.z]), 'wrench')
-
-
-def estimate(message: EstimateMessage) -> Estimate:
+def estimate(message: Any) -> Estimate:
     """An estimate from its message.
 
     Raises:
@@ -120,22 +70,17 @@ def estimate(message: EstimateMessage) -> Estimate:
         raise MessageRejectedError(
             f'covariance has {len(message.covariance)} entries, expected {size * size}'
         )
+    names = ('method', 'valid', 'reason', 'rank', 'condition', 'chi2_per_dof', 'samples')
     out = Estimate(
-        method=message.method,
-        valid=message.valid,
-        reason=message.reason,
+        **{name: getattr(message, name) for name in names},
         aam_links=tuple(message.aam_links),
-        aam=np.array(message.aam),
         parameter_names=tuple(message.parameter_names),
+        aam=np.array(message.aam),
         parameters=np.array(message.parameters),
         covariance=np.array(message.covariance).reshape(size, size),
-        rank=message.rank,
-        condition=message.condition,
         unexcited=tuple(message.unexcited),
         total_momentum=np.array(message.total_momentum),
         total_momentum_covariance=np.array(message.total_momentum_covariance).reshape(3, 3),
-        chi2_per_dof=message.chi2_per_dof,
-        samples=message.samples,
         stamp_ns=stamp_ns(message.header.stamp),
     )
     try:
@@ -145,22 +90,63 @@ def estimate(message: EstimateMessage) -> Estimate:
     return out
 
 
-def trajectory(
-    message: JointTrajectory, names: list[str], start: Point | None
-) -> tuple[Sampled, int | None]:
+def tracking_message(command: Command, names: list[str], law: str) -> Any:
+    """A Tracking message."""
+    attitude = np.zeros(0) if command.attitude_error is None else command.attitude_error
+    base = np.zeros(0) if command.base is None else command.base
+    columns: dict[str, Array] = {
+        'reference_position': command.point.q,
+        'reference_velocity': command.point.qd,
+        'reference_acceleration': command.point.qdd,
+        'position_error': command.error,
+        'velocity_error': command.error_rate,
+        'effort': command.tau,
+        'attitude_error': attitude,
+        'base_torque': base,
+    }
+    return compose.stamped(
+        f'{PACKAGE}/msg/Tracking',
+        command.stamp_ns,
+        joint_names=names,
+        **{name: compose.sequence(values) for name, values in columns.items()},
+        saturated=command.saturated.tolist(),
+        law=law,
+        state=command.mode,
+        uses_estimate=command.uses_estimate,
+        max_error=float(np.abs(command.error).max()),
+        base_saturated=command.base_saturated,
+    )
+
+
+def parameters_message(ns: int, adaptive: AdaptiveController, from_estimate: bool) -> Any:
+    """A Parameters message of what an adaptive law runs on."""
+    parameters, health = adaptive.parameters, adaptive.health
+    covariance = np.zeros(0) if parameters.covariance is None else parameters.covariance
+    return compose.stamped(
+        f'{PACKAGE}/msg/Parameters',
+        ns,
+        law=adaptive.settings.law,
+        names=list(parameters.names),
+        units=list(parameters.units),
+        values=doubles(parameters.values),
+        covariance=doubles(covariance),
+        physical=health.physical,
+        adapting=health.adapting,
+        reason=health.reason,
+        excitation=health.excitation,
+        from_estimate=from_estimate,
+    )
+
+
+def trajectory(message: Any, names: list[str], start: Point | None) -> tuple[Sampled, int | None]:
     """A reference and the stamp of its t = 0 [ns] (None: now, as a zero stamp says).
 
     Raises:
         MessageRejectedError: joints missing or unknown, no points, wrong lengths, non-finite
             numbers, or times that do not increase.
     """
-    if sorted(message.joint_names) != sorted(names):
-        raise MessageRejectedError(
-            f'joints are {list(message.joint_names)}, expected {list(names)}'
-        )
-    order = _order(message.joint_names, names)
-    count = len(names)
-    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
+    order, count = joint_order(message.joint_names, names), len(names)
+    times = [stamp_ns(p.time_from_start) * 1e-9 for p in message.points]
     kinds: list[Array | None] = []
     for kind in ('positions', 'velocities', 'accelerations'):
         rows = [getattr(p, kind) for p in message.points]
@@ -176,58 +162,4 @@ def trajectory(
         reference = Sampled(np.array(times), kinds[0], kinds[1], kinds[2], start)
     except ConfigurationError as error:
         raise MessageRejectedError(error.reason) from error
-    ns = stamp_ns(message.header.stamp)
-    return reference, ns or None
-
-
-def _order(given: Sequence[str], names: list[str]) -> list[int]:
-    if given == names:
-        return list(range(len(names)))
-    index = {name: i for i, name in enumerate(given)}
-    if len(index) != len(given):
-        raise MessageRejectedError('a joint is named twice')
-    missing = [name for name in names if name not in index]
-    if missing:
-        raise MessageRejectedError(f'joint {missing[0]!r} is missing')
-    return [index[name] for name in names]
-
-
-def _entries(values: Any, count: int, order: list[int], what: str) -> Array:
-    if len(values) != count:
-        raise MessageRejectedError(f'{what} has {len(values)} entries for {count} joints')
-    return _finite(np.array(values, dtype=float)[order], what)
-
-
-def _finite(values: Array, what: str) -> Array:
-    if not np.isfinite(values).all():
-        raise MessageRejectedError(f'{what} is not finite')
-    return values
-
-
-def _frame(frame: str, expected: str) -> None:
-    if frame not in ('', expected):
-        raise MessageRejectedError(f'frame_id is {frame!r}, expected {expected!r}')
-
-
-__all__ = [
-    'INERTIAL_FRAME',
-    'angular_rate',
-    'attitude',
-    'base_torque',
-    'base_wrench',
-    'doubles',
-    'estimate',
-    'estimate_message',
-    'imu',
-    'joint_efforts',
-    'joint_sample',
-    'joint_state',
-    'ledger_message',
-    'parameters_message',
-    'quaternion',
-    'stamp_ns',
-    'to_time',
-    'tracking_message',
-    'trajectory',
-    'vector',
-]
+    return reference, stamp_ns(message.header.stamp) or None

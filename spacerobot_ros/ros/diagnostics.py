@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from ..recording.messages import kind_of
 from .qos import STATE
 
 OK, WARN, ERROR, STALE = (
@@ -19,7 +19,7 @@ OK, WARN, ERROR, STALE = (
     DiagnosticStatus.ERROR,
     DiagnosticStatus.STALE,
 )
-_NUMBER = re.compile(r'[-+]?\d+(\.\d+)?([eE][-+]?\d+)?')
+MOST_KINDS = 100  # of rejections that are counted apart: what comes from outside has no bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,10 @@ class Health:
     def reject(self, topic: str, reason: object) -> None:
         """Count a message that must not be used, and say so once in a while."""
         text = str(reason)
-        self.rejected[topic, _NUMBER.sub('#', text)] += 1
+        kind = (topic, kind_of(text))
+        if kind not in self.rejected and len(self.rejected) >= MOST_KINDS:
+            kind = (topic, 'other reasons')
+        self.rejected[kind] += 1
         self._node.get_logger().warning(f'{topic}: {text}', throttle_duration_sec=2.0)
 
     def count(self, topic: str | None = None) -> int:

@@ -66,13 +66,14 @@ def record_run(
     every = max(1, round(LEDGER_PERIOD / plant.period))
     error, saturated = 0.0, 0
     attitude_error: float | None = None
-    with BagWriter(path, overwrite=overwrite, base_link=plant.robot.base_link) as bag:
+    with BagWriter(path, overwrite=overwrite) as bag:
         if plant.robot.urdf:
             bag.text('/robot_description', plant.time_ns, plant.robot.urdf)
         for k, step in enumerate(loop.run(steps)):
             _write(bag, loop, step)
             if k % every == 0 or k == steps:
-                bag.ledger(step.stamp_ns, plant.ledger())
+                book = bag.compose.ledger(step.stamp_ns, plant.ledger())
+                bag.add('/simulator/ledger', book)
             if step.command is not None:
                 error = max(error, _joint_error(step, step.command))
                 saturated += bool(step.command.saturated.any() or step.command.base_saturated)
@@ -99,18 +100,22 @@ def _joint_error(step: Step, command: Command) -> float:
 
 
 def _write(bag: BagWriter, loop: ClosedLoop, step: Step) -> None:
-    ns, measured = step.stamp_ns, step.measured
+    ns, measured, robot = step.stamp_ns, step.measured, loop.plant.robot
+    compose = bag.compose
     if measured.joints is not None:
         j = measured.joints
-        bag.joint_states(ns, loop.joints, j.position, j.velocity, j.effort)
-    if measured.omega is not None and loop.plant.robot.is_free:
-        bag.imu(ns, measured.omega, loop.plant.robot.sensors.gyro_std or 0.0)
+        joints = compose.joint_state(ns, loop.joints, j.position, j.velocity, j.effort)
+        bag.add('/joint_states', joints)
+    if measured.omega is not None and robot.is_free:
+        gyro = compose.imu(ns, robot.base_link, measured.omega, robot.sensors.gyro_std)
+        bag.add('/imu/data', gyro)
     if measured.attitude_xyzw is not None:
-        bag.attitude(ns, measured.attitude_xyzw)
+        bag.add('/attitude', compose.quaternion(ns, measured.attitude_xyzw))
     if measured.wheel_rates is not None:
-        rates = measured.wheel_rates
-        bag.joint_states(ns, loop.wheels, velocity=rates, topic='/wheel_states')
+        wheels = compose.joint_state(ns, loop.wheels, velocity=measured.wheel_rates)
+        bag.add('/wheel_states', wheels)
     if step.command is not None:
-        bag.joint_states(ns, loop.joints, effort=step.command.tau, topic='/joint_commands')
+        command = compose.joint_state(ns, loop.joints, effort=step.command.tau)
+        bag.add('/joint_commands', command)
         if step.command.base is not None:
-            bag.base_torque(ns, step.command.base)
+            bag.add('/base_torque', compose.base_torque(ns, robot.base_link, step.command.base))

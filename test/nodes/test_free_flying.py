@@ -24,7 +24,9 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
+from spacerobot_ros.recording import messages
 from spacerobot_ros.ros import convert
+from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES, STATE
 
 pytestmark = pytest.mark.ros
@@ -110,11 +112,11 @@ class Bench:
     def sample(self, ms, attitude=(0.0, 0.0, 0.0, 1.0)):
         ns = ms * 1_000_000
         self.rig.set_time(ns)
-        self.imu.publish(convert.imu(ns, 'base_link', np.zeros(3), None))
+        self.imu.publish(compose.imu(ns, 'base_link', np.zeros(3), None))
         if attitude is not None:
-            self.attitude.publish(convert.quaternion(ns, np.array(attitude)))
+            self.attitude.publish(compose.quaternion(ns, np.array(attitude)))
         self.rig.drain()
-        self.joints.publish(convert.joint_state(ns, list(JOINTS), np.ones(4), np.zeros(4)))
+        self.joints.publish(compose.joint_state(ns, list(JOINTS), np.ones(4), np.zeros(4)))
         self.rig.drain()
 
     def call(self, service):
@@ -188,7 +190,7 @@ def test_parameters_are_published_saved_and_loaded(rig, tmp_path):
     bench = Bench(rig, **{'controller.save_parameters': str(path)})
     for k in range(45):
         bench.sample(50 * k)
-    assert [convert.stamp_ns(m.header.stamp) for m in bench.in_force] == [0, 10**9, 2 * 10**9]
+    assert [messages.stamp_ns(m.header.stamp) for m in bench.in_force] == [0, 10**9, 2 * 10**9]
     last = bench.in_force[-1]
     size = len(last.values)
     assert len(last.names) == len(last.units) == size

@@ -9,7 +9,7 @@ from std_srvs.srv import Trigger
 
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.nodes.identifier import IdentifierNode
-from spacerobot_ros.ros import convert
+from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES
 
 pytestmark = pytest.mark.ros
@@ -35,13 +35,13 @@ class Bench:
         self.publishers[topic].publish(message)
 
     def gyro(self, ms, omega=(0.1, 0.1, 0.1), frame='base_link'):
-        self.send('/imu/data', convert.imu(ms * MS, frame, np.array(omega), None))
+        self.send('/imu/data', compose.imu(ms * MS, frame, np.array(omega), None))
 
     def star(self, ms, q=(0.0, 0.0, 0.0, 1.0)):
-        self.send('/attitude', convert.quaternion(ms * MS, np.array(q)))
+        self.send('/attitude', compose.quaternion(ms * MS, np.array(q)))
 
     def joint(self, ms, q=(0.0, 0.0, 0.0), names=NAMES):
-        message = convert.joint_state(ms * MS, list(names), np.array(q), np.zeros(3))
+        message = compose.joint_state(ms * MS, list(names), np.array(q), np.zeros(3))
         self.send('/joint_states', message)
 
     def all(self, start, stop):
@@ -105,7 +105,8 @@ def test_a_sensor_that_never_comes_is_named(bench):
         (lambda b: b.star(2000, (0, 0, 0, 1.1)), '/attitude', 'quaternion has norm #, not #'),
         (lambda b: b.star(2000, (np.nan, 0, 0, 1)), '/attitude', 'quaternion is not finite'),
         (lambda b: b.joint(2000, (np.inf, 0, 0)), '/joint_states', 'position is not finite'),
-        (lambda b: b.joint(2000, names='abc'), '/joint_states', "joint 'joint_#' is missing"),
+        (lambda b: b.joint(2000, names='abc'), '/joint_states',
+         'joint names: lacks joint_1, joint_2, joint_3'),
         (lambda b: b.joint(2000, (0, 0)), '/joint_states', 'position has # entries for # joints'),
     ],
 )  # fmt: skip

@@ -13,7 +13,7 @@ from spacerobot_ros.campaign.monitor_faults import in_flight
 from spacerobot_ros.campaign.monitor_flights import Flight
 from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.recording.bag import read_bag
-from spacerobot_ros.ros import convert
+from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import SAMPLES, STATE
 
 pytestmark = pytest.mark.ros
@@ -46,16 +46,16 @@ class Bench:
         self.publishers[topic].publish(message)
 
     def joint(self, ns, q=(0.0, 0.0, 0.0), qd=(0.0, 0.0, 0.0), effort=(), names=NAMES):
-        message = convert.joint_state(ns, list(names), np.array(q), np.array(qd))
+        message = compose.joint_state(ns, list(names), np.array(q), np.array(qd))
         message.effort = [float(x) for x in effort]
         self.send('/joint_states', message)
 
     def play(self, samples):
         for k, s in enumerate(samples):
             if s.omega is not None:
-                self.send('/imu/data', convert.imu(s.stamp_ns, 'base_link', s.omega, None))
+                self.send('/imu/data', compose.imu(s.stamp_ns, 'base_link', s.omega, None))
             if s.attitude_xyzw is not None:
-                self.send('/attitude', convert.quaternion(s.stamp_ns, s.attitude_xyzw))
+                self.send('/attitude', compose.quaternion(s.stamp_ns, s.attitude_xyzw))
             if s.joints is not None:
                 self.joint(s.stamp_ns, *s.joints)
             if k % 50 == 49:  # less than the queues hold
@@ -118,11 +118,12 @@ def test_without_a_folder_nothing_is_recorded(rig, parameters):
 @pytest.mark.parametrize(
     ('send', 'topic', 'reason'),
     [
-        (lambda b: b.joint(5 * MS, names='abc'), '/joint_states', "joint 'joint_#' is missing"),
+        (lambda b: b.joint(5 * MS, names='abc'), '/joint_states',
+         'joint names: lacks joint_1, joint_2, joint_3'),
         (lambda b: b.joint(5 * MS, (np.nan, 0, 0)), '/joint_states', 'position is not finite'),
         (lambda b: b.joint(5 * MS, effort=(1.0,)), '/joint_states',
          'effort has # entries for # joints'),
-        (lambda b: b.send('/imu/data', convert.imu(5 * MS, 'x', np.zeros(3), None)), '/imu/data',
+        (lambda b: b.send('/imu/data', compose.imu(5 * MS, 'x', np.zeros(3), None)), '/imu/data',
          "frame_id is 'x', expected 'base_link'"),
         (lambda b: [b.joint(5 * MS), b.joint(5 * MS)], '/joint_states', 'duplicate stamp'),
     ],

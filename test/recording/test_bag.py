@@ -16,7 +16,8 @@ from support.models import robot_of, table_one
 
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.bag import BagWriter, Topics, read_bag
+from spacerobot_ros.recording.bag import Topics, read_bag
+from spacerobot_ros.recording.bag_writer import BagWriter
 from spacerobot_ros.recording.message_types import canonical_cdr, message_folder, typestore
 from spacerobot_ros.simulation.plant import Plant
 
@@ -171,21 +172,22 @@ BAD = {
     'joint twice': ('/joint_states', joint_state(99, [*JOINTS, JOINTS[0]]),
                     'joint names: one appears twice'),
     'short column': ('/joint_states', joint_state(99, effort=[1.0]),
-                     '1 entries in effort, expected 3'),
+                     'effort has 1 entries for 3 joints'),
     'no position': ('/joint_states', joint_state(99, position=[]),
-                    '0 entries in position, expected 3'),
+                    'position has 0 entries for 3 joints'),
     'duplicate stamp': ('/joint_states', joint_state(0), 'stamp seen before'),
-    'gyro nan': ('/imu/data', imu(99, (0.0, np.nan, 0.0)), 'angular velocity is not finite'),
+    'gyro nan': ('/imu/data', imu(99, (0.0, np.nan, 0.0)), 'angular_velocity is not finite'),
     'gyro frame': ('/imu/data', imu(99, frame='imu_link'),
-                   "frame 'imu_link' is not the base link 'base_link'"),
-    'gyro absent': ('/imu/data', imu(99, absent=True), 'angular velocity is marked absent'),
-    'zero quaternion': ('/attitude', attitude(99, (0.0,) * 4), 'quaternion is not normalised'),
+                   "frame_id is 'imu_link', expected 'base_link'"),
+    'gyro absent': ('/imu/data', imu(99, absent=True),
+                    'holds no angular velocity (covariance[0] is -1)'),
+    'zero quaternion': ('/attitude', attitude(99, (0.0,) * 4), 'quaternion has norm 0, not 1'),
     'long quaternion': ('/attitude', attitude(99, (0.0, 0.0, 0.0, 1.002)),
-                        'quaternion is not normalised'),
+                        'quaternion has norm 1.002, not 1'),
     'nan quaternion': ('/attitude', attitude(99, (np.nan, 0.0, 0.0, 1.0)),
                        'quaternion is not finite'),
     'attitude frame': ('/attitude', attitude(99, frame='base_link'),
-                       "frame 'base_link' is the base itself, expected the inertial frame"),
+                       "frame_id is 'base_link', the base itself, expected the inertial frame"),
     'garbage': ('/attitude', b'\x00\x01\x00\x00\x01', 'can not be decoded'),
 }  # fmt: skip
 TYPE_OF = {'/joint_states': JOINT_STATE, '/imu/data': IMU, '/attitude': ATTITUDE}
@@ -228,7 +230,7 @@ def test_quaternions_of_single_precision_pass_and_rougher_ones_are_noted(tmp_pat
     rough = attitude(0, (0.0, 0.0, 0.0, 1.0005))
     record = read_bag(write(tmp_path / 'b', [('/attitude', rough)]), ROBOT)
     np.testing.assert_array_equal(record.attitudes.q_xyzw, [[0.0, 0.0, 0.0, 1.0]])
-    assert any('quaternions normalised' in note for note in record.notes)
+    assert any('quaternions normalized' in note for note in record.notes)
 
 
 # ---------------------------------------------------------------- unreadable bags
@@ -286,17 +288,15 @@ def test_random_damage_never_escapes_as_another_error(tmp_path, rng):
 
 def fill(bag, n=50, order=1):
     for k in range(n):
-        ns, values = k * 10**7, np.full(3, 0.1 * k)
-        calls = [
-            lambda ns=ns, v=values: bag.joint_states(ns, JOINTS, v, v + 1, v + 2),
-            lambda ns=ns, v=values: bag.imu(ns, v, 2e-5),
-            lambda ns=ns: bag.attitude(ns, np.array([0.6, 0.0, 0.0, 0.8])),
-            lambda ns=ns, v=values: bag.joint_states(
-                ns, ['w'], velocity=v[:1], topic='/wheel_states'
-            ),
+        ns, v, make = k * 10**7, np.full(3, 0.1 * k), bag.compose
+        messages = [
+            ('/joint_states', make.joint_state(ns, JOINTS, v, v + 1, v + 2)),
+            ('/imu/data', make.imu(ns, 'base_link', v, 2e-5)),
+            ('/attitude', make.quaternion(ns, np.array([0.6, 0.0, 0.0, 0.8]))),
+            ('/wheel_states', make.joint_state(ns, ['w'], velocity=v[:1])),
         ]
-        for call in calls[::order]:
-            call()
+        for topic, message in messages[::order]:
+            bag.add(topic, message)
 
 
 def test_round_trip(tmp_path):
@@ -327,8 +327,8 @@ def test_same_content_same_bytes_in_whatever_order_and_folder(tmp_path):
 
 
 def test_header_conventions_of_the_imu(tmp_path):
-    with BagWriter(tmp_path / 'bag', base_link='hull') as bag:
-        bag.imu(1_500_000_000, np.ones(3), 0.5)
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add('/imu/data', bag.compose.imu(1_500_000_000, 'hull', np.ones(3), 0.5))
     with Reader(tmp_path / 'bag') as reader:
         connection, stamp, data = next(reader.messages())
     message = STORE.deserialize_cdr(data, connection.msgtype)
@@ -343,7 +343,7 @@ def test_header_conventions_of_the_imu(tmp_path):
 def test_metadata_names_types_hashes_and_latched_topics(tmp_path):
     plant = Plant(ROBOT, State(np.zeros(3), np.array([0, 0, 0, 1.0]), *[np.zeros(3)] * 4), 0.1, 1)
     with BagWriter(tmp_path / 'bag') as bag:
-        bag.ledger(0, plant.ledger())
+        bag.add('/simulator/ledger', bag.compose.ledger(0, plant.ledger()))
         bag.text('/robot_description', 0, '<robot/>')
     with Reader(tmp_path / 'bag') as reader:
         topics = {c.topic: c for c in reader.connections}
@@ -412,7 +412,10 @@ def put(path, *calls, overwrite=False):
         ([lambda b: b.message('/x', JOINT_STATE, 0, b'\0\1\0\0\5')], '/x: not a'),
         ([lambda b: b.message('/x', 'no/msg/Such', 0, b'\0\1\0\0')], '/x: not a no/msg/Such'),
         (
-            [lambda b: b.text('/x', 0, 'a'), lambda b: b.joint_states(0, JOINTS, topic='/x')],
+            [
+                lambda b: b.text('/x', 0, 'a'),
+                lambda b: b.add('/x', b.compose.joint_state(0, JOINTS)),
+            ],
             '/x: carries std_msgs/msg/String and sensor_msgs/msg/JointState',
         ),
     ],

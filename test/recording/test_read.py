@@ -216,7 +216,8 @@ def test_a_record_file_and_a_bag_come_in_the_robots_order(tmp_path):
     save_npz(Record(joints, RateSeries(np.arange(3), np.ones((3, 3)))), tmp_path / 'run.npz')
     with BagWriter(tmp_path / 'bag') as bag:
         for k in range(3):
-            bag.joint_states(k, JOINTS[::-1], joints.position[k])
+            sample = bag.compose.joint_state(k, JOINTS[::-1], joints.position[k])
+            bag.add('/joint_states', sample)
     for name in ('run.npz', 'bag'):
         record = read_record(tmp_path / name, ROBOT)
         assert record.joints.names == tuple(JOINTS)

@@ -182,15 +182,16 @@ def to_record(
 
 def write_bag(record: Record, path: Path, base_link: str) -> Path:
     """The record as a rosbag2 folder on the standard topics."""
-    with BagWriter(path, base_link=base_link) as bag:
-        j = record.joints
+    with BagWriter(path) as bag:
+        j, compose = record.joints, bag.compose
         for k, ns in enumerate(j.stamp_ns.tolist()):
-            bag.joint_states(ns, j.names, j.position[k], j.velocity[k], j.effort[k])
+            columns = (j.position[k], j.velocity[k], j.effort[k])
+            bag.add('/joint_states', compose.joint_state(ns, j.names, *columns))
         if record.rates is not None:
             for ns, omega in zip(record.rates.stamp_ns.tolist(), record.rates.omega, strict=True):
-                bag.imu(ns, omega)
+                bag.add('/imu/data', compose.imu(ns, base_link, omega))
         if record.attitudes is not None:
             a = record.attitudes
             for ns, q in zip(a.stamp_ns.tolist(), a.q_xyzw, strict=True):
-                bag.attitude(ns, q)
+                bag.add('/attitude', compose.quaternion(ns, q))
     return path

@@ -1,0 +1,187 @@
+"""Samples as they arrive: one buffer and one rule of lateness, for nodes and cores alike.
+
+A sensor's samples may come in any order and beside those of other sensors. One is refused when it
+is no sample (wrong length, not finite), the second with its stamp, further behind the newest of
+its sensor than the lateness, of a time that has been used already, or far ahead of all others.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+
+import numpy as np
+
+from ..errors import MessageRejectedError
+from ..types import Array, IntArray, Quaternion, Vector3
+from .messages import finite, unit, vector
+from .record import AttitudeSeries, JointSeries, RateSeries, Record
+
+SENSORS = ('imu', 'attitude', 'joints')  # in the order in which equal stamps are used
+PATIENCE_NS = 1_000_000_000  # for a sensor that is silent, on its stamps and on the wall
+JUMP_NS = 1_000_000_000  # stamps that go back further are another run, not out of order
+
+
+class Stream:
+    """Samples of one sensor in the order of their stamps.
+
+    Args:
+        lateness_ns: How far a stamp may lie before the newest one [ns]; None: as far as it likes.
+    """
+
+    def __init__(self, lateness_ns: int | None = None) -> None:
+        self._lateness_ns = lateness_ns
+        self.stamps: list[int] = []
+        self.values: list[Array] = []
+        self.newest_ns: int | None = None
+        self.heard_ns: int | None = None
+
+    def add(self, stamp_ns: int, value: Array) -> None:
+        """Put a sample (m,) in its place.
+
+        Raises:
+            MessageRejectedError: not finite, too late, or a second one with its stamp.
+        """
+        finite(value, 'sample')
+        place = len(self.stamps)
+        if self.newest_ns is not None and stamp_ns <= self.newest_ns:
+            place = bisect_left(self.stamps, stamp_ns)
+            if stamp_ns == self.newest_ns or stamp_ns in self.stamps[place : place + 1]:
+                raise MessageRejectedError('duplicate stamp')
+            back = self.newest_ns - stamp_ns
+            if self._lateness_ns is not None and back > self._lateness_ns:
+                raise MessageRejectedError(f'stamp goes backwards by {back * 1e-9:.6g} s')
+        self.stamps.insert(place, stamp_ns)
+        self.values.insert(place, value)
+        self.newest_ns = max(stamp_ns, stamp_ns if self.newest_ns is None else self.newest_ns)
+
+    def between(self, start_ns: int, end_ns: int) -> tuple[IntArray, Array]:
+        """Stamps (N,) [ns] and values (N, m) from start to end, both included."""
+        part = slice(bisect_left(self.stamps, start_ns), bisect_right(self.stamps, end_ns))
+        return np.array(self.stamps[part], dtype=np.int64), np.array(self.values[part])
+
+    def forget(self, before_ns: int) -> None:
+        """Drop the samples before a stamp."""
+        count = bisect_left(self.stamps, before_ns)
+        del self.stamps[:count], self.values[:count]
+
+
+class SampleBuffer:
+    """Samples of joints, gyro and star tracker of one robot, and how far they are complete.
+
+    Args:
+        joints: Names of the n joints.
+        lateness: How far a sample may come behind the newest of its sensor [s]; None: any.
+        ahead: How far its stamp may lie before all others [s].
+        sensors: Those that are waited for.
+
+    Attributes:
+        streams: Samples by sensor, a joint's as [q, qd, effort, whether there is an effort].
+        origin_ns: First stamp of all [ns]; None before it.
+        closed_ns: Stamps up to this one are used: another one there comes too late [ns].
+    """
+
+    def __init__(
+        self,
+        joints: tuple[str, ...],
+        lateness: float | None = None,
+        ahead: float = np.inf,
+        sensors: tuple[str, ...] = SENSORS,
+    ) -> None:
+        self._joints, self._sensors, self._ahead = joints, sensors, ahead
+        late = None if lateness is None else round(lateness * 1e9)
+        self.streams = {sensor: Stream(late) for sensor in SENSORS}
+        self.origin_ns: int | None = None
+        self.closed_ns: int | None = None
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Newest stamp of all [ns]; None where nothing came."""
+        return max(
+            (s.newest_ns for s in self.streams.values() if s.newest_ns is not None), default=None
+        )
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Sensors that are waited for and have no sample."""
+        return tuple(name for name in self._sensors if not self.streams[name].stamps)
+
+    def add_joints(self, stamp_ns: int, q: Array, qd: Array, effort: Array | None = None) -> None:
+        """Add positions (n,) [rad], rates (n,) [rad/s] and torques (n,) [N m]; raises as `add`."""
+        n = len(self._joints)
+        torque = np.zeros(n) if effort is None else effort
+        columns = (('position', q), ('velocity', qd), ('effort', torque))
+        row = [vector(values, n, what) for what, values in columns]
+        self.add('joints', stamp_ns, np.concatenate([*row, [effort is not None]]))
+
+    def add_rate(self, stamp_ns: int, omega_WB_B: Vector3) -> None:
+        """Add omega_WB_B (3,) [rad/s]; raises as `add`."""
+        self.add('imu', stamp_ns, vector(omega_WB_B, 3, 'angular velocity'))
+
+    def add_attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion) -> None:
+        """Add an attitude (4,); raises as `add`, and for a norm off by more than 1e-3."""
+        self.add('attitude', stamp_ns, unit(q_WB_xyzw))
+
+    def add(self, sensor: str, stamp_ns: int, value: Array) -> None:
+        """Add a sample that has been checked.
+
+        Raises:
+            MessageRejectedError: see the top of this file.
+        """
+        if self.closed_ns is not None and stamp_ns <= self.closed_ns:
+            raise MessageRejectedError('stamp goes backwards, too late to be used')
+        newest = self.newest_ns
+        if newest is not None and (stamp_ns - newest) * 1e-9 > self._ahead:
+            raise MessageRejectedError(
+                f'stamp {(stamp_ns - newest) * 1e-9:.6g} s ahead of all others, at most '
+                f'{self._ahead:g} s can be bridged; check the clock, or reset'
+            )
+        self.streams[sensor].add(stamp_ns, value)
+        if self.closed_ns is None:
+            self.origin_ns = min(stamp_ns, stamp_ns if self.origin_ns is None else self.origin_ns)
+
+    def settled_ns(self, now_ns: int | None = None) -> int | None:
+        """Stamp up to which every sensor has come; None before the first sample.
+
+        A sensor is not waited for when it lags by more than the patience and has been silent for
+        as long on the wall: one that is merely worked off slower than others is not dead.
+
+        Args:
+            now_ns: Time of a clock that never jumps [ns]; None: there is no wall.
+        """
+        newest = self.newest_ns
+        if newest is None or self.origin_ns is None:
+            return None
+        settled = newest
+        for name in self._sensors:
+            stream = self.streams[name]
+            reached = self.origin_ns - 1 if stream.newest_ns is None else stream.newest_ns
+            silent = now_ns is None or now_ns - (stream.heard_ns or now_ns) > PATIENCE_NS
+            if not (silent and newest - reached > PATIENCE_NS):
+                settled = min(settled, reached)
+        return settled
+
+    def record(self, start_ns: int | None = None, end_ns: int | None = None) -> Record:
+        """The samples from start to end, both included, in seconds from the first of all."""
+        ends = (
+            -(2**63) if start_ns is None else start_ns,
+            2**63 - 1 if end_ns is None else end_ns,
+        )
+        n = len(self._joints)
+        joints = rates = attitudes = None
+        stamps, rows = self.streams['joints'].between(*ends)
+        if len(stamps):
+            q, qd, effort, has_effort = np.split(rows, [n, 2 * n, 3 * n], axis=1)
+            joints = JointSeries(self._joints, stamps, q, qd, effort if has_effort.all() else None)
+        stamps, rows = self.streams['imu'].between(*ends)
+        if len(stamps):
+            rates = RateSeries(stamps, rows)
+        stamps, rows = self.streams['attitude'].between(*ends)
+        if len(stamps):
+            attitudes = AttitudeSeries(stamps, rows)
+        return Record(joints, rates, attitudes, zero_ns=self.origin_ns or 0)
+
+    def close(self, stamp_ns: int, keep_ns: int) -> None:
+        """Take stamps up to this one as used; drop what is older by more than `keep_ns`."""
+        self.closed_ns = stamp_ns
+        for stream in self.streams.values():
+            stream.forget(stamp_ns - keep_ns)
