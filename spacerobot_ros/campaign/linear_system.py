@@ -12,7 +12,8 @@ import numpy as np
 
 from ..dynamics.blocks import BlockTree
 from ..estimation.minimal import MinimalSet
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics
 from ..model.robot import Robot
 from ..types import Array
 
@@ -46,7 +47,7 @@ class LinearSystem:
 
 
 def linear_system(
-    robot: Robot, minimal: MinimalSet, motion: Reference, start: str = 'moving'
+    robot: Robot, minimal: MinimalSet, motion: Kinematics, start: str = 'moving'
 ) -> LinearSystem:
     """Assemble the system from samples.
 

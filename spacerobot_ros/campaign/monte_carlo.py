@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..estimation.momentum_process import Reference
+from ..estimation.reference import Kinematics
 from ..identification.batch import identify
 from ..identification.cramer_rao import cramer_rao_bound
 from ..identification.estimate import Estimate
@@ -160,12 +160,12 @@ def wrong_robot(case: Scenario, scale: float) -> Robot:
     return replace(believed, sensors=noise_of(scale))
 
 
-def _samples(record: Record) -> Reference:
+def _samples(record: Record) -> Kinematics:
     """A record whose sensors share their stamps, as plain samples."""
     joints, rates, attitudes = record.joints, record.rates, record.attitudes
     if joints is None or rates is None or attitudes is None or joints.velocity is None:
         raise ValueError('the record lacks a sensor')
-    return Reference(
+    return Kinematics(
         np.asarray(joints.stamp_ns * 1e-9, dtype=float),
         joints.position,
         joints.velocity,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..estimation.momentum_process import Reference
+from ..estimation.reference import Kinematics
 from ..identification.cramer_rao import SensorPlan
 from ..model.settings import SensorSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
@@ -34,7 +34,7 @@ def noise_of(scale: float) -> SensorSettings:
     )
 
 
-def plan_of(motion: Reference, scale: float) -> SensorPlan:
+def plan_of(motion: Kinematics, scale: float) -> SensorPlan:
     """All sensors at the motion's own times, for the Cramer-Rao bound."""
     noise, times = noise_of(scale), motion.time
     return SensorPlan(
@@ -48,7 +48,7 @@ def plan_of(motion: Reference, scale: float) -> SensorPlan:
     )
 
 
-def noisy_record(joints: tuple[str, ...], motion: Reference, scale: float, seed: int) -> Record:
+def noisy_record(joints: tuple[str, ...], motion: Kinematics, scale: float, seed: int) -> Record:
     """The motion as the sensors see it.
 
     Args:

@@ -24,7 +24,7 @@ from ..dynamics.state import State, initial_state
 from ..effects.robot_file import load_robot_file
 from ..errors import ConfigurationError
 from ..estimation.minimal import MinimalSet, minimal_set
-from ..estimation.momentum_process import Reference
+from ..estimation.reference import Kinematics
 from ..model.loader import package_folder
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
@@ -109,7 +109,7 @@ def scenario(axes: str) -> Scenario:
     return Scenario(axes, believed, robot, reference, initial, file.settings.identifier)
 
 
-def momentum_motion(case: Scenario, start: str = 'moving') -> Reference:
+def momentum_motion(case: Scenario, start: str = 'moving') -> Kinematics:
     """Motion along the exact reference, body rate from the momentum at every sample."""
     dynamics, state = case.dynamics, case.start(start)
     total = dynamics.momentum(state)[3:]
@@ -142,7 +142,7 @@ def momentum_motion(case: Scenario, start: str = 'moving') -> Reference:
     omega = np.array(
         [body_rate(float(t), attitude) for t, attitude in zip(times, attitudes, strict=True)]
     )
-    return Reference(
+    return Kinematics(
         times,
         np.array([p.q for p in points]),
         np.array([p.qd for p in points]),
@@ -151,7 +151,7 @@ def momentum_motion(case: Scenario, start: str = 'moving') -> Reference:
     )
 
 
-def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -> Reference:
+def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -> Kinematics:
     """Motion of the plant under the corrected law, by error-controlled integration."""
     torque = continuous_torque(
         case, ComputedTorque(robot_model(case.robot), 1.0, np.full(3, np.inf))
@@ -159,7 +159,7 @@ def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -
     states = simulate_smooth(
         case.dynamics, case.start(start).to_vector(), torque, case.times, rtol, 0.1 * rtol
     )
-    return Reference(
+    return Kinematics(
         case.times,
         states[:, 7:10],
         states[:, 16:19],
@@ -179,6 +179,6 @@ def continuous_torque(case: Scenario, law: ComputedTorque) -> Torque:
 
 
 @lru_cache(maxsize=16)
-def cached_motion(axes: str, start: str = 'moving') -> Reference:
+def cached_motion(axes: str, start: str = 'moving') -> Kinematics:
     """`momentum_motion`, once a process."""
     return momentum_motion(scenario(axes), start)

@@ -195,7 +195,7 @@ class TorqueBalance:
         slope = np.gradient(error, at.time, axis=0)
         bend = np.gradient(slope, at.time, axis=0)
         read = Kinematics(
-            at.time, at.q + error, at.qd + slope, at.qdd + bend, at.omega, at.alpha, at.rotation
+            at.time, at.q + error, at.qd + slope, at.omega, at.rotation, at.qdd + bend, at.alpha
         )
         motion = self._inverse.motion(read, self._motion.effort)
         return self._inverse(motion)[:, 6:] - self._motion.effort

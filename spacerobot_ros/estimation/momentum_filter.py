@@ -16,11 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from scipy.spatial.transform import Rotation
 
 from ..types import Array
-from .momentum_process import RateErrorModel, Reference, join
+from .momentum_process import RateErrorModel
 from .momentum_recursions import forward
 from .nuisances import SensorColumns
+from .reference import Kinematics
 
 _ATTITUDE_START_STD = (
     0.05  # rad; the reference starts aligned with the tracker far better than this
@@ -131,9 +133,9 @@ class MomentumFilter:
         self.placebo = SquareRootInformation(size)
         self.affine = np.zeros((3 + 4 * self.n, 1 + 2 * size))
         self.affine[3:, 0] = joint_start.ravel()
-        self.last: tuple[Reference, RateErrorModel] | None = None
+        self.last: tuple[Kinematics, RateErrorModel] | None = None
 
-    def run(self, reference: Reference, model: RateErrorModel, measured: Measurements) -> None:
+    def run(self, reference: Kinematics, model: RateErrorModel, measured: Measurements) -> None:
         """Process N times in order; the first continues where the last block ended.
 
         Args:
@@ -142,7 +144,7 @@ class MomentumFilter:
             measured: Measurements at the N times.
         """
         if self.last is not None:
-            reference, model = join(self.last[0], reference), model.after(self.last[1])
+            reference, model = _join(self.last[0], reference), model.after(self.last[1])
         drives = model.with_absolute_joints(reference)
         levels = self.noise
         columns = measured.columns or SensorColumns.none(len(measured.q), self.n)
@@ -161,7 +163,7 @@ class MomentumFilter:
             p = self.information.size
             self.information.add(-rows[:, 1 + p :], rows[:, 0])
             self.placebo.add(rows[:, 1 : 1 + p], np.zeros(len(rows)))
-        self.last = (reference.tail(), model.tail())
+        self.last = (reference.part(slice(-1, None)), model.tail())
 
     def shift_constants(self, change: Array) -> None:
         """Count the constants' errors from a new origin."""
@@ -175,8 +177,19 @@ class MomentumFilter:
         return error
 
 
+def _join(first: Kinematics, second: Kinematics) -> Kinematics:
+    """Two references in a row."""
+    return Kinematics(
+        np.concatenate([first.time, second.time]),
+        np.concatenate([first.q, second.q]),
+        np.concatenate([first.qd, second.qd]),
+        np.concatenate([first.omega, second.omega]),
+        Rotation.concatenate([first.rotation, second.rotation]),
+    )
+
+
 def transitions(
-    reference: Reference, rate_by_state: Array, drives: Array, snap: Array
+    reference: Kinematics, rate_by_state: Array, drives: Array, snap: Array
 ) -> tuple[Array, Array, Array]:
     """Steps between N times: transition, drive of the attitude error, and noise.
 

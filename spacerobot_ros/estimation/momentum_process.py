@@ -15,10 +15,8 @@ Symbols: N times, n joints, p = 3 + 3 n_links + k constants.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..dynamics.blocks import BlockTree
 from ..dynamics.rotation import skew
@@ -26,58 +24,12 @@ from ..model.robot import Robot
 from ..types import Array
 from .minimal import MinimalSet
 from .nuisances import Nuisances
+from .reference import Kinematics, ReferenceTrajectory
 from .torque_hold import held_jerk
-
-if TYPE_CHECKING:
-    from .smoothing import Smoothed
 
 _CHUNK = (
     512  # times linearised at once; the temporaries take about a kilobyte a time and joint squared
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Reference:
-    """Reference trajectory at N times.
-
-    Args:
-        time: (N,) [s].
-        q: (N, n) joint positions [rad]. qd: (N, n) joint rates [rad/s].
-        omega: (N, 3) body rate omega_WB_B [rad/s].
-        rotation: Attitudes R_WB, N of them.
-    """
-
-    time: Array
-    q: Array
-    qd: Array
-    omega: Array
-    rotation: Rotation
-
-    def between(self, start: int, stop: int | None = None) -> Reference:
-        """The times with indices from start to before stop."""
-        part = slice(start, stop)
-        return Reference(
-            self.time[part], self.q[part], self.qd[part], self.omega[part], self.rotation[part]
-        )
-
-    def tail(self) -> Reference:
-        """The last time alone."""
-        return self.between(len(self.time) - 1)
-
-    def turned(self, correction: Rotation) -> Reference:
-        """The same with every attitude R replaced by R times the correction."""
-        return Reference(self.time, self.q, self.qd, self.omega, self.rotation * correction)
-
-
-def join(first: Reference, second: Reference) -> Reference:
-    """Two references in a row."""
-    return Reference(
-        np.concatenate([first.time, second.time]),
-        np.concatenate([first.q, second.q]),
-        np.concatenate([first.qd, second.qd]),
-        np.concatenate([first.omega, second.omega]),
-        Rotation.concatenate([first.rotation, second.rotation]),
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +59,7 @@ class RateErrorModel:
         """This model behind another."""
         return join_models([first, self])
 
-    def with_absolute_joints(self, reference: Reference) -> Array:
+    def with_absolute_joints(self, reference: Kinematics) -> Array:
         """(N, 3, 1 + 2 p) of dw by 1, placebo and constants, with absolute joint states."""
         joints = np.concatenate([reference.q, reference.qd], axis=1)
         offset = self.offset - np.einsum('nab,nb->na', self.state[..., 3:], joints)
@@ -158,7 +110,7 @@ class MomentumModel:
         others = np.zeros(self.nuisances.size)
         return np.concatenate([np.zeros(3), self.robot.target_momentum, x, others])
 
-    def regressor(self, reference: Reference) -> tuple[Array, Array]:
+    def regressor(self, reference: Kinematics) -> tuple[Array, Array]:
         """Rows of b = A [h_W; AAM; x] in the base frame, exact and linear; nuisances at zero.
 
         Returns:
@@ -169,15 +121,15 @@ class MomentumModel:
         h0 = np.broadcast_to(self._h0, (len(reference.time), 3))
         return self._coefficients(moving, np.ones((len(h0), 1, 1))), h0
 
-    def held_jerk(self, smoothed: Smoothed, time: Array, constants: Array) -> Array:
+    def held_jerk(self, trajectory: ReferenceTrajectory, time: Array, constants: Array) -> Array:
         """(N, 3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
         aam = constants[self.aam].reshape(-1, 3)
         wheels = [(b, R @ h) for (b, R), h in zip(self._wheels, aam, strict=True)]
         pi = self.minimal.lift @ constants[self.x]
-        return held_jerk(self.tree, pi, wheels, smoothed, time)
+        return held_jerk(self.tree, pi, wheels, trajectory, time)
 
     def linearize(
-        self, reference: Reference, constants: Array, disturbed: Reference | None = None
+        self, reference: Kinematics, constants: Array, disturbed: Kinematics | None = None
     ) -> RateErrorModel:
         """Body-rate error of the reference, about given constants (p,).
 
@@ -189,13 +141,13 @@ class MomentumModel:
         """
         parts = []
         for start in range(0, len(reference.time), _CHUNK):
-            stop = start + _CHUNK
-            other = None if disturbed is None else disturbed.between(start, stop)
-            parts.append(self._linearize(reference.between(start, stop), constants, other))
+            chunk = slice(start, start + _CHUNK)
+            other = None if disturbed is None else disturbed.part(chunk)
+            parts.append(self._linearize(reference.part(chunk), constants, other))
         return join_models(parts)
 
     def _linearize(
-        self, reference: Reference, constants: Array, disturbed: Reference | None
+        self, reference: Kinematics, constants: Array, disturbed: Kinematics | None
     ) -> RateErrorModel:
         moving = _Moving(self.tree, reference)
         time, others = reference.time, constants[self.other]
@@ -255,8 +207,8 @@ class MomentumModel:
 class _Moving:
     """Kinematics of a reference: what its regressor and its linearisation share."""
 
-    def __init__(self, tree: BlockTree, reference: Reference) -> None:
+    def __init__(self, tree: BlockTree, reference: Kinematics) -> None:
         self.rotations = tree.rotations(reference.q)
         self.maps = tree.rate_maps(self.rotations)
         self.u = np.concatenate([reference.omega, reference.qd], axis=1)
-        self.attitudes = reference.rotation.as_matrix()
+        self.attitudes = reference.matrices

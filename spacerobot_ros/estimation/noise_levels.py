@@ -6,12 +6,10 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from ..identification.noise import fourth_difference_std
 from ..model.settings import SensorSettings
 from ..recording.record import Record
 from ..types import Array
-from .reference import NoiseLevels
-from .smoothing import integrated_rotation
+from .reference import NoiseLevels, integrated_rotation
 
 _FLOOR = {
     'joint_position': 1e-8,
@@ -24,24 +22,34 @@ _UNIFORM = float(np.sqrt(12.0))  # step of a scale by standard deviation of its 
 _DISAGREEMENT = 1.5  # factor between statement and data from which on the data count
 
 
-def noise_levels(sensors: SensorSettings, record: Record) -> tuple[NoiseLevels, tuple[str, ...]]:
+def noise_levels(
+    sensors: SensorSettings, record: Record, *, is_checked: bool = True
+) -> tuple[NoiseLevels, tuple[str, ...]]:
     """Standard deviations of one sample of each channel, and what should be said of them.
 
     Where the file states none, and where the data are clearly noisier than it states, the level
     comes from the data's fourth differences, in which a smooth motion is not seen. An effort that
     the controller itself makes rough looks noisy without being so: its stated level stands.
+
+    Args:
+        sensors: What the robot file states.
+        record: Samples.
+        is_checked: Whether the data overrule the file, efforts are used and both shall be said;
+            otherwise what is stated stands, and the test of fit tells whether it holds.
     """
     measured: dict[str, Array | None] = {
         'joint_position': record.q,
         'joint_velocity': record.qd,
-        'joint_effort': record.effort,
+        'joint_effort': record.effort if is_checked else None,
         'gyro': record.omega if len(record.omega) else None,
         'attitude': _turns(record),
     }
     levels, notes = {}, []
     for name, values in measured.items():
         stated = getattr(sensors, f'{name}_std')
-        seen = fourth_difference_std(values) if values is not None else 0.0
+        seen = 0.0
+        if values is not None and (is_checked or stated is None):
+            seen = fourth_difference_std(values)
         level = seen if stated is None else stated
         if stated is None and values is not None:
             notes.append(f'{name}_std is not stated; estimated from the data: {seen:.3g}')
@@ -53,6 +61,19 @@ def noise_levels(sensors: SensorSettings, record: Record) -> tuple[NoiseLevels, 
             )
         levels[name] = max(level or 0.0, _resolution(values) / _UNIFORM, _FLOOR[name])
     return NoiseLevels(**levels), tuple(notes)
+
+
+def fourth_difference_std(values: Array) -> float:
+    """Noise of one sample of a smooth signal (N, m); zero for fewer than five samples.
+
+    Its fourth differences are noise alone, with variance 70 sigma^2 (1 + 16 + 36 + 16 + 1).
+    """
+    if len(values) < 5 or not np.all(np.isfinite(values)):
+        return 0.0
+    differences = np.diff(values, n=4, axis=0).ravel()
+    spread = 1.4826 * np.median(np.abs(differences - np.median(differences)))
+    inliers = differences[np.abs(differences) <= 4.5 * spread] if spread > 0.0 else differences
+    return float(np.std(inliers) / np.sqrt(70.0))
 
 
 def _resolution(values: Array | None) -> float:

@@ -93,7 +93,7 @@ class MeasuredMotion:
         if record.attitude is not None:
             reference = self.at_samples('attitude').rotation
             values['attitude'] = (reference.inv() * record.attitude).as_rotvec()
-        return self.time_base.by_row({c: v[..., None] for c, v in values.items()})[:, 0]
+        return self.time_base.rows.of({c: v[..., None] for c, v in values.items()})[:, 0]
 
 
 class Innovations:
@@ -149,7 +149,7 @@ class Innovations:
             values['joint_velocity'] = record.qd
         if record.attitude is not None:
             values['attitude'] = (record.attitude[0].inv() * record.attitude).as_rotvec()
-        return self.time_base.by_row({c: v[..., None] for c, v in values.items()})[:, 0]
+        return self.time_base.rows.of({c: v[..., None] for c, v in values.items()})[:, 0]
 
     @property
     def deviations(self) -> Array:
@@ -214,7 +214,7 @@ class Innovations:
         """(R, columns of the part) of what is measured; empty where nothing is."""
         if not measured:
             return np.zeros((0, len(part)))
-        return self.time_base.by_row(
+        return self.time_base.rows.of(
             {c: v[..., part[0] : part[-1] + 1] for c, v in measured.items()}
         )
 

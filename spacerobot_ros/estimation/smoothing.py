@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
-from ..errors import IdentificationError
 from ..types import Array
-from .momentum_process import Reference
+from .reference import Kinematics, integrated_rotation
 from .splines import Samples, SplineFit, fit_spline
+from .time_base import filter_times, refuse_long_gaps
 from .torque_hold import Holds
 
 # The spline's snap, seen as white noise over its knots' spacing, overstates what the filter needs:
 # with this share the innovations of smooth motions have unit variance. Estimates do not depend on
 # it (factors of 1000 change no digit).
 _SNAP_SHARE = 0.3
-_LONGEST_STEP = (
-    0.02  # s; the filter's trapezoid and the attitude integration stay below the sensors' noise
-)
-LONGEST_GAP = 60.0
-"""Time without any sample that is still bridged [s]; beyond it: another run or a bad clock."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,26 +67,26 @@ class Smoothed:
 
     def snap_density(self, times: Array) -> Array:
         """(n,) power spectral density of a white snap that follows the joints as the spline."""
-        snap = self.joints.derivative(times, 4)
+        snap = self.joints(times, 4)
         return _SNAP_SHARE * np.mean(snap**2, axis=0) * self.joints.spacing + 1e-12
 
     def joint_start(self, times: Array) -> tuple[Array, Array]:
         """(4, n) position to jerk at the first time, and (4, n) rms of each over all times."""
         orders = [
             np.asarray(self.joints.curve(times)),
-            *(self.joints.derivative(times, k) for k in (1, 2, 3)),
+            *(self.joints(times, k) for k in (1, 2, 3)),
         ]
         spread = [np.std(orders[0], axis=0), *(np.sqrt(np.mean(x**2, axis=0)) for x in orders[1:])]
         return np.array([x[0] for x in orders]), np.array(spread) + 1e-6
 
-    def reference(self, times: Array, start: Rotation) -> Reference:
+    def reference(self, times: Array, start: Rotation) -> Kinematics:
         """Reference at increasing times; the attitude is integrated from `start` at the first.
 
         Fourth-order Magnus steps: dt/6 (w0 + 4 wm + w1) + dt^2/12 w0 x w1 with w in body axes.
         """
         return _integrated(self.joints.curve, self.rate.curve, times, start)
 
-    def disturbed(self, reference: Reference) -> Reference:
+    def disturbed(self, reference: Kinematics) -> Kinematics:
         """The reference with a draw of its own error added."""
         joints, rate = self.joints, self.rate
         return _integrated(
@@ -108,26 +102,10 @@ def _sum(curve: BSpline, error: BSpline) -> BSpline:
     return BSpline(curve.t, curve.c + error.c, curve.k)
 
 
-def _integrated(joints: BSpline, rate: BSpline, times: Array, start: Rotation) -> Reference:
+def _integrated(joints: BSpline, rate: BSpline, times: Array, start: Rotation) -> Kinematics:
     q, qd = np.asarray(joints(times)), np.asarray(joints.derivative()(times))
     rotation = integrated_rotation(rate, times, start)
-    return Reference(times, q, qd, np.asarray(rate(times)), rotation)
-
-
-def integrated_rotation(rate: Callable[[Array], Array], times: Array, start: Rotation) -> Rotation:
-    """Attitudes at increasing times whose body rate is given, `start` at the first.
-
-    Args:
-        rate: Times (N,) to body rates (N, 3) [rad/s].
-        times: (N,) [s].
-        start: Attitude at the first time.
-    """
-    omega = np.asarray(rate(times))
-    middle = np.asarray(rate(0.5 * (times[1:] + times[:-1])))
-    dt = np.diff(times)[:, None]
-    turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:])
-    turns += dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
-    return accumulate(start, turns)
+    return Kinematics(times, q, qd, np.asarray(rate(times)), rotation)
 
 
 def smooth(
@@ -157,34 +135,11 @@ def time_grid(data: SensorData) -> Array:
         IdentificationError: a gap that can not be bridged.
     """
     stamps = np.unique(np.concatenate([data.joint_time, data.rate_time, data.attitude_time]))
-    gaps = np.diff(stamps)
-    if len(gaps) and np.max(gaps) > LONGEST_GAP:
-        place = int(np.argmax(gaps))
-        raise IdentificationError(
-            f'no samples for {gaps[place]:.6g} s after t = {stamps[place]:.6g} s, at most '
-            f'{LONGEST_GAP:g} s can be bridged: check the stamps, or use one part of the data'
-        )
-    wide = np.flatnonzero(gaps > 1.5 * _LONGEST_STEP)
-    filled = [_inside(stamps[k], stamps[k + 1]) for k in wide]
-    return np.sort(np.concatenate([stamps, *filled]))
+    refuse_long_gaps(stamps)
+    return filter_times([stamps], (stamps[0], stamps[-1]), same=0.0)
 
 
-def _inside(start: float, end: float) -> Array:
-    """Times between two, no farther apart than the filter's step."""
-    return np.linspace(start, end, int(np.ceil((end - start) / _LONGEST_STEP)) + 1)[1:-1]
-
-
-def accumulate(start: Rotation, turns: Array) -> Rotation:
-    """start, start exp(turns[0]), start exp(turns[0]) exp(turns[1]), ... by pairwise doubling."""
-    product = Rotation.concatenate([start, Rotation.from_rotvec(turns)])
-    step = 1
-    while step < len(product):
-        product = Rotation.concatenate([product[:step], product[:-step] * product[step:]])
-        step *= 2
-    return product
-
-
-def align(reference: Reference, times: Array, attitude_xyzw: Array) -> Rotation:
+def align(reference: Kinematics, times: Array, attitude_xyzw: Array) -> Rotation:
     """First attitude that makes an integrated reference agree best with measured attitudes.
 
     Args:

@@ -7,7 +7,7 @@ knots' spacing from the noise level.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -54,9 +54,14 @@ class SplineFit:
     spacing: float
     chi2_per_dof: float
 
-    def derivative(self, time: Array, order: int = 1) -> Array:
-        """(N, m) derivative of the curve."""
-        return np.asarray(self.curve.derivative(order)(time))
+    def __call__(self, time: Array, order: int = 0) -> Array:
+        """(N, m) of the curve, or a derivative."""
+        return np.asarray(self.curve(time, nu=order))
+
+    def with_error(self) -> SplineFit:
+        """With the draw of its error added."""
+        curve, error = self.curve, self.error
+        return replace(self, curve=BSpline(curve.t, curve.c + error.c, curve.k))
 
 
 def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:

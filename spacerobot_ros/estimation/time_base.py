@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import IdentificationError
 from ..recording.record import Record
 from ..types import Array, IntArray
 
 _SAME = 1e-5  # s; stamps closer than this are one time
-_LONGEST = 0.02  # s
+_LONGEST = 0.02  # s; discretization and integrated attitudes stay below the sensors' noise
+LONGEST_GAP = 60.0
+"""Time without any sample that is still bridged [s]; beyond it: another run or a bad clock."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +32,15 @@ class Rows:
     channel: IntArray
     axis: IntArray
     sample: IntArray
+
+    def of(self, values: Mapping[str, Array]) -> Array:
+        """(R, K) of channel arrays (samples, width, K); zero where a channel has none."""
+        count = next(iter(values.values())).shape[2]
+        out = np.zeros((len(self.state), count))
+        for name, samples in values.items():
+            at = np.flatnonzero(self.channel == CHANNELS.index(name))
+            out[at] = samples[self.sample[at], self.axis[at]]
+        return out
 
 
 CHANNELS = ('joint_position', 'joint_velocity', 'gyro', 'attitude')
@@ -54,15 +66,6 @@ class TimeBase:
     fraction: Array
     blind: np.ndarray
 
-    def by_row(self, values: Mapping[str, Array]) -> Array:
-        """(R, K) of channel arrays (samples, width, K); zero where a channel has none."""
-        count = next(iter(values.values())).shape[2]
-        rows, out = self.rows, np.zeros((len(self.rows.state), count))
-        for name, samples in values.items():
-            at = np.flatnonzero(rows.channel == CHANNELS.index(name))
-            out[at] = samples[rows.sample[at], rows.axis[at]]
-        return out
-
 
 def make_time_base(record: Record, m: int, first: int) -> TimeBase:
     """The filter's times for a record.
@@ -72,33 +75,63 @@ def make_time_base(record: Record, m: int, first: int) -> TimeBase:
         m: Number of velocities of the filter.
         first: 3 for a free base, 6 for a fixed one.
     """
-    start, end = record.span
     base = 6 - first
-    n = m - base
-    stamps = {
-        'joint_position': record.joint_time,
-        'joint_velocity': record.joint_time if record.qd is not None else np.zeros(0),
-        'gyro': record.rate_time,
-        'attitude': record.attitude_time,
-    }
     states = {
         'joint_position': np.arange(base, m),
         'joint_velocity': m + np.arange(base, m),
         'gyro': m + np.arange(3),
         'attitude': np.arange(3),
     }
-    inside = {
-        name: np.flatnonzero((times >= start - _SAME) & (times <= end + _SAME))
-        for name, times in stamps.items()
+    stamps = channel_stamps(record)
+    times = filter_times([*stamps.values(), record.effort_time], record.span)
+    rows = measured_rows(times, stamps, states)
+    return TimeBase(times, rows, *_effort_intervals(times, record.effort_time))
+
+
+def channel_stamps(record: Record) -> dict[str, Array]:
+    """(samples,) times of every channel [s]; empty where it was not measured."""
+    return {
+        'joint_position': record.joint_time,
+        'joint_velocity': record.joint_time if record.qd is not None else np.zeros(0),
+        'gyro': record.rate_time,
+        'attitude': record.attitude_time,
     }
-    times = _merged([stamps[name][inside[name]] for name in CHANNELS] + [record.effort_time])
-    times = _filled(times[(times >= start - _SAME) & (times <= end + _SAME)])
-    parts = []
+
+
+def filter_times(stamps: Sequence[Array], span: tuple[float, float], same: float = _SAME) -> Array:
+    """(N,) all stamps within the span in order, and more where a gap is longer than a step.
+
+    Args:
+        stamps: Times of samples [s].
+        span: First and last time [s].
+        same: Stamps closer than this become one time [s].
+    """
+    times = np.sort(np.concatenate(stamps))
+    times = times[(times >= span[0] - _SAME) & (times <= span[1] + _SAME)]
+    times = times[np.diff(times, prepend=-np.inf) > same]
+    gaps = np.diff(times)
+    extra = [
+        np.linspace(times[k], times[k + 1], int(np.ceil(gaps[k] / _LONGEST)) + 1)[1:-1]
+        for k in np.flatnonzero(gaps > 1.5 * _LONGEST)
+    ]
+    return np.sort(np.concatenate([times, *extra]))
+
+
+def measured_rows(
+    times: Array, stamps: Mapping[str, Array], states: Mapping[str, IntArray]
+) -> Rows:
+    """Rows of the samples within some times, each at the time that is nearest.
+
+    Args:
+        times: (N,) [s].
+        stamps: Channel to the times of its samples [s].
+        states: Channel to the (width,) states that it measures.
+    """
+    parts = [np.zeros((0, 5), dtype=int)]
     for c, name in enumerate(CHANNELS):
-        width = 3 if name in ('gyro', 'attitude') else n
-        if not len(inside[name]):
-            continue
-        at = _nearest(times, stamps[name][inside[name]])
+        inside = (stamps[name] >= times[0] - _SAME) & (stamps[name] <= times[-1] + _SAME)
+        samples, width = np.flatnonzero(inside), len(states[name])
+        at = _nearest(times, stamps[name][samples])
         parts.append(
             np.column_stack(
                 [
@@ -106,14 +139,31 @@ def make_time_base(record: Record, m: int, first: int) -> TimeBase:
                     np.tile(states[name], len(at)),
                     np.full(len(at) * width, c),
                     np.tile(np.arange(width), len(at)),
-                    np.repeat(inside[name], width),
+                    np.repeat(samples, width),
                 ]
             )
         )
     table = np.concatenate(parts)
     table = table[np.argsort(table[:, 0], kind='stable')]
-    rows = Rows(np.searchsorted(table[:, 0], np.arange(len(times) + 1)), *table[:, 1:].T.copy())
-    return TimeBase(times, rows, *_effort_intervals(times, record.effort_time))
+    return Rows(np.searchsorted(table[:, 0], np.arange(len(times) + 1)), *table[:, 1:].T.copy())
+
+
+def refuse_long_gaps(times: Array) -> None:
+    """Refuse stamps that a filter can not bridge.
+
+    Args:
+        times: (N,) increasing [s].
+
+    Raises:
+        IdentificationError: a gap longer than `LONGEST_GAP`.
+    """
+    gaps = np.diff(times)
+    if len(gaps) and np.max(gaps) > LONGEST_GAP:
+        place = int(np.argmax(gaps))
+        raise IdentificationError(
+            f'no samples for {gaps[place]:.6g} s after t = {times[place]:.6g} s, at most '
+            f'{LONGEST_GAP:g} s can be bridged: check the stamps, or use one part of the data'
+        )
 
 
 def _effort_intervals(
@@ -127,21 +177,6 @@ def _effort_intervals(
     usual = float(np.median(lengths))
     outside = (middle < effort_time[0]) | (middle > effort_time[-1])
     return k, fresh, fraction, (lengths[k] > 2.5 * usual) | outside
-
-
-def _merged(stamps: list[Array]) -> Array:
-    times = np.sort(np.concatenate(stamps))
-    return times[np.concatenate([[True], np.diff(times) > _SAME])]
-
-
-def _filled(times: Array) -> Array:
-    """Times with more of them where a gap is longer than a step may be."""
-    gaps = np.diff(times)
-    extra = [
-        np.linspace(times[k], times[k + 1], int(np.ceil(gaps[k] / _LONGEST)) + 1)[1:-1]
-        for k in np.flatnonzero(gaps > 1.5 * _LONGEST)
-    ]
-    return np.sort(np.concatenate([times, *extra]))
 
 
 def _nearest(times: Array, stamps: Array) -> IntArray:

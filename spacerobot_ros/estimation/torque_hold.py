@@ -19,16 +19,13 @@ Symbols: N times, n joints.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..dynamics.blocks import BlockTree
 from ..types import Array
-
-if TYPE_CHECKING:
-    from .smoothing import Smoothed
+from .reference import ReferenceTrajectory
 
 _SAMPLES_A_KNOT = 3  # of the torque, between knots of the reference
 _KNOWN_TO = 0.1  # of k; what torques lag behind their stamps moves it
@@ -88,7 +85,11 @@ def find_holds(joint_time: Array, effort: Array | None, period: float) -> Holds:
 
 
 def held_jerk(
-    tree: BlockTree, pi: Array, wheels: list[tuple[int, Array]], smoothed: Smoothed, time: Array
+    tree: BlockTree,
+    pi: Array,
+    wheels: list[tuple[int, Array]],
+    trajectory: ReferenceTrajectory,
+    time: Array,
 ) -> Array:
     """(N, 3 + n) jerk M^-1 [0; tau'] that held torques make of [omega_WB_B; q'].
 
@@ -97,19 +98,17 @@ def held_jerk(
         pi: (K,) block parameters.
         wheels: Bodies beside the base that carry wheels, each with their momentum (3,) in its
             axes [N m s].
-        smoothed: The motion.
+        trajectory: The motion.
         time: (N,) increasing, within the motion [s].
     """
     if len(time) < 2:
         return np.zeros((len(time), 3 + tree.n))
-    spacing = min(smoothed.joints.spacing, smoothed.rate.spacing) / _SAMPLES_A_KNOT
+    joints, rate = trajectory.joints, trajectory.rate
+    spacing = min(joints.spacing, rate.spacing) / _SAMPLES_A_KNOT
     count = int((time[-1] - time[0]) / float(np.clip(spacing, *_STEPS)))
     dense = np.linspace(time[0], time[-1], max(count, 4) + 1)
-    q = np.asarray(smoothed.joints.curve(dense))
-    u = np.concatenate([smoothed.rate.curve(dense), smoothed.joints.derivative(dense)], axis=1)
-    u_dot = np.concatenate(
-        [smoothed.rate.derivative(dense), smoothed.joints.derivative(dense, 2)], axis=1
-    )
+    q, u = joints(dense), np.hstack([rate(dense), joints(dense, 1)])
+    u_dot = np.hstack([rate(dense, 1), joints(dense, 2)])
     rotations = tree.rotations(q)
     maps = tree.rate_maps(rotations)
     inertia, gradient = tree.inertia_gradient(rotations, maps, pi)

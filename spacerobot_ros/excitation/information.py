@@ -27,7 +27,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..dynamics.rotation import skew
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics
 from ..model.settings import SensorSettings, SimulatorSettings
 from ..types import Array
 from .free_base import BaseMotion
@@ -112,7 +113,7 @@ class Information:
     def columns(self, motion: BaseMotion) -> Array:
         """(B, T, 3, p) regressor of the momentum equation in base axes."""
         batch, steps, n = motion.q.shape
-        reference = Reference(
+        reference = Kinematics(
             np.tile(motion.time, batch),
             motion.q.reshape(-1, n),
             motion.qd.reshape(-1, n),

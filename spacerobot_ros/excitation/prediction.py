@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from ..control.reference import check_reference
 from ..dynamics.state import initial_state
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics
 from ..identification.cramer_rao import SensorPlan, cramer_rao_bound
 from ..identification.summary import aam_names
 from ..model.robot import Robot
@@ -184,7 +185,7 @@ def _scale_std(values: Array, root: Array) -> float:
 
 def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Array:
     """(3, p) whitened rows of a rest before the spin-up: R^T h_W - sum_b R_b h_b = 0, eq. (31)."""
-    still = Reference(
+    still = Kinematics(
         motion.time[:1],
         motion.q[0, :1],
         np.zeros_like(motion.qd[0, :1]),
@@ -201,8 +202,8 @@ def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Ar
     return np.asarray(np.linalg.solve(np.linalg.cholesky(gyro**2 * D @ D.T + across), row))
 
 
-def _reference(motion: BaseMotion) -> Reference:
-    return Reference(
+def _reference(motion: BaseMotion) -> Kinematics:
+    return Kinematics(
         motion.time,
         motion.q[0],
         motion.qd[0],

@@ -21,7 +21,8 @@ import numpy as np
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
@@ -182,7 +183,7 @@ def _play(model: MomentumModel, constants: Array, probe: _Probe, rest: Array) ->
     q, qd = _swing(probe, rest)
     wheels = _spin_up(model, constants, probe)
     omega, rotation = _base(model, constants, probe, q, qd, wheels)
-    columns, _ = model.regressor(Reference(_TIMES, q, qd, omega, rotation))
+    columns, _ = model.regressor(Kinematics(_TIMES, q, qd, omega, rotation))
     rows = columns[..., : model.x.stop].reshape(-1, model.x.stop)
     free, told = rows[:, :3], rows[:, 3:]
     basis = np.linalg.qr(free)[0]
@@ -215,7 +216,7 @@ def _base(
     """Body rates (N, 3) and attitudes by which the total momentum stays what it was at first."""
     inertia = _base_inertia(model, constants, q)
     omega = np.zeros((len(q), 3))
-    still = Reference(_TIMES, q, qd, omega, Rotation.identity(len(q)))
+    still = Kinematics(_TIMES, q, qd, omega, Rotation.identity(len(q)))
     known = wheels - model.regressor(still)[0] @ constants  # its h_W is zero
     inverse = np.linalg.inv(inertia)
     omega[0, list(probe.turns)] = _TURN

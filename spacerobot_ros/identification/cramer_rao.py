@@ -25,7 +25,8 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..estimation.minimal import MinimalSet
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics
 from ..model.robot import Robot
 from ..model.settings import SensorSettings
 from ..types import Array
@@ -118,7 +119,7 @@ class CramerRaoBound:
 def cramer_rao_bound(
     robot: Robot,
     minimal: MinimalSet,
-    motion: Reference,
+    motion: Kinematics,
     plan: SensorPlan,
     knot_spacing: float = 0.5,
 ) -> CramerRaoBound:

@@ -15,14 +15,15 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from ..errors import IdentificationError
 from ..estimation.momentum_filter import SquareRootInformation
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics
 from ..estimation.smoothing import SensorData
 from ..types import Array
 
 _BLOCK = 50  # rows added at once by the recursive form
 
 
-def sampled_reference(data: SensorData) -> Reference:
+def sampled_reference(data: SensorData) -> Kinematics:
     """Raw samples at the joints' stamps: gyro and attitude interpolated, nothing smoothed.
 
     Raises:
@@ -41,10 +42,10 @@ def sampled_reference(data: SensorData) -> Reference:
     time = data.joint_time[inside]
     omega = np.column_stack([np.interp(time, data.rate_time, data.omega[:, i]) for i in range(3)])
     rotation = Slerp(data.attitude_time, Rotation.from_quat(data.attitude_xyzw))(time)
-    return Reference(time, data.q[inside], data.qd[inside], omega, rotation)
+    return Kinematics(time, data.q[inside], data.qd[inside], omega, rotation)
 
 
-def momentum_rows(model: MomentumModel, reference: Reference) -> tuple[Array, Array]:
+def momentum_rows(model: MomentumModel, reference: Kinematics) -> tuple[Array, Array]:
     """(3 N, p) columns of [h_W; AAM; x] and (3 N,) right-hand side, in the inertial frame."""
     columns, h0 = model.regressor(reference)
     R = reference.rotation.as_matrix()
@@ -52,7 +53,7 @@ def momentum_rows(model: MomentumModel, reference: Reference) -> tuple[Array, Ar
 
 
 def solve_least_squares(
-    model: MomentumModel, reference: Reference, levels: dict[str, float], recursive: bool
+    model: MomentumModel, reference: Kinematics, levels: dict[str, float], recursive: bool
 ) -> tuple[Array, SquareRootInformation]:
     """Least squares for [h_W; AAM; x], at once or recursively in square-root form.
 
@@ -85,7 +86,7 @@ def solve_least_squares(
 
 
 def _chi2(
-    model: MomentumModel, reference: Reference, constants: Array, levels: dict[str, float]
+    model: MomentumModel, reference: Kinematics, constants: Array, levels: dict[str, float]
 ) -> float:
     """Residual as a body-rate error, weighted by the sensors' noise sample by sample."""
     rate = model.linearize(reference, constants)

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..estimation.momentum_filter import Measurements, MomentumFilter, Noise
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
 from ..estimation.nuisances import SensorColumns
+from ..estimation.reference import Kinematics
 from ..estimation.smoothing import SensorData, Smoothed, align, smooth, time_grid
 from ..types import Array
 from .prior import Prior
@@ -28,7 +29,7 @@ class Stretch:
     """
 
     data: SensorData
-    reference: Reference
+    reference: Kinematics
     noise: Noise
     smoothed: Smoothed
 
@@ -120,7 +121,7 @@ def _held(model: MomentumModel, stretch: Stretch, constants: Array) -> Array | N
 
 
 def measurements(
-    data: SensorData, reference: Reference, columns: SensorColumns, values: Array
+    data: SensorData, reference: Kinematics, columns: SensorColumns, values: Array
 ) -> Measurements:
     """Put samples on the reference's times, as deviations from it where the filter wants that.
 

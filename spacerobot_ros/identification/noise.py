@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..estimation.noise_levels import fourth_difference_std
 from ..estimation.smoothing import SensorData
 from ..model.settings import SensorSettings
 from ..types import Array
@@ -51,16 +52,6 @@ def noise_levels(
         if stated is None:
             notes.append(f'{name} is not stated; estimated from the data: {levels[name]:.3g}')
     return levels, tuple(notes)
-
-
-def fourth_difference_std(values: Array) -> float:
-    """Noise of one sample of a smooth signal (N, m); zero for fewer than five samples."""
-    if len(values) < 5 or not np.all(np.isfinite(values)):
-        return 0.0
-    differences = np.diff(values, n=4, axis=0).ravel()
-    spread = 1.4826 * np.median(np.abs(differences - np.median(differences)))
-    inliers = differences[np.abs(differences) <= 4.5 * spread] if spread > 0.0 else differences
-    return float(np.std(inliers) / np.sqrt(70.0))
 
 
 def _accumulated(turns: Rotation | None) -> Array:

@@ -158,7 +158,7 @@ class OnlineIdentifier:
         )
         times = np.concatenate([[self._done], time_grid(new)])
         whole = smoothed.reference(times, engine.last[0].rotation[0])
-        reference = whole.between(1)
+        reference = whole.part(slice(1, None))
         engine.noise = Noise(*stds, self._levels['attitude_std'], smoothed.snap_density(times))
         stretch = Stretch(new, reference, engine.noise, smoothed)
         run_stretch(engine, self._model, stretch, self._constants)
@@ -186,7 +186,7 @@ class OnlineIdentifier:
             return
         last, model = engine.last
         correction = Rotation.from_rotvec(engine.take_attitude())
-        engine.last = (last.turned(correction), model)
+        engine.last = (replace(last, rotation=last.rotation * correction), model)
         self._done = self._samples.solved = float(stretch.reference.time[-1])
 
     def _forget(self, end: float) -> None:

@@ -14,8 +14,9 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..estimation.momentum_process import MomentumModel, Reference
-from ..estimation.smoothing import SensorData, accumulate
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics, accumulated_rotation
+from ..estimation.smoothing import SensorData
 from ..types import Array
 
 _WINDOW = 0.5  # s; over which turns and moves are compared
@@ -37,11 +38,11 @@ def sensor_faults(data: SensorData, joints: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def swapped_joints(
-    model: MomentumModel, reference: Reference, joints: tuple[str, ...]
+    model: MomentumModel, reference: Kinematics, joints: tuple[str, ...]
 ) -> tuple[str, ...]:
     """The pair of joints whose exchange makes momentum hold, in a line; empty where none does."""
     step = max(1, len(reference.time) // _ROWS)
-    sparse = Reference(
+    sparse = Kinematics(
         reference.time[::step],
         reference.q[::step],
         reference.qd[::step],
@@ -63,7 +64,7 @@ def swapped_joints(
     return ()
 
 
-def _momentum_misfit(model: MomentumModel, reference: Reference) -> float:
+def _momentum_misfit(model: MomentumModel, reference: Kinematics) -> float:
     columns, h0 = model.regressor(reference)
     rows, right = columns.reshape(-1, model.size), h0.ravel()
     norms = np.linalg.norm(rows, axis=0)
@@ -176,7 +177,7 @@ def _integral(stamps: Array, values: Array) -> Array:
 def _turns(data: SensorData, factor: float, at: np.ndarray) -> Array:
     """(N-1, 3) rotation vectors of the gyro's turns between its samples `at` (N,)."""
     steps = np.diff(_integral(data.rate_time, factor * data.omega), axis=0)
-    turned = accumulate(Rotation.identity(), steps)
+    turned = accumulated_rotation(Rotation.identity(), steps)
     # attitudes between two gyro samples count at the later one
     part = turned[np.minimum(at, len(data.rate_time) - 1)]
     return np.asarray((part[:-1].inv() * part[1:]).as_rotvec())

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics
 from ..estimation.torque_hold import Holds
 from ..model.settings import IdentifierSettings
 from ..types import Array
@@ -26,7 +27,7 @@ class Prior:
     std: Array
 
     def admissible(
-        self, model: MomentumModel, reference: Reference, current: Array, proposed: Array
+        self, model: MomentumModel, reference: Kinematics, current: Array, proposed: Array
     ) -> Array:
         """The proposed constants, or some between them and the current ones.
 
@@ -44,7 +45,7 @@ class Prior:
 
 def weak_prior(
     model: MomentumModel,
-    reference: Reference,
+    reference: Kinematics,
     settings: IdentifierSettings,
     holds: Holds | None = None,
 ) -> Prior:

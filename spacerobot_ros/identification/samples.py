@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import MessageRejectedError
-from ..estimation.smoothing import LONGEST_GAP, SensorData
+from ..estimation.smoothing import SensorData
+from ..estimation.time_base import LONGEST_GAP
 from ..estimation.torque_hold import find_holds
 from ..types import Array
 from .streams import Stream

@@ -14,14 +14,15 @@ from scipy.interpolate import BSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
 from ..errors import IdentificationError
-from ..estimation.momentum_process import MomentumModel, Reference
+from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import Kinematics
 from ..types import Array
 
 ORDER = 6  # coefficients that a quintic spline has on each interval
 _LONGEST_STEP = 0.05  # s; Runge-Kutta of the smooth, linear attitude error
 
 
-def true_constants(model: MomentumModel, motion: Reference) -> Array:
+def true_constants(model: MomentumModel, motion: Kinematics) -> Array:
     """(p,) [h_W; AAM; x] of the model's robot along a motion of its own."""
     constants = model.prior()
     columns, h0 = model.regressor(motion)
@@ -33,7 +34,7 @@ def true_constants(model: MomentumModel, motion: Reference) -> Array:
 class MotionCurve:
     """A sampled motion at any time within its span."""
 
-    def __init__(self, motion: Reference) -> None:
+    def __init__(self, motion: Kinematics) -> None:
         self.start, self.end = float(motion.time[0]), float(motion.time[-1])
         quaternions = motion.rotation.as_quat()
         flips = np.cumprod(
@@ -45,10 +46,10 @@ class MotionCurve:
         self._curve = CubicSpline(motion.time, values)
         self.reference = motion
 
-    def at(self, time: Array) -> Reference:
+    def at(self, time: Array) -> Kinematics:
         """The motion at times (N,) within its span [s]."""
         n, values = self._n, self._curve(time)
-        return Reference(
+        return Kinematics(
             time,
             values[:, :n],
             values[:, n : 2 * n],

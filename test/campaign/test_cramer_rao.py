@@ -18,7 +18,7 @@ from spacerobot_ros.campaign.scenario import cached_motion, scenario
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import ConfigurationError, IdentificationError
 from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.momentum_process import Reference
+from spacerobot_ros.estimation.reference import Kinematics
 from spacerobot_ros.identification.cramer_rao import SensorPlan, cramer_rao_bound
 from spacerobot_ros.model.settings import SensorSettings
 
@@ -105,7 +105,7 @@ class Oracle:
 
 def motion_of(oracle):
     q, qd, omega, R = oracle.simulate(oracle.truth)
-    return Reference(GRID, q, qd, omega, Rotation.from_matrix(R))
+    return Kinematics(GRID, q, qd, omega, Rotation.from_matrix(R))
 
 
 def servicer(structure):
@@ -184,7 +184,7 @@ def test_fewer_attitudes_tell_less():
 
 def test_joints_at_rest_tell_nothing_of_what_they_would_move():
     case, motion = scenario('zyx'), cached_motion('zyx')
-    rest = Reference(
+    rest = Kinematics(
         motion.time,
         np.zeros_like(motion.q),
         np.zeros_like(motion.qd),

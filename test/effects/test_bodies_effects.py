@@ -320,10 +320,10 @@ def test_what_nobody_measures_of_the_base_is_made_up_for(case, robot, rng):
             time,
             x[:, 7 : 7 + n],
             x[:, 13 + n :],
-            rates[:, 3:],
             x[:, 10 + n : 13 + n],
-            rates[:, :3],
             Rotation.from_quat(x[:, 3:7]),
+            rates[:, 3:],
+            rates[:, :3],
         ),
         np.zeros((101, n)),
     )

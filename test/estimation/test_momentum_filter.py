@@ -17,7 +17,8 @@ from spacerobot_ros.estimation.momentum_filter import (
     SquareRootInformation,
     transitions,
 )
-from spacerobot_ros.estimation.momentum_process import RateErrorModel, Reference
+from spacerobot_ros.estimation.momentum_process import RateErrorModel
+from spacerobot_ros.estimation.reference import Kinematics
 
 N, JOINTS, P = 60, 2, 3  # times, joints, constants
 NOISE = Noise(1e-2, 3e-2, 2e-2, 5e-2, np.array([0.5, 2.0]))
@@ -29,7 +30,7 @@ class Problem:
     def __init__(self, seed=0):
         rng = np.random.default_rng(seed)
         time = np.cumsum(rng.uniform(0.02, 0.08, N))
-        self.reference = Reference(
+        self.reference = Kinematics(
             time,
             np.column_stack([np.sin(time), np.cos(time)]),
             np.column_stack([np.cos(time), -np.sin(time)]),
@@ -60,10 +61,10 @@ class Problem:
         return engine
 
     def part(self, start, stop):
-        """Reference, model and measurements of some of the times."""
+        """Kinematics, model and measurements of some of the times."""
         cut = slice(start, stop)
         return (
-            Reference(
+            Kinematics(
                 self.reference.time[cut],
                 self.reference.q[cut],
                 self.reference.qd[cut],
@@ -278,7 +279,7 @@ def constant_reference(dt, rotation_rate):
     """Two times, the reference turning at a constant rate in body axes."""
     turn = Rotation.from_rotvec(dt * rotation_rate)
     zeros = np.zeros((2, JOINTS))
-    return Reference(
+    return Kinematics(
         np.array([0.0, dt]),
         zeros,
         zeros,

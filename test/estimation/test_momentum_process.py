@@ -9,7 +9,8 @@ from support.identification import carried, inertia_of, servicer
 from support.models import DUAL_ARM, random_tree, robot_of, table_one
 
 from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.momentum_process import MomentumModel, Reference, join
+from spacerobot_ros.estimation.momentum_process import MomentumModel
+from spacerobot_ros.estimation.reference import Kinematics
 
 STEP = 1e-5
 # Central differences: STEP^2 = 1e-10, rounding 1e-16 / STEP = 1e-11, derivatives of order ten.
@@ -61,7 +62,7 @@ def case(request, rng):
     size = 40.0 if robot.target_wheels[-1].link == 'link_3' else 3.0
     constants[: 3 + model.n_aam] = size * rng.standard_normal(3 + model.n_aam)
     N = 5
-    reference = Reference(
+    reference = Kinematics(
         np.arange(float(N)),
         rng.uniform(-3.0, 3.0, (N, model.n)),
         rng.standard_normal((N, model.n)),
@@ -98,7 +99,7 @@ def test_slope_by_attitude_joint_positions_and_rates(case):
     _, model, constants, reference = case
     n = model.n
     omega = np.array([true_rate(case, k) for k in range(len(reference.time))])
-    exact = Reference(reference.time, reference.q, reference.qd, omega, reference.rotation)
+    exact = Kinematics(reference.time, reference.q, reference.qd, omega, reference.rotation)
     state = model.linearize(exact, constants).state
     blocks = (('dphi', slice(0, 3), 3), ('dq', slice(3, 3 + n), n), ('dqd', slice(3 + n, None), n))
     for k in range(len(omega)):
@@ -127,7 +128,7 @@ def test_constants_enter_exactly_linearly(case, rng):
 def test_slope_by_inertial_parameters(case, rng):
     _, model, constants, reference = case
     omega = np.array([true_rate(case, k) for k in range(len(reference.time))])
-    exact = Reference(reference.time, reference.q, reference.qd, omega, reference.rotation)
+    exact = Kinematics(reference.time, reference.q, reference.qd, omega, reference.rotation)
     change = np.zeros(model.size)
     # a hundred-thousandth of the robot's own parameters
     count = len(model.minimal)
@@ -142,7 +143,7 @@ def test_slope_by_inertial_parameters(case, rng):
 def test_regressor_balances_the_true_momentum(case):
     truth, model, constants, reference = case
     omega = np.array([true_rate(case, k) for k in range(len(reference.time))])
-    exact = Reference(reference.time, reference.q, reference.qd, omega, reference.rotation)
+    exact = Kinematics(reference.time, reference.q, reference.qd, omega, reference.rotation)
     columns, h0 = model.regressor(exact)
     scale = np.max(np.abs(constants[:3])) + 10.0
     np.testing.assert_allclose(columns @ constants, h0, rtol=0, atol=1e-11 * scale)
@@ -156,24 +157,21 @@ def test_prior_is_what_the_robot_file_believes(case):
     np.testing.assert_array_equal(prior[3 + model.n_aam :], constants[3 + model.n_aam :])
 
 
-def test_references_join_and_split(case):
+def test_a_part_of_a_reference_is_linearized_as_within_the_whole(case):
     _, model, constants, reference = case
-    first, rest = reference.between(0, 1), reference.between(1)
-    whole = join(first, rest)
-    np.testing.assert_array_equal(whole.time, reference.time)
-    np.testing.assert_array_equal(whole.rotation.as_matrix(), reference.rotation.as_matrix())
-    model_whole = model.linearize(reference, constants)
-    again = model.linearize(rest, constants).after(model.linearize(first, constants))
-    np.testing.assert_array_equal(again.offset, model_whole.offset)
-    np.testing.assert_array_equal(again.tail().constants[0], model_whole.constants[-1])
-    assert reference.tail().time == reference.time[-1]
+    rest = reference.part(slice(1, None))
+    np.testing.assert_array_equal(rest.time, reference.time[1:])
+    np.testing.assert_array_equal(rest.matrices, reference.matrices[1:])
+    whole, part = (model.linearize(r, constants) for r in (reference, rest))
+    np.testing.assert_array_equal(part.offset, whole.offset[1:])
+    np.testing.assert_array_equal(part.constants, whole.constants[1:])
 
 
 def test_long_references_are_linearised_as_short_ones(case, rng):
     # More times than are taken at once.
     _, model, constants, reference = case
     picks = rng.integers(0, len(reference.time), 700)
-    long = Reference(
+    long = Kinematics(
         np.arange(700.0),
         reference.q[picks],
         reference.qd[picks],

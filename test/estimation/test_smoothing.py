@@ -1,4 +1,4 @@
-"""Reference trajectories: smoothing, integrated attitude, alignment, the time grid."""
+"""Kinematics trajectories: smoothing, integrated attitude, alignment, the time grid."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from support.identification import STDS, measure, simulate
 
 from spacerobot_ros.errors import IdentificationError
-from spacerobot_ros.estimation.momentum_process import Reference
+from spacerobot_ros.estimation.reference import Kinematics
 from spacerobot_ros.estimation.smoothing import SensorData, Smoothed, align, smooth, time_grid
 from spacerobot_ros.estimation.splines import SplineFit
 
@@ -113,7 +113,7 @@ def test_rates_are_smoothed_without_measured_rates():
     data = measure(run, 5)
     encoders = replace(data, qd=np.full_like(data.qd, np.nan))
     smoothed = smooth(encoders, 0.0, 20.0, NOISE)
-    error = smoothed.joints.derivative(run.time) - run.qd
+    error = smoothed.joints(run.time, 1) - run.qd
     assert np.sqrt(np.mean(error**2)) < NOISE[1]
 
 
@@ -131,7 +131,7 @@ def test_alignment_is_exact_for_exact_attitudes(rng):
     times = np.linspace(0.0, 5.0, 51)
     path = Rotation.from_rotvec(np.outer(times, [0.3, -0.2, 0.5])) * Rotation.random(rng=rng)
     offset = Rotation.random(rng=rng)
-    reference = Reference(times, np.zeros((51, 1)), np.zeros((51, 1)), np.zeros((51, 3)), path)
+    reference = Kinematics(times, np.zeros((51, 1)), np.zeros((51, 1)), np.zeros((51, 3)), path)
     measured = (offset * path).as_quat() * rng.choice([-1.0, 1.0], 51)[:, None]
     picks = [3, 17, 40]
     start = align(reference, times[picks], measured[picks])

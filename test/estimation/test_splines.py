@@ -29,15 +29,15 @@ def test_signal_without_noise_is_recovered():
     fit = fit_spline([Samples(TIME, signal(TIME), 1e-9)], 0.0, 20.0)
     between = np.linspace(0.0, 20.0, 3001)
     # quintic interpolation: (2.1 * 0.05 s)^6 / 1000 = 1e-9
-    np.testing.assert_allclose(fit.curve(between), signal(between), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(fit.derivative(between), signal(between, 1), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(fit(between), signal(between), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(fit(between, 1), signal(between, 1), rtol=0, atol=1e-7)
 
 
 def test_values_and_derivatives_are_fitted_together(rng):
     fit = fit_spline([noisy(rng, TIME, 1e-4), noisy(rng, TIME, 1e-4, derivative=1)], 0.0, 20.0)
-    both = np.sqrt(np.mean((fit.derivative(TIME) - signal(TIME, 1)) ** 2))
+    both = np.sqrt(np.mean((fit(TIME, 1) - signal(TIME, 1)) ** 2))
     alone = fit_spline([noisy(rng, TIME, 1e-4)], 0.0, 20.0)
-    one = np.sqrt(np.mean((alone.derivative(TIME) - signal(TIME, 1)) ** 2))
+    one = np.sqrt(np.mean((alone(TIME, 1) - signal(TIME, 1)) ** 2))
     assert both < 3e-5  # a third of one sample's noise
     assert both < 0.7 * one
 
@@ -46,7 +46,7 @@ def test_derivatives_alone_give_the_shape(rng):
     first = Samples(np.zeros(1), signal(np.zeros(1)), 1e-6)
     fit = fit_spline([first, noisy(rng, TIME, 1e-5, derivative=1)], 0.0, 20.0)
     # a random walk of 1e-5 rad/s over 2000 samples at 0.01 s: 5e-6
-    np.testing.assert_allclose(fit.curve(TIME), signal(TIME), rtol=0, atol=3e-5)
+    np.testing.assert_allclose(fit(TIME), signal(TIME), rtol=0, atol=3e-5)
 
 
 @pytest.mark.parametrize('std', [1e-2, 1e-4, 1e-6])
@@ -59,7 +59,7 @@ def test_residual_is_the_noise(std, rng):
 @pytest.mark.parametrize('std', [1e-2, 1e-4, 1e-6])
 def test_error_is_below_the_noise_by_the_share_of_coefficients(std, rng):
     fit = fit_spline([noisy(rng, TIME, std)], 0.0, 20.0)
-    error = np.sqrt(np.mean((fit.curve(TIME) - signal(TIME)) ** 2))
+    error = np.sqrt(np.mean((fit(TIME) - signal(TIME)) ** 2))
     coefficients = 20.0 / fit.spacing + 5.0
     assert error < 2.0 * std * np.sqrt(coefficients / len(TIME))
 
@@ -81,25 +81,25 @@ def test_few_data_get_the_sparsest_spline(rng):
     time = np.linspace(0.0, 20.0, 12)
     fit = fit_spline([noisy(rng, time, 1e-9)], 0.0, 20.0)
     assert fit.spacing == pytest.approx(2.0, rel=1e-12)
-    assert np.all(np.isfinite(fit.curve(TIME)))
+    assert np.all(np.isfinite(fit(TIME)))
 
 
 def test_gap_stays_finite_and_near_the_signal(rng):
     time = np.concatenate([TIME[TIME < 8.0], TIME[TIME > 10.0]])
     fit = fit_spline([noisy(rng, time, 1e-3)], 0.0, 20.0)
     inside = np.linspace(8.0, 10.0, 50)
-    assert np.all(np.isfinite(fit.curve(inside)))
+    assert np.all(np.isfinite(fit(inside)))
     # nothing is known there; the curve stays within the signal's own size
-    np.testing.assert_allclose(fit.curve(inside), signal(inside), rtol=0, atol=1.0)
+    np.testing.assert_allclose(fit(inside), signal(inside), rtol=0, atol=1.0)
 
 
 def test_two_rates_of_sampling_weigh_by_their_noise(rng):
     sparse = TIME[::10]
     poor = Samples(TIME, signal(TIME) + 0.3, 10.0)  # wrong by 0.3, but nearly without weight
     fit = fit_spline([noisy(rng, sparse, 1e-5), poor], 0.0, 20.0)
-    np.testing.assert_allclose(fit.curve(sparse), signal(sparse), rtol=0, atol=1e-4)
+    np.testing.assert_allclose(fit(sparse), signal(sparse), rtol=0, atol=1e-4)
 
 
 def test_interval_need_not_start_at_zero(rng):
     fit = fit_spline([noisy(rng, TIME + 1000.0, 1e-4)], 1000.0, 1020.0)
-    np.testing.assert_allclose(fit.curve(TIME + 1000.0), signal(TIME + 1000.0), rtol=0, atol=4e-4)
+    np.testing.assert_allclose(fit(TIME + 1000.0), signal(TIME + 1000.0), rtol=0, atol=4e-4)

@@ -118,7 +118,7 @@ class BlockInnovations(Innovations):
         return self._whiten(
             np.concatenate([still, rates], axis=2),
             self._defects(),
-            np.column_stack([self.deviations, self.time_base.by_row(columns.measured)]),
+            np.column_stack([self.deviations, self.time_base.rows.of(columns.measured)]),
             mean,
         )
 
