@@ -1,0 +1,216 @@
+"""The house: which room may know which, what stays in its room, and names that mean one thing.
+
+Read from the source text, so that imports inside functions and for type checkers count too.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter, defaultdict
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = 'spacerobot_ros'
+LAYERS = (
+    ('', 'errors', 'types', 'json_values', 'display'),
+    ('model',),
+    ('dynamics',),
+    ('effects',),
+    ('sensing', 'recording'),
+    ('estimation',),
+    ('identification',),
+    ('control',),
+    ('simulation', 'excitation', 'diagnosis'),
+    ('campaign',),
+    ('report', 'demo', 'ros', 'nodes', 'cli'),
+)
+"""Rooms and modules beside them, lowest first: each may know its own layer and those below."""
+ROS = ('rclpy', 'launch', 'launch_ros', 'rosidl_runtime_py', 'ament_index_python', 'rpyutils')
+MESSAGES = ('_msgs', '_srvs', '_interfaces')
+
+# What is still to be mended, each with its owner's room; nothing may come to it.
+CIRCLES_OF_FILES = {
+    ('cli.excite', 'cli.excite_separate'),
+    (
+        *('estimation.momentum_process', 'estimation.nuisances'),
+        *('estimation.smoothing', 'estimation.torque_hold'),
+    ),
+}
+CIRCLES_OF_ROOMS = {('control', 'diagnosis', 'estimation', 'identification', 'simulation')}
+UPWARDS = {
+    ('estimation.balance', 'diagnosis.search'),
+    ('estimation.noise_levels', 'identification.noise'),
+}
+OUTSIDE = {'demo.run'}
+CLASSES = {
+    *('Answer', 'Case', 'Columns', 'Flight', 'Health', 'Measurements', 'Motion', 'Options'),
+    *('ParametersInForce', 'Reference', 'Run', 'Sample', 'Score', 'Start', 'Stream', 'Table'),
+    *('Tree',),
+}
+FILES = {
+    *('controller', 'convert', 'diagnose', 'faults', 'identifier', 'main', 'merge', 'monitor'),
+    *('motion', 'noise', 'output', 'parameter', 'prediction', 'prior', 'reference'),
+    *('regressor_kernel', 'robot', 'samples', 'sensors', 'simulator', 'state', 'summary', 'tree'),
+    *('types', 'wheel_momentum', 'wheels'),
+}
+
+
+@cache
+def sources() -> dict[str, ast.Module]:
+    """Every module of the package with its syntax tree."""
+    out = {}
+    for path in sorted((ROOT / PACKAGE).rglob('*.py')):
+        parts = path.relative_to(ROOT).with_suffix('').parts
+        name = '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
+        out[name] = ast.parse(path.read_text(encoding='utf-8'))
+    return out
+
+
+def is_package(name):
+    return (ROOT / name.replace('.', '/') / '__init__.py').is_file()
+
+
+def imports(name):
+    """Full names that a module imports, anywhere in it."""
+    for node in ast.walk(sources()[name]):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = name.split('.')
+            up = node.level - is_package(name)
+            base = base[: len(base) - up] if node.level else []
+            whole = '.'.join([*base, *([node.module] if node.module else [])])
+            for alias in node.names:
+                inner = f'{whole}.{alias.name}'
+                yield inner if inner in sources() else whole
+
+
+@cache
+def file_graph():
+    return {
+        name: {other for other in imports(name) if other in sources() and other != name}
+        for name in sources()
+    }
+
+
+def room_of(name):
+    parts = name.split('.')
+    return parts[1] if len(parts) > 1 else ''
+
+
+@cache
+def room_graph():
+    graph = defaultdict(set)
+    for name, others in file_graph().items():
+        graph[room_of(name)] |= {room_of(o) for o in others} - {room_of(name)}
+    return dict(graph)
+
+
+def circles(graph):
+    """Nodes that reach each other."""
+
+    def reached(start):
+        seen, todo = set(), [start]
+        while todo:
+            for other in graph.get(todo.pop(), ()):
+                if other not in seen:
+                    seen.add(other)
+                    todo.append(other)
+        return seen
+
+    ahead = {node: reached(node) for node in graph}
+    return {
+        tuple(sorted({node, *(o for o in ahead[node] if node in ahead.get(o, ()))}))
+        for node in graph
+        if node in ahead[node]
+    }
+
+
+def short(circle):
+    return tuple(name.removeprefix(f'{PACKAGE}.') for name in circle)
+
+
+def new_circles(found, known):
+    return [circle for circle in found if not any(set(circle) <= set(k) for k in known)]
+
+
+def test_no_circle_of_files():
+    assert not new_circles({short(c) for c in circles(file_graph())}, CIRCLES_OF_FILES)
+
+
+def test_no_circle_of_rooms():
+    assert not new_circles(circles(room_graph()), CIRCLES_OF_ROOMS)
+
+
+def test_every_room_has_its_layer():
+    known = {room for layer in LAYERS for room in layer}
+    assert {room_of(name) for name in sources()} <= known
+
+
+def test_imports_go_downwards():
+    rank = {room: i for i, layer in enumerate(LAYERS) for room in layer}
+    upwards = {
+        short((name, other))
+        for name, others in file_graph().items()
+        for other in others
+        if rank[room_of(other)] > rank[room_of(name)]
+    }
+    assert not upwards - UPWARDS
+
+
+def is_ros(name):
+    top = name.split('.')[0]
+    return top in ROS or top.endswith(MESSAGES)
+
+
+@pytest.mark.parametrize(
+    ('what', 'belongs', 'rooms'),
+    [
+        ('ROS', is_ros, ('ros', 'nodes')),
+        ('plotting', lambda name: name.split('.')[0] == 'matplotlib', ('report',)),
+    ],
+)
+def test_what_belongs_to_a_room_stays_there(what, belongs, rooms):
+    outside = {
+        short((name,))[0]
+        for name in sources()
+        if room_of(name) not in rooms and any(belongs(other) for other in imports(name))
+    }
+    assert not outside - OUTSIDE, what
+
+
+def test_only_the_command_line_prints():
+    printing = {
+        short((name,))[0]
+        for name, tree in sources().items()
+        if room_of(name) != 'cli'
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == 'print'
+    }
+    assert not printing - OUTSIDE
+
+
+def test_no_file_of_the_product_looks_like_a_test():
+    stems = [name.split('.')[-1] for name in sources()]
+    looks = [s for s in stems if s.startswith('test') or s.endswith('_test') or s == 'conftest']
+    assert not looks
+
+
+def test_no_two_classes_have_one_name():
+    names = Counter(
+        node.name
+        for tree in sources().values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+    )
+    assert not {name for name, count in names.items() if count > 1} - CLASSES
+
+
+def test_no_two_files_have_one_name():
+    stems = Counter(name.split('.')[-1] for name in sources() if not is_package(name))
+    assert not {stem for stem, count in stems.items() if count > 1} - FILES
