@@ -8,10 +8,11 @@ from dataclasses import KW_ONLY, dataclass
 from functools import partial
 
 from ..errors import ConfigurationError
+from ..model.schema import Bounds, parse_number
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(Bounds):
     """One number of an effect.
 
     Args:
@@ -22,7 +23,6 @@ class Parameter:
         relevant: Smallest magnitude worth naming, about `nominal`.
         nominal: Value at which the effect does nothing, as far as this parameter decides that.
         default: Value where a robot file is silent; None where it must be given.
-        minimum: Smallest physical value. above: Exclusive lower bound. maximum: Largest one.
         role: How the action depends on it about `nominal`. `linear`: in proportion. `phase`: with
             the linear parameter before it a pair amplitude and phase [rad], amplitude *
             sin(... + phase). `reciprocal`: in proportion to its inverse, nothing at infinity.
@@ -40,9 +40,6 @@ class Parameter:
     _: KW_ONLY
     nominal: float = 0.0
     default: float | None = None
-    minimum: float = -math.inf
-    above: float = -math.inf
-    maximum: float = math.inf
     role: str = 'linear'
     grid: tuple[float, ...] = ()
 
@@ -58,25 +55,13 @@ class Parameter:
         Raises:
             ConfigurationError: missing, not a finite number, or out of bounds.
         """
-        at, unit = f'{place}.{self.name}', f' {self.unit}' if self.unit else ''
+        at = f'{place}.{self.name}'
         if value is None:
-            raise ConfigurationError(
-                at, f'is missing: {self.doc}' + f' [{self.unit}]' * bool(unit)
-            )
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-        ):
-            raise ConfigurationError(at, f'expected a finite number, got {value!r}')
-        for is_wrong, bound, words in (
-            (value <= self.above, self.above, 'above'),
-            (value < self.minimum, self.minimum, 'at least'),
-            (value > self.maximum, self.maximum, 'at most'),
-        ):
-            if is_wrong:
-                raise ConfigurationError(at, f'{value:g}{unit} must be {words} {bound:g}')
-        return float(value)
+            unit = f' [{self.unit}]' if self.unit else ''
+            raise ConfigurationError(at, f'is missing: {self.doc}{unit}')
+        number = float(parse_number(value, at))
+        self.check(number, at, self.unit)
+        return number
 
 
 def checked_values(

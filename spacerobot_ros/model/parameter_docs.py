@@ -5,13 +5,14 @@ python -m spacerobot_ros.model.parameter_docs > docs/parameters.md
 
 from __future__ import annotations
 
+import inspect
 import sys
-import types
 import typing
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
+from .schema import Allowed, meanings, plain_type
 from .settings import Settings
 
 _HEAD = """# Parameters
@@ -45,8 +46,10 @@ def parameter_page() -> str:
         parts.append(f'\n## `{name}`\n\n{_docstring(cls)}\n')
         parts.append('\n| parameter | type | default | allowed | unit | meaning |\n')
         parts.append('|---|---|---|---|---|---|\n')
-        hints = typing.get_type_hints(cls)
-        parts.extend(_row(f, hints[f.name]) for f in fields(cls) if 'doc' in f.metadata)
+        hints, meaning = typing.get_type_hints(cls), meanings(cls)
+        parts.extend(
+            _row(f, plain_type(hints[f.name]), meaning[f.name]) for f in fields(cls) if f.metadata
+        )
     return ''.join([*parts, _EFFECTS])
 
 
@@ -58,30 +61,20 @@ def _sections(cls: Any, prefix: str) -> Iterator[tuple[str, Any]]:
             yield from _sections(hint, f'{prefix}{name}.')
 
 
-def _docstring(cls: Any) -> str:
-    lines = (line.strip() for line in (cls.__doc__ or '').strip().splitlines())
-    return '\n'.join(lines)
+def _docstring(cls: type) -> str:
+    return (inspect.getdoc(cls) or '').partition('\nArgs:\n')[0].strip()
 
 
-def _row(f: Field[Any], hint: Any) -> str:
-    meta = f.metadata
-    cells = (
-        f'`{f.name}`',
-        _kind(hint),
-        _default(f),
-        _allowed(meta),
-        meta['unit'],
-        meta['doc'],
-    )
+def _row(f: Field[Any], kind: Any, meaning: str) -> str:
+    allowed: Allowed = f.metadata['allowed']
+    cells = (f'`{f.name}`', _kind(kind), _default(f), _allowed(allowed), allowed.unit, meaning)
     return '| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |\n'
 
 
-def _kind(hint: Any) -> str:
-    if isinstance(hint, types.UnionType):
-        hint = next(a for a in typing.get_args(hint) if a is not type(None))
-    if typing.get_origin(hint) is tuple:
-        return f'list of {_KINDS[typing.get_args(hint)[0]]}s'.replace('texts', 'names')
-    return _KINDS[hint]
+def _kind(kind: Any) -> str:
+    if typing.get_origin(kind) is tuple:
+        return f'list of {_KINDS[typing.get_args(kind)[0]]}s'.replace('texts', 'names')
+    return _KINDS[kind]
 
 
 def _default(f: Field[Any]) -> str:
@@ -94,18 +87,9 @@ def _default(f: Field[Any]) -> str:
     return f'`{str(f.default).lower() if isinstance(f.default, bool) else f.default}`'
 
 
-def _allowed(meta: typing.Mapping[str, Any]) -> str:
-    limits = [
-        text.format(meta[key])
-        for key, text in (
-            ('length', '{} entries'),
-            ('above', '> {:g}'),
-            ('minimum', '>= {:g}'),
-            ('maximum', '<= {:g}'),
-        )
-        if meta[key] is not None
-    ]
-    return ', '.join([*(f'`{choice}`' for choice in meta['choices']), *limits])
+def _allowed(allowed: Allowed) -> str:
+    length = [] if allowed.length is None else [f'{allowed.length} entries']
+    return ', '.join([*(f'`{choice}`' for choice in allowed.choices), *length, *allowed.words])
 
 
 if __name__ == '__main__':

@@ -1,14 +1,20 @@
-"""Maps checked against dataclasses whose fields carry unit, bounds and meaning."""
+"""Maps checked against dataclasses whose fields carry unit, bounds and meaning.
+
+The meaning of a field is its entry under `Args:` in the docstring of its class; unit and bounds
+are given where it gets its default (`param`).
+"""
 
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
+import re
 import sys
 import types
 import typing
-from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any
 
 from ..errors import ConfigurationError
@@ -17,6 +23,95 @@ FloatList = tuple[float, ...]
 TextList = tuple[str, ...]
 FreeMaps = Mapping[str, Mapping[str, float | str]]
 """Maps under free names, of numbers and texts whose meaning is checked elsewhere."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bounds:
+    """What a number may be: at least `minimum`, above `above`, at most `maximum`."""
+
+    minimum: float = -math.inf
+    above: float = -math.inf
+    maximum: float = math.inf
+
+    @property
+    def words(self) -> list[str]:
+        """The bounds there are, such as 'above 0'."""
+        named = {'at least': self.minimum, 'above': self.above, 'at most': self.maximum}
+        return [f'{word} {bound:g}' for word, bound in named.items() if math.isfinite(bound)]
+
+    def check(self, number: float, place: str, unit: str = '') -> None:
+        """Refuse a number out of bounds.
+
+        Raises:
+            ConfigurationError: with its place.
+        """
+        for is_wrong, bound in (
+            (number < self.minimum, f'at least {self.minimum:.9g}'),
+            (number <= self.above, f'above {self.above:.9g}'),
+            (number > self.maximum, f'at most {self.maximum:.9g}'),
+        ):
+            if is_wrong:
+                value = f'{number:.9g} {unit}'.rstrip()
+                raise ConfigurationError(place, f'{value} must be {bound}')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Allowed(Bounds):
+    """What a parameter may be; bounds of a list are those of its entries.
+
+    Args:
+        unit: SI unit; empty for pure numbers and texts.
+        choices: Allowed texts; empty: any.
+        length: Required number of entries of a list.
+    """
+
+    unit: str = ''
+    choices: tuple[str, ...] = ()
+    length: int | None = None
+
+    def check_value(self, value: Any, place: str) -> None:
+        """Refuse a number, text or list of the right type that is not allowed."""
+        if self.choices and value not in self.choices:
+            raise ConfigurationError(place, f'{value!r} is not one of {", ".join(self.choices)}')
+        if self.length is not None and len(value) != self.length:
+            raise ConfigurationError(place, f'expected {self.length} numbers, got {len(value)}')
+        entries = {place: value}
+        if isinstance(value, tuple):
+            entries = {f'{place}[{i}]': entry for i, entry in enumerate(value)}
+        for where, entry in entries.items():
+            if not isinstance(entry, str | bool):
+                self.check(entry, where, self.unit)
+
+
+def param(
+    default: Any = MISSING,
+    unit: str = '',
+    *,
+    minimum: float = -math.inf,
+    above: float = -math.inf,
+    maximum: float = math.inf,
+    choices: tuple[str, ...] = (),
+    length: int | None = None,
+) -> Any:
+    """A field of a settings dataclass, see `Allowed`; without a default it must be given."""
+    allowed = Allowed(
+        unit=unit, minimum=minimum, above=above, maximum=maximum, choices=choices, length=length
+    )
+    return field(default=default, metadata={'allowed': allowed})
+
+
+def meanings(cls: type) -> dict[str, str]:
+    """What every field of a settings dataclass means."""
+    section = (inspect.getdoc(cls) or '').partition('\nArgs:\n')[2]
+    found = re.findall(r'^ {4}(\w+): (.*(?:\n {8}.*)*)', section, re.MULTILINE)
+    return {name: ' '.join(text.split()) for name, text in found}
+
+
+def plain_type(hint: Any) -> Any:
+    """The type of a parameter, whether or not it may be None."""
+    if isinstance(hint, types.UnionType):
+        return next(a for a in typing.get_args(hint) if a is not type(None))
+    return hint
 
 
 def parse_section(cls: type, values: Any, place: str) -> Any:
@@ -36,38 +131,53 @@ def parse_section(cls: type, values: Any, place: str) -> Any:
     for name, f in known.items():
         where = _join(place, name)
         if name in values:
-            parsed[name] = _parse_value(f, hints[name], values[name], where)
+            parsed[name] = _parse_value(f, plain_type(hints[name]), values[name], where)
         elif f.default is MISSING and f.default_factory is MISSING:
-            raise ConfigurationError(
-                where, f'required parameter is missing ({f.metadata.get("doc", f.type)})'
-            )
+            meaning = meanings(cls).get(name, f.type)
+            raise ConfigurationError(where, f'required parameter is missing ({meaning})')
     return cls(**parsed)
 
 
-def _parse_value(f: Field[Any], hint: Any, value: Any, place: str) -> Any:
-    if hasattr(hint, '__dataclass_fields__'):
-        return parse_section(hint, value, place)
-    if isinstance(hint, types.UnionType):
-        hint = next(a for a in typing.get_args(hint) if a is not type(None))
-    parsed: Any
-    if hint == FreeMaps:
+def parse_number(value: Any, place: str, kind: type = float) -> Any:
+    """A finite number, whole where `kind` is int.
+
+    Raises:
+        ConfigurationError: anything else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ConfigurationError(place, f'expected a number, got {value!r}')
+    if not abs(value) <= sys.float_info.max:
+        raise ConfigurationError(place, f'{value} is not a finite number in range')
+    if kind is int and value != int(value):
+        raise ConfigurationError(place, f'expected a whole number, got {value}')
+    return kind(value)
+
+
+def _parse_value(f: Field[Any], kind: Any, value: Any, place: str) -> Any:
+    if hasattr(kind, '__dataclass_fields__'):
+        return parse_section(kind, value, place)
+    if kind == FreeMaps:
         return _free_maps(value, place)
-    if hint == FloatList:
-        parsed = tuple(
-            _number(v, f'{place}[{i}]', float) for i, v in enumerate(_list(value, place))
-        )
-    elif hint == TextList:
-        parsed = tuple(_text(v, f'{place}[{i}]') for i, v in enumerate(_list(value, place)))
-    elif hint is bool:
-        if not isinstance(value, bool):
-            raise ConfigurationError(place, f'expected true or false, got {value!r}')
-        parsed = value
-    elif hint is str:
-        parsed = _text(value, place)
+    if kind in (FloatList, TextList):
+        parse = _parser(typing.get_args(kind)[0])
+        parsed = tuple(parse(v, f'{place}[{i}]') for i, v in enumerate(_list(value, place)))
     else:
-        parsed = _number(value, place, hint)
-    _check_bounds(f, parsed, place)
+        parsed = _parser(kind)(value, place)
+    f.metadata['allowed'].check_value(parsed, place)
     return parsed
+
+
+def _parser(kind: type) -> Callable[[Any, str], Any]:
+    if kind in (float, int):
+        return lambda value, place: parse_number(value, place, kind)
+    word = {bool: 'true or false', str: 'text'}[kind]
+
+    def parse(value: Any, place: str) -> Any:
+        if not isinstance(value, kind):
+            raise ConfigurationError(place, f'expected {word}, got {value!r}')
+        return value
+
+    return parse
 
 
 def _free_maps(value: Any, place: str) -> dict[str, dict[str, float | str]]:
@@ -80,59 +190,18 @@ def _free_maps(value: Any, place: str) -> dict[str, dict[str, float | str]]:
         if not isinstance(entry, Mapping):
             raise ConfigurationError(f'{place}.{name}', f'expected a map, got {entry!r}')
     return {
-        name: {str(key): _scalar(v, f'{place}.{name}.{key}') for key, v in entry.items()}
+        name: {
+            str(key): v if isinstance(v, str) else parse_number(v, f'{place}.{name}.{key}')
+            for key, v in entry.items()
+        }
         for name, entry in sorted(value.items())
     }
 
 
-def _scalar(value: Any, place: str) -> float | str:
-    return value if isinstance(value, str) else float(_number(value, place, float))
-
-
 def _list(value: Any, place: str) -> list[Any]:
-    if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, '__iter__'):
+    if isinstance(value, str | bytes | Mapping) or not hasattr(value, '__iter__'):
         raise ConfigurationError(place, f'expected a list, got {value!r}')
     return list(value)
-
-
-def _text(value: Any, place: str) -> str:
-    if not isinstance(value, str):
-        raise ConfigurationError(place, f'expected text, got {value!r}')
-    return value
-
-
-def _number(value: Any, place: str, kind: type) -> Any:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ConfigurationError(place, f'expected a number, got {value!r}')
-    if abs(value) > sys.float_info.max or not math.isfinite(value):
-        raise ConfigurationError(place, f'{value} is not a finite number in range')
-    if kind is int and value != int(value):
-        raise ConfigurationError(place, f'expected a whole number, got {value}')
-    return kind(value)
-
-
-def _check_bounds(f: Field[Any], value: Any, place: str) -> None:
-    meta = f.metadata
-    if meta.get('choices') and value not in meta['choices']:
-        raise ConfigurationError(place, f'{value!r} is not one of {", ".join(meta["choices"])}')
-    if meta.get('length') is not None and len(value) != meta['length']:
-        raise ConfigurationError(place, f'expected {meta["length"]} numbers, got {len(value)}')
-    entries = list(enumerate(value)) if isinstance(value, tuple) else [(None, value)]
-    for index, entry in entries:
-        if isinstance(entry, (str, bool)):
-            continue
-        where = place if index is None else f'{place}[{index}]'
-        unit = f' {meta["unit"]}' if meta.get('unit') else ''
-        if meta.get('minimum') is not None and entry < meta['minimum']:
-            raise ConfigurationError(
-                where, f'{entry}{unit} is below the smallest allowed value {meta["minimum"]}'
-            )
-        if meta.get('above') is not None and entry <= meta['above']:
-            raise ConfigurationError(where, f'{entry}{unit} must be above {meta["above"]}')
-        if meta.get('maximum') is not None and entry > meta['maximum']:
-            raise ConfigurationError(
-                where, f'{entry}{unit} is above the largest allowed value {meta["maximum"]}'
-            )
 
 
 def _join(place: str, key: str) -> str:

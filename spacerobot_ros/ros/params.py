@@ -7,11 +7,10 @@ parameter of the schema is declared, read-only, with its meaning, unit and bound
 
 from __future__ import annotations
 
-import types
 import typing
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import Field, fields, is_dataclass
-from typing import Any
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
@@ -21,6 +20,7 @@ from std_msgs.msg import String
 from ..errors import ConfigurationError
 from ..model.loader import build_robot, resolve_urdf
 from ..model.robot import Robot
+from ..model.schema import Allowed, meanings, plain_type
 from ..model.settings import FloatList, Settings, TextList, parse_settings
 from .qos import LATCHED
 
@@ -54,8 +54,8 @@ def declare_settings(node: Node) -> Settings:
         if type(own[name]) is not type(default):
             raise ConfigurationError(name, f'expected {type(default).__name__}, got {own[name]!r}')
         node.declare_parameter(name, own[name], _descriptor(doc), ignore_override=True)
-    for name, field, kind, value in leaves(settings):
-        _declare(node, name, field, kind, value)
+    for leaf in leaves(settings):
+        _declare(node, leaf)
     for name, entry in settings.effects.items():
         for key, value in entry.items():
             descriptor = _descriptor('Of a physical effect that the model believes in.')
@@ -87,15 +87,26 @@ def nested(flat: Mapping[str, Any]) -> dict[str, Any]:
     return tree
 
 
-def leaves(section: Any, prefix: str = '') -> Iterator[tuple[str, Field[Any], Any, Any]]:
-    """Dotted name, field, type and value of every parameter below a section."""
-    hints = typing.get_type_hints(type(section))
-    for field in fields(section):
-        value = getattr(section, field.name)
+class Leaf(NamedTuple):
+    """A parameter: dotted name, meaning, what it may be, type and value."""
+
+    name: str
+    meaning: str
+    allowed: Allowed
+    kind: Any
+    value: Any
+
+
+def leaves(section: Any, prefix: str = '') -> Iterator[Leaf]:
+    """Every parameter below a section."""
+    hints, meaning = typing.get_type_hints(type(section)), meanings(type(section))
+    for f in fields(section):
+        value = getattr(section, f.name)
         if is_dataclass(value):
-            yield from leaves(value, f'{prefix}{field.name}.')
-        elif not isinstance(value, Mapping):  # entries under free names
-            yield f'{prefix}{field.name}', field, hints[field.name], value
+            yield from leaves(value, f'{prefix}{f.name}.')
+        elif f.metadata:  # no entries under free names
+            kind = plain_type(hints[f.name])
+            yield Leaf(prefix + f.name, meaning[f.name], f.metadata['allowed'], kind, value)
 
 
 def open_robot(node: Node, settings: Settings, use: Callable[[Robot], None]) -> None:
@@ -129,21 +140,22 @@ def open_robot(node: Node, settings: Settings, use: Callable[[Robot], None]) -> 
         node.create_subscription(String, '/robot_description', take, LATCHED)
 
 
-def _declare(node: Node, name: str, field: Field[Any], kind: Any, value: Any) -> None:
-    if isinstance(kind, types.UnionType):
-        kind = next(a for a in typing.get_args(kind) if a is not type(None))
+def _declare(node: Node, leaf: Leaf) -> None:
+    value, allowed = leaf.value, leaf.allowed
     if value is None or value == ():
         # typed but without a value; an empty list alone would be declared as one of bytes
         value = {
             FloatList: Parameter.Type.DOUBLE_ARRAY,
             TextList: Parameter.Type.STRING_ARRAY,
             float: Parameter.Type.DOUBLE,
-        }[kind]
+        }[leaf.kind]
     elif isinstance(value, tuple):
         value = list(value)
-    meta = field.metadata
-    descriptor = _descriptor(meta['doc'], meta['unit'], _limits(meta))
-    node.declare_parameter(name, value, descriptor, ignore_override=True)
+    choices = [f'one of {", ".join(allowed.choices)}'] if allowed.choices else []
+    length = [] if allowed.length is None else [f'{allowed.length} numbers']
+    limits = '; '.join([*choices, *length, *allowed.words])
+    descriptor = _descriptor(leaf.meaning, allowed.unit, limits)
+    node.declare_parameter(leaf.name, value, descriptor, ignore_override=True)
 
 
 def _descriptor(doc: str, unit: str = '', limits: str = '') -> ParameterDescriptor:
@@ -151,18 +163,3 @@ def _descriptor(doc: str, unit: str = '', limits: str = '') -> ParameterDescript
     return ParameterDescriptor(
         description=description, additional_constraints=limits, read_only=True
     )
-
-
-def _limits(meta: Mapping[str, Any]) -> str:
-    parts = []
-    if meta['choices']:
-        parts.append('one of ' + ', '.join(meta['choices']))
-    if meta['length'] is not None:
-        parts.append(f'{meta["length"]} numbers')
-    if meta['minimum'] is not None:
-        parts.append(f'at least {meta["minimum"]:g}')
-    if meta['above'] is not None:
-        parts.append(f'above {meta["above"]:g}')
-    if meta['maximum'] is not None:
-        parts.append(f'at most {meta["maximum"]:g}')
-    return '; '.join(parts)

@@ -67,7 +67,9 @@ class Session:
             settings: Its parameters.
             urdf: URDF text of the robot.
         """
-        values = {name: value for name, _, _, value in leaves(settings) if value not in ((), None)}
+        values = {
+            leaf.name: leaf.value for leaf in leaves(settings) if leaf.value not in ((), None)
+        }
         values |= {'robot.urdf': '', 'robot_description': urdf, 'use_sim_time': True}
         overrides = [
             Parameter(name, value=list(value) if isinstance(value, tuple) else value)

@@ -250,7 +250,12 @@ def test_play_is_crossed_where_the_torque_changes_sign(robot, rng):
         ('joint_viscous_friction', 'elbow', {'coefficient': 1.0}, "no place 'elbow'"),
         ('joint_viscous_friction', None, {'coefficient': 1.0}, 'is missing: .* acts at one of'),
         ('joint_viscous_friction', JOINT, {}, r'coefficient: is missing: .*\[N m s/rad\]'),
-        ('joint_viscous_friction', JOINT, {'coefficient': '3 Nms'}, 'expected a finite number'),
+        (
+            'joint_viscous_friction',
+            JOINT,
+            {'coefficient': '3 Nms'},
+            "expected a number, got '3 Nms'",
+        ),
         ('joint_coulomb_friction', JOINT, {'force': 1.0}, 'no such parameter'),
         (
             'joint_stribeck_friction',
@@ -278,7 +283,7 @@ def test_play_is_crossed_where_the_torque_changes_sign(robot, rng):
             {'stiffness': 1e4, 'rotor_inertia': 0.0},
             'rotor_inertia: 0 kg m.2 must be above 0',
         ),
-        ('joint_backlash', JOINT, {'gap': math.nan}, 'expected a finite number'),
+        ('joint_backlash', JOINT, {'gap': math.nan}, 'is not a finite number'),
         ('motor_inertia', JOINT, {'inertia': -0.1}, 'must be at least 0'),
         ('joint_frction', JOINT, {}, 'did you mean'),
     ],

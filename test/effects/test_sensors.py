@@ -250,7 +250,7 @@ def test_the_history_is_as_long_as_it_must_be():
             r"no place 'joint_9' \(it has j_link_1, j_link_2, j_link_3\)",
         ),
         ({'effect': 'gyro_bias', **XYZ, 'w': 0.0}, r'it\.w: gyro_bias has no such parameter'),
-        ({'effect': 'gyro_bias', **XYZ, 'x': float('nan')}, 'expected a finite number'),
+        ({'effect': 'gyro_bias', **XYZ, 'x': float('nan')}, 'nan is not a finite number'),
     ],
 )
 def test_bad_input_is_refused_with_its_place(entry, message):

@@ -184,7 +184,7 @@ def test_start_outside_the_joint_range_is_refused():
         ('duration', 0.0, 'duration.*must be above 0'),
         ('criterion', 'best', "'best' is not one of"),
         ('base_rate', -1.0, 'base_rate.*must be above 0'),
-        ('starts', 0, 'starts.*below the smallest'),
+        ('starts', 0, 'starts.*must be at least 1'),
     ],
 )
 def test_bad_settings_are_refused(name, value, match):

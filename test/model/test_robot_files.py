@@ -173,17 +173,17 @@ FILES = [
     (
         'not positive',
         TEXT.replace('2.0e-5', '0.0'),
-        'sensors.gyro_std: 0.0 rad/s must be above 0.0',
+        'sensors.gyro_std: 0 rad/s must be above 0',
     ),
     (
         'too small',
         TEXT + '    simulator: {substeps: 0}\n',
-        'simulator.substeps: 0 is below the smallest allowed value 1',
+        'simulator.substeps: 0 must be at least 1',
     ),
     (
         'too large',
         TEXT + '    simulator: {period: 2.0}\n',
-        'simulator.period: 2.0 s is above the largest allowed value 1.0',
+        'simulator.period: 2 s must be at most 1',
     ),
     (
         'not a choice',

@@ -2,8 +2,8 @@
 
 A robot file is a ROS 2 parameter file (`/**: ros__parameters:`) shared by all nodes and by the
 command line, so one schema serves all of them: each section below is a frozen dataclass whose
-fields carry their unit, bounds and documentation as metadata. `parse_settings` turns a nested
-mapping into a `Settings`, refusing unknown keys, wrong types, wrong lengths and non-finite or
+fields carry unit, bounds and meaning (`model.schema`). `parse_settings` turns a nested mapping
+into a `Settings`, refusing unknown keys, wrong types, wrong lengths and non-finite or
 out-of-bound numbers with the parameter named.
 """
 
@@ -15,19 +15,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..schema import FloatList, FreeMaps, TextList, parse_section
-from .adaptive import AdaptationSettings
-from .controller import (
+from .controller_settings import (
     ADAPTIVE_LAWS,
     COMPUTED_TORQUE_LAWS,
     CONSISTENCIES,
+    AdaptationSettings,
     ControllerSettings,
     ReferenceSettings,
 )
-from .excitation import ExcitationSettings
-from .identifier import IdentifierSettings
-from .monitor import MonitorSettings
-from .robot import RobotSettings, SensorSettings, WheelSettings
-from .simulator import InitialSettings, SimulatorSettings, TruthSettings
+from .estimator_settings import ExcitationSettings, IdentifierSettings, MonitorSettings
+from .robot_settings import RobotSettings, SensorSettings, WheelSettings
+from .simulator_settings import InitialSettings, SimulatorSettings, TruthSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
