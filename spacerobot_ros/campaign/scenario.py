@@ -18,7 +18,7 @@ from ..control.laws import ComputedTorque, Sample, robot_model
 from ..control.reference import Reference as JointReference
 from ..control.reference import build_reference
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import Torque, rk4_step, simulate_smooth
+from ..dynamics.integrate import RK4, Torque, rk_step, simulate_smooth
 from ..dynamics.rotation import quaternion_rate, rotation_matrix
 from ..dynamics.state import State, initial_state
 from ..effects.robot_file import load_robot_file
@@ -131,11 +131,12 @@ def momentum_motion(case: Scenario, start: str = 'moving') -> Kinematics:
     times = case.times
     attitudes = [state.q_WB_xyzw]
     for t in times[:-1]:
-        moved = rk4_step(
+        moved = rk_step(
             lambda s, x: quaternion_rate(x, body_rate(s, x)),
             float(t),
             attitudes[-1],
             paper.SAMPLE_PERIOD,
+            RK4,
         )
         attitudes.append(moved / np.linalg.norm(moved))
     points = [case.reference.at(float(t)) for t in times]

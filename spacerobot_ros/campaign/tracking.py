@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from ..control.laws import ComputedTorque, Model, estimated_model, law_model
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import rk4_step
+from ..dynamics.integrate import RK4, rk_step
 from ..dynamics.state import State
 from ..errors import IdentificationError
 from ..identification.estimate import Estimate
@@ -121,7 +121,7 @@ def _simulate(
     x = case.initial.to_vector()
     states = [x]
     for t in times[:-1]:
-        x = rk4_step(lambda s, y: dynamics.rate(y, torque(s, y)), float(t), x, step)
+        x = rk_step(lambda s, y: dynamics.rate(y, torque(s, y)), float(t), x, step, RK4)
         x[3:7] /= np.linalg.norm(x[3:7])
         states.append(x)
     wanted = np.array([case.reference.at(float(t)).q for t in times])

@@ -32,7 +32,7 @@ _AXES = 'xyz'
 
 
 class BlockTree:
-    """Kinematics of one robot's tree and the maps that are linear in its block parameters.
+    """BodyKinematics of one robot's tree and the maps that are linear in its block parameters.
 
     Args:
         robot: Free-floating robot whose joints all turn.

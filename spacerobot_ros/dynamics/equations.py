@@ -1,6 +1,6 @@
 r"""Equations of motion of a tree of bodies with spinning wheels.
 
-Forward dynamics are compiled (`aba`), all else is on top of Pinocchio.
+One state at a time, on the compiled recursions of this folder (`aba`, `rnea`, `crba`).
 
 A gyrostat on body b carries the relative momentum h_b, constant in the body's frame. It changes
 neither the mass matrix nor the kinetic energy of the locked system; it adds the angular momentum
@@ -15,18 +15,19 @@ True rotors are joints of the tree like any other and need no such term.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from ..model.robot import Robot
-from ..types import Array, IntArray, Matrix3, Vector3, Vector6
-from . import aba
-from .rotation import skew
+from ..types import Array, Matrix3, Vector3, Vector6
+from .aba import aba, machine_of
+from .crba import crba
+from .forward_kinematics import BodyKinematics, body_accelerations, forward_kinematics
+from .rnea import rnea
+from .rotation import cross, cross_rows, rotation_matrix, skew
 from .state import State
-from .tree import machine_of
+from .tree import tree_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,29 +73,18 @@ class Dynamics:
     """
 
     def __init__(self, robot: Robot, *, joint_reaction: bool = True) -> None:
-        self.robot = robot
-        self._joint_reaction = joint_reaction
+        self.robot, n = robot, robot.n_joints
         self.machine = machine_of(robot, joint_reaction)
-        self._model = robot.pin_model
-        self._data = self._model.createData()
-        self._n = robot.n_joints
-        self._base_dim = 6 if robot.is_free else 0
-        order = robot.velocity_indices
-        in_order = bool(np.array_equal(order, np.arange(self._n)))
-        self._order: slice | IntArray = slice(0, self._n) if in_order else order
-        # The joints' places in Pinocchio's velocity, behind the base.
-        base = self._base_dim
-        self._joints: slice | IntArray = slice(base, base + self._n) if in_order else base + order
-        self._wheels = _wheels_by_joint(robot)
-        self._external = pin.StdVec_Force([pin.Force.Zero() for _ in range(self._model.njoints)])
-        self._x, self._tau = np.zeros(13 + 2 * self._n), np.zeros(self._n)
-        self._wrench = np.zeros(6)
-        # Views into Pinocchio's memory, which lives as long as this object. A wheel's
-        # torque is -omega x h = skew(h) @ omega.
-        self._wheel_views = [
-            (skew(h), self._data.v[joint].angular, self._external[joint].angular)
-            for joint, h in self._wheels
-        ]
+        self._tree, self._n, self._joint_reaction = tree_of(robot), n, joint_reaction
+        self._first = 0 if robot.is_free else 6
+        self._still = self._tree.copy()  # with its wheels stopped
+        self._still['wheels'] = 0.0
+        in_order = self._tree[np.argsort(self._tree['number'])]
+        self._rows, self._wheels = in_order['inertial'], in_order['wheels']
+        self._motors, self._mass = in_order['motor'][1:], float(np.sum(self._rows[:, 0]))
+        self._inertias = _spatial_inertias(self._rows)
+        self._buffers = np.zeros((1, 13 + 2 * n)), np.zeros((1, n)), np.zeros((1, 6))
+        self._x, self._tau, self._wrench = (buffer[0] for buffer in self._buffers)
 
     def rate(self, x: Array, tau: Array, base_wrench: Vector6 | None = None) -> Array:
         """Time derivative of the state vector.
@@ -109,22 +99,21 @@ class Dynamics:
             (13 + 2 n,) rate; the quaternion is integrated by its own rate, which keeps momentum to
             the order of the integrator.
         """
-        out = np.empty(13 + 2 * self._n)
-        aba.rate(self.machine, *self.inputs(x, tau, base_wrench), out)
-        return out
+        out = np.empty((1, 13 + 2 * self._n))
+        aba(self.machine, *self.inputs(x, tau, base_wrench), out)
+        return out[0]
 
     def inputs(
         self, x: Array, tau: Array, base_wrench: Vector6 | None = None
-    ) -> tuple[Array, Array, Vector6]:
-        """State, torques and wrench as the compiled functions take them.
+    ) -> tuple[Array, Array, Array]:
+        """State, torques and wrench as the compiled functions take them: (1, ...) each.
 
         Copies into memory of this object, which the next call overwrites: whatever their types
         and layouts, the compiled functions see one, and lengths are checked.
         """
-        self._x[:] = x
-        self._tau[:] = tau
+        self._x[:], self._tau[:] = x, tau
         self._wrench[:] = 0.0 if base_wrench is None else base_wrench
-        return self._x, self._tau, self._wrench
+        return self._buffers
 
     def inverse(
         self, state: State, base_acceleration: Vector6, qdd: Array
@@ -141,43 +130,36 @@ class Dynamics:
             (6,) [force; torque] on the base in base coordinates (zero for a fixed base), and (n,)
             joint torques.
         """
-        q_pin, v_pin = self._to_pin(state.to_vector())
-        a_pin = np.zeros(self._base_dim + self._n)
-        a_pin[: self._base_dim] = base_acceleration[: self._base_dim]
-        a_pin[self._joints] = qdd
-        force = pin.rnea(
-            self._model, self._data, q_pin, v_pin, a_pin, self._wheel_forces(q_pin, v_pin)
-        )
-        base = force[:6].copy() if self._base_dim else np.zeros(6)
-        return base, force[self._joints].copy()
+        kinematics, joints = self._kinematics(state), np.array([qdd], dtype=float)
+        acceleration = np.concatenate([[base_acceleration], joints], axis=1)
+        if self.robot.is_free:  # RNEA takes gravity in base coordinates
+            g = self.robot.gravity
+            acceleration[0, :3] += g - rotation_matrix(state.q_WB_xyzw).T @ g
+        accelerations = body_accelerations(self._tree, kinematics, acceleration)
+        force = rnea(self._tree, kinematics, accelerations, joints)[0]
+        if not self._joint_reaction:
+            force[6:] = rnea(self._still, kinematics, accelerations, joints)[0, 6:]
+        return force[:6], force[6:]
 
     def mass_matrix(self, q: Array) -> Array:
         """(6 + n, 6 + n) inertia, base [linear; angular] first; (n, n) for a fixed base."""
-        M = pin.crba(self._model, self._data, self._configuration(_AT_ORIGIN, q))
-        M = np.triu(M) + np.triu(M, 1).T
-        if isinstance(self._order, slice):
-            return M
-        order = np.concatenate([np.arange(self._base_dim), self._base_dim + self._order])
-        return M[np.ix_(order, order)]
+        M = crba(self._tree, self._at(q, np.zeros(6 + self._n)))[0]
+        return np.asarray(M[self._first :, self._first :])
 
     def reduced(self, state: State) -> ReducedEquation:
         """Joint equation with the unactuated base eliminated.
 
         Eqs. (18)-(20) of the identification paper, with the joint term that they lack.
         """
+        bias = np.concatenate(self.inverse(state, np.zeros(6), np.zeros(self._n)))
         M = self.mass_matrix(state.q)
-        base_bias, joint_bias = self.inverse(state, np.zeros(6), np.zeros(self._n))
-        if not self._base_dim:
-            return ReducedEquation(M, joint_bias)
-        coupling = np.linalg.solve(M[:6, :6], np.column_stack([M[:6, 6:], base_bias]))
-        return ReducedEquation(
-            M[6:, 6:] - M[6:, :6] @ coupling[:, :-1], joint_bias - M[6:, :6] @ coupling[:, -1]
-        )
+        if self._first:
+            return ReducedEquation(M, bias[6:])
+        return eliminated(M, bias, 6)
 
     def inertia_blocks(self, q: Array) -> InertiaBlocks:
         """D, Dq and Dqq at joint positions q; only for a free base."""
-        M = self.mass_matrix(q)
-        rest = M[3:, 3:] - M[3:, :3] @ np.linalg.solve(M[:3, :3], M[:3, 3:])
+        rest = without_translation(self.mass_matrix(q))
         return InertiaBlocks(rest[:3, :3], rest[:3, 3:], rest[3:, 3:])
 
     def momentum(self, state: State) -> Vector6:
@@ -187,87 +169,84 @@ class Dynamics:
             (6,) [linear (N s); angular about the system's centre of mass (N m s)] in the inertial
             frame.
         """
-        q_pin, v_pin = self._to_pin(state.to_vector())
-        total = np.array(
-            pin.computeCentroidalMomentum(self._model, self._data, q_pin, v_pin).vector
-        )
-        for joint, momentum in self._wheels:
-            total[3:] += self._data.oMi[joint].rotation @ momentum
-        return total
+        k = self._kinematics(state)
+        own = self._momenta(k)
+        own[:, 3:] += self._wheels
+        R, r = k.rotations[0], k.origins[0]
+        linear = np.einsum('kab,kb->ka', R, own[:, :3])
+        angular = np.einsum('kab,kb->ka', R, own[:, 3:]) + cross_rows(r, linear)
+        total = linear.sum(axis=0)
+        about_centre = angular.sum(axis=0) - cross(self._centre(k), total)
+        return np.concatenate([self._attitude(state) @ x for x in (total, about_centre)])
 
     def energy(self, state: State) -> tuple[float, float]:
         """Kinetic energy without the gyrostats' constant part, and potential energy [J]."""
-        q_pin, v_pin = self._to_pin(state.to_vector())
-        # Pinocchio 4.1's own kinetic energy forgets the motors of joints about skew axes.
-        upper = np.triu(pin.crba(self._model, self._data, q_pin))
-        kinetic = v_pin @ upper @ v_pin - 0.5 * v_pin @ (np.diag(upper) * v_pin)
-        potential = pin.computePotentialEnergy(self._model, self._data, q_pin)
-        return float(kinetic), float(potential)
+        k = self._kinematics(state)
+        doubled = np.vdot(self._momenta(k), k.twists[0]) + state.qd**2 @ self._motors
+        position = self._attitude(state) @ self._centre(k)
+        if self.robot.is_free:
+            position = position + state.p_WB
+        return 0.5 * float(doubled), float(-self._mass * position @ self.robot.gravity)
 
     def body_position(self, state: State, body: int, point: Vector3) -> Vector3:
         """(3,) position in the base frame of a point given in a body's frame [m]."""
-        q_pin, _ = self._to_pin(state.to_vector())
-        pin.forwardKinematics(self._model, self._data, q_pin)
-        base, link = (self._data.oMi[self.robot.pin_joint_ids[b]] for b in (0, body))
-        return np.array(base.actInv(link).act(np.asarray(point, dtype=float)))
+        k = self._kinematics(state)
+        return np.asarray(k.origins[0, body] + k.rotations[0, body] @ np.asarray(point))
 
     def at_rest_centre(self, state: State) -> State:
         """The same state with the base velocity that keeps the system's centre of mass at rest."""
-        if not self._base_dim:
+        if not self.robot.is_free:
             return state
-        M = self.mass_matrix(state.q)
-        v = -np.linalg.solve(M[:3, :3], M[:3, 3:] @ np.concatenate([state.omega_WB_B, state.qd]))
-        return State(state.p_WB, state.q_WB_xyzw, state.q, v, state.omega_WB_B, state.qd)
+        M, rates = self.mass_matrix(state.q), np.concatenate([state.omega_WB_B, state.qd])
+        return replace(state, v_WB_B=-M[:3, 3:] @ rates / M[0, 0])
 
-    def _to_pin(self, x: Array) -> tuple[Array, Array]:
-        """Pinocchio's configuration and velocity of a state vector, quaternion normalised."""
-        n = self._n
-        q_pin = self._configuration(x[:7], x[7 : 7 + n])
-        if isinstance(self._order, slice):
-            return q_pin, x[13 + n - self._base_dim :]
-        v_pin = np.empty(self._base_dim + n)
-        v_pin[: self._base_dim] = x[7 + n : 7 + n + self._base_dim]
-        v_pin[self._joints] = x[13 + n :]
-        return q_pin, v_pin
+    def _kinematics(self, state: State) -> BodyKinematics:
+        rates = np.concatenate([state.v_WB_B, state.omega_WB_B, state.qd])
+        return self._at(state.q, rates)
 
-    def _configuration(self, pose: Array, q: Array) -> Array:
-        n = self._n
-        if not self._base_dim:
-            q_pin = np.empty(n)
-            q_pin[self._order] = q
-            return q_pin
-        q_pin = np.empty(7 + n)
-        q_pin[:7] = pose
-        attitude = q_pin[3:7]
-        attitude /= math.sqrt(attitude @ attitude)
-        q_pin[7:][self._order] = q
-        return q_pin
+    def _at(self, q: Array, rates: Array) -> BodyKinematics:
+        positions, rates = np.array([q], dtype=float), np.array([rates], dtype=float)
+        return forward_kinematics(self._tree, positions, rates, rates[:, 6:].copy())
 
-    def _wheel_forces(self, q_pin: Array, v_pin: Array) -> pin.StdVec_Force:
-        """Torque of the wheels on each of Pinocchio's joints, in its frame."""
-        if not self._wheels:
-            return self._external
-        pin.forwardKinematics(self._model, self._data, q_pin, v_pin)
-        if self._joint_reaction:
-            for matrix, omega, torque in self._wheel_views:
-                np.dot(matrix, omega, out=torque)
-            return self._external
-        base = self.robot.pin_joint_ids[0]
-        total = np.zeros(3)
-        for (joint, _), (matrix, omega, _) in zip(self._wheels, self._wheel_views, strict=True):
-            total += self._data.oMi[joint].rotation @ (matrix @ omega)
-        self._external[base].angular = self._data.oMi[base].rotation.T @ total
-        return self._external
+    def _momenta(self, kinematics: BodyKinematics) -> Array:
+        """(n + 1, 6) momentum of every body without its wheels, in its frame."""
+        return np.asarray(np.einsum('kab,kb->ka', self._inertias, kinematics.twists[0]))
+
+    def _centre(self, kinematics: BodyKinematics) -> Vector3:
+        """(3,) centre of mass in base coordinates."""
+        moments = np.einsum('kab,kb->a', kinematics.rotations[0], self._rows[:, 1:4])
+        return np.asarray((moments + self._rows[:, 0] @ kinematics.origins[0]) / self._mass)
+
+    def _attitude(self, state: State) -> Matrix3:
+        return rotation_matrix(state.q_WB_xyzw) if self.robot.is_free else np.eye(3)
 
 
-_AT_ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+def eliminated(M: Array, bias: Array, count: int) -> ReducedEquation:
+    """The equation M a + bias = [0; tau] with its first accelerations, which nothing drives, gone.
+
+    Args:
+        M: (count + n, count + n) inertia.
+        bias: (count + n,) forces at zero acceleration.
+        count: Number of accelerations to eliminate.
+    """
+    free = np.linalg.solve(M[:count, :count], np.column_stack([M[:count, count:], bias[:count]]))
+    coupling = M[count:, :count]
+    return ReducedEquation(
+        M[count:, count:] - coupling @ free[:, :-1], bias[count:] - coupling @ free[:, -1]
+    )
 
 
-def _wheels_by_joint(robot: Robot) -> list[tuple[int, Vector3]]:
-    """Pinocchio joint and momentum in its frame, one entry a body that carries gyrostats."""
-    momenta: dict[int, Vector3] = {}
-    for g in robot.gyrostats:
-        if g.momentum.any() and (robot.is_free or g.body > 0):
-            joint = robot.pin_joint_ids[g.body]
-            momenta[joint] = momenta.get(joint, np.zeros(3)) + g.body_momentum
-    return list(momenta.items())
+def without_translation(M: Array) -> Array:
+    """(..., 3 + n, 3 + n) inertia of [omega; q'] with the base's translation eliminated."""
+    linear = M[..., :3, 3:] / M[..., :1, :1]
+    return np.asarray(M[..., 3:, 3:] - np.swapaxes(M[..., :3, 3:], -1, -2) @ linear)
+
+
+def _spatial_inertias(rows: Array) -> Array:
+    """(b, 6, 6) of inertial parameters (b, 10)."""
+    out = np.zeros((len(rows), 6, 6))
+    out[:, [0, 1, 2], [0, 1, 2]] = rows[:, :1]
+    out[:, 3:, :3] = skew(rows[:, 1:4])
+    out[:, :3, 3:] = -out[:, 3:, :3]
+    out[:, 3:, 3:] = rows[:, [[4, 5, 7], [5, 6, 8], [7, 8, 9]]]
+    return out

@@ -1,278 +1,220 @@
-r"""Kinematics of a tree at N states at once, compiled.
+r"""Forward kinematics of a tree at N states at once, compiled.
 
-Each body's place in the base, and in its own frame its velocity V = [v; w], its acceleration A and
-the part of A that is there at zero generalised acceleration, the drift. With E a body's rotation
-in its parent, d its origin there, X [v; w] = [E^T (v + w x d); E^T w] and S the joint's subspace,
+In base coordinates and each body about its own origin, so that nothing loses digits far from the
+base. With d the way from the parent's origin, X [v; w] = [v + w x d; w] and the joint's subspace
+S,
 
-    V = X V(parent) + S q',    drift = X drift(parent) + V x S q',    A = X A(parent) + S q'' + ...
+    V = X V(parent) + S q',    c = V x S q',    A = X A(parent) + S q'' + c.
 
-All are derivatives of components: A is d/dt of V as the body's frame sees it. For a fixed base
-generalised vectors still have six entries for it, which count for nothing.
+A is the time derivative of V's components in the body's own frame. For a fixed base generalised
+vectors still have six entries for it, which count for nothing.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from ..types import Array
-from .tree import Records
+from .spatial import Triple, add, compiled, cross, dot, get, plus, put, rotate, rotate_back, times
+from .tree import FREE, LINK, PRISMATIC, Records
 
-compiled = numba.njit(cache=True, nogil=True, error_model='numpy')
 
-
-@compiled  # type: ignore[untyped-decorator]
-def forward_kinematics(
-    tree: Records, is_free: bool, q: Array, rates: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Places, velocities and drifts of all bodies, base first.
+class BodyKinematics(NamedTuple):
+    """Places and velocities of all bodies at N states.
 
     Args:
-        tree: From `body_records`.
-        is_free: Whether the base moves.
+        rotations: (N, n + 1, 3, 3) body to base coordinates.
+        origins: (N, n + 1, 3) in the base [m].
+        twists: (N, n + 1, 6) [linear; angular] velocity of each body's frame, in it.
+        drifts: (N, n + 1, 6) acceleration at zero generalised acceleration, base coordinates.
+    """
+
+    rotations: Array
+    origins: Array
+    twists: Array
+    drifts: Array
+
+
+@compiled  # type: ignore[untyped-decorator]
+def propagate(tree: Records, q: Array, rates: Array, qd: Array, links: Records) -> None:
+    """One state: rotation, origin, offset d, subspace S, velocity V and drift c of every link.
+
+    Args:
+        tree: `BODY` records.
+        q: (n,) joint positions.
+        rates: (6 + n,) generalised rates, base [linear; angular] in base coordinates.
+        qd: (n,) joint rates that turn the subspaces: of `rates`, but for a reference velocity.
+        links: (n + 1,) records `LINK`, written.
+    """
+    root = links[0]
+    for a in range(3):
+        root.origin[a] = 0.0
+        for b in range(3):
+            root.rotation[a, b] = 1.0 if a == b else 0.0
+    for a in range(6):
+        root.velocity[a] = rates[a] if tree[0].kind == FREE else 0.0
+        root.drift[a] = 0.0
+    for i in range(1, len(tree)):
+        body = tree[i]
+        own, parent = links[body.number], links[body.parent]
+        _place(body, own, parent, q[body.number - 1])
+        _move(own, parent, rates[5 + body.number], qd[body.number - 1])
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _place(body: Any, own: Any, parent: Any, q: float) -> None:
+    slides = body.kind == PRISMATIC
+    sine, versine = (0.0, 0.0) if slides else (math.sin(q), 1.0 - math.cos(q))
+    turn, R = body.turn, own.rotation
+    for b in range(3):
+        column = rotate(
+            parent.rotation,
+            (
+                turn[0, 0, b] + sine * turn[1, 0, b] + versine * turn[2, 0, b],
+                turn[0, 1, b] + sine * turn[1, 1, b] + versine * turn[2, 1, b],
+                turn[0, 2, b] + sine * turn[1, 2, b] + versine * turn[2, 2, b],
+            ),
+        )
+        R[0, b], R[1, b], R[2, b] = column
+    axis = rotate(R, get(body.axis, 0))
+    d = rotate(parent.rotation, get(body.translation, 0))
+    if slides:
+        d = plus(d, times(q, axis))
+    put(own.offset, 0, d)
+    put(own.origin, 0, plus(get(parent.origin, 0), d))
+    put(own.subspace, 0, axis if slides else (0.0, 0.0, 0.0))
+    put(own.subspace, 3, (0.0, 0.0, 0.0) if slides else axis)
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _move(own: Any, parent: Any, rate: float, qd: float) -> None:
+    s_v, s_w = get(own.subspace, 0), get(own.subspace, 3)
+    v, w = shifted(parent.velocity, own.offset)
+    v, w = plus(v, times(rate, s_v)), plus(w, times(rate, s_w))
+    put(own.velocity, 0, v)
+    put(own.velocity, 3, w)
+    put(own.drift, 0, times(qd, plus(cross(w, s_v), cross(v, s_w))))
+    put(own.drift, 3, times(qd, cross(w, s_w)))
+
+
+@compiled  # type: ignore[untyped-decorator]
+def shifted(motion: Array, d: Array) -> tuple[Triple, Triple]:
+    """X of a motion (6,): the same motion at an origin further by d (3,)."""
+    w = get(motion, 3)
+    return plus(get(motion, 0), cross(w, get(d, 0))), w
+
+
+@compiled  # type: ignore[untyped-decorator]
+def forward_kinematics(tree: Records, q: Array, rates: Array, qd: Array) -> BodyKinematics:
+    """Places, velocities and drifts of all bodies.
+
+    Args:
+        tree: `BODY` records.
         q: (N, n) joint positions.
         rates: (N, 6 + n) generalised rates, base [linear; angular] in base coordinates.
-
-    Returns:
-        Rotations (N, n + 1, 3, 3) and origins (N, n + 1, 3) in the base; velocities and drifts
-        (N, n + 1, 6) in the bodies' frames.
+        qd: (N, n) joint rates that turn the subspaces, see `propagate`.
     """
-    count, n = q.shape
-    rotations = np.zeros((count, n + 1, 3, 3))
-    origins = np.zeros((count, n + 1, 3))
-    twists = np.zeros((count, n + 1, 6))
-    drifts = np.zeros((count, n + 1, 6))
-    turn, offset = np.empty((3, 3)), np.empty(3)
+    count, bodies = len(q), len(tree)
+    links = np.zeros(bodies, LINK)
+    rotations, origins = np.empty((count, bodies, 3, 3)), np.empty((count, bodies, 3))
+    twists, drifts = np.empty((count, bodies, 6)), np.empty((count, bodies, 6))
     for s in range(count):
-        for a in range(3):
-            rotations[s, 0, a, a] = 1.0
-        if is_free:
-            for a in range(6):
-                twists[s, 0, a] = rates[s, a]
-        for i in range(1, n + 1):
-            body = tree[i]
-            own, parent = body.joint + 1, tree[body.parent].joint + 1
-            _turn(body, q[s, body.joint], turn, offset)
-            _place(s, own, parent, turn, offset, rotations, origins)
-            _shift(s, own, parent, turn, offset, twists)
-            _shift(s, own, parent, turn, offset, drifts)
-            _move(s, own, body, rates[s, 6 + body.joint], twists, drifts)
-    return rotations, origins, twists, drifts
+        propagate(tree, q[s], rates[s], qd[s], links)
+        for i in range(bodies):
+            k = tree[i].number
+            own = links[k]
+            put(origins[s, k], 0, get(own.origin, 0))
+            for a in range(3):
+                for b in range(3):
+                    rotations[s, k, a, b] = own.rotation[a, b]
+            put(twists[s, k], 0, rotate_back(own.rotation, get(own.velocity, 0)))
+            put(twists[s, k], 3, rotate_back(own.rotation, get(own.velocity, 3)))
+            put(drifts[s, k], 0, get(own.drift, 0))
+            put(drifts[s, k], 3, get(own.drift, 3))
+            if i > 0:
+                v, w = shifted(drifts[s, tree[i].parent], own.offset)
+                add(drifts[s, k], 0, v)
+                add(drifts[s, k], 3, w)
+    return BodyKinematics(rotations, origins, twists, drifts)
 
 
 @compiled  # type: ignore[untyped-decorator]
-def _turn(body: Any, q: float, turn: Array, offset: Array) -> None:
-    """Rotation and origin of a body in its parent."""
-    sine, versine = (0.0, 0.0) if body.slides else (math.sin(q), 1.0 - math.cos(q))
-    parts, axis, translation = body.turn, body.axis, body.translation
-    for a in range(3):
-        for b in range(3):
-            turn[a, b] = parts[0, a, b] + sine * parts[1, a, b] + versine * parts[2, a, b]
-    for a in range(3):
-        offset[a] = translation[a]
-        if body.slides:
-            offset[a] += q * (turn[a, 0] * axis[0] + turn[a, 1] * axis[1] + turn[a, 2] * axis[2])
-
-
-@compiled  # type: ignore[untyped-decorator]
-def _place(
-    s: int, own: int, parent: int, turn: Array, offset: Array, rotations: Array, origins: Array
-) -> None:
-    for a in range(3):
-        origins[s, own, a] = origins[s, parent, a]
-        for b in range(3):
-            origins[s, own, a] += rotations[s, parent, a, b] * offset[b]
-            total = 0.0
-            for c in range(3):
-                total += rotations[s, parent, a, c] * turn[c, b]
-            rotations[s, own, a, b] = total
-
-
-@compiled  # type: ignore[untyped-decorator]
-def _shift(s: int, own: int, parent: int, turn: Array, d: Array, x: Array) -> None:
-    """X x(parent)."""
-    w0, w1, w2 = x[s, parent, 3], x[s, parent, 4], x[s, parent, 5]
-    v0 = x[s, parent, 0] + w1 * d[2] - w2 * d[1]
-    v1 = x[s, parent, 1] + w2 * d[0] - w0 * d[2]
-    v2 = x[s, parent, 2] + w0 * d[1] - w1 * d[0]
-    for a in range(3):
-        x[s, own, a] = turn[0, a] * v0 + turn[1, a] * v1 + turn[2, a] * v2
-        x[s, own, 3 + a] = turn[0, a] * w0 + turn[1, a] * w1 + turn[2, a] * w2
-
-
-@compiled  # type: ignore[untyped-decorator]
-def _move(s: int, own: int, body: Any, qd: float, V: Array, drift: Array) -> None:
-    """Add the joint's rate to the velocity, and V x S q' to the drift."""
-    axis = body.axis
-    first = 0 if body.slides else 3
-    for a in range(3):
-        V[s, own, first + a] += axis[a] * qd
-    for a in range(3):
-        b, c = (a + 1) % 3, (a + 2) % 3
-        turning = qd * (V[s, own, 3 + b] * axis[c] - V[s, own, 3 + c] * axis[b])
-        drift[s, own, first + a] += turning
-        if not body.slides:
-            drift[s, own, a] += qd * (V[s, own, b] * axis[c] - V[s, own, c] * axis[b])
-
-
-@compiled  # type: ignore[untyped-decorator]
-def body_accelerations(
-    tree: Records,
-    is_free: bool,
-    rotations: Array,
-    origins: Array,
-    drifts: Array,
-    acceleration: Array,
-) -> Array:
+def body_accelerations(tree: Records, kinematics: BodyKinematics, acceleration: Array) -> Array:
     """Accelerations of all bodies in their own frames.
 
     Args:
-        tree: As in `forward_kinematics`.
-        is_free: As in `forward_kinematics`.
-        rotations: From `forward_kinematics`.
-        origins: From there.
-        drifts: From there.
+        tree: `BODY` records.
+        kinematics: From `forward_kinematics`.
         acceleration: (N, 6 + n) time derivative of the generalised rates.
 
     Returns:
         (N, n + 1, 6).
     """
-    count, bodies = origins.shape[:2]
+    rotations, origins, _, drifts = kinematics
+    count, bodies = len(acceleration), len(tree)
     out = np.empty((count, bodies, 6))
-    forced = np.zeros((bodies, 6))  # in base coordinates, at the base's origin
+    forced = np.zeros((bodies, 6))  # what the generalised acceleration adds
     for s in range(count):
         for a in range(6):
-            forced[0, a] = acceleration[s, a] if is_free else 0.0
+            forced[0, a] = acceleration[s, a] if tree[0].kind == FREE else 0.0
         for i in range(bodies):
-            body = tree[i]
-            own = body.joint + 1
+            body, k = tree[i], tree[i].number
+            R = rotations[s, k]
             if i > 0:
-                parent = tree[body.parent].joint + 1
-                slope = acceleration[s, 6 + body.joint]
-                _add_joint(s, own, parent, body, slope, rotations, origins, forced)
-            _in_body(s, own, rotations, origins, forced, out)
-            for a in range(6):
-                out[s, own, a] += drifts[s, own, a]
+                w = get(forced[body.parent], 3)
+                turned = cross(w, way(origins[s], k, body.parent))
+                put(forced[k], 0, plus(get(forced[body.parent], 0), turned))
+                put(forced[k], 3, w)
+                axis = times(acceleration[s, 5 + k], rotate(R, get(body.axis, 0)))
+                add(forced[k], 0 if body.kind == PRISMATIC else 3, axis)
+            for a in (0, 3):
+                total = plus(get(forced[k], a), get(drifts[s, k], a))
+                put(out[s, k], a, rotate_back(R, total))
     return out
-
-
-@compiled  # type: ignore[untyped-decorator]
-def _add_joint(
-    s: int,
-    own: int,
-    parent: int,
-    body: Any,
-    slope: float,
-    rotations: Array,
-    origins: Array,
-    forced: Array,
-) -> None:
-    x, y, z = axis_in_base(s, own, body, rotations)
-    p = origins[s, own]
-    for a in range(6):
-        forced[own, a] = forced[parent, a]
-    first = 0 if body.slides else 3
-    forced[own, first] += slope * x
-    forced[own, first + 1] += slope * y
-    forced[own, first + 2] += slope * z
-    if not body.slides:
-        forced[own, 0] += slope * (p[1] * z - p[2] * y)
-        forced[own, 1] += slope * (p[2] * x - p[0] * z)
-        forced[own, 2] += slope * (p[0] * y - p[1] * x)
-
-
-@compiled  # type: ignore[untyped-decorator]
-def axis_in_base(s: int, own: int, body: Any, rotations: Array) -> tuple[float, float, float]:
-    """A joint's axis in base coordinates."""
-    R, axis = rotations[s, own], body.axis
-    return (
-        R[0, 0] * axis[0] + R[0, 1] * axis[1] + R[0, 2] * axis[2],
-        R[1, 0] * axis[0] + R[1, 1] * axis[1] + R[1, 2] * axis[2],
-        R[2, 0] * axis[0] + R[2, 1] * axis[1] + R[2, 2] * axis[2],
-    )
-
-
-@compiled  # type: ignore[untyped-decorator]
-def _in_body(
-    s: int, own: int, rotations: Array, origins: Array, at_base: Array, out: Array
-) -> None:
-    """A motion vector at the base's origin, in a body's frame."""
-    R, p, x = rotations[s, own], origins[s, own], at_base[own]
-    v0 = x[0] + x[4] * p[2] - x[5] * p[1]
-    v1 = x[1] + x[5] * p[0] - x[3] * p[2]
-    v2 = x[2] + x[3] * p[1] - x[4] * p[0]
-    for a in range(3):
-        out[s, own, a] = R[0, a] * v0 + R[1, a] * v1 + R[2, a] * v2
-        out[s, own, 3 + a] = R[0, a] * x[3] + R[1, a] * x[4] + R[2, a] * x[5]
 
 
 @compiled  # type: ignore[untyped-decorator]
 def generalized_force(
-    tree: Records,
-    is_free: bool,
-    place: int,
-    rotations: Array,
-    origins: Array,
-    wrenches: Array,
+    tree: Records, body: int, kinematics: BodyKinematics, wrenches: Array
 ) -> Array:
     """Generalised force of a wrench on one body.
 
     Args:
-        tree: As in `forward_kinematics`.
-        is_free: As in `forward_kinematics`.
-        place: The body's number.
-        rotations: From `forward_kinematics`.
-        origins: From there.
+        tree: `BODY` records.
+        body: The body's number.
+        kinematics: From `forward_kinematics`.
         wrenches: (N, 6) [force; torque] at the body's origin, in its frame.
 
     Returns:
-        (N, 6 + n).
+        (N, 6 + n); the first six are zero for a fixed base.
     """
-    count, bodies = origins.shape[:2]
-    out = np.zeros((count, 5 + bodies))
-    last = 0
-    for i in range(bodies):
-        if tree[i].joint + 1 == place:
-            last = i
-    total = np.empty(6)
-    for s in range(count):
-        to_base(s, place, rotations, origins, wrenches[s], total)
-        if is_free:
-            for a in range(6):
-                out[s, a] = total[a]
-        i = last
-        while i > 0:
-            body = tree[i]
-            out[s, 6 + body.joint] = along_axis(s, body, rotations, origins, total)
-            i = body.parent
+    rotations, origins = kinematics.rotations, kinematics.origins
+    out = np.zeros((len(wrenches), 5 + len(tree)))
+    for s in range(len(wrenches)):
+        R = rotations[s, body]
+        force, torque = rotate(R, get(wrenches[s], 0)), rotate(R, get(wrenches[s], 3))
+        at = body
+        for i in range(len(tree) - 1, 0, -1):
+            if tree[i].number == at:
+                out[s, 5 + at] = along_axis(tree[i], rotations[s, at], force, torque)
+                torque = plus(torque, cross(way(origins[s], at, tree[i].parent), force))
+                at = tree[i].parent
+        if tree[0].kind == FREE:
+            put(out[s], 0, force)
+            put(out[s], 3, torque)
     return out
 
 
 @compiled  # type: ignore[untyped-decorator]
-def to_base(s: int, own: int, rotations: Array, origins: Array, wrench: Array, out: Array) -> None:
-    """A wrench in a body's frame as one at the base's origin."""
-    R, p = rotations[s, own], origins[s, own]
-    for a in range(3):
-        out[a] = R[a, 0] * wrench[0] + R[a, 1] * wrench[1] + R[a, 2] * wrench[2]
-        out[3 + a] = R[a, 0] * wrench[3] + R[a, 1] * wrench[4] + R[a, 2] * wrench[5]
-    out[3] += p[1] * out[2] - p[2] * out[1]
-    out[4] += p[2] * out[0] - p[0] * out[2]
-    out[5] += p[0] * out[1] - p[1] * out[0]
+def way(origins: Array, body: int, parent: int) -> Triple:
+    """From the parent's origin to the body's."""
+    return plus(get(origins[body], 0), times(-1.0, get(origins[parent], 0)))
 
 
 @compiled  # type: ignore[untyped-decorator]
-def along_axis(s: int, body: Any, rotations: Array, origins: Array, wrench: Array) -> float:
-    """What a joint feels of a wrench at the base's origin."""
-    own = body.joint + 1
-    x, y, z = axis_in_base(s, own, body, rotations)
-    p, f = origins[s, own], wrench
-    if body.slides:
-        return x * f[0] + y * f[1] + z * f[2]
-    return (
-        x * (f[3] - p[1] * f[2] + p[2] * f[1])
-        + y * (f[4] - p[2] * f[0] + p[0] * f[2])
-        + z * (f[5] - p[0] * f[1] + p[1] * f[0])
-    )
+def along_axis(body: Any, R: Array, force: Triple, torque: Triple) -> float:
+    """What a joint feels of a wrench at its body's origin, base coordinates."""
+    return dot(rotate(R, get(body.axis, 0)), force if body.kind == PRISMATIC else torque)

@@ -1,4 +1,8 @@
-"""A robot as the compiled functions take it: one record a body, and their scratch memory."""
+"""A robot as the compiled functions take it: one record a body, and what an evaluation finds.
+
+Every recursion of this folder runs over `BODY` records, parents first, and numbers bodies as the
+robot does: body 0 is the base, body k moves with joint k - 1.
+"""
 
 from __future__ import annotations
 
@@ -8,83 +12,125 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..model.robot import Robot, tree_order
-from ..types import Vector3
+from ..types import Array
 from .rotation import skew
 
-# Records of bodies, parents first: the base is number 0. `joint` is the place of the body's joint
-# in joint vectors; `turn` holds Rodrigues' matrices still, sine and versine.
+FIXED, FREE, REVOLUTE, PRISMATIC = range(4)
+
 BODY = np.dtype(
     [
-        ('joint', np.int64),
+        ('number', np.int64),
         ('parent', np.int64),
-        ('slides', np.int64),
+        ('kind', np.int64),
         ('turn', np.float64, (3, 3, 3)),
         ('translation', np.float64, 3),
         ('axis', np.float64, 3),
-        ('mass', np.float64),
-        ('com', np.float64, 3),
-        ('inertia', np.float64, (3, 3)),
-        ('motor', np.float64),
+        ('inertial', np.float64, 10),
         ('wheels', np.float64, 3),
+        ('motor', np.float64),
+        ('gravity', np.float64, 3),
     ],
     align=True,
 )
-# What one evaluation knows of a body, in base coordinates about its joint. Articulated
-# inertias keep their lower triangle only.
-SCRATCH = np.dtype(
+"""A body: number, parent's number, kind of joint, Rodrigues' matrices (at rest, by sine, by
+versine), joint origin in the parent's frame [m], axis in its own, ten inertial parameters as
+`Robot.inertial_parameters`, momentum of its gyrostats in its frame [N m s], motor inertia
+[kg m^2]; gravity [m/s^2] in the base's record only. A fixed base has no inertia and no wheels."""
+
+LINK = np.dtype(
     [
         ('rotation', np.float64, (3, 3)),
+        ('origin', np.float64, 3),
         ('offset', np.float64, 3),
         ('subspace', np.float64, 6),
         ('velocity', np.float64, 6),
         ('drift', np.float64, 6),
-        ('inertia', np.float64, (6, 6)),
-        ('bias', np.float64, 6),
-        ('force', np.float64, 6),
         ('acceleration', np.float64, 6),
+        ('force', np.float64, 6),
+        ('mass', np.float64),
+        ('moment', np.float64, 3),
+        ('tensor', np.float64, (3, 3)),
+        ('own_moment', np.float64, 3),
+        ('own_tensor', np.float64, (3, 3)),
+        ('momentum', np.float64, 3),
+        ('turning', np.float64, (3, 3)),
+        ('psi', np.float64, 6),
+        ('psi_dot', np.float64, 6),
+        ('swept', np.float64, 6),
+        ('articulated', np.float64, (6, 6)),
+        ('bias', np.float64, 6),
         ('pivot', np.float64),
         ('torque', np.float64),
     ],
     align=True,
 )
+"""Scratch memory of the recursions, a record a body, each field explained where it is written."""
 
 Records = Any  # a NumPy array of the records above
-Machine = tuple[Records, Records, bool, bool, Vector3]
-"""Bodies, their scratch memory, is the base free, do wheels load the joints, gravity [m/s^2]."""
-
-
-def machine_of(robot: Robot, joint_reaction: bool) -> Machine:
-    """What the compiled functions take of a robot; holds scratch memory."""
-    bodies = body_records(robot)
-    scratch = np.zeros(len(bodies), dtype=SCRATCH)
-    gravity = np.array(robot.gravity, dtype=float)
-    return bodies, scratch, bool(robot.is_free), joint_reaction, gravity
 
 
 def tree_of(robot: Robot) -> Records:
-    """`body_records` of a robot, made once and shared: read-only by convention."""
+    """(n + 1,) records `BODY` of a robot, made once and shared: read-only by convention."""
     if robot not in _TREES:
-        _TREES[robot] = body_records(robot)
+        _TREES[robot] = _records(robot)
     return _TREES[robot]
 
 
 _TREES: WeakKeyDictionary[Robot, Records] = WeakKeyDictionary()
 
 
-def body_records(robot: Robot) -> Records:
-    """(n + 1,) records `BODY` of a robot, parents first."""
+def difference(tree: Records, other: Records) -> Records:
+    """The tree with the difference of two robots in inertia, wheels and motors.
+
+    RNEA and CRBA are linear in these, so of a difference they give the difference.
+    """
+    out = tree.copy()
+    for name in ('inertial', 'wheels', 'motor'):
+        out[name] -= other[name]
+    return out
+
+
+def is_empty(tree: Records) -> bool:
+    """Whether a tree has neither inertia nor wheels nor motors."""
+    return not any(tree[name].any() for name in ('inertial', 'wheels', 'motor'))
+
+
+def with_inertia(tree: Records, inertial: Array) -> Records:
+    """The tree with other inertial parameters (n + 1, 10), bodies in the robot's order."""
+    out = tree.copy()
+    out['inertial'] = inertial[tree['number']]
+    return out
+
+
+def _records(robot: Robot) -> Records:
     order = [0, *tree_order(robot.bodies)]
-    place = {index: i for i, index in enumerate(order)}
     records = np.zeros(len(order), dtype=BODY)
+    inertial = inertial_rows(robot)
     for record, index in zip(records, order, strict=True):
         body = robot.bodies[index]
         k = np.zeros((3, 3)) if body.is_prismatic else skew(body.axis)
-        record['joint'], record['parent'] = index - 1, place.get(body.parent, -1)
-        record['slides'] = body.is_prismatic
+        record['number'], record['parent'] = index, body.parent
+        record['kind'] = PRISMATIC if body.is_prismatic else REVOLUTE
         record['turn'] = body.rotation, body.rotation @ k, body.rotation @ k @ k
         record['translation'], record['axis'] = body.translation, body.axis
-        record['mass'], record['com'], record['inertia'] = body.mass, body.com, body.inertia
-        record['motor'] = body.motor_inertia
-    for g in robot.gyrostats:
-        records[place[g.body]]['wheels'] += g.body_momentum
+        record['inertial'], record['motor'] = inertial[index], body.motor_inertia
+        for g in robot.gyrostats:
+            if g.body == index:
+                record['wheels'] += g.body_momentum
+    records[0]['kind'], records[0]['gravity'] = FREE if robot.is_free else FIXED, robot.gravity
+    if not robot.is_free:
+        records[0]['inertial'], records[0]['wheels'] = 0.0, 0.0
     return records
+
+
+def inertial_rows(robot: Robot) -> Array:
+    """(n + 1, 10) as `Robot.inertial_parameters`, also of bodies that are not physical."""
+    rows = np.zeros((len(robot.bodies), 10))
+    for row, body in zip(rows, robot.bodies, strict=True):
+        c = body.com
+        about_origin = body.inertia + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
+        row[0], row[1:4], row[4:] = body.mass, body.mass * c, about_origin[_LOWER]
+    return rows
+
+
+_LOWER = (np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2]))  # Ixx Ixy Iyy Ixz Iyz Izz

@@ -10,7 +10,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..dynamics.forward_kinematics import body_accelerations, forward_kinematics, generalized_force
+from ..dynamics.forward_kinematics import (
+    BodyKinematics,
+    body_accelerations,
+    forward_kinematics,
+    generalized_force,
+)
 from ..dynamics.rotation import cross_rows, rotation_matrix
 from ..dynamics.state import State
 from ..dynamics.tree import Records, tree_of
@@ -19,7 +24,7 @@ from ..types import Array
 
 
 class Motion:
-    """Kinematics of N states.
+    """BodyKinematics of N states.
 
     Generalised vectors are (N, 6 + n): base [linear; angular] in base coordinates, then the
     joints, for a fixed base too, whose first six entries are zero.
@@ -130,16 +135,8 @@ class Motion:
                 total[:, 3:] = cross_rows(np.asarray(point), np.asarray(force))
         if torque is not None:
             total[:, 3:] += torque
-        rotations, origins = self.kinematics[:2]
         return np.asarray(
-            generalized_force(
-                self.tree,
-                self.robot.is_free,
-                body_index(self.robot, link),
-                rotations,
-                origins,
-                total,
-            )
+            generalized_force(self.tree, body_index(self.robot, link), self.kinematics, total)
         )
 
     def link_rotation(self, link: str | None) -> Array:
@@ -148,15 +145,15 @@ class Motion:
 
     def base_rotation(self, link: str | None) -> Array:
         """(N, 3, 3) takes coordinates of a body to base coordinates."""
-        return self.kinematics[0][:, body_index(self.robot, link)]
+        return self.kinematics.rotations[:, body_index(self.robot, link)]
 
     def link_position(self, link: str | None) -> Array:
         """(N, 3) origin of a body in base coordinates [m]."""
-        return self.kinematics[1][:, body_index(self.robot, link)]
+        return self.kinematics.origins[:, body_index(self.robot, link)]
 
     def twist(self, link: str | None) -> Array:
         """(N, 6) [linear; angular] velocity of a body's frame, in it."""
-        return self.kinematics[2][:, body_index(self.robot, link)]
+        return self.kinematics.twists[:, body_index(self.robot, link)]
 
     def link_acceleration(self, link: str | None) -> Array:
         """(N, 6) time derivative of `twist`, in the body's frame; needs `acceleration`."""
@@ -168,10 +165,10 @@ class Motion:
         return tree_of(self.robot)
 
     @cached_property
-    def kinematics(self) -> tuple[Array, Array, Array, Array]:
-        """Rotations, origins, velocities and drifts of all bodies, see `forward_kinematics`."""
-        q = np.ascontiguousarray(self.q, dtype=float)
-        return tuple(forward_kinematics(self.tree, self.robot.is_free, q, self.rates))
+    def kinematics(self) -> BodyKinematics:
+        """Rotations, origins, velocities and drifts of all bodies."""
+        q, qd = (np.ascontiguousarray(x, dtype=float) for x in (self.q, self.qd))
+        return forward_kinematics(self.tree, q, self.rates, qd)  # type: ignore[no-any-return]
 
     @property
     def accelerations(self) -> Array:
@@ -180,15 +177,7 @@ class Motion:
         if known is None:
             raise ValueError('the accelerations of this motion are not known')
         if self._accelerated is None or self._accelerated[0] is not known:
-            rotations, origins, _, drifts = self.kinematics
-            bodies = body_accelerations(
-                self.tree,
-                self.robot.is_free,
-                rotations,
-                origins,
-                drifts,
-                np.ascontiguousarray(known),
-            )
+            bodies = body_accelerations(self.tree, self.kinematics, np.ascontiguousarray(known))
             self._accelerated = known, bodies
         return self._accelerated[1]
 

@@ -7,12 +7,12 @@ given motion; that the motion itself stays as measured is what a filter's column
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ..dynamics.rnea import rnea
+from ..dynamics.tree import Records, difference, is_empty, tree_of
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
@@ -29,11 +29,11 @@ class InverseDynamics:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.loads = Loads.of(robot)
+        self.tree = tree_of(robot)
 
     def __call__(self, motion: Motion) -> Array:
         """(N, 6 + n) of S tau + external forces; the first six are zero for a fixed base."""
-        return self.loads.needed(motion, self.robot.gravity)
+        return needed(self.tree, motion)
 
     def motion(self, kinematics: Kinematics, effort: Array) -> Motion:
         """A reference as a motion; a free base moves so that no force acts on the whole."""
@@ -59,58 +59,12 @@ class InverseDynamics:
         return motion
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Loads:
-    """What a robot's inverse dynamics are linear in.
-
-    Args:
-        inertial: (n + 1, 10) inertial parameters. wheels: (n + 1, 3) momentum of each body's
-            gyrostats. motors: (n,) motor inertias.
-    """
-
-    inertial: Array
-    wheels: Array
-    motors: Array
-
-    @classmethod
-    def of(cls, robot: Robot) -> Loads:
-        """Of a robot."""
-        wheels = np.zeros((len(robot.bodies), 3))
-        for gyrostat in robot.gyrostats:
-            wheels[gyrostat.body] += gyrostat.body_momentum
-        motors = np.array([body.motor_inertia for body in robot.bodies[1:]])
-        return cls(robot.inertial_parameters, wheels, motors)
-
-    def __sub__(self, other: Loads) -> Loads:
-        """The difference of two robots."""
-        return Loads(
-            self.inertial - other.inertial, self.wheels - other.wheels, self.motors - other.motors
-        )
-
-    def __bool__(self) -> bool:
-        """Whether there is anything."""
-        return bool(self.inertial.any() or self.wheels.any() or self.motors.any())
-
-    def needed(self, motion: Motion, gravity: Array) -> Array:
-        """(N, 6 + n) generalised force that a motion needs under gravity (3,)."""
-        if motion.acceleration is None:
-            raise ValueError('inverse dynamics need accelerations')
-        rotations, origins, twists, _ = motion.kinematics
-        return np.asarray(
-            rnea(
-                motion.tree,
-                motion.robot.is_free,
-                gravity,
-                self.inertial,
-                self.wheels,
-                self.motors,
-                rotations,
-                origins,
-                twists,
-                motion.accelerations,
-                np.ascontiguousarray(motion.acceleration[:, 6:]),
-            )
-        )
+def needed(tree: Records, motion: Motion) -> Array:
+    """(N, 6 + n) generalised force that a motion needs of a tree, or of a difference of two."""
+    if motion.acceleration is None:
+        raise ValueError('inverse dynamics need accelerations')
+    qdd = np.ascontiguousarray(motion.acceleration[:, 6:])
+    return np.asarray(rnea(tree, motion.kinematics, motion.accelerations, qdd))
 
 
 class Response:
@@ -142,5 +96,5 @@ class Response:
         """(N, 6 + n) inverse dynamics of the changed robot less those of this one."""
         if not np.array_equal(changed.gravity, self.robot.gravity):
             return InverseDynamics(changed)(motion) - self._needed
-        difference = Loads.of(changed) - self._inverse.loads
-        return difference.needed(motion, changed.gravity) if difference else motion.zeros()
+        change = difference(tree_of(changed), self._inverse.tree)
+        return motion.zeros() if is_empty(change) else needed(change, motion)

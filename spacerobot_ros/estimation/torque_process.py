@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..dynamics.crba import PART
-from ..dynamics.rnea_derivatives import linearize
+from ..dynamics.rnea_derivatives import acceleration_derivatives
+from ..dynamics.tree import tree_of
 from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
 from ..effects.motion import Motion
@@ -80,16 +80,9 @@ class TorqueDriven:
         robot, first = self.robot, self.first
         forces = self.forces(motion) if self.effects else motion.zeros()
         forces[:, 6:] += motion.effort
-        loads = self._inverse.loads
-        by_q, by_v, inverse = linearize(
-            motion.tree,
-            robot.is_free,
-            robot.gravity,
-            (loads.inertial, loads.wheels, loads.motors),
-            motion.kinematics[:3],
-            np.ascontiguousarray(motion.qd),
-            forces,
-            np.zeros(len(robot.bodies), dtype=PART),
+        qd = np.ascontiguousarray(motion.qd)
+        by_q, by_v, inverse = acceleration_derivatives(
+            tree_of(robot), motion.kinematics, qd, forces
         )
         by_position, by_velocity = by_q[:, first:, first:].copy(), by_v[:, first:, first:].copy()
         if self._direct:

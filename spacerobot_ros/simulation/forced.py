@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import rk8_step
+from ..dynamics.integrate import rk_step
 from ..dynamics.rotation import cross, rotation_matrix
 from ..dynamics.state import State
 from ..effects.effect import Effect, own_states
@@ -119,7 +119,7 @@ class ForcedMotion:
         y = np.concatenate([x, self.hidden, np.zeros(8)])
         dt = self._period / self.substeps
         for k in range(self.substeps):
-            y = rk8_step(rate, t + k * dt, y, dt)
+            y = rk_step(rate, t + k * dt, y, dt)
             y[3:7] /= np.linalg.norm(y[3:7])
         if not np.all(np.isfinite(y)):
             raise SimulationDivergedError(

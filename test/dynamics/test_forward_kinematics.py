@@ -9,7 +9,8 @@ from support.effects import motion_of
 from support.models import DUAL_ARM, random_tree, robot_of
 from support.pinocchio_states import pin_acceleration, pin_columns, pin_states, wheel_torques
 
-from spacerobot_ros.estimation.response import InverseDynamics, Loads
+from spacerobot_ros.dynamics.tree import difference, is_empty, tree_of
+from spacerobot_ros.estimation.response import InverseDynamics, needed
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
@@ -112,7 +113,7 @@ def test_difference_of_two_robots_is_the_difference_of_their_forces(robot, rng):
     parameters = robot.inertial_parameters.copy()
     parameters[-1] *= 1.5
     other = robot.with_inertial_parameters(parameters).with_motor_inertia(robot.joints[0], 0.3)
-    loads = Loads.of(other) - Loads.of(robot)
+    change = difference(tree_of(other), tree_of(robot))
     expected = needed_by_pinocchio(other, motion) - needed_by_pinocchio(robot, motion)
-    close(loads.needed(motion, robot.gravity), expected)
-    assert not Loads.of(robot) - Loads.of(robot)
+    close(needed(change, motion), expected)
+    assert is_empty(difference(tree_of(robot), tree_of(robot)))
