@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any
 
-from .options import Formatter, positive_float, seed
+from ..display import Item, Section, Text, table
+from ..errors import ConfigurationError
+from .options import Subparsers, add_command, check_file, positive_float, seed, whole_number
+from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
     from ..effects.robot_file import RobotFile
+    from ..excitation.separation import Place, Separated, Trial
+    from ..model.robot import Robot
 
 CRITERIA = ('information', 'condition', 'unit_condition')
+
+_NESTED = 1e-3  # sine of the angle between signatures; below, one is a special case of the other
 
 _DESCRIPTION = """\
 Design a joint motion (Fourier series plus quintic) from which wheel momentum and inertia are
@@ -41,14 +48,14 @@ exit status: 0 written, 2 unusable input (limits that nothing can keep included)
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         'excite',
-        help='design the motion that an identification learns most from',
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=Formatter,
+        'design the motion that an identification learns most from',
+        _DESCRIPTION,
+        _EPILOG,
     )
     parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
     parser.add_argument(
@@ -65,7 +72,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--duration', type=positive_float, metavar='S', help="of the motion (default: the file's)"
     )
     parser.add_argument(
-        '--starts', type=_count, metavar='N', help="starting points (default: the file's)"
+        '--starts', type=whole_number(1), metavar='N', help="starting points (default: the file's)"
     )
     parser.add_argument(
         '--seed', type=seed, metavar='N', help="seed of the starting points (default: the file's)"
@@ -78,70 +85,150 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Design, write, print; 0 when the motion is written, 130 when Ctrl-C cut the search."""
     from ..effects.robot_file import load_robot_file
+
+    check_file(args.output, args.force, args.robot)
+    if args.separate:
+        for option in ('criterion', 'report'):
+            if getattr(args, option) is not None:
+                raise ConfigurationError(f'--{option}', 'has no meaning with --separate')
+        return _separate(args, _with_options(load_robot_file(args.robot), args))
+    if args.report:
+        check_file(args.report, args.force, args.robot)
+    return _design(args, _with_options(load_robot_file(args.robot), args))
+
+
+def _with_options(file: RobotFile, args: argparse.Namespace) -> RobotFile:
+    """The file with the options that were given."""
+    names = ('criterion', 'duration', 'starts', 'seed')
+    given = {name: value for name in names if (value := getattr(args, name)) is not None}
+    excitation = replace(file.settings.excitation, **given)
+    return replace(file, settings=replace(file.settings, excitation=excitation))
+
+
+def _design(args: argparse.Namespace, file: RobotFile) -> int:
     from ..excitation.design import search
     from ..excitation.output import write_trajectory
     from ..excitation.problem import Problem
-    from ..excitation.summary import summarise
+    from ..excitation.summary import summarize
+    from ..report.excitation_page import excitation_page, excitation_sections
     from ..report.html import write_report
-    from .excite_report import report_of
-    from .excite_separate import run_separate
-    from .excite_tables import print_summary
-    from .terminal import progress
 
-    _check_target(args.output, args.robot, args.force)
-    if args.separate:
-        return run_separate(args)
-    if args.report:
-        _check_target(args.report, args.robot, args.force)
-    problem = Problem(with_options(load_robot_file(args.robot), args))
+    problem = Problem(file)
     options = problem.settings.excitation
     with progress() as stage:
         advance = stage('designing', options.starts * options.iterations)
         design = search(problem, lambda steps, _: advance(steps))
     write_trajectory(problem, design.x, args.robot, args.output)
-    summary = summarise(problem, design)
-    if args.report:
-        write_report(report_of(problem, design, summary), args.report)
+    summary = summarize(problem, design)
     if args.json:
-        print(json.dumps(summary.to_dict(), indent=2, allow_nan=False))
+        print_json(summary.to_dict())
     else:
-        print_summary(summary)
+        print_sections(excitation_sections(summary))
         print(f'written: {args.output}')
+    if args.report:
+        write_report(excitation_page(summary), args.report)
     if design.interrupted:
         print('spacerobot excite: stopped early, best motion so far kept', file=sys.stderr)
         return 130
     return 0
 
 
-def with_options(file: RobotFile, args: argparse.Namespace) -> RobotFile:
-    """The file with the options that were given."""
-    given = {
-        name: getattr(args, name)
-        for name in ('criterion', 'duration', 'starts', 'seed')
-        if getattr(args, name) is not None
+def _separate(args: argparse.Namespace, file: RobotFile) -> int:
+    """Design the motion that best tells two effects apart."""
+    from ..excitation.output import write_trajectory
+    from ..excitation.separation import budget, separate
+
+    first, second = (parse_place(text, file.robot) for text in args.separate)
+    if first.name == second.name:
+        raise ConfigurationError('--separate', f'{first.name} is given twice')
+    with progress() as stage:
+        advance = stage('designing', budget(file, args.duration))
+        found = separate(file, (first, second), args.duration, advance)
+    best = found.best
+    write_trajectory(best.motions, best.x, args.robot, args.output)
+    if args.json:
+        print_json(
+            {
+                'schema': 1,
+                'separate': [first.name, second.name],
+                'tried': found.tried,
+                'best': _trial_values(best),
+                'robot_file': found.own and _trial_values(found.own),
+            }
+        )
+    else:
+        print_sections([_separated(first, second, found)])
+        print(f'written: {args.output}')
+    return 0
+
+
+def parse_place(text: str, robot: Robot) -> Place:
+    """`effect` or `effect@where`.
+
+    Raises:
+        ConfigurationError: no such effect, or no such place on this robot.
+    """
+    from ..effects.catalogue import CATALOGUE
+    from ..excitation.separation import Place
+
+    name, _, place = text.partition('@')
+    if name not in CATALOGUE:
+        near = get_close_matches(name, CATALOGUE, n=3)
+        hint = f' (did you mean {", ".join(near)}?)' if near else ''
+        raise ConfigurationError('--separate', f'no effect {name!r}{hint}')
+    kind, where = CATALOGUE[name], place or None
+    places = kind.places(robot)
+    if where not in places:
+        known = ', '.join(name if p is None else f'{name}@{p}' for p in places)
+        raise ConfigurationError('--separate', f'{text!r} is not one of {known}')
+    if kind.needs_free_base and not robot.is_free:
+        raise ConfigurationError('--separate', f'{name} is not seen on a fixed base')
+    return Place(kind, where)
+
+
+def _trial_values(trial: Trial) -> dict[str, Any]:
+    return {
+        'origin': trial.origin,
+        'duration': trial.motions.family.duration,
+        'sides': [
+            {
+                'seen': side.visible,
+                'told': side.apart,
+                'sine': side.sine,
+                'smallest': side.smallest,
+            }
+            for side in (trial.first, trial.second)
+        ],
     }
-    settings = file.settings
-    excitation = replace(settings.excitation, **given)
-    return replace(file, settings=replace(settings, excitation=excitation))
 
 
-def _check_target(path: str, robot: str, force: bool) -> None:
-    """Refuse to replace a file, and the robot file itself in any case."""
-    from pathlib import Path
+def _separated(first: Place, second: Place, found: Separated) -> Section:
+    from ..report.formats import number
 
-    from ..errors import ConfigurationError
-
-    target = Path(path)
-    if target.is_dir():
-        raise ConfigurationError(path, 'is a folder')
-    if target.exists() and target.resolve() == Path(robot).resolve():
-        raise ConfigurationError(path, 'is the robot file itself')
-    if target.exists() and not force:
-        raise ConfigurationError(path, 'is already there; --force replaces it')
-
-
-def _count(text: str) -> int:
-    value = seed(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f'{text} must be one or above')
-    return value
+    best = found.best
+    head = Text(
+        f'best of {found.tried} motions: {best.origin}, {best.motions.family.duration:g} s; '
+        "told apart: noise standard deviations of the part of an effect's plausible size that "
+        'the other can not imitate'
+    )
+    rows = []
+    for name, trial in (('this one', best), ('robot file', found.own)):
+        if trial is not None:
+            rows += [(first, second, trial.first, name), (second, first, trial.second, name)]
+    columns = {
+        'effect': lambda row: row[0].name,
+        'from': lambda row: row[1].name,
+        'seen': lambda row: f'{row[2].visible:.4g}',
+        'told apart': lambda row: f'{row[2].apart:.4g}',
+        'smallest told, of plausible size': lambda row: number(row[2].smallest, 3),
+        'motion': lambda row: row[3],
+    }
+    items: list[Item] = [head, table(rows, columns)]
+    if min(best.first.sine, best.second.sine) < _NESTED:
+        items.append(
+            Text(
+                'note: one of them is all but a special case of the other; no motion tells it '
+                'from the more general one'
+            )
+        )
+    return Section('', items)

@@ -12,7 +12,7 @@ from ..display import KeyFigures, Plot, Section, Table, Text
 if TYPE_CHECKING:
     from rich.console import Console
 
-_WIDTH = 120  # columns, where the output is no terminal
+_WIDTH = 160  # columns, where the output is no terminal
 _UPDATES = 200  # of a progress bar
 _NO_NUMBERS = ('never', 'none', 'not tested')  # but said in their place
 
@@ -65,7 +65,8 @@ def _print_table(console: Console, table: Table) -> None:
     grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False)
     for column, name in enumerate(table.head):
         is_number = column > 0 and all(_is_number(row[column]) for row in table.rows)
-        grid.add_column(Cell(name), justify='right' if is_number else 'left')
+        justify: Any = 'right' if is_number else 'left'
+        grid.add_column(Cell(name), justify=justify, overflow='fold')
     for row in table.rows:
         grid.add_row(*(Cell(cell) for cell in row))
     console.print(grid)

@@ -99,7 +99,7 @@ def candidates(
         if kind.is_fitted and (robot.is_free or not kind.needs_free_base)
         for where in kind.places(robot)
         for variant, trials in _variants(kind, where, filtered, wanted, ringing)
-        if (candidate := _possible(kind, robot, where, variant, trials)) is not None
+        if (candidate := candidate_at(kind, robot, where, variant, trials)) is not None
     ]
 
 
@@ -122,8 +122,12 @@ def _variants(
     return [(variant, 1) for variant in variants]
 
 
-def _possible(
-    kind: type[Effect], robot: Robot, where: str | None, variant: Mapping[str, float], trials: int
+def candidate_at(
+    kind: type[Effect],
+    robot: Robot,
+    where: str | None,
+    variant: Mapping[str, float],
+    trials: int = 1,
 ) -> Candidate | None:
     """The effect with steps so small that bodies stay bodies; None where there are none."""
     for share in STEPS:

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from ..errors import ConfigurationError
 from ..types import Array
-from .motions import Bounded
+from .motions import SAFE
 from .problem import Problem, Score
 
 Progress = Callable[[int, float], None]
@@ -24,13 +23,8 @@ Progress = Callable[[int, float], None]
 
 _STEP = 3e-5  # rad; of the forward differences: the cost is good to some 1e-10
 _TOLERANCE = 2e-4  # of the cost: bits an unknown, or log2 of a condition number
-_FIRST_USE = 0.6  # of the limits, by a random starting point
-_SAFE = 1.0 - 1e-6  # of the limits, by a result
 _NEARLY = 1e-3  # of the limits may be missing before the final scaling
 _GROWTH = 1.25  # largest factor on a result whose limits leave room
-_LEVELS = 8  # factors tried at once when scaling
-_ROUNDS = 6  # of scaling, each narrowing the factor to one level
-_CHECKS = 8  # on the fine grid
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +72,7 @@ def search(problem: Problem, progress: Progress = lambda *_: None) -> Design:
     attempts: list[Attempt] = []
     interrupted = False
     for index in range(options.starts):
-        origin, x = starting_point(problem, index)
+        origin, x = problem.starting_motion(index)
         done, so_far = index * options.iterations, best_cost
         descent = _Descent(problem, x)
 
@@ -98,67 +92,6 @@ def search(problem: Problem, progress: Progress = lambda *_: None) -> Design:
             break
         progress(done + options.iterations, best_cost)
     return Design(best_x, best_cost, tuple(attempts), interrupted)
-
-
-def starting_point(problem: Problem, index: int) -> tuple[str, Array]:
-    """The robot file's own motion first, if it has one; then random ones, seeded by the index.
-
-    Returns:
-        Where it comes from, and amplitudes (size,) that keep the limits.
-
-    Raises:
-        ConfigurationError: the limits leave no motion.
-    """
-    reference = problem.settings.reference
-    if index == 0 and reference.kind == 'fourier':
-        own = problem.family.amplitudes(reference)
-        if np.any(own):
-            return 'robot file', scaled_to_limits(problem, own, _SAFE, 1.0)
-    rng = np.random.default_rng((problem.settings.excitation.seed, index))
-    family = problem.family
-    x = rng.standard_normal((len(family.start), 2, family.harmonics))
-    x /= np.arange(1, family.harmonics + 1)
-    use = max(_FIRST_USE, 0.5 * (problem.resting_use + _SAFE))
-    return 'random', scaled_to_limits(problem, x.ravel(), use, np.inf)
-
-
-def scaled_to_limits(problem: Bounded, x: Array, use: float, growth: float) -> Array:
-    """The motion with all amplitudes times the largest factor that keeps the limits.
-
-    Args:
-        problem: Has the limits.
-        x: (size,) amplitudes.
-        use: Largest allowed fraction of any limit.
-        growth: Largest factor; infinite: as large as the limits allow.
-
-    Raises:
-        ConfigurationError: none does.
-    """
-    if not np.isfinite(growth):
-        x, growth = x / np.max(np.abs(x)), 2.0 * np.pi
-    allowed = use
-    for check in range(_CHECKS):
-        scaled = _largest_factor(problem, x, allowed, growth) * x
-        found = float(problem.worst_use(scaled[None], problem.fine)[0])
-        if found <= use:
-            return np.asarray(scaled)
-        allowed *= (1.0 - 1e-5 * 4.0**check) * use / found
-    raise ConfigurationError(
-        'excitation', 'its limits leave no motion: the joints can not move at all'
-    )
-
-
-def _largest_factor(problem: Bounded, x: Array, use: float, growth: float) -> float:
-    """Largest factor up to the growth with which x keeps the limits at the nodes."""
-    low, high = 0.0, growth
-    for _ in range(_ROUNDS):
-        factors = np.linspace(low, high, _LEVELS + 1)[1:]
-        kept = problem.worst_use(factors[:, None] * x, problem.family) <= use
-        if kept.all():
-            return float(high)
-        count = int(np.argmin(kept))
-        low, high = (float(factors[count - 1]) if count else low), float(factors[count])
-    return low
 
 
 class _Descent:
@@ -200,7 +133,7 @@ class _Descent:
         for x in found:
             if float(self._problem.cost(x[None])[0]) > self.cost:
                 continue
-            x = scaled_to_limits(self._problem, x, _SAFE, _GROWTH)
+            x = self._problem.scaled(x, SAFE, _GROWTH)
             cost = float(self._problem.cost(x[None])[0])
             if cost < self.cost:
                 self.x, self.cost = x, cost

@@ -2,8 +2,9 @@ r"""How much a motion tells of the whole estimate [AAM; x]: bits gained over the
 
 The cheap sibling of `identification.cramer_rao`: the joints count as measured, their rates with
 the noise density that smoothing leaves. Unknown are the first attitude, the total momentum h_W,
-and the wheel momentum and the bodies, or the linear minimal set (unknowns.py). With psi the
-attitude error in the inertial frame and t the errors of the constants,
+and y: the errors of [AAM; x] themselves, or of [AAM; coordinates of the bodies], since a motion
+that tells much of a linear set, which no bodies fill, need not tell much of the bodies. With psi
+the attitude error in the inertial frame and t = map @ [h_W; y] the errors of the constants,
 
     dw = D^-1 (h_B^x R^T psi + V t),    psi' = R dw
 
@@ -21,7 +22,7 @@ Symbols: B candidates, T times, p constants [h_W; AAM; x], m unknowns besides h_
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -29,53 +30,72 @@ from scipy.spatial.transform import Rotation
 from ..dynamics.rotation import skew
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import Kinematics
-from ..model.settings import SensorSettings, SimulatorSettings
+from ..identification.physical import BodyParameters
+from ..model.settings import IdentifierSettings, SensorSettings, SimulatorSettings
 from ..types import Array
 from .free_base import BaseMotion
-from .unknowns import Unknowns
 
-# Where the robot file does not state the noise: a good gyro, encoder and star tracker.
-TYPICAL = SensorSettings(
-    joint_position_std=2.0e-5,
-    joint_velocity_std=2.0e-4,
-    joint_effort_std=0.05,
-    gyro_std=2.0e-5,
-    attitude_std=3.0e-5,
-)
+_TYPICAL = {  # where the robot file states no noise: a good gyro, encoder and star tracker
+    'joint_position_std': 2.0e-5,
+    'joint_velocity_std': 2.0e-4,
+    'gyro_std': 2.0e-5,
+    'attitude_std': 3.0e-5,
+}
+_TYPICAL_EFFORT = 0.05  # N m; the identification does not use it
 _BAND = 2.0  # rad/s; encoder noise counts as rate noise of this frequency
-
-
-@dataclass(frozen=True, slots=True)
-class NoiseDensity:
-    """Noise of continuous measurements with the same information as the samples.
-
-    Args:
-        gyro: [rad/s/sqrt(Hz)]. attitude: [rad/sqrt(Hz)]. joint_rate: [rad/s/sqrt(Hz)].
-    """
-
-    gyro: float
-    attitude: float
-    joint_rate: float
+_RANK_TOLERANCE = 1e-8
+_STEP = 1e-5  # of the bodies' coordinates, which are of order one
 
 
 def with_typical(sensors: SensorSettings) -> tuple[SensorSettings, tuple[str, ...]]:
     """Sensors with typical noise where none is stated, and the names of what was not stated."""
-    names = ('joint_position_std', 'joint_velocity_std', 'gyro_std', 'attitude_std')
-    missing = tuple(name for name in names if getattr(sensors, name) is None)
-    values = {
-        name: getattr(TYPICAL if name in missing else sensors, name)
-        for name in (*names, 'joint_effort_std')
-    }
-    return SensorSettings(**values), missing
+    missing = tuple(name for name in _TYPICAL if getattr(sensors, name) is None)
+    effort = sensors.joint_effort_std or _TYPICAL_EFFORT
+    values = {name: _TYPICAL[name] for name in missing}
+    return replace(sensors, joint_effort_std=effort, **values), missing
 
 
-def noise_density(sensors: SensorSettings, rates: SimulatorSettings) -> NoiseDensity:
-    """Densities of fully stated sensors at the simulator's rates."""
-    gyro = _stated(sensors.gyro_std) / np.sqrt(rates.imu_rate)
-    attitude = _stated(sensors.attitude_std) / np.sqrt(rates.attitude_rate)
-    encoder = _BAND * _stated(sensors.joint_position_std)
-    joint = 1.0 / np.hypot(1.0 / encoder, 1.0 / _stated(sensors.joint_velocity_std))
-    return NoiseDensity(float(gyro), float(attitude), float(joint / np.sqrt(rates.joint_rate)))
+@dataclass(frozen=True, slots=True, eq=False)
+class Unknowns:
+    """Unknowns y, h_W before them.
+
+    Args:
+        to_constants: (p, 3 + m) map from [h_W; y] to the errors of the constants [h_W; AAM; x].
+        prior_std: (m,) what is known of y before any measurement.
+    """
+
+    to_constants: Array
+    prior_std: Array
+
+    @classmethod
+    def of(cls, model: MomentumModel, settings: IdentifierSettings) -> Unknowns:
+        """Unknowns that the identifier's settings ask for, with its prior."""
+        head = 3 + model.n_aam
+        momenta = np.full(model.n_aam, settings.momentum_prior_std)
+        if settings.manifold == 'linear':
+            largest = float(np.max(np.abs(model.prior()[head:])))
+            inertia = np.full(model.size - head, settings.prior_std * largest)
+            return cls(np.eye(model.size), np.concatenate([momenta, inertia]))
+        bodies = BodyParameters(model.robot, settings.structure)
+        steps = _STEP * np.eye(bodies.size)
+        ahead, behind = (
+            model.tree.block_parameters(*bodies.bodies(x)) @ model.minimal.grouping.T
+            for x in (steps, -steps)
+        )
+        jacobian = np.eye(model.size, head + bodies.size)
+        jacobian[head:, head:] = (ahead - behind).T / (2.0 * _STEP)
+        prior_std = np.concatenate([momenta, np.full(bodies.size, settings.prior_std)])
+        return cls(jacobian, prior_std)
+
+    def __len__(self) -> int:
+        """Number m of unknowns, h_W left out."""
+        return len(self.prior_std)
+
+    @property
+    def observable(self) -> int:
+        """Number of directions that change the constants at all, h_W left out."""
+        singular = np.linalg.svd(self.to_constants[3:, 3:] * self.prior_std, compute_uv=False)
+        return int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
 
 
 class Information:
@@ -83,12 +103,24 @@ class Information:
 
     Args:
         model: Robot as assumed, and minimal set.
-        noise: Sensors.
+        sensors: Their noise, fully stated. rates: How often they sample.
         unknowns: What is to be estimated, with its prior.
     """
 
-    def __init__(self, model: MomentumModel, noise: NoiseDensity, unknowns: Unknowns) -> None:
-        self._model, self._noise, self._unknowns = model, noise, unknowns
+    def __init__(
+        self,
+        model: MomentumModel,
+        sensors: SensorSettings,
+        rates: SimulatorSettings,
+        unknowns: Unknowns,
+    ) -> None:
+        self._model, self._unknowns = model, unknowns
+        position, velocity, gyro, attitude = (getattr(sensors, name) for name in _TYPICAL)
+        # densities of continuous measurements with the information of the samples, per sqrt(Hz)
+        self._gyro_noise = gyro / np.sqrt(rates.imu_rate)
+        self._attitude_noise = attitude / np.sqrt(rates.attitude_rate)
+        joint = 1.0 / np.hypot(1.0 / (_BAND * position), 1.0 / velocity)
+        self._rate_noise = joint / np.sqrt(rates.joint_rate)
 
     def gain(self, motion: BaseMotion) -> Array:
         """(B,) bits that each candidate's measurement tells."""
@@ -98,17 +130,13 @@ class Information:
 
     def fisher(self, motion: BaseMotion) -> Array:
         """(B, m, m) information of the unknowns in units of the prior's std."""
-        drive = self._drive(motion)
+        drive = motion.inverse @ (self.columns(motion) @ self._unknowns.to_constants)
         psi, rate = _sensitivities(motion, drive)
         weight = self._weights(motion)
-        info = _gram(weight @ rate) + _gram(psi / self._noise.attitude)
+        info = _gram(weight @ rate) + _gram(psi / self._attitude_noise)
         info *= motion.time[1] - motion.time[0]
         prior_std = self._unknowns.prior_std
         return _eliminate(info, 6) * np.outer(prior_std, prior_std)
-
-    def _drive(self, motion: BaseMotion) -> Array:
-        """(B, T, 3, 3 + m) of dw by [h_W; unknowns]."""
-        return motion.inverse @ (self.columns(motion) @ self._unknowns.to_constants)
 
     def columns(self, motion: BaseMotion) -> Array:
         """(B, T, 3, p) regressor of the momentum equation in base axes."""
@@ -126,13 +154,18 @@ class Information:
     def _weights(self, motion: BaseMotion) -> Array:
         """(B, T, 3, 3) square roots of the inverse noise density of the base rate."""
         c = motion.coupling
-        noise = self._noise.joint_rate**2 * c @ np.swapaxes(c, -1, -2)
-        noise = noise + self._noise.gyro**2 * np.eye(3)
+        noise = self._rate_noise**2 * c @ np.swapaxes(c, -1, -2)
+        noise = noise + self._gyro_noise**2 * np.eye(3)
         return np.linalg.inv(np.linalg.cholesky(noise))
 
 
 def _sensitivities(motion: BaseMotion, drive: Array) -> tuple[Array, Array]:
-    """(B, T, 3, 6 + m) psi and dw by [psi(0); h_W; unknowns], by trapezoidal steps."""
+    """(B, T, 3, 6 + m) psi and dw by [psi(0); h_W; y], by trapezoidal steps.
+
+    Args:
+        motion: Of B candidates.
+        drive: (B, T, 3, 3 + m) of dw by [h_W; y].
+    """
     R = motion.R_WB
     R_T = np.swapaxes(R, -1, -2)
     h_B = np.einsum('btij,bi->btj', R, motion.h_W)
@@ -141,12 +174,12 @@ def _sensitivities(motion: BaseMotion, drive: Array) -> tuple[Array, Array]:
     half = 0.5 * (motion.time[1] - motion.time[0])
     matrix, forcing = R @ feedback, R @ whole
     implicit = np.linalg.inv(np.eye(3) - half * matrix[:, 1:])
-    carry = implicit @ (np.eye(3) + half * matrix[:, :-1])
-    push = implicit @ (half * (forcing[:, 1:] + forcing[:, :-1]))
+    propagate = implicit @ (np.eye(3) + half * matrix[:, :-1])
+    input_ = implicit @ (half * (forcing[:, 1:] + forcing[:, :-1]))
     psi = np.zeros_like(whole)
     psi[:, 0, :, :3] = np.eye(3)
     for k in range(psi.shape[1] - 1):
-        psi[:, k + 1] = carry[:, k] @ psi[:, k] + push[:, k]
+        psi[:, k + 1] = propagate[:, k] @ psi[:, k] + input_[:, k]
     return psi, feedback @ psi + whole
 
 
@@ -166,9 +199,3 @@ def _eliminate(information: Array, count: int) -> Array:
     return information[:, count:, count:] - np.swapaxes(scaled, 1, 2) @ np.linalg.solve(
         unit, scaled
     )
-
-
-def _stated(std: float | None) -> float:
-    if std is None:
-        raise ValueError('complete the sensors with `with_typical` first')
-    return std

@@ -1,13 +1,14 @@
-"""Motions of one robot within its limits, free or fixed base, whatever they are flown for."""
+"""Motions of one robot within its limits, free or fixed base, whatever they are made for."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..dynamics.equations import Dynamics
 from ..dynamics.state import State, initial_state
+from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
@@ -17,20 +18,11 @@ from .limits import Limits
 
 _FINE = 4  # times as many nodes for the final check of the limits
 _NODES = 40  # a cycle of the highest harmonic
-
-
-class Bounded(Protocol):
-    """Motions that must keep limits.
-
-    Attributes:
-        family: Motions at the nodes. fine: The same on a finer grid.
-    """
-
-    family: MotionFamily
-    fine: MotionFamily
-
-    def worst_use(self, x: Array, family: MotionFamily) -> Array:
-        """(B,) largest use of any limit by candidates x (B, size), 1 at the limit."""
+_LEVELS = 8  # factors tried at once when scaling
+_ROUNDS = 6  # of scaling, each narrowing the factor to one level
+_CHECKS = 8  # of a scaled motion on the fine grid
+SAFE = 1.0 - 1e-6
+"""Share of the limits that a result uses at most."""
 
 
 class Motions:
@@ -40,32 +32,110 @@ class Motions:
         robot: As the model believes it to be, true rotors locked.
         settings: `excitation` has limits and harmonics, `initial` the start.
         duration: [s].
+        fine: How many times finer the times are at which limits are finally checked.
+        others: The same robot with other wheels, whose limits count, too.
+
+    Attributes:
+        family: Motions at the nodes. fine: The same at finer times. start: Of the base.
 
     Raises:
         ConfigurationError: limits of the wrong length, or a robot whose free base can't be
             followed (prismatic joints).
     """
 
-    def __init__(self, robot: Robot, settings: Settings, duration: float) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        settings: Settings,
+        duration: float,
+        *,
+        fine: int = _FINE,
+        others: Sequence[Robot] = (),
+    ) -> None:
         options = settings.excitation
         self.settings, self.robot = settings, robot
-        self.limits = Limits.of(robot, options)
+        self.limits = Limits(robot, options)
         nodes = max(120, _NODES * options.harmonics)
-        start = initial_state(robot, settings.initial)
+        initial = initial_state(robot, settings.initial)
         times = np.linspace(0.0, duration, nodes + 1)
-        self.family = MotionFamily(duration, options.harmonics, start.q, times)
-        self.fine = self.family.at(np.linspace(0.0, duration, _FINE * nodes + 1))
-        self.start = Start(start.q_WB_xyzw, start.omega_WB_B)
-        self._base = FreeBase(robot) if robot.is_free else FixedBase(robot)
+        self.family = MotionFamily(duration, options.harmonics, initial.q, times)
+        self.fine = self.family.at(np.linspace(0.0, duration, fine * nodes + 1))
+        self.start = Start(initial.q_WB_xyzw, initial.omega_WB_B)
+        kind = FreeBase if robot.is_free else FixedBase
+        self._bases = [kind(one) for one in (robot, *others)]
 
     def move(self, x: Array, family: MotionFamily) -> BaseMotion:
         """Motion of candidates x (B, size) at a family's times."""
-        return self._base.move(family.times, *family.motion(x), self.start)
+        return self._bases[0].move(family.times, *family.motion(x), self.start)
+
+    def moves(self, x: Array, family: MotionFamily) -> list[BaseMotion]:
+        """The same with the wheels assumed, then with the others."""
+        joints = family.motion(x)
+        return [base.move(family.times, *joints, self.start) for base in self._bases]
 
     def worst_use(self, x: Array, family: MotionFamily) -> Array:
-        """(B,) largest use of any limit; zero where nothing is limited."""
-        fractions = self.limits.fractions(self.move(x, family))
-        return np.asarray(np.max(fractions, axis=(1, 2), initial=0.0))
+        """(B,) largest use of any limit with any wheels; zero where nothing is limited."""
+        uses = [_peaks(self.limits.fractions(motion)) for motion in self.moves(x, family)]
+        return np.asarray(np.max([np.max(use, axis=1, initial=0.0) for use in uses], axis=0))
+
+    def random(self, rng: np.random.Generator, use: float) -> Array:
+        """(size,) a random motion, higher harmonics gentler, at so large a use of the limits."""
+        x = rng.standard_normal((len(self.family.start), 2, self.family.harmonics))
+        x /= np.arange(1, self.family.harmonics + 1)
+        return self.scaled(x.ravel(), use, np.inf)
+
+    def own(self) -> Array | None:
+        """(size,) the robot file's own motion, as large as the limits allow; None without one."""
+        reference = self.settings.reference
+        if reference.kind != 'fourier':
+            return None
+        x = self.family.amplitudes(reference)
+        return self.scaled(x, SAFE, 1.0) if np.any(x) else None
+
+    def scaled(self, x: Array, use: float = SAFE, growth: float = 1.0) -> Array:
+        """The motion with all amplitudes times the largest factor that keeps the limits.
+
+        Args:
+            x: (size,) amplitudes.
+            use: Largest allowed fraction of any limit.
+            growth: Largest factor; infinite: as large as the limits allow.
+
+        Raises:
+            ConfigurationError: none does.
+        """
+        if not np.isfinite(growth):
+            x, growth = x / np.max(np.abs(x)), 2.0 * np.pi
+        allowed = use
+        for check in range(_CHECKS):
+            scaled = self._largest_factor(x, allowed, growth) * x
+            found = float(self.worst_use(scaled[None], self.fine)[0])
+            if found <= use:
+                return np.asarray(scaled)
+            allowed *= (1.0 - 1e-5 * 4.0**check) * use / found
+        reason = 'its limits leave no motion: the joints can not move at all'
+        raise ConfigurationError('excitation', reason)
+
+    def _largest_factor(self, x: Array, use: float, growth: float) -> float:
+        """Largest factor up to the growth with which x keeps the limits at the nodes."""
+        low, high = 0.0, growth
+        for _ in range(_ROUNDS):
+            factors = np.linspace(low, high, _LEVELS + 1)[1:]
+            kept = self.worst_use(factors[:, None] * x, self.family) <= use
+            if kept.all():
+                return float(high)
+            count = int(np.argmin(kept))
+            low, high = (float(factors[count - 1]) if count else low), float(factors[count])
+        return low
+
+
+def _peaks(values: Array) -> Array:
+    """(B, m) maxima over time of (B, T, m), those between two samples by a parabola."""
+    middle = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)[:, None]
+    before, at, after = (np.take_along_axis(values, middle + k, axis=1)[:, 0] for k in (-1, 0, 1))
+    bend = 2.0 * at - before - after
+    rise = (after - before) ** 2 / (8.0 * np.where(bend > 0.0, bend, np.inf))
+    inside = np.abs(after - before) <= 2.0 * bend  # else the largest is at an end
+    return np.where(inside, at + rise, np.max(values, axis=1))
 
 
 class FixedBase:
@@ -83,10 +153,9 @@ class FixedBase:
         batch, steps, n = q.shape
         torque = np.empty_like(q)
         zeros = np.zeros(3)
-        for b in range(batch):
-            for t in range(steps):
-                state = State(zeros, start.attitude_xyzw, q[b, t], zeros, zeros, qd[b, t])
-                torque[b, t] = self._dynamics.inverse(state, np.zeros(6), qdd[b, t])[1]
+        for b, t in np.ndindex(batch, steps):
+            state = State(zeros, start.attitude_xyzw, q[b, t], zeros, zeros, qd[b, t])
+            torque[b, t] = self._dynamics.inverse(state, np.zeros(6), qdd[b, t])[1]
         return BaseMotion(
             time,
             q,

@@ -1,13 +1,14 @@
 """What an identification from a motion will reach: the trajectory-aware Cramer-Rao bound.
 
 The bound uses the sensors and rates of the robot file, and is over what the identifier estimates
-(unknowns.py): on the physical manifold it is smaller than over the linear set. The identifier's
-prior stands in for directions that the motion does not tell.
+(`information.Unknowns`): on the physical manifold it is smaller than over the linear set. The
+identifier's prior stands in for directions that the motion does not tell.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import Kinematics
 from ..identification.cramer_rao import SensorPlan, cramer_rao_bound
 from ..identification.summary import aam_names
+from ..json_values import json_value
 from ..model.robot import Robot
 from ..types import Array
 from .family import MotionFamily
@@ -29,7 +31,22 @@ from .problem import Problem, condition_numbers
 REST = 10.0  # s of rest, measured before a spin-up
 _SAMPLING = 0.02  # s; of the motion that the bound is computed along
 _NONZERO = 1e-3  # of the largest parameter; smaller ones have no meaningful relative error
-_TOLD = 3.0  # times better known than before: a direction that the motion tells
+_BETTER = 3.0  # times better known than before: a direction that the motion tells
+_JSON = {
+    'bits': 'bits',
+    'told': 'n_observed',
+    'tellable': 'n_observable',
+    'condition': 'condition',
+    'unit_condition': 'unit_condition',
+    'scale_std': 'scale_std',
+    'worst_aam': 'worst_aam',
+    'median_parameter': 'median_parameter',
+    'worst_parameter': 'worst_parameter',
+    'names': 'names',
+    'values': 'values',
+    'std': 'std',
+    'relative_std': 'relative',
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +55,8 @@ class Prediction:
 
     Args:
         bits: Told of the whole estimate, against the identifier's prior.
-        told: Directions that get at least three times better known.
-        tellable: Directions that any motion could tell.
+        n_observed: Number of directions that get at least three times better known.
+        n_observable: Number of those that any motion could tell.
         condition: Of the paper's A, raw. unit_condition: With columns of unit norm.
         names: Of [AAM; x]. values: Of the robot assumed. covariance: Predicted.
         n_aam: Number of wheel-momentum entries.
@@ -48,8 +65,8 @@ class Prediction:
     """
 
     bits: float
-    told: int
-    tellable: int
+    n_observed: int
+    n_observable: int
     condition: float
     unit_condition: float
     names: tuple[str, ...]
@@ -77,17 +94,26 @@ class Prediction:
     @property
     def worst_aam(self) -> float:
         """Largest relative std of a wheel-momentum component; NaN where there is none."""
-        return _nan_safe(np.max, self.relative[: self.n_aam])
+        return _of_finite(np.max, self.relative[: self.n_aam])
 
     @property
     def worst_parameter(self) -> float:
         """Largest relative std of a minimal parameter."""
-        return _nan_safe(np.max, self.relative[self.n_aam :])
+        return _of_finite(np.max, self.relative[self.n_aam :])
 
     @property
     def median_parameter(self) -> float:
         """Median relative std of the minimal parameters."""
-        return _nan_safe(np.median, self.relative[self.n_aam :])
+        return _of_finite(np.median, self.relative[self.n_aam :])
+
+    @property
+    def hardest_use(self) -> Use:
+        """The limit that the motion comes nearest to, or breaks most."""
+        return max(self.uses, key=lambda use: use.fraction)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return dict(json_value({key: getattr(self, name) for key, name in _JSON.items()}))
 
 
 def predict_design(problem: Problem, x: Array, *, with_rest: bool = False) -> Prediction:
@@ -98,7 +124,8 @@ def predict_design(problem: Problem, x: Array, *, with_rest: bool = False) -> Pr
         x: (size,) [rad].
         with_rest: Count `REST` seconds of rest, own wheels still, measured before a spin-up.
     """
-    return predict(problem, problem.robot, problem.family, x, problem.start, with_rest=with_rest)
+    motion = _motion(problem.robot, problem.family, x, problem.start)
+    return _predict(problem, problem.robot, motion, with_rest=with_rest)
 
 
 def predict_reference(problem: Problem) -> Prediction | None:
@@ -111,52 +138,46 @@ def predict_reference(problem: Problem) -> Prediction | None:
     times = np.array([0.0, reference.duration])
     family = MotionFamily(reference.duration, reference.harmonics, problem.family.start, times)
     start = Start(initial.q_WB_xyzw, initial.omega_WB_B)
-    return predict(problem, problem.robot, family, family.amplitudes(reference), start)
+    x = family.amplitudes(reference)
+    return _predict(problem, problem.robot, _motion(problem.robot, family, x, start))
 
 
-def predict(
-    problem: Problem,
-    robot: Robot,
-    family: MotionFamily,
-    x: Array,
-    start: Start,
-    *,
-    with_rest: bool = False,
-) -> Prediction:
-    """Prediction for a motion of a robot, which may differ from the problem's in its wheels."""
+def predict_with_wheels(problem: Problem, x: Array, momentum: Array) -> Prediction:
+    """Prediction for amplitudes x (size,) with other momentum (3,) of the own wheels [N m s]."""
+    robot, start = problem.robot.with_servicer_momentum(momentum), problem.start
+    if problem.start_kind == 'spin_up':
+        omega = FreeBase(robot).spun_up(problem.family.start, momentum)
+        start = Start(start.attitude_xyzw, omega)
+    return _predict(problem, robot, _motion(robot, problem.family, x, start))
+
+
+def _motion(robot: Robot, family: MotionFamily, x: Array, start: Start) -> BaseMotion:
+    """One candidate at the times along which the bound is computed."""
     steps = int(np.ceil(family.duration / _SAMPLING - 1e-9))
     family = family.at(np.linspace(0.0, family.duration, steps + 1))
-    motion = FreeBase(robot).move(family.times, *family.motion(x[None]), start)
-    rates = problem.settings.simulator
+    return FreeBase(robot).move(family.times, *family.motion(x[None]), start)
+
+
+def _predict(
+    problem: Problem, robot: Robot, motion: BaseMotion, *, with_rest: bool = False
+) -> Prediction:
+    """Prediction for a motion of a robot, which may differ from the problem's in its wheels."""
+    rates, unknowns = problem.settings.simulator, problem.unknowns
     plan = SensorPlan.regular(
         problem.sensors,
-        family.duration,
+        float(motion.time[-1]),
         rates.joint_rate,
         rates.imu_rate,
         rates.attitude_rate,
     )
-    model = MomentumModel(robot, problem.minimal)
-    factor = cramer_rao_bound(robot, problem.minimal, _reference(motion), plan).factor
+    model, reference = MomentumModel(robot, problem.minimal), _reference(motion)
+    factor = cramer_rao_bound(robot, problem.minimal, reference, plan).factor
     if with_rest:
         factor = np.concatenate([factor, _rest_rows(problem, model, motion)])
-    columns, _ = model.regressor(_reference(motion))
+    columns, _ = model.regressor(reference)
     raw, unit = condition_numbers(columns[None, ::2], motion.R_WB[:, ::2])
-    return _prediction(
-        problem, model, factor, (float(raw[0]), float(unit[0])), problem.limits.uses(motion)
-    )
-
-
-def _prediction(
-    problem: Problem,
-    model: MomentumModel,
-    factor: Array,
-    condition: tuple[float, float],
-    uses: tuple[Use, ...],
-) -> Prediction:
-    unknowns = problem.unknowns
     triangle = np.asarray(np.linalg.qr(factor @ unknowns.to_constants, mode='r'))[3:, 3:]
-    told = triangle * unknowns.prior_std
-    _, singular, right = np.linalg.svd(told)
+    _, singular, right = np.linalg.svd(triangle * unknowns.prior_std)
     strength = np.zeros(len(unknowns))
     strength[: len(singular)] = singular
     shrink = 1.0 / np.hypot(1.0, strength)
@@ -164,16 +185,16 @@ def _prediction(
     values = model.prior()[3:]
     return Prediction(
         bits=float(-np.sum(np.log2(shrink))),
-        told=int(np.sum(strength > _TOLD)),
-        tellable=unknowns.tellable,
-        condition=condition[0],
-        unit_condition=condition[1],
+        n_observed=int(np.sum(strength > _BETTER)),
+        n_observable=unknowns.observable,
+        condition=float(raw[0]),
+        unit_condition=float(unit[0]),
         names=aam_names(model) + model.minimal.names,
         values=values,
         covariance=root @ root.T,
         n_aam=model.n_aam,
         scale_std=_scale_std(values, root),
-        uses=uses,
+        uses=problem.limits.uses(motion),
     )
 
 
@@ -185,13 +206,8 @@ def _scale_std(values: Array, root: Array) -> float:
 
 def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Array:
     """(3, p) whitened rows of a rest before the spin-up: R^T h_W - sum_b R_b h_b = 0, eq. (31)."""
-    still = Kinematics(
-        motion.time[:1],
-        motion.q[0, :1],
-        np.zeros_like(motion.qd[0, :1]),
-        np.zeros((1, 3)),
-        Rotation.from_matrix(motion.R_WB[0, :1]),
-    )
+    first = _reference(motion).part(slice(1))
+    still = replace(first, qd=np.zeros_like(first.qd), omega=np.zeros((1, 3)))
     row = model.regressor(still)[0][0]
     rates = problem.settings.simulator
     gyro = (problem.sensors.gyro_std or 0.0) / np.sqrt(REST * rates.imu_rate)
@@ -212,6 +228,6 @@ def _reference(motion: BaseMotion) -> Kinematics:
     )
 
 
-def _nan_safe(function: Any, values: Array) -> float:
+def _of_finite(function: Callable[[Array], Any], values: Array) -> float:
     finite = values[np.isfinite(values)]
     return float(function(finite)) if len(finite) else float('nan')

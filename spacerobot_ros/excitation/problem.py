@@ -1,39 +1,37 @@
-"""The design problem of one robot file: motions to choose from, limits, what to maximise."""
+"""The design problem of one robot file: motions to choose from, limits, what to maximize."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..dynamics.state import initial_state
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
-from ..estimation.minimal import MinimalSet, minimal_set
+from ..estimation.minimal import minimal_set
 from ..estimation.momentum_process import MomentumModel
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..simulation.truth import true_robot
 from ..types import Array
-from .family import MotionFamily
 from .free_base import BaseMotion, FreeBase, Start
-from .information import Information, noise_density, with_typical
-from .limits import Limits
-from .unknowns import unknowns_of
+from .information import Information, Unknowns, with_typical
+from .limits import Use
+from .motions import SAFE, Motions
 
 FINE = 10  # times as many nodes for the final check of the limits
-_NODES = 40  # a cycle of the highest harmonic
 _SMOOTHING = 60.0  # of the maximum over time: it overstates by some log(5) / 60
 _ROOM = 0.999  # of a limit that a base with resting joints may use
 _AMPLE = 0.8  # the same, where the start is ours to choose
+_FIRST_USE = 0.6  # of the limits, by a random starting motion
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Score:
+class Score(NamedTuple):
     """Objective and constraints of B candidates.
 
-    Args:
-        cost: (B,) to be minimised.
+    Attributes:
+        cost: (B,) to be minimized.
         spare: (B, m) what is left of every limit, as a fraction; negative where it is broken.
     """
 
@@ -41,7 +39,7 @@ class Score:
     spare: Array
 
 
-class Problem:
+class Problem(Motions):
     """Everything that a search needs.
 
     Args:
@@ -55,58 +53,48 @@ class Problem:
     def __init__(self, file: RobotFile) -> None:
         settings = file.settings
         options = settings.excitation
-        self.settings = settings
-        self.robot = assumed_robot(file.robot, settings)
-        self.minimal: MinimalSet = minimal_set(self.robot, settings.identifier.structure)
-        self.model = MomentumModel(self.robot, self.minimal)
-        self.limits = Limits.of(self.robot, options)
+        robot = assumed_robot(file.robot, settings)
+        self.minimal = minimal_set(robot, settings.identifier.structure)
+        momenta = _off_momenta(robot.target_momentum, options.momentum_uncertainty)
+        others = [robot.with_target_momentum(h) for h in momenta]
+        super().__init__(robot, settings, options.duration, fine=FINE, others=others)
+        self.model = MomentumModel(robot, self.minimal)
         self.sensors, self.unstated = with_typical(settings.sensors)
-        self.unknowns = unknowns_of(self.model, settings.identifier)
-        self.information = Information(
-            self.model,
-            noise_density(self.sensors, settings.simulator),
-            self.unknowns,
-        )
-        nodes = max(120, _NODES * options.harmonics)
-        q = initial_state(self.robot, settings.initial).q
-        self.family = MotionFamily(
-            options.duration, options.harmonics, q, np.linspace(0.0, options.duration, nodes + 1)
-        )
-        self.fine = self.family.at(np.linspace(0.0, options.duration, FINE * nodes + 1))
-        self.base = FreeBase(self.robot)
-        self._others = [
-            FreeBase(self.robot.with_target_momentum(h))
-            for h in _off_momenta(self.robot.target_momentum, options.momentum_uncertainty)
-        ]
+        self.unknowns = Unknowns.of(self.model, settings.identifier)
+        self.information = Information(self.model, self.sensors, settings.simulator, self.unknowns)
         self.start_kind, self.start = self._choose_start()
 
     def score(self, x: Array) -> Score:
         """Objective and smoothed limits of candidates x (B, size)."""
-        motion = self.move(x, self.family)
-        use = self.limits.fractions(motion)
-        if self._others:
-            others = [self.limits.fractions(m) for m in self._moves_otherwise(x, self.family)]
-            use = np.concatenate([use, *others], axis=1)
+        motions = self.moves(x, self.family)
+        use = np.concatenate([self.limits.fractions(motion) for motion in motions], axis=1)
         peak = use.max(axis=1)
         excess = np.sum(np.exp(_SMOOTHING * (use - peak[:, None])), axis=1)
-        return Score(self._cost(motion), 1.0 - peak - np.log(excess) / _SMOOTHING)
-
-    def move(self, x: Array, family: MotionFamily) -> BaseMotion:
-        """Motion of candidates x (B, size) with the wheel momentum assumed."""
-        return self.base.move(family.times, *family.motion(x), self.start)
-
-    def worst_use(self, x: Array, family: MotionFamily) -> Array:
-        """(B,) largest use of any limit at the family's times, all wheel momenta included."""
-        motions = [self.move(x, family), *self._moves_otherwise(x, family)]
-        return np.max([self.limits.fractions(m).max(axis=(1, 2)) for m in motions], axis=0)
-
-    def all_motions(self, x: Array) -> list[BaseMotion]:
-        """One candidate on the fine grid, the assumed wheel momentum first, then those off it."""
-        return [self.move(x[None], self.fine), *self._moves_otherwise(x[None], self.fine)]
+        return Score(self._cost(motions[0]), 1.0 - peak - np.log(excess) / _SMOOTHING)
 
     def cost(self, x: Array) -> Array:
         """(B,) objective alone."""
         return self._cost(self.move(x, self.family))
+
+    def starting_motion(self, index: int) -> tuple[str, Array]:
+        """The robot file's own motion first, if it has one; then random ones, seeded by the index.
+
+        Returns:
+            Where it comes from, and amplitudes (size,) that keep the limits.
+
+        Raises:
+            ConfigurationError: the limits leave no motion.
+        """
+        if index == 0 and (own := self.own()) is not None:
+            return 'robot file', own
+        rng = np.random.default_rng((self.settings.excitation.seed, index))
+        return 'random', self.random(rng, max(_FIRST_USE, 0.5 * (self.resting_use + SAFE)))
+
+    def uses(self, x: Array) -> tuple[Use, ...]:
+        """Of every limit the hardest use by one candidate x (size,), whichever wheels it has."""
+        motions = self.moves(x[None], self.fine)
+        every = zip(*(self.limits.uses(motion) for motion in motions), strict=True)
+        return tuple(max(same, key=lambda use: (use.fraction, abs(use.value))) for same in every)
 
     def _cost(self, motion: BaseMotion) -> Array:
         criterion = self.settings.excitation.criterion
@@ -115,24 +103,23 @@ class Problem:
         raw, unit = condition_numbers(self.information.columns(motion), motion.R_WB)
         return np.log2(raw if criterion == 'condition' else unit)
 
-    def _moves_otherwise(self, x: Array, family: MotionFamily) -> list[BaseMotion]:
-        joints = family.motion(x)
-        return [base.move(family.times, *joints, self.start) for base in self._others]
-
     def _choose_start(self) -> tuple[str, Start]:
         wanted = self.settings.excitation.start
         choices = (
             (('initial', _AMPLE), ('rest', _ROOM)) if wanted == 'auto' else ((wanted, _ROOM),)
         )
+        still = np.zeros(self.family.size)
         for kind, room in choices:
             self.start = self._start(kind)
-            still = np.zeros((1, self.family.size))
-            self.resting_use = float(self.worst_use(still, self.family)[0])
+            self.resting_use = float(self.worst_use(still[None], self.family)[0])
             if self.resting_use <= room:
                 return kind, self.start
+        use = max(self.uses(still), key=lambda u: u.fraction)
+        broken = f'{use.name} of {use.where} reaches {use.value:.4g} {use.unit}'
         raise ConfigurationError(
             f'excitation.start ({kind})',
-            f'even with resting joints, {self._broken()}: no motion can keep the limits',
+            f'even with resting joints, {broken} (limit {use.limit:.4g}): no motion can keep the '
+            'limits',
         )
 
     def _start(self, kind: str) -> Start:
@@ -142,17 +129,8 @@ class Problem:
             omega = initial.omega_WB_B
         elif kind == 'spin_up':
             h0 = self.robot.servicer_wheels.body_momentum
-            omega = self.base.spun_up(initial.q, h0)
+            omega = FreeBase(self.robot).spun_up(initial.q, h0)
         return Start(initial.q_WB_xyzw, omega)
-
-    def _broken(self) -> str:
-        """The limit that resting joints break most."""
-        motions = self.all_motions(np.zeros(self.family.size))
-        uses = [use for motion in motions for use in self.limits.uses(motion)]
-        use = max(uses, key=lambda u: u.fraction)
-        return (
-            f'{use.name} of {use.where} reaches {use.value:.4g} {use.unit} (limit {use.limit:.4g})'
-        )
 
 
 def assumed_robot(robot: Robot, settings: Settings) -> Robot:
@@ -191,6 +169,3 @@ def _off_momenta(momentum: Array, uncertainty: float) -> list[Array]:
         return []
     steps = uncertainty * np.eye(len(momentum))
     return [momentum + step for step in np.concatenate([steps, -steps])]
-
-
-__all__ = ['Problem', 'Score', 'assumed_robot', 'condition_numbers']

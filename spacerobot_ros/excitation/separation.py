@@ -16,38 +16,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..effects.effect import Effect
-from ..effects.parameter import Parameter
 from ..effects.robot_file import RobotFile
-from ..estimation.columns import Signatures
+from ..errors import ConfigurationError
+from ..estimation.columns import Signatures, candidate_at
 from ..estimation.reference import NoiseLevels
 from ..estimation.refit import Fit, Run
-from ..model.settings import SensorSettings
+from ..model.robot import Robot
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
 from ..types import Array
-from .design import scaled_to_limits
-from .information import TYPICAL, with_typical
-from .motions import Motions
+from .information import with_typical
+from .motions import SAFE, Motions
 
 GAP = 6.0
 """Gap in log evidence from which the diagnosis names one effect rather than the other."""
-_STEP = 1e-3  # of a plausible size: where a column is taken
-_SAFE = 1.0 - 1e-6  # of the limits
-_OWN = 'robot file'
+_OWN, _REFINED = 'robot file', ', refined'
 _LEVELS = (1.0, 0.4)  # of the limits, by the motions to compare
 _PACES = (1.0, 0.5, 2.0)  # of the duration
 _CHANGE = 0.3  # of the amplitudes, by a step of the refinement
-_NOTHING = 1e-6  # T below which an effect is not told at all
-_LONGEST_FREE = 1.0  # plausible size of a parameter that states none
+_NOTHING = 1e-6  # T below which an effect is not told apart at all
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class Place(NamedTuple):
     """An effect at a place: one side of the question."""
 
     kind: type[Effect]
@@ -59,31 +55,44 @@ class Place:
         return self.kind.id if self.where is None else f'{self.kind.id}@{self.where}'
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
-    """How one effect is told from the other.
+class Contrast(NamedTuple):
+    """How one effect stands out against the other.
 
-    Args:
-        seen: Standard deviations of the noise by which its plausible size stands out at all.
-        told: The same of the part that the other effect can not imitate.
+    Attributes:
+        visible: Standard deviations of the noise by which its plausible size stands out at all.
+        apart: The same of the part that the other effect can not imitate.
     """
 
-    seen: float
-    told: float
+    visible: float
+    apart: float
 
     @property
     def sine(self) -> float:
         """Share of the signature that the other effect can not imitate, 0 to 1."""
-        return self.told / self.seen if self.seen > 0.0 else 0.0
+        return self.apart / self.visible if self.visible > 0.0 else 0.0
 
     @property
     def smallest(self) -> float:
         """Smallest share of its plausible size that is told from the other effect."""
-        return math.sqrt(2.0 * GAP) / self.told if self.told > 0.0 else math.inf
+        return math.sqrt(2.0 * GAP) / self.apart if self.apart > 0.0 else math.inf
+
+    @classmethod
+    def of(cls, own: Array, other: Array) -> Contrast:
+        """Of whitened columns (R, K) against others (R, L)."""
+        total = own.T @ own
+        across = other.T @ own
+        imitated = np.linalg.solve(other.T @ other + np.eye(other.shape[1]), across)
+        size = max(1, len(total))
+        return cls(
+            *(
+                math.sqrt(max(float(np.trace(part)), 0.0) / size)
+                for part in (total, total - across.T @ imitated)
+            )
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Flight:
+class Trial:
     """A motion with what it tells.
 
     Args:
@@ -95,28 +104,26 @@ class Flight:
     motions: Motions
     x: Array
     origin: str
-    first: Told
-    second: Told
+    first: Contrast
+    second: Contrast
 
     @property
     def score(self) -> float:
-        """Mean logarithm of what is told; larger is better."""
-        return 0.5 * sum(math.log(max(t.told, _NOTHING)) for t in (self.first, self.second))
+        """Mean logarithm of how far the effects are apart; larger is better."""
+        return 0.5 * sum(math.log(max(c.apart, _NOTHING)) for c in (self.first, self.second))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Separated:
+class Separated(NamedTuple):
     """Result of the search: the best motion, and the file's own for comparison if it has one."""
 
-    best: Flight
-    own: Flight | None
+    best: Trial
+    own: Trial | None
     tried: int
 
 
 def separate(
     file: RobotFile,
-    first: Place,
-    second: Place,
+    places: tuple[Place, Place],
     duration: float | None = None,
     progress: Callable[[int], None] = lambda _: None,
 ) -> Separated:
@@ -127,31 +134,31 @@ def separate(
 
     Args:
         file: The robot file; `excitation` has limits, starts, steps and seed.
-        first: An effect.
-        second: The other one.
+        places: The two effects.
         duration: Of the motion [s]; None: the file's, half and twice of it are tried.
         progress: Called with the number of motions tried, of `budget(file, duration)`.
 
     Raises:
-        ConfigurationError: limits that leave no motion.
+        ConfigurationError: limits that leave no motion, or an effect that leaves no robot.
     """
     rng = np.random.default_rng(file.settings.excitation.seed)
-    flights: list[Flight] = []
+    trials: list[Trial] = []
 
-    def try_out(motions: Motions, x: Array, origin: str) -> Flight:
-        flights.append(fly(file, motions, x, origin, (first, second)))
-        progress(len(flights))
-        return flights[-1]
+    def try_out(motions: Motions, x: Array, origin: str) -> Trial:
+        trials.append(trial(file, motions, x, origin, places))
+        progress(len(trials))
+        return trials[-1]
 
     for start in _starts(file, duration, rng):
         try_out(*start)
-    own = next((f for f in flights if f.origin == _OWN), None)
-    best = max(flights, key=lambda f: f.score)
+    own = next((t for t in trials if t.origin == _OWN), None)
+    best = max(trials, key=lambda t: t.score)
     for _ in range(_steps(file)):
-        changed = try_out(best.motions, _changed(best, rng), f'{best.origin}, refined')
-        if changed.score > best.score:
-            best = replace(changed, origin=changed.origin.replace(', refined' * 2, ', refined'))
-    return Separated(best=best, own=own, tried=len(flights))
+        step = _CHANGE * np.sqrt(np.mean(best.x**2)) * rng.standard_normal(len(best.x))
+        origin = f'{best.origin.removesuffix(_REFINED)}{_REFINED}'
+        changed = try_out(best.motions, best.motions.scaled(best.x + step), origin)
+        best = max(best, changed, key=lambda t: t.score)
+    return Separated(best, own, len(trials))
 
 
 def budget(file: RobotFile, duration: float | None = None) -> int:
@@ -160,62 +167,34 @@ def budget(file: RobotFile, duration: float | None = None) -> int:
     return paces * len(_LEVELS) * (file.settings.excitation.starts + 1) + _steps(file)
 
 
-def fly(
+def trial(
     file: RobotFile, motions: Motions, x: Array, origin: str, places: tuple[Place, Place]
-) -> Flight:
+) -> Trial:
     """What one motion tells of two effects."""
-    run = Run(_record(file, motions, x), file.robot, file.effects, _noise(file), 'sampled')
-    columns = _columns(Fit(run, ()), places)
-    first, second = (_told(a, b) for a, b in (columns, columns[::-1]))
-    return Flight(motions=motions, x=x, origin=origin, first=first, second=second)
-
-
-def _told(own: Array, other: Array) -> Told:
-    total = own.T @ own
-    held = other.T @ other + np.eye(other.shape[1])
-    across = other.T @ own
-    left = total - across.T @ np.linalg.solve(held, across)
-    size = max(1, len(total))
-    return Told(
-        seen=math.sqrt(max(float(np.trace(total)), 0.0) / size),
-        told=math.sqrt(max(float(np.trace(left)), 0.0) / size),
+    stated, _ = with_typical(file.settings.sensors)
+    noise = NoiseLevels(**{f.name: getattr(stated, f'{f.name}_std') for f in fields(NoiseLevels)})
+    run = Run(_record(file, motions, x), file.robot, file.effects, noise, 'sampled')
+    fit = Fit(run, ())
+    first, second = (_directions(place, fit.filter.process.robot) for place in places)
+    both = Signatures(fit.filter).whitened([*first, *second])
+    columns = both[:, : len(first)], both[:, len(first) :]
+    return Trial(
+        motions=motions,
+        x=x,
+        origin=origin,
+        first=Contrast.of(*columns),
+        second=Contrast.of(*columns[::-1]),
     )
 
 
-def _columns(fit: Fit, places: tuple[Place, Place]) -> tuple[Array, Array]:
-    """Whitened signatures of both effects at their plausible sizes."""
-    directions = [_directions(place, fit) for place in places]
-    both = Signatures(fit.filter).whitened([*directions[0], *directions[1]])
-    cut = len(directions[0])
-    return both[:, :cut], both[:, cut:]
-
-
-def _directions(place: Place, fit: Fit) -> list[tuple[Effect, float]]:
+def _directions(place: Place, robot: Robot) -> list[tuple[Effect, float]]:
     """A small step from doing nothing for each number of an effect, as a share of its size."""
-    kind, where = place.kind, place.where
-    variants = kind.variants(fit.filter.process.robot, where)
-    still = {**kind.nominal(), **variants[len(variants) // 2]}
-    phase = next((p.name for p in kind.parameters if p.role == 'phase'), None)
-    out: list[tuple[Effect, float]] = []
-    for p in kind.parameters:
-        if p.role in ('phase', 'search'):
-            continue
-        turns = (0.0, 0.5 * math.pi) if phase is not None and not out else (None,)
-        for turn in turns:
-            values = {**still, p.name: _small(p)}
-            if phase is not None and turn is not None:
-                values[phase] = turn
-            applied = kind(name=place.name, where=where, values=values)
-            out.append((applied, _STEP))
-    return out
-
-
-def _small(p: Parameter) -> float:
-    """A parameter's value a small step from doing nothing."""
-    size = _STEP * (p.size if math.isfinite(p.size) else _LONGEST_FREE)
-    if p.role == 'reciprocal':
-        return 1.0 / size
-    return p.nominal + (math.sqrt(size) if p.role == 'square' else size)
+    variants = place.kind.variants(robot, place.where)
+    found = candidate_at(place.kind, robot, place.where, variants[len(variants) // 2])
+    if found is None:
+        raise ConfigurationError('--separate', f'{place.name} leaves no physical robot')
+    shares = (found.steps / found.sizes).tolist()
+    return [(found.applied(d), share) for d, share in zip(found.directions, shares, strict=True)]
 
 
 def _starts(
@@ -227,31 +206,14 @@ def _starts(
     for pace in paces:
         motions = Motions(file.believed, file.settings, pace * (duration or options.duration))
         for level in _LEVELS:
-            own = _own(file, motions)
+            own = motions.own()
             if own is not None:
                 is_own = (
                     level == 1.0 and motions.family.duration == file.settings.reference.duration
                 )
                 yield motions, level * own, _OWN if is_own else f'{_OWN}, changed'
             for _ in range(options.starts):
-                shape = (motions.robot.n_joints, 2, motions.family.harmonics)
-                x = rng.standard_normal(shape) / np.arange(1, motions.family.harmonics + 1)
-                x = scaled_to_limits(motions, x.ravel(), _SAFE, np.inf)
-                yield motions, level * x, 'random'
-
-
-def _own(file: RobotFile, motions: Motions) -> Array | None:
-    reference = file.settings.reference
-    if reference.kind != 'fourier':
-        return None
-    x = motions.family.amplitudes(reference)
-    return scaled_to_limits(motions, x, _SAFE, 1.0) if np.any(x) else None
-
-
-def _changed(flight: Flight, rng: np.random.Generator) -> Array:
-    """Amplitudes near a flight's, within the limits."""
-    step = _CHANGE * np.sqrt(np.mean(flight.x**2)) * rng.standard_normal(len(flight.x))
-    return scaled_to_limits(flight.motions, flight.x + step, _SAFE, 1.0)
+                yield motions, level * motions.random(rng, SAFE), 'random'
 
 
 def _steps(file: RobotFile) -> int:
@@ -274,20 +236,4 @@ def _record(file: RobotFile, motions: Motions, x: Array) -> Record:
         joints=joints,
         rates=RateSeries(stamps, motion.omega[0]),
         attitudes=AttitudeSeries(stamps[::every], q_xyzw),
-    )
-
-
-def _noise(file: RobotFile) -> NoiseLevels:
-    """Of one sample, typical where the file states none."""
-    stated: SensorSettings = with_typical(file.settings.sensors)[0]
-
-    def std(name: str) -> float:
-        return float(getattr(stated, name) or getattr(TYPICAL, name))
-
-    return NoiseLevels(
-        joint_position=std('joint_position_std'),
-        joint_velocity=std('joint_velocity_std'),
-        joint_effort=std('joint_effort_std'),
-        gyro=std('gyro_std'),
-        attitude=std('attitude_std'),
     )

@@ -1,22 +1,57 @@
-"""Everything that a user is told of a design: one object for tables, JSON and report."""
+"""Everything that a user is told of a design: one object for tables, JSON and report.
+
+Own wheels are a design lever: their known momentum fixes the common scale of the estimate. The
+momentum equation A x = b is nearly homogeneous: the right-hand side is the momentum of the
+servicer's own wheels alone. Without it only ratios can be told; the faster they spin, the better
+the scale.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from .design import Attempt, Design
+from ..json_values import json_value
+from ..types import Array
+from .design import Design
 from .limits import Use
-from .own_wheels import WheelOption, recommendation, wheel_options
-from .prediction import REST, Prediction, predict_design, predict_reference
+from .prediction import (
+    REST,
+    Prediction,
+    predict_design,
+    predict_reference,
+    predict_with_wheels,
+)
 from .problem import Problem
 
+_FACTORS = (1.0, 2.0, 5.0)  # on the momentum of the own wheels
+_TRIED = 10.0  # N m s an axis, where the file has the wheels at rest
+_WORTH = 0.9  # of the std; a smaller gain is not worth a spin-up
 _POOR = 0.02  # of |h|; predictions worse than this are of little use
 _BLIND = 0.1  # rad/s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WheelOption:
+    """The same joint motion with other wheel momentum.
+
+    Args:
+        factor: On the momentum of the robot file (on 10 N m s an axis where that is zero).
+        momentum: (3,) in base_link [N m s].
+        prediction: What it reaches.
+    """
+
+    factor: float
+    momentum: Array
+    prediction: Prediction
+
+    @property
+    def allowed(self) -> bool:
+        """Whether every limit holds."""
+        return self.prediction.hardest_use.fraction <= 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,10 +59,7 @@ class Summary:
     """A design and what it is worth.
 
     Args:
-        robot: Name of the robot. criterion: What was optimised. structure, manifold: Of the
-            identifier.
-        start: How the base starts. omega: (3,) its rate [rad/s].
-        attempts: What every starting point led to. interrupted: Whether Ctrl-C ended the search.
+        problem: What was to be designed. found: The result of the search.
         uses: How the motion uses every limit, off-nominal wheel momenta included.
         design: Prediction for the motion. reference: For the robot file's own, if it has one.
         with_rest: For a spin-up with a measured rest before it.
@@ -35,14 +67,8 @@ class Summary:
         notes: Remarks.
     """
 
-    robot: str
-    criterion: str
-    structure: str
-    manifold: str
-    start: str
-    omega: tuple[float, ...]
-    attempts: tuple[Attempt, ...]
-    interrupted: bool
+    problem: Problem
+    found: Design
     uses: tuple[Use, ...]
     design: Prediction
     reference: Prediction | None
@@ -53,138 +79,130 @@ class Summary:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; what is not finite becomes null."""
+        problem = self.problem
+        identifier = problem.settings.identifier
         data = {
             'schema': 1,
-            'robot': self.robot,
-            'criterion': self.criterion,
-            'structure': self.structure,
-            'manifold': self.manifold,
-            'start': {'kind': self.start, 'angular_velocity': list(self.omega)},
-            'attempts': [asdict(a) for a in self.attempts],
-            'interrupted': self.interrupted,
-            'limits': [{**asdict(u), 'margin': 1.0 - u.fraction} for u in self.uses],
-            'design': _prediction(self.design),
-            'reference': self.reference and _prediction(self.reference),
-            'with_rest': self.with_rest and _prediction(self.with_rest),
+            'robot': problem.robot.name,
+            'criterion': problem.settings.excitation.criterion,
+            'structure': identifier.structure,
+            'manifold': identifier.manifold,
+            'start': {'kind': problem.start_kind, 'angular_velocity': problem.start.omega},
+            'attempts': [asdict(a) for a in self.found.attempts],
+            'interrupted': self.found.interrupted,
+            'limits': [{**u._asdict(), 'margin': 1.0 - u.fraction} for u in self.uses],
+            'design': self.design.to_dict(),
+            'reference': self.reference and self.reference.to_dict(),
+            'with_rest': self.with_rest and self.with_rest.to_dict(),
             'own_wheels': [
                 {
                     'factor': o.factor,
-                    'momentum': o.momentum.tolist(),
+                    'momentum': o.momentum,
                     'allowed': o.allowed,
-                    'prediction': _prediction(o.prediction),
+                    'prediction': o.prediction.to_dict(),
                 }
                 for o in self.wheels
             ],
             'advice': self.advice,
-            'notes': list(self.notes),
+            'notes': self.notes,
         }
-        plain: dict[str, Any] = _finite(data)
-        return plain
+        return dict(json_value(data))
 
 
-def summarise(problem: Problem, design: Design) -> Summary:
+def summarize(problem: Problem, found: Design) -> Summary:
     """Assess a design."""
-    settings = problem.settings
-    options = wheel_options(problem, design.x)
+    x, h0 = found.x, problem.robot.servicer_wheels.momentum
+    if not h0.any():
+        h0 = np.full(3, _TRIED)
+    wheels = tuple(
+        WheelOption(factor, factor * h0, predict_with_wheels(problem, x, factor * h0))
+        for factor in _FACTORS
+    )
+    design, reference = predict_design(problem, x), predict_reference(problem)
     spun_up = problem.start_kind == 'spin_up'
-    prediction, reference = predict_design(problem, design.x), predict_reference(problem)
     return Summary(
-        robot=problem.robot.name,
-        criterion=settings.excitation.criterion,
-        structure=settings.identifier.structure,
-        manifold=settings.identifier.manifold,
-        start=problem.start_kind,
-        omega=tuple(problem.start.omega.tolist()),
-        attempts=design.attempts,
-        interrupted=design.interrupted,
-        uses=_worst_uses(problem, design),
-        design=prediction,
+        problem=problem,
+        found=found,
+        uses=problem.uses(x),
+        design=design,
         reference=reference,
-        with_rest=predict_design(problem, design.x, with_rest=True) if spun_up else None,
-        wheels=options,
-        advice=recommendation(problem, options),
-        notes=tuple(_notes(problem, prediction, reference)),
+        with_rest=predict_design(problem, x, with_rest=True) if spun_up else None,
+        wheels=wheels,
+        advice=_advice(problem, wheels),
+        notes=tuple(_notes(problem, design, reference)),
     )
 
 
-def _worst_uses(problem: Problem, design: Design) -> tuple[Use, ...]:
-    """Of every limit the hardest use among the assumed wheel momenta, on the fine grid."""
-    motions = problem.all_motions(design.x)
-    every = zip(*(problem.limits.uses(motion) for motion in motions), strict=True)
-    return tuple(max(same, key=lambda use: (use.fraction, abs(use.value))) for same in every)
+def _advice(problem: Problem, options: Sequence[WheelOption]) -> str:
+    """One sentence on the own wheels."""
+    if not problem.robot.servicer_wheels.momentum.any():
+        return (
+            "the servicer's wheels are at rest: the common scale of all estimates is unknown and "
+            'only ratios can be told; spin the wheels up first'
+        )
+    allowed = [o for o in options if o.allowed]
+    if not allowed:
+        return 'the limits hold at no multiple of the present wheel momentum'
+    best = max(allowed, key=lambda o: o.prediction.bits)
+    now = options[0]
+    if best is now or best.prediction.scale_std > _WORTH * now.prediction.scale_std:
+        broken = next((o for o in options[1:] if not o.allowed), None)
+        why = ''
+        if broken is not None:
+            use = broken.prediction.hardest_use
+            why = f': {use.name} of {use.where} beyond its limit at x{broken.factor:g}'
+        return f'keep the present wheel momentum{why}; a search at a higher one may still pay'
+    gain = now.prediction.scale_std / best.prediction.scale_std
+    return (
+        f'spin the wheels up to x{best.factor:g} '
+        f'({np.linalg.norm(best.momentum):.4g} N m s) before identifying: the common scale gets '
+        f'{gain:.2g} times better known, the whole estimate '
+        f'{best.prediction.bits - now.prediction.bits:.1f} bits'
+    )
 
 
-def _notes(problem: Problem, prediction: Prediction, reference: Prediction | None) -> list[str]:
+def _notes(
+    problem: Problem, prediction: Prediction, reference: Prediction | None
+) -> Iterator[str]:
     settings = problem.settings
     options, momentum = settings.excitation, problem.robot.target_momentum
-    notes = []
     if len(momentum):
         stated = settings.truth.target_momentum or settings.truth.target_rates
         source = 'truth of the robot file' if stated else 'belief of the robot file'
-        notes.append(
+        yield (
             f'designed for wheel momentum [{", ".join(f"{h:.4g}" for h in momentum)}] N m s of '
             f'the captured body ({source}), each axis +- {options.momentum_uncertainty:g}'
         )
     if options.start == 'auto' and problem.start_kind == 'rest':
         rate = float(np.linalg.norm(settings.initial.angular_velocity))
-        notes.append(
+        yield (
             f'starts with the base at rest: at the initial rate of {rate:.3g} rad/s in the robot '
             'file the limits leave no room; bring the base to rest first'
         )
     if problem.start_kind == 'spin_up':
-        notes.append(
+        yield (
             'starts from rest with the own wheels just spun up; `with rest` also counts '
             f'{REST:g} s of rest measured before the spin-up, own wheels still'
         )
     fastest = max(use.value for use in prediction.uses if use.name == 'base_rate')
     if fastest > _BLIND:
-        notes.append(
+        yield (
             f'the base turns at up to {fastest:.2g} rad/s: many star trackers are blind above '
             f'{_BLIND:g} rad/s; excitation.base_rate limits it'
         )
-    if reference is not None and (broken := [u for u in reference.uses if u.fraction > 1.0]):
-        use = max(broken, key=lambda u: u.fraction)
-        notes.append(
+    if reference is not None and (use := reference.hardest_use).fraction > 1.0:
+        yield (
             f"the file's own motion does not keep these limits: {use.name} of {use.where} reaches "
             f'{use.value:.3g} {use.unit} (limit {use.limit:.3g})'
         )
     if problem.unstated:
-        notes.append(f'typical sensor noise assumed for {", ".join(problem.unstated)}')
-    if prediction.told < prediction.tellable:
-        notes.append(
-            f'{prediction.tellable - prediction.told} of {prediction.tellable} directions of the '
+        yield (f'typical sensor noise assumed for {", ".join(problem.unstated)}')
+    if prediction.n_observed < prediction.n_observable:
+        yield (
+            f'{prediction.n_observable - prediction.n_observed} of {prediction.n_observable} '
+            f'directions of the '
             f'{settings.identifier.manifold} set are hardly told better by this motion than by '
             'the prior'
         )
     if prediction.worst_aam > _POOR:
-        notes.append('the wheel momentum is told poorly: allow more motion or a longer one')
-    return notes
-
-
-def _prediction(prediction: Prediction) -> dict[str, Any]:
-    return {
-        'bits': prediction.bits,
-        'told': prediction.told,
-        'tellable': prediction.tellable,
-        'condition': prediction.condition,
-        'unit_condition': prediction.unit_condition,
-        'scale_std': prediction.scale_std,
-        'worst_aam': prediction.worst_aam,
-        'median_parameter': prediction.median_parameter,
-        'worst_parameter': prediction.worst_parameter,
-        'names': list(prediction.names),
-        'values': prediction.values.tolist(),
-        'std': prediction.std.tolist(),
-        'relative_std': prediction.relative.tolist(),
-    }
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no infinity and no NaN."""
-    if isinstance(value, Mapping):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+        yield ('the wheel momentum is told poorly: allow more motion or a longer one')

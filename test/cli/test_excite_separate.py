@@ -13,7 +13,7 @@ from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.excitation.motions import Motions
-from spacerobot_ros.excitation.separation import GAP, Place, Told, fly
+from spacerobot_ros.excitation.separation import GAP, Contrast, Place, trial
 
 CONFIG = Path(__file__).parents[2] / 'config'
 VISCOUS = 'joint_viscous_friction@joint_2'
@@ -53,21 +53,21 @@ def test_an_effect_is_not_told_from_itself(robot):
     x = motions.family.amplitudes(file.settings.reference)
     names = ('joint_viscous_friction', 'joint_coulomb_friction')
     places = tuple(Place(CATALOGUE[name], 'joint_2') for name in names)
-    flight = fly(file, motions, x, 'own', places)
-    same = fly(file, motions, x, 'own', (places[0], places[0]))
+    flight = trial(file, motions, x, 'own', places)
+    same = trial(file, motions, x, 'own', (places[0], places[0]))
     assert flight.first.sine > 0.1
     # but for the prior, of one noise standard deviation, an effect imitates itself
-    assert same.first.told == pytest.approx(1.0, abs=0.01)
-    gentle = fly(file, motions, 0.3 * x, 'own', places)
+    assert same.first.apart == pytest.approx(1.0, abs=0.01)
+    gentle = trial(file, motions, 0.3 * x, 'own', places)
     # a viscous torque is in proportion to the rates
-    assert gentle.first.seen == pytest.approx(0.3 * flight.first.seen, rel=0.2)
+    assert gentle.first.visible == pytest.approx(0.3 * flight.first.visible, rel=0.2)
 
 
 def test_smallest_told_is_where_the_gap_in_evidence_is_reached():
-    told = Told(seen=50.0, told=20.0)
-    assert told.sine == 0.4
-    assert 0.5 * (told.smallest * told.told) ** 2 == pytest.approx(GAP, rel=1e-12)
-    assert Told(seen=0.0, told=0.0).smallest == np.inf
+    contrast = Contrast(visible=50.0, apart=20.0)
+    assert contrast.sine == 0.4
+    assert 0.5 * (contrast.smallest * contrast.apart) ** 2 == pytest.approx(GAP, rel=1e-12)
+    assert Contrast(visible=0.0, apart=0.0).smallest == np.inf
 
 
 @pytest.mark.parametrize(

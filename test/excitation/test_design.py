@@ -13,7 +13,7 @@ from spacerobot_ros.excitation.design import Design, search
 from spacerobot_ros.excitation.limits import Limits
 from spacerobot_ros.excitation.prediction import predict_design, predict_reference
 from spacerobot_ros.excitation.problem import Problem
-from spacerobot_ros.excitation.summary import summarise
+from spacerobot_ros.excitation.summary import summarize
 
 WIDE = robot_file(reference=TABLE_TWO, excitation={'starts': 1, 'iterations': 40})
 USABLE = robot_file(
@@ -44,14 +44,14 @@ def test_usable_motion_keeps_every_limit():
     assert max(use.fraction for use in uses) <= 1.0 + 1e-6
     assert max(use.fraction for use in uses) > 0.95  # and wastes none
     assert problem.start_kind == 'rest'  # the initial 0.17 rad/s is beyond 0.1 rad/s
-    notes = ' '.join(summarise(problem, design).notes)
+    notes = ' '.join(summarize(problem, design).notes)
     assert 'bring the base to rest first' in notes
 
 
 def test_effort_limits_leave_room_for_feedback():
     file = robot_file()
     robot = replace(file.robot, effort_limits=np.array([200.0, 100.0, np.inf]))
-    limits = Limits.of(robot, with_excitation(file, joint_torque=(150.0,)).settings.excitation)
+    limits = Limits(robot, with_excitation(file, joint_torque=(150.0,)).settings.excitation)
     np.testing.assert_allclose(limits.torque, [150.0, 90.0, 150.0], rtol=1e-15, atol=0)
 
 
@@ -124,7 +124,7 @@ def test_limits_hold_for_uncertain_wheel_momentum():
     file = with_excitation(USABLE, momentum_uncertainty=30.0, iterations=3)
     problem = Problem(file)
     design = search(problem)
-    motions = problem.all_motions(design.x)
+    motions = problem.moves(design.x[None], problem.fine)
     assert len(motions) == 7  # nominal, and each axis up and down
     rates = [float(np.linalg.norm(m.omega, axis=-1).max()) for m in motions]
     assert max(rates) <= 0.1 + 1e-9
@@ -137,7 +137,7 @@ def test_spin_up_starts_at_the_rate_that_the_wheels_give():
     np.testing.assert_allclose(  # notes, section 9
         problem.start.omega, [-0.0159, -0.0047, -0.0066], rtol=0, atol=6e-5
     )
-    summary = summarise(problem, search(problem))
+    summary = summarize(problem, search(problem))
     assert summary.with_rest is not None
     assert summary.with_rest.bits > summary.design.bits
 
@@ -145,7 +145,7 @@ def test_spin_up_starts_at_the_rate_that_the_wheels_give():
 def test_own_wheels_at_rest_are_said_to_leave_the_scale_open():
     file = robot_file(wheels=(0.0, 0.0, 0.0), excitation={'starts': 1, 'iterations': 1})
     problem = Problem(file)
-    summary = summarise(problem, search(problem))
+    summary = summarize(problem, search(problem))
     assert 'only ratios can be told' in summary.advice
     assert summary.design.scale_std > 0.1
     assert summary.wheels[0].prediction.scale_std < 0.01
@@ -153,7 +153,7 @@ def test_own_wheels_at_rest_are_said_to_leave_the_scale_open():
 
 def test_faster_own_wheels_tell_the_common_scale():
     problem = Problem(WIDE)
-    scales = [o.prediction.scale_std for o in summarise(problem, search(problem)).wheels]
+    scales = [o.prediction.scale_std for o in summarize(problem, search(problem)).wheels]
     assert scales[0] > 1.3 * scales[1] > 1.3 * scales[2]
 
 

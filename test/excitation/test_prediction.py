@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from support.excitation import robot_file
 from support.identification import Run, measure, record_of
 
-from spacerobot_ros.excitation.design import starting_point
 from spacerobot_ros.excitation.prediction import Prediction, predict_design
 from spacerobot_ros.excitation.problem import Problem
 from spacerobot_ros.identification.batch import identify
@@ -40,7 +39,7 @@ def test_monte_carlo_confirms_the_prediction(manifold):
         excitation={'joint_range': [2.0], 'starts': 1},
     )
     problem = Problem(file)
-    _, x = starting_point(problem, 0)
+    _, x = problem.starting_motion(0)
     prediction = predict_design(problem, x)
     run = run_of(problem, x)
     believed = file.robot.with_target_momentum(np.zeros(3))
@@ -57,7 +56,7 @@ def test_monte_carlo_confirms_the_prediction(manifold):
 def test_half_the_noise_predicts_half_the_error():
     linear = {'structure': 'symmetric', 'manifold': 'linear'}
     first = Problem(robot_file(identifier=linear))
-    x = starting_point(first, 0)[1]
+    x = first.starting_motion(0)[1]
     base = predict_design(first, x)
     quiet = {'gyro_std': 1e-5, 'attitude_std': 1.5e-5, 'joint_position_std': 1e-5}
     quiet['joint_velocity_std'] = 1e-4

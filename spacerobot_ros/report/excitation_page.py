@@ -1,0 +1,191 @@
+"""A designed identification motion: tables for page and terminal, and the page's plots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from ..display import (
+    Curve,
+    KeyFigure,
+    KeyFigures,
+    Panel,
+    Plot,
+    Report,
+    Section,
+    Table,
+    Text,
+    table,
+)
+from ..excitation.free_base import BaseMotion
+from ..excitation.prediction import Prediction
+from ..excitation.problem import Problem
+from ..excitation.summary import Summary
+from ..types import Array
+from .formats import percent
+from .plots import plot
+
+_FIGURES: dict[str, Callable[[Prediction], str]] = {
+    'information [bit]': lambda p: f'{p.bits:.1f}',
+    'directions told': lambda p: f'{p.n_observed} of {p.n_observable}',
+    'condition of A': lambda p: f'{p.condition:.4g}',
+    'condition, unit columns': lambda p: f'{p.unit_condition:.4g}',
+    'worst AAM / |h|': lambda p: _percent(p.worst_aam),
+    'median parameter': lambda p: _percent(p.median_parameter),
+    'worst parameter': lambda p: _percent(p.worst_parameter),
+    'common scale': lambda p: _percent(p.scale_std),
+}
+_HEADLINES = ('worst AAM / |h|', 'median parameter')
+
+
+def excitation_page(summary: Summary) -> Report:
+    """The report of a design."""
+    problem = summary.problem
+    options = problem.settings.excitation
+    motion = problem.move(summary.found.x[None], problem.fine)
+    return Report(
+        'Identification motion',
+        f'{problem.robot.name}, {options.duration:g} s, {options.harmonics} harmonics, criterion '
+        f'{options.criterion}, start {problem.start_kind}, seed {options.seed}',
+        [
+            Section('Prediction', [_key_figures(summary)]),
+            Section(
+                'Motion',
+                [
+                    Plot(partial(_joints, problem, motion), 'Joints; dashed lines are limits.'),
+                    Plot(partial(_base, problem, motion), 'Base, moved by the joints alone.'),
+                ],
+            ),
+            *excitation_sections(summary),
+        ],
+    )
+
+
+def excitation_sections(summary: Summary) -> list[Section]:
+    """Everything that is told of a design in words and tables."""
+    problem = summary.problem
+    identifier = problem.settings.identifier
+    omega = ', '.join(f'{w:.4g}' for w in problem.start.omega)
+    tried = ', '.join(f'{a.cost:.4g}' for a in summary.found.attempts)
+    first = (
+        f'{problem.robot.name}: {problem.settings.excitation.criterion}, {identifier.structure} '
+        f'structure, {identifier.manifold} manifold; start {problem.start_kind}, base rate '
+        f'[{omega}] rad/s'
+    )
+    last = [f'advice: {summary.advice}', *(f'note: {note}' for note in summary.notes)]
+    return [
+        Section('', [Text(first), Text(f'cost of each start: {tried}')]),
+        Section('limits, the largest use of each', [_limits(summary)]),
+        Section('predicted by the Cramer-Rao bound', [_figures(summary)]),
+        Section('standard deviations', [_stds(summary)]),
+        Section("servicer's own wheels, the same joint motion", [_wheels(summary)]),
+        Section('', [Text(line) for line in last]),
+    ]
+
+
+def _key_figures(summary: Summary) -> KeyFigures:
+    design, own = summary.design, summary.reference
+    against = "file's own motion: "
+    remark = f'{against}{own.bits:.1f}' if own else ''
+    margin = 1.0 - max(use.fraction for use in summary.uses)
+    return KeyFigures(
+        [
+            KeyFigure('information', f'{design.bits:.1f}', 'bit', remark),
+            *(
+                KeyFigure(
+                    name,
+                    _FIGURES[name](design),
+                    remark=f'{against}{_FIGURES[name](own)}' if own else '',
+                )
+                for name in _HEADLINES
+            ),
+            KeyFigure('smallest margin', _percent(margin)),
+        ]
+    )
+
+
+def _limits(summary: Summary) -> Table:
+    columns = {
+        'limit': lambda u: u.name.replace('_', ' '),
+        'where': lambda u: u.where,
+        'reached': lambda u: f'{u.value:.4g}',
+        'allowed': lambda u: f'{u.limit:.4g}' if math.isfinite(u.limit) else 'none',
+        'unit': lambda u: u.unit,
+        'margin': lambda u: percent(1.0 - u.fraction, '.2g') if math.isfinite(u.limit) else '',
+    }
+    return table(summary.uses, columns)
+
+
+def _predictions(summary: Summary) -> dict[str, Prediction]:
+    named = {
+        'design': summary.design,
+        'with rest': summary.with_rest,
+        "file's own motion": summary.reference,
+    }
+    return {name: p for name, p in named.items() if p is not None}
+
+
+def _figures(summary: Summary) -> Table:
+    """Key figures of every prediction."""
+    shown = _predictions(summary)
+    rows = [(name, *(of(p) for p in shown.values())) for name, of in _FIGURES.items()]
+    return Table(('figure', *shown), rows)
+
+
+def _stds(summary: Summary) -> Table:
+    """Every wheel-momentum component and parameter."""
+    shown, design = _predictions(summary), summary.design
+    rows = []
+    for i, name in enumerate(design.names):
+        unit = 'N m s' if i < design.n_aam else 'kg m^2'
+        stds = (f'{p.std[i]:.3g}' for p in shown.values())
+        rows.append((name, f'{design.values[i]:.5g}', unit, *stds))
+    return Table(('unknown', 'value', 'unit', *(f'+- {name}' for name in shown)), rows)
+
+
+def _wheels(summary: Summary) -> Table:
+    columns = {
+        'own wheels': lambda o: f'x{o.factor:g}',
+        '|h0| [N m s]': lambda o: f'{np.linalg.norm(o.momentum):.4g}',
+        'common scale': lambda o: _percent(o.prediction.scale_std),
+        'worst AAM': lambda o: _percent(o.prediction.worst_aam),
+        'median x': lambda o: _percent(o.prediction.median_parameter),
+        'limits': lambda o: 'kept' if o.allowed else 'broken',
+    }
+    return table(summary.wheels, columns)
+
+
+def _percent(value: float) -> str:
+    return percent(value, '.3g')
+
+
+def _joints(problem: Problem, motion: BaseMotion) -> str:
+    limits = problem.limits
+    shown = (
+        ('position', 'rad', motion.q[0], limits.upper),
+        ('rate', 'rad/s', motion.qd[0], limits.rate),
+        ('torque', 'N m', motion.torque[0], limits.torque),
+    )
+    return plot([_joint_panel(problem, motion.time, *one) for one in shown])
+
+
+def _joint_panel(
+    problem: Problem, time: Array, title: str, unit: str, values: Array, limits: Array
+) -> Panel:
+    curves = [Curve(joint, time, values[:, j]) for j, joint in enumerate(problem.robot.joints)]
+    largest = float(np.min(limits))
+    shown = np.isfinite(largest) and largest < 3.0 * float(np.max(np.abs(values)))
+    levels = ((largest, ''), (-largest, '')) if shown else ()
+    return Panel(title, unit, curves, levels=levels)
+
+
+def _base(problem: Problem, motion: BaseMotion) -> str:
+    rate = problem.limits.base_rate
+    size = np.linalg.norm(motion.omega[0], axis=1)
+    curves = [Curve(axis, motion.time, motion.omega[0, :, i]) for i, axis in enumerate('xyz')]
+    curves.append(Curve('magnitude', motion.time, size))
+    levels = ((rate, 'limit'),) if np.isfinite(rate) else ()
+    return plot([Panel('base rate', 'rad/s', curves, levels=levels)])
