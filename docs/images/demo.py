@@ -10,7 +10,7 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
 
 import numpy as np
 
-from spacerobot_ros.demo.results import Run
+from spacerobot_ros.demo.results import DemoRun
 from spacerobot_ros.demo.run import identify, track
 from spacerobot_ros.display import Curve, Panel
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -33,7 +33,7 @@ def main() -> None:
     (HERE / 'demo.svg').write_text(picture + '\n', encoding='utf-8')
 
 
-def _tracking(no_aam: Run, known: Run) -> Panel:
+def _tracking(no_aam: DemoRun, known: DemoRun) -> Panel:
     curves = [
         Curve(name, run.time[::EVERY], np.degrees(np.abs(run.error).max(axis=1))[::EVERY])
         for name, run in (('wheels unknown', no_aam), ('wheels identified', known))
@@ -41,7 +41,7 @@ def _tracking(no_aam: Run, known: Run) -> Panel:
     return Panel('tracking: largest joint error', 'deg', curves, log=True)
 
 
-def _convergence(found: Run, truth: np.ndarray) -> Panel:
+def _convergence(found: DemoRun, truth: np.ndarray) -> Panel:
     last = found.estimates[-1].stamp_ns
     shown = [e for e in found.estimates if e.samples > 0 and e.stamp_ns > 0.25 * last]
     time = np.array([e.stamp_ns * 1e-9 for e in shown])

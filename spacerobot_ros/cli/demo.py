@@ -6,12 +6,14 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import Formatter, seed
+from .options import Subparsers, add_command, check_folder, seed
+from .terminal import Stage, print_sections, progress
 
 if TYPE_CHECKING:
     from ..demo.results import Results
@@ -36,14 +38,10 @@ examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = subparsers.add_parser(
-        'demo',
-        help='the whole loop on ROS 2 nodes, with a report',
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=Formatter,
+    parser = add_command(
+        subparsers, 'demo', 'the whole loop on ROS 2 nodes, with a report', _DESCRIPTION, _EPILOG
     )
     parser.add_argument('--out', default='out/demo', metavar='DIR', help='folder for the results')
     parser.add_argument(
@@ -66,28 +64,18 @@ def run(args: argparse.Namespace) -> int:
     """Run the demonstration; 0 when it reached its aims, 1 when not."""
     if not args.live:  # other nodes on these topics would disturb it
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
-    _prepare(Path(args.out))
+    out = check_folder(args.out)
+    (out / 'summary.json').unlink(missing_ok=True)  # an old one would pass for this run's
     results = _results(args)
-    from ..demo.page import demo_report
-    from ..demo.summary import print_table, reached, write_summary
+    from ..demo.page import demo_report, demo_summary
+    from ..json_values import json_text
+    from ..model.files import write_text
     from ..report.html import write_report
 
-    out = Path(args.out)
+    write_text(out / 'summary.json', json_text(results.summary()))
     write_report(demo_report(results), out / 'report.html')
-    write_summary(results, out / 'summary.json')
-    print_table(results, out)
-    return 0 if reached(results) else 1
-
-
-def _prepare(folder: Path) -> None:
-    """Make the folder before the work is done, not after."""
-    from ..errors import SpaceRobotError
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'summary.json').write_text('', encoding='utf-8')
-    except OSError as error:
-        raise SpaceRobotError(f'{folder}: can not be written: {error.strerror}') from error
+    print_sections(demo_summary(results, out))
+    return 0 if results.reached else 1
 
 
 def _results(args: argparse.Namespace) -> Results:
@@ -101,7 +89,8 @@ def _results(args: argparse.Namespace) -> Results:
     settings = file.settings
     bags = [Path(args.out) / name for name in ('bag', 'bag_no_aam', 'bag_identified')]
     passes, length = 1 if args.quick else 2, settings.reference.duration
-    with _progress() as stage:
+    with progress() as bars:
+        stage = partial(_stage, bars)
         found = identify(file, passes, bags[0], stage('exciting and identifying', passes * length))
         no_aam = track(file, None, bags[1], stage('tracking without the wheels', length))
         estimate = found.estimates[-1]
@@ -120,8 +109,6 @@ def _results(args: argparse.Namespace) -> Results:
 
 
 def _robot_file(args: argparse.Namespace) -> RobotFile:
-    from dataclasses import replace
-
     from ..effects.robot_file import load_robot_file
     from ..model.loader import package_folder
 
@@ -133,30 +120,8 @@ def _robot_file(args: argparse.Namespace) -> RobotFile:
     return replace(file, settings=replace(file.settings, simulator=simulator))
 
 
-@contextmanager
-def _progress() -> Iterator[Callable[[str, float], Callable[[float], None]]]:
-    """Progress bars on stderr, one a stage; one line a stage where that is not a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
+def _stage(bars: Stage, what: str, total: float) -> Callable[[float], None]:
+    """A progress bar; one line where stderr is no terminal."""
     if not sys.stderr.isatty():
-        yield _plain_stage
-        return
-    columns = (
-        TextColumn('{task.description:<28}'),
-        BarColumn(),
-        TextColumn('{task.completed:5.1f} of {task.total:.0f} s simulated'),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-
-        def stage(what: str, total: float) -> Callable[[float], None]:
-            task = progress.add_task(what, total=total)
-            return lambda done: progress.update(task, completed=done)
-
-        yield stage
-
-
-def _plain_stage(what: str, total: float) -> Callable[[float], None]:
-    print(f'{what} ({total:g} s simulated)', file=sys.stderr, flush=True)
-    return lambda done: None
+        print(f'{what} ({total:g} s simulated)', file=sys.stderr, flush=True)
+    return bars(what, total)

@@ -12,7 +12,7 @@ from .options import Subparsers, add_command, check_folder
 from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
-    from ..report.diagnosis_tables import Answer
+    from ..report.diagnosis_tables import Findings
 
 JSON_NAME, REPORT_NAME = 'diagnosis.json', 'report.html'
 
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if answer.diagnosis.verdict == 'consistent' else 1
 
 
-def _answer(args: argparse.Namespace, report: Callable[[float, str], None]) -> Answer:
+def _answer(args: argparse.Namespace, report: Callable[[float, str], None]) -> Findings:
     """Read, diagnose, and measure what that is worth."""
     from ..diagnosis.answer.appearance import appearances
     from ..diagnosis.answer.closed_loop_gain import closed_loop_gain
@@ -104,7 +104,7 @@ def _answer(args: argparse.Namespace, report: Callable[[float, str], None]) -> A
     from ..diagnosis.diagnose import diagnose
     from ..effects.robot_file import load_robot_file
     from ..recording.read import read_record
-    from ..report.diagnosis_tables import Answer
+    from ..report.diagnosis_tables import Findings
 
     file = load_robot_file(args.robot)
     record = read_record(args.data, file.robot, args.map)
@@ -119,7 +119,7 @@ def _answer(args: argparse.Namespace, report: Callable[[float, str], None]) -> A
         report(0.95, 'simulating a controller with the old and the extended model')
         closed, why = closed_loop_gain(file, added)
     other = read_record(args.score, file.robot, args.map) if args.score else None
-    return Answer(
+    return Findings(
         diagnosis=diagnosis,
         file=file,
         record=record,

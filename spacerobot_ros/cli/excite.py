@@ -106,10 +106,10 @@ def _with_options(file: RobotFile, args: argparse.Namespace) -> RobotFile:
 
 
 def _design(args: argparse.Namespace, file: RobotFile) -> int:
+    from ..excitation.assessment import summarize
     from ..excitation.design import search
-    from ..excitation.output import write_trajectory
     from ..excitation.problem import Problem
-    from ..excitation.summary import summarize
+    from ..excitation.trajectory_file import write_trajectory
     from ..report.excitation_page import excitation_page, excitation_sections
     from ..report.html import write_report
 
@@ -135,8 +135,8 @@ def _design(args: argparse.Namespace, file: RobotFile) -> int:
 
 def _separate(args: argparse.Namespace, file: RobotFile) -> int:
     """Design the motion that best tells two effects apart."""
-    from ..excitation.output import write_trajectory
     from ..excitation.separation import budget, separate
+    from ..excitation.trajectory_file import write_trajectory
 
     first, second = (parse_place(text, file.robot) for text in args.separate)
     if first.name == second.name:

@@ -2,62 +2,117 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+
 import numpy as np
 
-from ..display import Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, Text
+from ..display import (
+    Curve,
+    Item,
+    KeyFigure,
+    KeyFigures,
+    Panel,
+    Plot,
+    Report,
+    Section,
+    Status,
+    Table,
+    Text,
+)
 from ..report.plots import plot
-from .results import Results
+from ..types import Array
+from .results import AIM_AAM_PERCENT, AIM_DRIFT, AIM_RATIO, DemoRun, Results
 
-AIM_AAM_PERCENT = 1.0
-AIM_RATIO = 50.0
-AIM_DRIFT = 1e-10
 AXES = 'xyz'
 
 
 def demo_report(results: Results) -> Report:
-    """The report as data for `report.html.write_report`."""
+    """The page."""
     return Report(
         title='Wheel momentum of a captured satellite: identified and used',
         subtitle=f'robot {results.robot}, seed {results.seed}, simulated on ROS 2 nodes',
         sections=(
             Section('Result', _figures(results)),
-            Section('Joint error with and without the wheel momentum', _tracking(results)),
+            Section(
+                'Joint error with and without the wheel momentum',
+                [Plot(partial(_tracking, results), 'Reference minus true joint position.')],
+            ),
             Section('Convergence of the estimates', _convergence(results)),
             Section('Estimated parameters', [_parameters(results)]),
-            Section('Momentum ledger', _ledger(results)),
+            Section(
+                'Momentum ledger',
+                [
+                    Plot(
+                        partial(_ledger, results.identification),
+                        'What a closed system keeps, and what the simulated one did while it was '
+                        'identified.',
+                    )
+                ],
+            ),
         ),
     )
 
 
-def _figures(results: Results) -> list[Item]:
-    ratio = results.no_aam.max_error_deg / results.identified.max_error_deg
-    aam, drift = results.aam_error_percent, results.momentum_drift
-    figures = [
-        KeyFigure(
-            'error of the wheel momentum',
-            f'{aam:.3g}',
-            '%',
-            f'aim: below {AIM_AAM_PERCENT:g} %',
-            'good' if aam < AIM_AAM_PERCENT else 'bad',
-        ),
-        KeyFigure('largest joint error without it', f'{results.no_aam.max_error_deg:.3g}', 'deg'),
-        KeyFigure(
-            'largest joint error with it',
-            f'{results.identified.max_error_deg:.2g}',
-            'deg',
-            f'{ratio:.0f} times smaller; aim: {AIM_RATIO:g} times',
-            'good' if ratio > AIM_RATIO else 'bad',
-        ),
-        KeyFigure(
-            'drift of the angular momentum',
-            f'{drift:.1e}',
-            '',
-            f'aim: below {AIM_DRIFT:g}',
-            'good' if drift < AIM_DRIFT else 'bad',
-        ),
-    ]
+def demo_summary(results: Results, out: Path) -> list[Section]:
+    """What is printed: what was found, and where the rest lies."""
+    estimate = results.estimate
+    rows = []
+    for place, value, std, true in zip(
+        _places(results), estimate.aam, estimate.std, results.truth.aam, strict=False
+    ):
+        percent = f'{100.0 * (value - true) / abs(true):+.3f}' if true else '-'
+        rows.append((place, f'{value:.4f}', f'{3.0 * std:.4f}', f'{true:.4f}', percent))
+    lines = (
+        f'largest joint error    {results.no_aam.max_error_deg:.3f} deg without, '
+        f'{results.identified.max_error_deg:.4f} deg with it ({results.ratio:.0f} times smaller)',
+        f'inertial parameters    within {results.parameter_error_percent:.3f} %',
+        f'momentum drift         {results.momentum_drift:.1e} relative',
+        f'wall time              {results.wall:.1f} s',
+        f'report                 {out / "report.html"}',
+        f'bags                   {", ".join(results.bags)}',
+    )
+    head = ('link, axis', 'estimate', '3 std', 'truth', 'error [%]')
     return [
-        KeyFigures(figures),
+        Section('Momentum of the captured wheels [N m s]', [Table(head, rows)]),
+        Section('', [Text(line) for line in lines]),
+    ]
+
+
+def _places(results: Results) -> list[str]:
+    return [f'{link}, {axis}' for link in results.estimate.aam_links for axis in AXES]
+
+
+def _figures(results: Results) -> list[Item]:
+    aam, ratio, drift = results.aam_error_percent, results.ratio, results.momentum_drift
+    without, with_it = results.no_aam.max_error_deg, results.identified.max_error_deg
+    return [
+        KeyFigures(
+            [
+                KeyFigure(
+                    'error of the wheel momentum',
+                    f'{aam:.3g}',
+                    '%',
+                    f'aim: below {AIM_AAM_PERCENT:g} %',
+                    _status(aam < AIM_AAM_PERCENT),
+                ),
+                KeyFigure('largest joint error without it', f'{without:.3g}', 'deg'),
+                KeyFigure(
+                    'largest joint error with it',
+                    f'{with_it:.2g}',
+                    'deg',
+                    f'{ratio:.0f} times smaller; aim: {AIM_RATIO:g} times',
+                    _status(ratio > AIM_RATIO),
+                ),
+                KeyFigure(
+                    'drift of the angular momentum',
+                    f'{drift:.1e}',
+                    '',
+                    f'aim: below {AIM_DRIFT:g}',
+                    _status(drift < AIM_DRIFT),
+                ),
+            ]
+        ),
         Text(
             'A servicer has captured a satellite whose wheels still spin. First the arm moves '
             'under a controller that knows nothing of them, while the identifier listens to the '
@@ -67,115 +122,97 @@ def _figures(results: Results) -> list[Item]:
     ]
 
 
-def _tracking(results: Results) -> list[Item]:
-    def curves(run: str, name: str) -> Curve:
-        r = getattr(results, run)
-        return Curve(name, r.time, np.degrees(np.abs(r.error).max(axis=1)))
+def _status(is_reached: bool) -> Status:
+    return 'good' if is_reached else 'bad'
 
-    both = Panel(
-        'largest joint error',
-        'deg',
-        [curves('no_aam', 'wheels unknown'), curves('identified', 'wheels identified')],
-        log=True,
-    )
+
+def _tracking(results: Results) -> str:
+    runs = {'wheels unknown': results.no_aam, 'wheels identified': results.identified}
+
+    def panel(title: str, joints: slice, log: bool = False) -> Panel:
+        curves = [
+            Curve(name, run.time, np.degrees(_largest(run.error[:, joints])))
+            for name, run in runs.items()
+        ]
+        return Panel(title, 'deg', curves, log=log)
+
     single = [
-        Panel(
-            f'error of joint {joint + 1}',
-            'deg',
-            [
-                Curve('wheels unknown', results.no_aam.time, degrees(results.no_aam.error, joint)),
-                Curve(
-                    'wheels identified',
-                    results.identified.time,
-                    degrees(results.identified.error, joint),
-                ),
-            ],
-        )
-        for joint in range(results.no_aam.error.shape[1])
+        panel(f'error of joint {j + 1}', slice(j, j + 1))
+        for j in range(results.no_aam.error.shape[1])
     ]
-    return [Plot(plot([both, *single]), 'Reference minus true joint position.')]
+    return plot([panel('largest joint error', slice(None), log=True), *single])
 
 
-def degrees(error: np.ndarray, joint: int) -> np.ndarray:
-    """One joint's error [deg]."""
-    return np.asarray(np.degrees(error[:, joint]))
+def _largest(error: Array) -> Array:
+    """(N,) entry of the largest magnitude of (N, k), with its sign."""
+    at = np.argmax(np.abs(error), axis=1)[:, None]
+    return np.take_along_axis(error, at, axis=1)[:, 0]
 
 
 def _convergence(results: Results) -> list[Item]:
     estimates = [e for e in results.identification.estimates if e.samples > 0]
     time = np.array([e.stamp_ns * 1e-9 for e in estimates])
-    values = np.array([e.aam for e in estimates])
-    std = np.array([e.std[: len(e.aam)] for e in estimates])
-    truth = results.truth.aam
-    links = results.estimate.aam_links
-    panels = [
-        Panel(
-            f'{links[i // 3]}, {AXES[i % 3]}: estimate minus truth, and 3 standard deviations',
-            'N m s',
-            [Curve('', time, values[:, i] - truth[i], 3.0 * std[:, i])],
-            levels=[(0.0, 'truth')],
-        )
-        for i in range(len(truth))
-    ]
-    relative = 100.0 * np.abs(values - truth) / np.abs(truth)
-    sizes = Panel(
-        'error of the wheel momentum',
-        '%',
-        [Curve(f'{links[i // 3]} {AXES[i % 3]}', time, relative[:, i]) for i in range(len(truth))],
-        log=True,
-    )
     first = next((t for t, e in zip(time, estimates, strict=True) if e.valid), None)
-    said = 'never' if first is None else f'{first:.1f} s after the start'
-    settled = time > 0.2 * time[-1]
-    late = [
-        Panel(p.title, p.unit, [_cut(c, settled) for c in p.curves], levels=p.levels)
-        for p in panels
-    ]
+    when = 'never' if first is None else f'{first:.1f} s after the start'
+    values = np.array([e.aam for e in estimates])
+    std = np.array([e.std[: e.aam.size] for e in estimates])
+    truth, places = results.truth.aam, _places(results)
+
+    def sizes() -> str:
+        relative = 100.0 * np.abs(values - truth) / np.abs(truth)
+        curves = [Curve(place, time, relative[:, i]) for i, place in enumerate(places)]
+        return plot([Panel('error of the wheel momentum', '%', curves, log=True)])
+
+    def late() -> str:
+        shown = time > 0.2 * time[-1]
+        return plot(
+            [
+                Panel(
+                    f'{place}: estimate minus truth, and 3 standard deviations',
+                    'N m s',
+                    [
+                        Curve(
+                            '', time[shown], (values[:, i] - truth[i])[shown], 3.0 * std[shown, i]
+                        )
+                    ],
+                    levels=[(0.0, 'truth')],
+                )
+                for i, place in enumerate(places)
+            ]
+        )
+
     return [
-        Plot(plot([sizes]), f'The estimate is first given out as valid {said}.'),
-        Plot(plot(late), 'The last four fifths, on a scale that shows the bands.'),
+        Plot(sizes, f'The estimate is first given out as valid {when}.'),
+        Plot(late, 'The last four fifths, on a scale that shows the bands.'),
     ]
-
-
-def _cut(curve: Curve, chosen: np.ndarray) -> Curve:
-    band = None if curve.half_band is None else curve.half_band[chosen]
-    return Curve(curve.label, curve.t[chosen], curve.y[chosen], band)
 
 
 def _parameters(results: Results) -> Table:
     estimate, truth = results.estimate, results.truth
-    names = [f'momentum {AXES[i % 3]} of {link}' for link in estimate.aam_links for i in range(3)]
-    names += list(estimate.parameter_names)
-    units = ['N m s'] * len(estimate.aam) + ['kg m^2'] * len(estimate.parameters)
+    momenta = [f'momentum {axis} of {link}' for link in estimate.aam_links for axis in AXES]
+    names = [*momenta, *estimate.parameter_names]
     values = np.concatenate([estimate.aam, estimate.parameters])
     truths = np.concatenate([truth.aam, truth.parameters])
     rows = []
-    for name, unit, value, std, true in zip(
-        names, units, values, estimate.std, truths, strict=True
-    ):
+    for name, value, std, true in zip(names, values, estimate.std, truths, strict=True):
         percent = f'{100.0 * (value - true) / abs(true):.4f}' if true else '-'
         sigma = f'{(value - true) / std:.2f}' if std else '-'
+        unit = 'N m s' if name in momenta else 'kg m^2'
         rows.append([name, f'{value:.6g}', f'{std:.2g}', f'{true:.6g}', percent, sigma, unit])
     head = ['parameter', 'estimate', 'std', 'truth', 'error [%]', 'error / std', 'unit']
     return Table(head, rows, 'Estimates at the end of the run')
 
 
-def _ledger(results: Results) -> list[Item]:
-    run = results.identification
-    momentum = Panel(
-        'angular momentum about the centre of mass, inertial frame',
-        'N m s',
-        [Curve(f'h {AXES[i]}', run.ledger_time, run.angular[:, i]) for i in range(3)],
+def _ledger(run: DemoRun) -> str:
+    time = run.ledger_time
+    momenta = [Curve(f'h {axis}', time, run.angular[:, i]) for i, axis in enumerate(AXES)]
+    drift = Curve('', time, np.maximum(run.drift, 1e-17))
+    aim = [(AIM_DRIFT, 'aim')]
+    title = 'angular momentum about the centre of mass, inertial frame'
+    return plot(
+        [
+            Panel(title, 'N m s', momenta),
+            Panel('relative drift of the angular momentum', '1', [drift], log=True, levels=aim),
+            Panel('energy that no work accounts for', 'J', [Curve('', time, run.energy_drift)]),
+        ]
     )
-    drift = Panel(
-        'relative drift of the angular momentum',
-        '1',
-        [Curve('', run.ledger_time, np.maximum(run.drift, 1e-17))],
-        log=True,
-        levels=[(AIM_DRIFT, 'aim')],
-    )
-    energy = Panel(
-        'energy that no work accounts for', 'J', [Curve('', run.ledger_time, run.energy_drift)]
-    )
-    caption = 'What a closed system keeps, and what the simulated one did while it was identified.'
-    return [Plot(plot([momentum, drift, energy]), caption)]

@@ -1,4 +1,4 @@
-"""What the demonstration found out, as plain data."""
+"""What the demonstration found out, as plain data, and what it aims at."""
 
 from __future__ import annotations
 
@@ -13,9 +13,13 @@ from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..types import Array
 
+AIM_AAM_PERCENT = 1.0
+AIM_RATIO = 50.0
+AIM_DRIFT = 1e-10
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class DemoRun:
     """One simulated run.
 
     Args:
@@ -72,9 +76,9 @@ class Results:
 
     robot: str
     seed: int
-    identification: Run
-    no_aam: Run
-    identified: Run
+    identification: DemoRun
+    no_aam: DemoRun
+    identified: DemoRun
     truth: Truth
     bags: tuple[str, ...]
     wall: float
@@ -99,6 +103,17 @@ class Results:
         """Largest relative drift of the angular momentum in any run."""
         runs = (self.identification, self.no_aam, self.identified)
         return float(max(run.drift.max() for run in runs))
+
+    @property
+    def ratio(self) -> float:
+        """Largest joint error without knowledge of the wheels, by that with it."""
+        return self.no_aam.max_error_deg / self.identified.max_error_deg
+
+    @property
+    def reached(self) -> bool:
+        """Whether the demonstration shows what it promises."""
+        is_known = self.estimate.valid and self.aam_error_percent < AIM_AAM_PERCENT
+        return is_known and self.ratio > AIM_RATIO and self.momentum_drift < AIM_DRIFT
 
     def summary(self) -> dict[str, Any]:
         """The content of summary.json."""

@@ -8,11 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import QuaternionStamped
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu, JointState
-from spacerobot_msgs.msg import Estimate as EstimateMessage
-from spacerobot_msgs.msg import Ledger, Tracking
 
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError, IdentificationError
@@ -27,21 +22,22 @@ from ..ros.qos import LATCHED, SAMPLES
 from ..ros.session import Recorder, Session
 from ..simulation.plant import Plant
 from ..types import Array
-from .results import Run
+from .results import DemoRun
 
 Progress = Callable[[float], None]
 """Called with the simulated time done [s]."""
 
-TOPICS: dict[str, Any] = {
-    '/clock': Clock,
-    '/joint_states': JointState,
-    '/imu/data': Imu,
-    '/attitude': QuaternionStamped,
-    '/joint_commands': JointState,
-    '/tracking': Tracking,
-    '/estimate': EstimateMessage,
-    '/simulator/ledger': Ledger,
+TOPICS = {
+    '/clock': 'rosgraph_msgs/msg/Clock',
+    '/joint_states': 'sensor_msgs/msg/JointState',
+    '/imu/data': 'sensor_msgs/msg/Imu',
+    '/attitude': 'geometry_msgs/msg/QuaternionStamped',
+    '/joint_commands': 'sensor_msgs/msg/JointState',
+    '/tracking': 'spacerobot_msgs/msg/Tracking',
+    '/estimate': 'spacerobot_msgs/msg/Estimate',
+    '/simulator/ledger': 'spacerobot_msgs/msg/Ledger',
 }
+_LEDGER_EVERY = 10  # steps
 LAST = ('/tracking', '/joint_commands', '/joint_states')
 
 
@@ -55,29 +51,35 @@ class _Log:
     ledger: list[tuple[float, Array, float, float]] = field(default_factory=list)
     estimates: list[Estimate] = field(default_factory=list)
 
+    def listen(self, ears: Any) -> None:
+        """Note the references that are followed, and the estimates."""
+        for topic, kept, value_of in (
+            ('/tracking', self.references, lambda message: np.array(message.reference_position)),
+            ('/estimate', self.estimates, convert.estimate),
+        ):
+            ears.create_subscription(
+                convert.message_type(TOPICS[topic]),
+                topic,
+                lambda message, kept=kept, value_of=value_of: kept.append(value_of(message)),
+                SAMPLES,
+            )
+
     def see(self, plant: Plant) -> None:
         """Note the true state."""
         time = plant.time_ns * 1e-9
         self.time.append(time)
         self.joints.append(plant.state.q[: plant.n_arm].copy())
-        if plant.step_index % 10 == 0:
+        if plant.step_index % _LEDGER_EVERY == 0:
             book = plant.ledger()
             self.ledger.append((time, book.angular, book.momentum_drift, book.energy_drift))
 
-    def to_run(self) -> Run:
+    def to_run(self) -> DemoRun:
         """The finished run."""
         count = min(len(self.joints), len(self.references))
         error = np.array(self.references[:count]) - np.array(self.joints[:count])
-        ledger_time, angular, drift, energy = (np.array(c) for c in zip(*self.ledger, strict=True))
-        return Run(
-            np.array(self.time[:count]),
-            error,
-            ledger_time,
-            angular,
-            drift,
-            energy,
-            tuple(self.estimates),
-        )
+        at, angular, drift, energy = (np.array(c) for c in zip(*self.ledger, strict=True))
+        time = np.array(self.time[:count])
+        return DemoRun(time, error, at, angular, drift, energy, tuple(self.estimates))
 
 
 def check_file(file: RobotFile) -> None:
@@ -95,7 +97,7 @@ def check_file(file: RobotFile) -> None:
         raise ConfigurationError('simulator.joint_rate', 'must be the control rate here')
 
 
-def identify(file: RobotFile, passes: int, bag: Path, progress: Progress) -> Run:
+def identify(file: RobotFile, passes: int, bag: Path, progress: Progress) -> DemoRun:
     """Excite the robot with a controller that knows nothing of the wheels, and identify it.
 
     Args:
@@ -117,7 +119,7 @@ def identify(file: RobotFile, passes: int, bag: Path, progress: Progress) -> Run
     return run
 
 
-def track(file: RobotFile, estimate: Estimate | None, bag: Path, progress: Progress) -> Run:
+def track(file: RobotFile, estimate: Estimate | None, bag: Path, progress: Progress) -> DemoRun:
     """Track the motion once, from the initial state.
 
     Args:
@@ -152,17 +154,18 @@ class _Plan:
     identifies: bool = False
 
 
-def _run(file: RobotFile, plan: _Plan, progress: Progress) -> Run:
+def _run(file: RobotFile, plan: _Plan, progress: Progress) -> DemoRun:
     settings, urdf, log = plan.settings, file.robot.urdf, _Log()
     writer = BagWriter(plan.bag, overwrite=True)
     with writer, Session() as session:
         writer.text('/robot_description', 0, urdf)
         ears = session.plain('demo')
-        recorder = Recorder(ears, TOPICS, writer.message)
-        _listen(ears, log)
+        types = {topic: convert.message_type(kind) for topic, kind in TOPICS.items()}
+        recorder = Recorder(ears, types, writer.message)
+        log.listen(ears)
         controller = session.add(ControllerNode, settings, urdf)
         if plan.estimate is not None:
-            _tell(session, ears, controller, plan.estimate)
+            _send(session, ears, controller, plan.estimate)
         identifier = session.add(IdentifierNode, settings, urdf) if plan.identifies else None
         simulator = session.add(SimulatorNode, settings, urdf)
         simulator.stop_at = round(plan.duration / settings.simulator.period)
@@ -178,21 +181,10 @@ def _run(file: RobotFile, plan: _Plan, progress: Progress) -> Run:
     return log.to_run()
 
 
-def _listen(ears: Any, log: _Log) -> None:
-    def on_tracking(message: Tracking) -> None:
-        log.references.append(np.array(message.reference_position))
-
-    def on_estimate(message: EstimateMessage) -> None:
-        log.estimates.append(convert.estimate(message))
-
-    ears.create_subscription(Tracking, '/tracking', on_tracking, SAMPLES)
-    ears.create_subscription(EstimateMessage, '/estimate', on_estimate, SAMPLES)
-
-
-def _tell(session: Session, ears: Any, controller: ControllerNode, estimate: Estimate) -> None:
+def _send(session: Session, ears: Any, controller: ControllerNode, estimate: Estimate) -> None:
     """Publish an estimate of an earlier run, stamped with the start of this one."""
-    teller = ears.create_publisher(EstimateMessage, '/estimate', LATCHED)
-    teller.publish(convert.estimate_message(replace(estimate, stamp_ns=0), 0))
+    message = convert.estimate_message(replace(estimate, stamp_ns=0), 0)
+    ears.create_publisher(type(message), '/estimate', LATCHED).publish(message)
     session.until(lambda: controller.loop.estimate is not None, lambda: 'the estimate')
 
 

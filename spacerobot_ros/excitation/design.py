@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from ..types import Array
 from .motions import SAFE
-from .problem import Problem, Score
+from .problem import Objective, Problem
 
 Progress = Callable[[int, float], None]
 """Called after every step with the number of steps done and the best cost so far."""
@@ -112,7 +112,7 @@ class _Descent:
         self._nearly: Array | None = None
         self._last: Array | None = None
         self._at: Array | None = None
-        self._score: Score | None = None
+        self._score: Objective | None = None
         self._slopes: tuple[Array, Array] | None = None
 
     def run(self, iterations: int, on_step: Progress) -> None:
@@ -160,7 +160,7 @@ class _Descent:
             options={'maxiter': iterations, 'ftol': _TOLERANCE},
         )
 
-    def _values(self, x: Array) -> Score:
+    def _values(self, x: Array) -> Objective:
         if self._score is None or self._at is None or not np.array_equal(x, self._at):
             self._score, self._slopes, self._at = self._problem.score(x[None]), None, x.copy()
             cost = float(self._score.cost[0])

@@ -27,7 +27,7 @@ _AMPLE = 0.8  # the same, where the start is ours to choose
 _FIRST_USE = 0.6  # of the limits, by a random starting motion
 
 
-class Score(NamedTuple):
+class Objective(NamedTuple):
     """Objective and constraints of B candidates.
 
     Attributes:
@@ -64,13 +64,13 @@ class Problem(Motions):
         self.information = Information(self.model, self.sensors, settings.simulator, self.unknowns)
         self.start_kind, self.start = self._choose_start()
 
-    def score(self, x: Array) -> Score:
+    def score(self, x: Array) -> Objective:
         """Objective and smoothed limits of candidates x (B, size)."""
         motions = self.moves(x, self.family)
         use = np.concatenate([self.limits.fractions(motion) for motion in motions], axis=1)
         peak = use.max(axis=1)
         excess = np.sum(np.exp(_SMOOTHING * (use - peak[:, None])), axis=1)
-        return Score(self._cost(motions[0]), 1.0 - peak - np.log(excess) / _SMOOTHING)
+        return Objective(self._cost(motions[0]), 1.0 - peak - np.log(excess) / _SMOOTHING)
 
     def cost(self, x: Array) -> Array:
         """(B,) objective alone."""

@@ -16,7 +16,7 @@ from ..diagnosis.answer.score_on import BAND
 from ..display import Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, Text
 from ..types import Array
 from .diagnosis_tables import (
-    Answer,
+    Findings,
     appearance_table,
     closed_loop_table,
     evidence_table,
@@ -76,11 +76,11 @@ _KINDS = {
 }
 
 
-def diagnosis_page(answer: Answer) -> Report:
+def diagnosis_page(answer: Findings) -> Report:
     """The report of a diagnosis."""
     diagnosis = answer.diagnosis
     causes = [('Causes', _causes)] if diagnosis.causes or diagnosis.minor else []
-    sections: list[tuple[str, Callable[[Answer], Iterator[Item]]]] = [
+    sections: list[tuple[str, Callable[[Findings], Iterator[Item]]]] = [
         ('Verdict', _verdict),
         *causes,
         ('Measured against simulated', _signals),
@@ -98,7 +98,7 @@ def diagnosis_page(answer: Answer) -> Report:
     )
 
 
-def _verdict(answer: Answer) -> Iterator[Item]:
+def _verdict(answer: Findings) -> Iterator[Item]:
     diagnosis, gain, closed = answer.diagnosis, answer.diagnosis.gain, answer.closed_loop
     yield Text(diagnosis.sentence)
     figures = [
@@ -124,7 +124,7 @@ def _verdict(answer: Answer) -> Iterator[Item]:
     yield KeyFigures(figures)
 
 
-def _causes(answer: Answer) -> Iterator[Item]:
+def _causes(answer: Findings) -> Iterator[Item]:
     causes, minor = answer.diagnosis.causes, answer.diagnosis.minor
     if causes:
         caption = 'Values with standard deviations; below `matters from` an effect is not named.'
@@ -149,7 +149,7 @@ def _tied(shown: Table) -> Table:
     return replace(shown, rows=rows)
 
 
-def _signals(answer: Answer) -> Iterator[Item]:
+def _signals(answer: Findings) -> Iterator[Item]:
     worst = _worst([s for s in answer.diagnosis.series if len(s.measured)], _SIGNALS)
     if not worst:
         yield Text('No sensor was predicted: torques were balanced along the measured motion.')
@@ -163,7 +163,7 @@ def _signals(answer: Answer) -> Iterator[Item]:
         yield Plot(partial(_signal_plot, series))
 
 
-def _errors(answer: Answer) -> Iterator[Item]:
+def _errors(answer: Findings) -> Iterator[Item]:
     diagnosis = answer.diagnosis
     floor = 'what is taken for noise' if is_balance(diagnosis) else 'what a right model has'
     yield residual_table(
@@ -186,7 +186,7 @@ def _errors(answer: Answer) -> Iterator[Item]:
         yield Plot(partial(_spectrum_plot, _worst(sampled, _SPECTRA)), caption)
 
 
-def _ranking(answer: Answer) -> Iterator[Item]:
+def _ranking(answer: Findings) -> Iterator[Item]:
     yield Text(
         'Every effect at every place alone against the model as it stands. The second best is '
         'often the shadow of the best: what counts is what the data still want once a cause is in.'
@@ -197,7 +197,7 @@ def _ranking(answer: Answer) -> Iterator[Item]:
     yield ranking_table(answer.diagnosis)
 
 
-def _closed_loop(answer: Answer) -> Iterator[Item]:
+def _closed_loop(answer: Findings) -> Iterator[Item]:
     closed = answer.closed_loop
     if closed is None:
         yield Text(f'Not simulated: {answer.why_open}.')
@@ -210,7 +210,7 @@ def _closed_loop(answer: Answer) -> Iterator[Item]:
     yield closed_loop_table(closed)
 
 
-def _remains(answer: Answer) -> Iterator[Item]:
+def _remains(answer: Findings) -> Iterator[Item]:
     lines = remaining(answer.diagnosis)
     if not lines and is_balance(answer.diagnosis):
         yield Text('Not tested: what no effect explains was taken for noise.')
@@ -222,12 +222,12 @@ def _remains(answer: Answer) -> Iterator[Item]:
         yield Text(f'{score_line(answer.score).capitalize()}.')
 
 
-def _next(answer: Answer) -> Iterator[Item]:
+def _next(answer: Findings) -> Iterator[Item]:
     for line in answer.diagnosis.next_motion or ('Nothing asks for another flight.',):
         yield Text(line)
 
 
-def _how(answer: Answer) -> Iterator[Item]:
+def _how(answer: Findings) -> Iterator[Item]:
     yield Text(f'{answer.command}   (spacerobot {__version__})')
     way = _BALANCE if is_balance(answer.diagnosis) else _PREDICTION + _HELD_OUT
     yield Text(f'{way}See docs/diagnosis.md.')
@@ -235,7 +235,7 @@ def _how(answer: Answer) -> Iterator[Item]:
         yield Text(f'Note: {note}.')
 
 
-def _data_in_words(answer: Answer) -> str:
+def _data_in_words(answer: Findings) -> str:
     record = answer.record
     first, last = record.span_ns
     counts = [

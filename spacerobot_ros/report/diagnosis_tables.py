@@ -27,7 +27,7 @@ _IMPROBABLE = 1e-3  # of whiteness, over all channels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class Findings:
     """What is printed, written and reported.
 
     Args:
@@ -58,7 +58,7 @@ class Answer:
         return {**found, 'score': score_to_dict(self.score)} if self.score else found
 
 
-def summary(answer: Answer) -> Iterator[Section]:
+def summary(answer: Findings) -> Iterator[Section]:
     """What is printed for people."""
     diagnosis, closed = answer.diagnosis, answer.closed_loop
     causes = diagnosis.causes

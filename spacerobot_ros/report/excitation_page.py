@@ -20,10 +20,10 @@ from ..display import (
     Text,
     table,
 )
+from ..excitation.assessment import Summary
 from ..excitation.free_base import BaseMotion
-from ..excitation.prediction import Prediction
+from ..excitation.precision import Prediction
 from ..excitation.problem import Problem
-from ..excitation.summary import Summary
 from ..types import Array
 from .formats import percent
 from .plots import plot

@@ -22,7 +22,7 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
 from spacerobot_ros.report.diagnosis_page import diagnosis_page
-from spacerobot_ros.report.diagnosis_tables import Answer, remaining, summary
+from spacerobot_ros.report.diagnosis_tables import Findings, remaining, summary
 from spacerobot_ros.report.formats import number, probability, value_with
 from spacerobot_ros.report.html import render
 
@@ -121,7 +121,7 @@ def answer(tmp_path, verdict='explained'):
     rival = Rival(effect='joint_coulomb_friction', where='joint_2', bic_gap=1.5, motion='')
     stamps = np.arange(0, 10_000_000_000, 10_000_000)
     zeros = np.zeros((len(stamps), 3))
-    return Answer(
+    return Findings(
         diagnosis=with_motions(hand_made(verdict, (rival,)), 'robot.yaml'),
         file=load_robot_file(ROBOT),
         record=Record(

@@ -9,11 +9,11 @@ import pytest
 from support.excitation import TABLE_TWO, robot_file, six_joints, with_excitation
 
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.excitation.assessment import summarize
 from spacerobot_ros.excitation.design import Design, search
 from spacerobot_ros.excitation.limits import Limits
-from spacerobot_ros.excitation.prediction import predict_design, predict_reference
+from spacerobot_ros.excitation.precision import predict_design, predict_reference
 from spacerobot_ros.excitation.problem import Problem
-from spacerobot_ros.excitation.summary import summarize
 
 WIDE = robot_file(reference=TABLE_TWO, excitation={'starts': 1, 'iterations': 40})
 USABLE = robot_file(

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from support.excitation import robot_file
 from support.identification import Run, measure, record_of
 
-from spacerobot_ros.excitation.prediction import Prediction, predict_design
+from spacerobot_ros.excitation.precision import Prediction, predict_design
 from spacerobot_ros.excitation.problem import Problem
 from spacerobot_ros.identification.batch import identify
 

@@ -18,7 +18,7 @@ from ..json_values import json_value
 from ..types import Array
 from .design import Design
 from .limits import Use
-from .prediction import (
+from .precision import (
     REST,
     Prediction,
     predict_design,
