@@ -221,6 +221,29 @@ class Dynamics:
         return rotation_matrix(state.q_WB_xyzw) if self.robot.is_free else np.eye(3)
 
 
+def joint_torques(robot: Robot, q: Array, qd: Array, qdd: Array, omega: Array) -> Array:
+    """(N, n) joint torques that motions of the joints need; a free base gives way.
+
+    Args:
+        robot: The robot.
+        q: (N, n) joint positions.
+        qd: (N, n) joint rates.
+        qdd: (N, n) joint accelerations.
+        omega: (N, 3) omega_WB_B; zero for a fixed base [rad/s].
+    """
+    tree = tree_of(robot)
+    q, qd, qdd = (np.ascontiguousarray(x, dtype=float) for x in (q, qd, qdd))
+    rates, acceleration = np.zeros((2, len(q), 6 + robot.n_joints))
+    rates[:, 3:6], rates[:, 6:], acceleration[:, 6:] = omega, qd, qdd
+    kinematics = forward_kinematics(tree, q, rates, qd)
+    force = rnea(tree, kinematics, body_accelerations(tree, kinematics, acceleration), qdd)
+    if not robot.is_free:
+        return np.asarray(force[:, 6:])
+    M = crba(tree, kinematics)
+    base = np.linalg.solve(M[:, :6, :6], force[:, :6, None])
+    return np.asarray(force[:, 6:] - (M[:, 6:, :6] @ base)[..., 0])
+
+
 def eliminated(M: Array, bias: Array, count: int) -> ReducedEquation:
     """The equation M a + bias = [0; tau] with its first accelerations, which nothing drives, gone.
 

@@ -109,17 +109,8 @@ def held_jerk(
     dense = np.linspace(time[0], time[-1], max(count, 4) + 1)
     q, u = joints(dense), np.hstack([rate(dense), joints(dense, 1)])
     u_dot = np.hstack([rate(dense, 1), joints(dense, 2)])
-    rotations = tree.rotations(q)
-    maps = tree.rate_maps(rotations)
-    inertia, gradient = tree.inertia_gradient(rotations, maps, pi)
-    # Lagrange's equations of the joints, as in `reduced.py`.
-    tau = np.einsum('nab,nb->na', inertia[:, 3:], u_dot)
-    tau += np.einsum('njab,nj,nb->na', gradient, u[:, 3:], u)[:, 3:]
-    tau -= 0.5 * np.einsum('na,njab,nb->nj', u, gradient, u)
-    for body, momentum in wheels:
-        rate = np.einsum('nab,nb->na', maps[:, body], u)
-        torque = np.cross(rate, rotations[:, body] @ momentum)
-        tau += np.einsum('naj,na->nj', maps[:, body, :, 3:], torque)
+    inertia, bias = tree.equation(q, u, pi, wheels)
+    tau = (np.einsum('nab,nb->na', inertia, u_dot) + bias)[:, 3:]
     slope = np.zeros_like(u)
     slope[:, 3:] = CubicSpline(dense, tau)(dense, 1)
     jerk = np.linalg.solve(inertia, slope[..., None])[..., 0]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..dynamics.equations import Dynamics
-from ..dynamics.state import State, initial_state
+from ..dynamics.equations import joint_torques
+from ..dynamics.state import initial_state
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.settings import Settings
@@ -146,24 +146,23 @@ class FixedBase:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._dynamics = Dynamics(robot)
+        self._robot = robot
 
     def move(self, time: Array, q: Array, qd: Array, qdd: Array, start: Start) -> BaseMotion:
         """See `FreeBase.move`; the base rests."""
         batch, steps, n = q.shape
-        torque = np.empty_like(q)
-        zeros = np.zeros(3)
-        for b, t in np.ndindex(batch, steps):
-            state = State(zeros, start.attitude_xyzw, q[b, t], zeros, zeros, qd[b, t])
-            torque[b, t] = self._dynamics.inverse(state, np.zeros(6), qdd[b, t])[1]
+        still = np.zeros((batch, steps, 3))
+        torque = joint_torques(
+            self._robot, *(x.reshape(batch * steps, -1) for x in (q, qd, qdd, still))
+        )
         return BaseMotion(
             time,
             q,
             qd,
             qdd,
-            omega=np.zeros((batch, steps, 3)),
+            omega=still,
             R_WB=np.broadcast_to(np.eye(3), (batch, steps, 3, 3)),
-            torque=torque,
+            torque=torque.reshape(q.shape),
             inverse=np.zeros((batch, steps, 3, 3)),
             coupling=np.zeros((batch, steps, 3, n)),
             h_W=np.zeros((batch, 3)),

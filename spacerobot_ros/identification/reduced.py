@@ -1,13 +1,7 @@
 r"""Reduced joint equation H(q) q'' + c = tau from identified minimal parameters.
 
-Lagrange's equations in the quasi-velocities u = [omega_WB_B; q'] with the inertia Mu(q) = [[D,
-Dq], [Dq^T, Dqq]]:
-
-    base bias   n0 = (Mu' u)_0 + w0 x (Mu u)_0 + w0 x h0 + sum_b w_b x R_b h_b
-    joint bias  nq = (Mu' u)_q - 1/2 u^T dMu/dq u + sum_b F_b^T (w_b x R_b h_b)
-    H = Dqq - Dq^T D^-1 Dq          c = nq - Dq^T D^-1 n0
-
-eqs. (17)-(20) of the identification paper with the joint term that they lack (docs/equations.md).
+Momentum tells all that the equation needs (`dynamics.blocks`): eqs. (17)-(20) of the
+identification paper with the joint term that they lack (docs/equations.md).
 """
 
 from __future__ import annotations
@@ -15,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..dynamics.blocks import BlockTree
-from ..dynamics.equations import ReducedEquation
+from ..dynamics.equations import ReducedEquation, eliminated
 from ..errors import IdentificationError
 from ..estimation.minimal import MinimalSet, minimal_set
 from ..model.robot import Robot
@@ -37,8 +31,7 @@ class EstimatedDynamics:
         self._tree = BlockTree(robot)
         self._pi = minimal.lift @ parameters
         believed = robot.with_target_momentum(aam)
-        self._wheels = [(g.body, g.body_momentum) for g in believed.target_wheels]
-        self._h0 = robot.servicer_wheels.body_momentum
+        self._wheels = [(g.body, g.body_momentum) for g in believed.gyrostats]
 
     @classmethod
     def from_estimate(cls, robot: Robot, structure: str, estimate: Estimate) -> EstimatedDynamics:
@@ -80,26 +73,12 @@ class EstimatedDynamics:
             IdentificationError: the parameters give a singular or indefinite inertia at this
                 state.
         """
-        u = np.concatenate([omega_WB_B, qd])
-        rotations = self._tree.rotations(q[None])
-        maps = self._tree.rate_maps(rotations)
-        inertia, gradient = self._tree.inertia_gradient(rotations, maps, self._pi)
-        Mu, dMu = inertia[0], gradient[0]
-        bias = np.einsum('jab,j,b->a', dMu, qd, u)
-        bias[3:] -= 0.5 * np.einsum('a,jab,b->j', u, dMu, u)
-        bias[:3] += np.cross(omega_WB_B, Mu[:3] @ u + self._h0)
-        for body, momentum in self._wheels:
-            torque = np.cross(maps[0, body] @ u, rotations[0, body] @ momentum)
-            bias[:3] += torque
-            if joint_reaction:
-                bias[3:] += maps[0, body, :, 3:].T @ torque
+        u = np.concatenate([omega_WB_B, qd])[None]
+        inertia, bias = self._tree.equation(q[None], u, self._pi, self._wheels, joint_reaction)
         try:
-            np.linalg.cholesky(Mu)
+            np.linalg.cholesky(inertia[0])
         except np.linalg.LinAlgError as error:
             raise IdentificationError(
                 'estimate: its inertia is not positive definite at this state'
             ) from error
-        eliminated = np.linalg.solve(Mu[:3, :3], np.column_stack([Mu[:3, 3:], bias[:3]]))
-        return ReducedEquation(
-            Mu[3:, 3:] - Mu[3:, :3] @ eliminated[:, :-1], bias[3:] - Mu[3:, :3] @ eliminated[:, -1]
-        )
+        return eliminated(inertia[0], bias[0], 3)

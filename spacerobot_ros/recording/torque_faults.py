@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_filter
 
-from ..dynamics.equations import Dynamics
-from ..dynamics.state import State
+from ..dynamics.equations import joint_torques
 from ..model.robot import Robot
 from ..types import Array
 from .faults import DataFault
@@ -58,13 +57,13 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     if data is None:
         return ()
     q, effort, omega, step, rows = data
-    dynamics, n = Dynamics(robot), robot.n_joints
+    n = robot.n_joints
     none = _slip(n, '', '', '')
-    before = _unlike(dynamics, none, q, effort, omega, step, rows)
+    before = _unlike(robot, none, q, effort, omega, step, rows)
     if np.all(before < UNLIKE):
         return ()
     slips = list(_slips(robot.joints[:n]))
-    shares = np.array([_unlike(dynamics, slip, q, effort, omega, step, rows) for slip in slips])
+    shares = np.array([_unlike(robot, slip, q, effort, omega, step, rows) for slip in slips])
     for way in range(2):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
         if _explains(before[way], shares[best, way]):
@@ -107,7 +106,7 @@ def _prepared(record: Record, robot: Robot) -> tuple[Array, Array, Array, float,
 
 
 def _unlike(
-    dynamics: Dynamics,
+    robot: Robot,
     slip: _Slip,
     q: Array,
     effort: Array,
@@ -125,12 +124,7 @@ def _unlike(
         savgol_filter(undone, span, 3, d, step, axis=0)[rows] for d in range(3)
     )
     measured = effort[:, slip.effort_order] / slip.effort
-    zero, level = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
-    model = np.empty_like(measured)
-    for k in range(len(rows)):
-        state = State(zero, level, position[k], zero, omega[k], rate[k])
-        equation = dynamics.reduced(state)
-        model[k] = equation.H @ acceleration[k] + equation.c
+    model = joint_torques(robot, position, rate, acceleration, omega)
     shares = [_shares(model[:, i], measured[:, i], rate[:, i]) for i in range(measured.shape[1])]
     return np.array(shares).T
 
