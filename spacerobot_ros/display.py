@@ -6,9 +6,11 @@ and in the terminal (`cli.terminal`); curves are drawn by `report.plots`.
 
 from __future__ import annotations
 
+import math
+import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 if TYPE_CHECKING:
     from .types import Array
@@ -71,6 +73,41 @@ class Panel:
     curves: Sequence[Curve]
     log: bool = False
     levels: Sequence[tuple[float, str]] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matrix:
+    """Counts of one thing against another.
+
+    Args:
+        rows: Labels from top to bottom. columns: From left to right.
+        counts: (rows, columns).
+        abscissa: What the columns are.
+    """
+
+    rows: Sequence[str]
+    columns: Sequence[str]
+    counts: Array
+    abscissa: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawing:
+    """What is to be drawn.
+
+    Args:
+        section: Heading under which it stands.
+        caption: What to see in it.
+        content: Panels over one abscissa, or a matrix.
+        abscissa: Of the panels, with unit.
+        file: Name under which it is kept beside the page, too; empty for none.
+    """
+
+    section: str
+    caption: str
+    content: Sequence[Panel] | Matrix
+    abscissa: str = 'time [s]'
+    file: str = ''
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,3 +195,34 @@ def table(
     """
     rows = [[cell(item) for cell in columns.values()] for item in items]
     return Table(tuple(columns), rows, caption)
+
+
+class _Cells(string.Formatter):
+    """Format strings in which what is missing or not finite reads `-`."""
+
+    def get_field(self, name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        """An entry of an entry that is None is None."""
+        try:
+            return super().get_field(name, args, kwargs)
+        except TypeError:
+            return None, name
+
+    def format_field(self, value: Any, spec: str) -> str:
+        """The value as text."""
+        is_missing = value is None or (isinstance(value, float) and not math.isfinite(value))
+        return '-' if is_missing else str(super().format_field(value, spec))
+
+
+def table_of(
+    title: str, caption: str, rows: Iterable[Mapping[str, Any]], *columns: tuple[str, str]
+) -> Table:
+    """A table of plain data, its cells given as format strings.
+
+    Args:
+        title: Its heading.
+        caption: One line above it.
+        rows: One dict a row.
+        columns: Title, and format string of the row's entries, such as `{error[raw]:.3g}`.
+    """
+    cells = [[_Cells().vformat(text, (), row) for _, text in columns] for row in rows]
+    return Table([head for head, _ in columns], cells, caption, title)

@@ -16,7 +16,10 @@ def json_text(value: Any) -> str:
 
 
 def json_value(value: Any) -> Any:
-    """Nested maps, lists and arrays as JSON knows them; infinity and NaN as null."""
+    """Nested maps, lists and arrays as JSON knows them; infinity and NaN as null.
+
+    What has a method `to_json` says itself what it is.
+    """
     return plain(value, _json_leaf)
 
 
@@ -30,6 +33,8 @@ def plain(value: Any, leaf: Callable[[Any], Any] = lambda value: value) -> Any:
 
 
 def _json_leaf(value: Any) -> Any:
+    if hasattr(value, 'to_json'):
+        return json_value(value.to_json())
     if isinstance(value, np.ndarray | np.generic):
         return json_value(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
@@ -15,11 +13,20 @@ from .adaptive_scenario import minisat
 _STATES = 100
 
 
-@dataclass(frozen=True, slots=True)
-class Identities:
+LIMITS = {
+    'rnea': ('Y pi against RNEA', 1e-12, 'N m'),
+    'slotine_li': ('Slotine-Li regressor against two calls', 1e-12, ''),
+    'coriolis': ('Y_SL pi against M A_r + C V_r', 1e-12, 'N m'),
+    'lyapunov': ('Lyapunov identity, random estimates', 1e-11, 'W'),
+}
+"""What the residuals are, and the largest good ones: rounding of 1e-16 of some 100 N m, summed
+over fifty parameters; the Lyapunov identity sums their products with rates."""
+
+
+def identities(seed: int = 0) -> dict[str, float]:
     """Residuals, largest over random states, and ranks.
 
-    Args:
+    Returns:
         rnea: Y(q, V, V, A) pi against Pinocchio's RNEA.
         slotine_li: Against the two-call recipe on Pinocchio's regressor.
         coriolis: Y_SL pi against M A_r + C V_r with Pinocchio's C.
@@ -27,17 +34,6 @@ class Identities:
         rank: Of Y with ten rows.
         rank_without_force: With the paper's seven.
     """
-
-    rnea: float
-    slotine_li: float
-    coriolis: float
-    lyapunov: float
-    rank: int
-    rank_without_force: int
-
-
-def identities(seed: int = 0) -> Identities:
-    """Measure them."""
     robot = minisat()
     model, regressors, pi = robot.pin_model, Regressors(robot), parameter_values(robot)
     data, rng = model.createData(), np.random.default_rng(seed)
@@ -61,14 +57,11 @@ def identities(seed: int = 0) -> Identities:
         ]
         worst = np.maximum(worst, residuals)
     whole = np.array(rows)
-    return Identities(
-        rnea=float(worst[0]),
-        slotine_li=float(worst[1]),
-        coriolis=float(worst[2]),
-        lyapunov=float(worst[3]),
-        rank=_rank(whole.reshape(-1, len(pi))),
-        rank_without_force=_rank(whole[:, 3:].reshape(-1, len(pi))),
-    )
+    return {
+        **dict(zip(LIMITS, worst.tolist(), strict=True)),
+        'rank': _rank(whole.reshape(-1, len(pi))),
+        'rank_without_force': _rank(whole[:, 3:].reshape(-1, len(pi))),
+    }
 
 
 def two_calls(

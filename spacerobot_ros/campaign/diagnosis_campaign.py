@@ -1,71 +1,43 @@
 """Diagnosis campaign: hidden effects in simulated records, thousands of seeded cases.
 
-One line of JSON a finished case in `diagnosis.jsonl`: a campaign that was interrupted goes on from
-there. A case hides nothing, one effect, two, or one that is taken out of the catalogue.
+A case hides nothing, one effect, two, or one that is taken out of the catalogue.
 """
 
 from __future__ import annotations
 
 import json
-import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..diagnosis.answer.result import Cause, Diagnosis
 from ..diagnosis.diagnose import diagnose
+from ..display import Drawing, Table
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..errors import SpaceRobotError
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed
 from ..estimation.refit import Fit, Run
-from ..json_values import json_value
+from . import diagnosis_tables
+from .description import Check, Record, Results
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED
 from .diagnosis_scenario import DURATION, EXCITATIONS, ROBOTS, robot_file, simulated
-from .resumable import run_resumable
-from .tasks import Task
+from .diagnosis_score import checks, score
 
-FILE = 'diagnosis.jsonl'
 MULTIPLES = (1.0, 3.0, 10.0)
-_PAIR_MULTIPLES = MULTIPLES[1:]
+_SEEDS = 2  # of every effect at every strength, on every robot
+_PAIRS, _QUICK_PAIRS = 60, 2  # of effects, each hidden at two strengths
 _URGENCY = {
     ('clean', 0.0): 0,
     ('single', MULTIPLES[1]): 0,
     ('pair', MULTIPLES[1]): 1,
     ('left_out', MULTIPLES[-1]): 1,
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
-    """How much is done.
-
-    Args:
-        clean: Records in which nothing is hidden.
-        seeds: Of every effect at every strength, on every robot.
-        pairs: Pairs of effects, each hidden at two strengths.
-        duration: Of a record [s].
-        workers: Processes.
-        minutes: Time after which nothing new is begun.
-    """
-
-    clean: int = 300
-    seeds: int = 2
-    pairs: int = 60
-    duration: float = DURATION
-    workers: int = 2
-    minutes: float = math.inf
-
-    @classmethod
-    def quick(cls, workers: int) -> Options:
-        """Minutes instead of a night."""
-        return cls(clean=6, seeds=0, pairs=2, workers=workers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,74 +66,67 @@ class Case:
         return json.dumps(asdict(self), sort_keys=True)
 
 
-def cases(options: Options) -> list[Case]:
-    """Every case of a campaign, mixed; what the figures to reach are about comes first."""
-    out = [*_clean(options), *_hidden(options), *_pairs(options)]
+def trials(runs: int, is_quick: bool) -> list[str]:
+    """Every case, mixed; what the figures to reach are about comes first.
+
+    Args:
+        runs: Records in which nothing is hidden.
+        is_quick: Each effect once, at three times its limit, and few pairs: minutes, not a night.
+    """
+    hidden = _quick() if is_quick else _hidden()
+    clean = (_case('clean', seed, seed) for seed in range(runs))
+    out = [*clean, *hidden, *_pairs(_QUICK_PAIRS if is_quick else _PAIRS)]
     order = np.random.default_rng(0).permutation(len(out))
-    return sorted((out[i] for i in order), key=lambda c: _URGENCY.get((c.kind, c.multiple), 2))
+    cases = sorted((out[i] for i in order), key=lambda c: _URGENCY.get((c.kind, c.multiple), 2))
+    return [case.key for case in cases]
 
 
-def _clean(options: Options) -> Iterator[Case]:
-    for seed in range(options.clean):
-        yield _case(options, 'clean', seed, seed)
+def _fitted() -> list[str]:
+    return [effect.id for effect in CATALOGUE.values() if effect.is_fitted]
 
 
-def _hidden(options: Options) -> Iterator[Case]:
+def _hidden() -> Iterator[Case]:
     """Each effect at all strengths, and the strongest again without its name in the catalogue."""
-    for number, effect in enumerate(e.id for e in CATALOGUE.values() if e.is_fitted):
-        for k in range(max(options.seeds, 1) * len(ROBOTS)):
+    for number, effect in enumerate(_fitted()):
+        for k in range(_SEEDS * len(ROBOTS)):
             seed = 10_000 + 100 * number + k
-            if not options.seeds and k != number % len(ROBOTS):
-                continue
-            for multiple in MULTIPLES if options.seeds else (3.0,):
-                yield _case(options, 'single', k, seed, (effect,), multiple)
-            if options.seeds:
-                yield _case(options, 'left_out', k, seed, (effect,), MULTIPLES[-1])
+            for multiple in MULTIPLES:
+                yield _case('single', k, seed, (effect,), multiple)
+            yield _case('left_out', k, seed, (effect,), MULTIPLES[-1])
 
 
-def _pairs(options: Options) -> Iterator[Case]:
-    ids = [e.id for e in CATALOGUE.values() if e.is_fitted]
+def _quick() -> Iterator[Case]:
+    for number, effect in enumerate(_fitted()):
+        k = number % len(ROBOTS)
+        yield _case('single', k, 10_000 + 100 * number + k, (effect,), MULTIPLES[1])
+
+
+def _pairs(count: int) -> Iterator[Case]:
+    ids = _fitted()
     rng = np.random.default_rng(1)
-    for k in range(options.pairs):
+    for k in range(count):
         first, second = rng.choice(len(ids), 2, replace=False)
-        for multiple in _PAIR_MULTIPLES:
-            yield _case(options, 'pair', k, 20_000 + k, (ids[first], ids[second]), multiple)
+        for multiple in MULTIPLES[1:]:
+            yield _case('pair', k, 20_000 + k, (ids[first], ids[second]), multiple)
 
 
 def _case(
-    options: Options,
-    kind: str,
-    turn: int,
-    seed: int,
-    effects: tuple[str, ...] = (),
-    multiple: float = 0.0,
+    kind: str, turn: int, seed: int, effects: tuple[str, ...] = (), multiple: float = 0.0
 ) -> Case:
+    robots, excitations = len(ROBOTS), tuple(EXCITATIONS)
     return Case(
         kind=kind,
-        robot=ROBOTS[turn % len(ROBOTS)],
-        excitation=tuple(EXCITATIONS)[turn // len(ROBOTS) % len(EXCITATIONS)],
+        robot=ROBOTS[turn % robots],
+        excitation=excitations[turn // robots % len(excitations)],
         seed=seed,
         effects=effects,
         multiple=multiple,
-        duration=options.duration,
     )
 
 
-def run_campaign(folder: Path, options: Options, done: Callable[[], None]) -> list[dict[str, Any]]:
-    """Do the cases that a folder lacks.
-
-    Returns:
-        Every finished case of the campaign, in its order.
-
-    Raises:
-        RecordingError: the folder's file is not a campaign's.
-    """
-    tasks = [Task(case.key, run_case, (case,)) for case in cases(options)]
-    return run_resumable(folder / FILE, tasks, options.workers, done, options.minutes)
-
-
-def run_case(case: Case) -> dict[str, Any]:
-    """Hide, simulate, diagnose; plain data."""
+def run(key: str) -> Record:
+    """Hide, simulate, diagnose."""
+    case = Case(**json.loads(key))
     rng = np.random.default_rng([case.seed, 11])
     hidden: list[Effect] = []
     strength = wall = 0.0
@@ -174,19 +139,13 @@ def run_case(case: Case) -> dict[str, Any]:
         wall = time.perf_counter() - started
     except SpaceRobotError as error:
         said = {'verdict': failure, 'causes': [], 'minor': [], 'error': str(error)}
-    line: dict[str, Any] = json_value(
-        {
-            'case': case.key,
-            **{name: getattr(case, name) for name in ('kind', 'robot', 'excitation', 'multiple')},
-            'strength': strength,
-            'hidden': [
-                {'effect': h.id, 'where': h.where, 'values': dict(h.values)} for h in hidden
-            ],
-            'wall_s': wall,
-            **said,
-        }
-    )
-    return line
+    return {
+        **{name: getattr(case, name) for name in ('kind', 'robot', 'excitation', 'multiple')},
+        'strength': strength,
+        'hidden': [{'effect': h.id, 'where': h.where, 'values': dict(h.values)} for h in hidden],
+        'wall_s': wall,
+        **said,
+    }
 
 
 def _known(case: Case) -> list[type[Effect]]:
@@ -240,3 +199,23 @@ def _plain(cause: Cause) -> dict[str, Any]:
             name: [estimated.value, estimated.std] for name, estimated in cause.parameters.items()
         },
     }
+
+
+def results(records: Sequence[Record]) -> Results:
+    """All scores, as `diagnosis`."""
+    return {'diagnosis': score(records)}
+
+
+def judge(results: Results) -> list[Check]:
+    """Right names, true intervals, few false alarms."""
+    return checks(results['diagnosis'])
+
+
+def tables(results: Results) -> list[Table]:
+    """All scores."""
+    return diagnosis_tables.tables(results['diagnosis'])
+
+
+def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
+    """False alarms against detection, and who is taken for whom."""
+    return diagnosis_tables.drawings(results['diagnosis'])

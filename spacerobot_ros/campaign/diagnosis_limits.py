@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,35 +16,19 @@ from .diagnosis_judge import Line
 from .diagnosis_scenario import robot_file
 
 
-@dataclass(frozen=True, slots=True)
-class Limit:
-    """Detection limit of an effect over robots, motions and places.
-
-    Args:
-        parameter: What is meant: the effect's first one, or the length of its vector.
-        unit: SI.
-        median: Of the sizes at the detection limit. least: Smallest. most: Largest.
-        relevant: Size from which it matters, median.
-        records: Number of them.
-    """
-
-    parameter: str
-    unit: str
-    median: float
-    least: float
-    most: float
-    relevant: float
-    records: int
-
-
-def physical_limits(lines: Sequence[Line]) -> dict[str, Limit]:
-    """Size of every effect at its detection limit, by its id.
+def physical_limits(lines: Sequence[Line]) -> dict[str, dict[str, Any]]:
+    """Size of every effect at its detection limit, over robots, motions and places, by its id.
 
     The coordinate of a hidden value is in proportion to its strength, so one case at any strength
     tells the limit of its robot, motion and place.
 
     Args:
         lines: Finished cases; those that hide a single effect count.
+
+    Returns:
+        Of each effect: the `parameter` that is meant (its first one, or the length of its vector)
+        with its `unit`; `median`, `least` and `most` of the sizes at the detection limit; the
+        `relevant` size, from which it matters (median), and the number of `records`.
     """
     own: dict[str, list[tuple[float, float]]] = {}
     for line in lines:
@@ -79,20 +63,22 @@ def _size(effect: type[Effect], values: Values) -> float:
     )
 
 
-def _limit(effect: type[Effect], sizes: Sequence[float], thresholds: Sequence[float]) -> Limit:
+def _limit(
+    effect: type[Effect], sizes: Sequence[float], thresholds: Sequence[float]
+) -> dict[str, Any]:
     first, *others = main_parameters(effect)
     shown = [_shown(first, size) for size in sizes]
     name = first.name.removesuffix('x').rstrip('_') or 'vector' if others else first.name
     away = f'{name} - {first.nominal:g}' if first.role == 'linear' and first.nominal else name
-    return Limit(
-        parameter=away,
-        unit=first.unit,
-        median=float(np.median(shown)),
-        least=min(shown),
-        most=max(shown),
-        relevant=float(np.median([_shown(first, t) for t in thresholds])),
-        records=len(shown),
-    )
+    return {
+        'parameter': away,
+        'unit': first.unit,
+        'median': float(np.median(shown)),
+        'least': min(shown),
+        'most': max(shown),
+        'relevant': float(np.median([_shown(first, t) for t in thresholds])),
+        'records': len(shown),
+    }
 
 
 def _shown(parameter: Parameter, size: float) -> float:

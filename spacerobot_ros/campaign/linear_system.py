@@ -1,21 +1,27 @@
 r"""The paper's linear system A x = b, as printed: every sample's momentum against the first's.
 
-A = [R0 RN - (R0 RN)_in, Y - Y_in] b = (R0_in - R0) h0 # eqs. (27), (28) A = [R0 RN - (R0 RN)_in,
-Y] b = -R0 h0 # eqs. (31), (32), after a spin-up from rest
+A = [R0 RN - (R0 RN)_in, Y - Y_in]   b = (R0_in - R0) h0   # eqs. (27), (28)
+A = [R0 RN - (R0 RN)_in, Y]          b = -R0 h0            # eqs. (31), (32), after a spin-up
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..dynamics.blocks import BlockTree
-from ..estimation.minimal import MinimalSet
+from ..estimation.minimal import MinimalSet, minimal_set
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import Kinematics
 from ..model.robot import Robot
 from ..types import Array
+from . import paper
+from .scenario import cached_motion, forward_motion, scenario
+
+_KINDS = ('momentum_integrated', 'forward_integrated')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,3 +88,57 @@ def relative_errors(estimate: Array, truth: Array) -> Array:
     """(truth - estimate) / truth in %, as the paper's RE; NaN for parameters that are zero."""
     tiny = 1e-9 * np.max(np.abs(truth))
     return 100.0 * (truth - estimate) / np.where(np.abs(truth) > tiny, truth, np.nan)
+
+
+def noise_free(
+    axes: str, start: str, structures: Sequence[str] = ('symmetric',)
+) -> list[dict[str, Any]]:
+    """Identify from noise-free data of both kinds; the integration serves all structures.
+
+    Args:
+        axes: Joint axes.
+        start: One of `scenario.STARTS`.
+        structures: Minimal sets: `symmetric` or `generic`.
+
+    Returns:
+        Of each structure: size k and rank gap of the minimal set, condition of A, largest relative
+        errors on momentum- and on forward-integrated data [%], the median error of the base
+        parameters where the captured wheels are left out of the model [%]; beside them the
+        reference and the paper's; `unknowns`: names and errors (3 + k,) of all unknowns.
+    """
+    case = scenario(axes)
+    motions = (cached_motion(axes, start), forward_motion(case, start))
+    out = []
+    for structure in structures:
+        minimal = minimal_set(case.robot, structure)
+        truth = true_solution(case.robot, minimal)
+        exact, forward = (linear_system(case.robot, minimal, m, start) for m in motions)
+        errors = [relative_errors(system.solve(), truth) for system in (exact, forward)]
+        without = relative_errors(exact.without_aam().solve(), truth[3:])
+        reference = paper.CONDITION_REFERENCE.get((axes, structure))
+        out.append(
+            {
+                'axes': axes,
+                'structure': structure,
+                'start': start,
+                'k': len(minimal),
+                'rank_gap': minimal.rank_gap,
+                'condition': _conditions(exact.condition),
+                'reference': reference and {'k': reference['k'], **_conditions(reference[start])},
+                'max_error_percent': {
+                    name: float(np.nanmax(np.abs(error)))
+                    for name, error in zip(_KINDS, errors, strict=True)
+                },
+                'paper_max_error_percent': paper.LARGEST_EXACT,
+                'wrong_model_median_error_percent': float(np.nanmedian(np.abs(without))),
+                'unknowns': {
+                    'name': ('h_x', 'h_y', 'h_z', *minimal.names),
+                    **dict(zip(_KINDS, errors, strict=True)),
+                },
+            }
+        )
+    return out
+
+
+def _conditions(raw_and_unit: tuple[float, float]) -> dict[str, float]:
+    return dict(zip(('raw', 'unit_columns'), raw_and_unit, strict=True))

@@ -1,116 +1,61 @@
-"""Monitor campaign: false alarms in nominal flight, and delays of detection.
-
-One line of JSON a finished flight in `monitor.jsonl`: a campaign that was interrupted goes on from
-there, and more flights add to those there are.
-"""
+"""Monitor campaign: false alarms in nominal flight, and delays of detection."""
 
 from __future__ import annotations
 
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from .checks import Check
+from ..display import Drawing, Table, table_of
+from .description import Check, Record, Results, key
 from .monitor_faults import FAULTS, in_flight
 from .monitor_flights import Flight, monitor_of, watch
-from .resumable import Line, run_resumable
-from .tasks import Task
 
-FILE = 'monitor.jsonl'
 ROBOTS = ('servicer', 'minisat')
 ONSET, END, DURATION = 30.0, 45.0, 75.0
 """Of a flight with a fault [s]."""
+_LENGTH, _QUICK_LENGTH = 900.0, 150.0  # s, of a flight without one
+_SIZES, _QUICK_SIZES = 4, 1  # largest sizes of a fault that are flown
 _LEARNT = 15.0  # s, after which processor time is counted
 _TIMED = 60.0  # s of flight whose processor time is counted
-_WITHIN = 5.0  # s, in which the largest size of a fault is to be raised
+_WITHIN = 5.0  # s, in which the largest size of a fault is to be raised: DESIGN's wish
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
-    """How much is flown.
-
-    Args:
-        flights: Without a fault, of each robot.
-        length: Of such a flight [s].
-        seeds: Of every fault and size, on each robot.
-        sizes: Largest sizes of a fault that are flown.
-        robots: Some of `ROBOTS`.
-        workers: Processes.
-    """
-
-    flights: int = 4
-    length: float = 900.0
-    seeds: int = 1
-    sizes: int = 4
-    robots: tuple[str, ...] = ROBOTS
-    workers: int = 2
-
-    @classmethod
-    def quick(cls, workers: int, flights: int) -> Options:
-        """Five minutes of one robot, and each fault's largest size."""
-        return cls(flights=flights, length=150.0, sizes=1, robots=('servicer',), workers=workers)
+def trials(runs: int, is_quick: bool) -> list[str]:
+    """Quarter hours without a fault of each robot, and a flight with each fault of each size."""
+    return list(
+        _flights(runs, ROBOTS[:1], _QUICK_LENGTH, _QUICK_SIZES)
+        if is_quick
+        else _flights(runs, ROBOTS, _LENGTH, _SIZES)
+    )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MonitorScores:
-    """A campaign.
-
-    Args:
-        nominal: By robot, what its flights without a fault came to.
-        faults: By robot, fault and size, what the flights with it came to.
-    """
-
-    nominal: dict[str, Line]
-    faults: dict[tuple[str, str, float], Line]
-
-
-def tasks(options: Options) -> list[Task]:
-    """Every flight of a campaign."""
-    return list(_tasks(options))
-
-
-def _tasks(options: Options) -> Iterator[Task]:
-    for robot in options.robots:
-        for seed in range(1, options.flights + 1):
-            yield _task(nominal, robot, seed, options.length)
+def _flights(runs: int, robots: Sequence[str], length: float, sizes: int) -> Iterator[str]:
+    for robot in robots:
+        for seed in range(1, runs + 1):
+            yield key('nominal', robot, seed, length)
     for name, fault in FAULTS.items():
-        for robot in options.robots:
-            for size in fault.sizes[-options.sizes :] if robot in fault.robots else ():
-                for seed in range(1, options.seeds + 1):
-                    yield _task(faulty, robot, seed, name, size)
+        for robot in robots:
+            for size in fault.sizes[-sizes:] if robot in fault.robots else ():
+                yield key('faulty', robot, 1, name, size)
 
 
-def _task(function: Callable[..., Line], *arguments: Any) -> Task:
-    key = json.dumps([function.__name__, *arguments])
-    return Task(key, function, (key, *arguments))
+def run(key: str) -> Record:
+    """One flight."""
+    kind, *arguments = json.loads(key)
+    return (nominal if kind == 'nominal' else faulty)(*arguments)
 
 
-def run_campaign(folder: Path, options: Options, done: Callable[[], None]) -> list[Line]:
-    """Make the flights that a folder lacks.
-
-    Returns:
-        Every flight of the campaign, in its order.
-
-    Raises:
-        RecordingError: the folder's file is not a campaign's.
-    """
-    return run_resumable(folder / FILE, tasks(options), options.workers, done)
-
-
-def nominal(key: str, robot: str, seed: int, length: float) -> Line:
+def nominal(robot: str, seed: int, length: float) -> Record:
     """One flight without a fault: alarms, largest evidence, share of a core."""
     flight = Flight(robot=robot, seed=seed)
     monitor, largest = monitor_of(flight), 0.0
     for state in watch(monitor, flight.samples(length)):
         largest = max([largest, *(c.evidence for c in state.channels)])
     return {
-        'case': key,
         'robot': robot,
         'length': length,
         'alarms': monitor.state.alarms,
@@ -133,7 +78,7 @@ def _processor_time(flight: Flight) -> float:
     return time.process_time() - start
 
 
-def faulty(key: str, robot: str, seed: int, name: str, size: float) -> Line:
+def faulty(robot: str, seed: int, name: str, size: float) -> Record:
     """One flight with a fault: when it was raised, what spoke first, when it was cleared [s]."""
     flight = in_flight(name, size, Flight(robot=robot, seed=seed, onset=ONSET, end=END))
     raised, early, cleared, first = None, 0, None, ''
@@ -145,7 +90,6 @@ def faulty(key: str, robot: str, seed: int, name: str, size: float) -> Line:
         if raised is not None and cleared is None and not is_raised and now > END:
             cleared = now - END
     return {
-        'case': key,
         'robot': robot,
         'fault': name,
         'size': size,
@@ -156,58 +100,119 @@ def faulty(key: str, robot: str, seed: int, name: str, size: float) -> Line:
     }
 
 
-def score_monitor(lines: Sequence[Line]) -> MonitorScores:
-    """All scores of finished flights."""
-    quiet: dict[str, list[Line]] = {}
-    loud: dict[tuple[str, str, float], list[Line]] = {}
-    for line in lines:
-        if 'fault' in line:
-            loud.setdefault((line['robot'], line['fault'], line['size']), []).append(line)
+def results(records: Sequence[Record]) -> Results:
+    """As `monitor`, by robot what its flights without a fault came to, and of each fault."""
+    quiet: dict[str, list[Record]] = {}
+    loud: dict[tuple[str, str, float], list[Record]] = {}
+    for record in records:
+        if 'fault' in record:
+            of = record['robot'], record['fault'], record['size']
+            loud.setdefault(of, []).append(record)
         else:
-            quiet.setdefault(line['robot'], []).append(line)
-    return MonitorScores(
-        nominal={robot: _nominal_score(own) for robot, own in quiet.items()},
-        faults={key: _fault_score(own) for key, own in loud.items()},
-    )
+            quiet.setdefault(record['robot'], []).append(record)
+    nominal = {robot: _nominal_score(own) for robot, own in quiet.items()}
+    faults = [
+        {
+            'robot': robot,
+            'fault': name,
+            'size': size,
+            'unit': FAULTS[name].unit,
+            **_fault_score(own),
+        }
+        for (robot, name, size), own in loud.items()
+    ]
+    return {'monitor': {'nominal': nominal, 'faults': faults}}
 
 
-def _nominal_score(lines: Sequence[Line]) -> Line:
+def _nominal_score(flights: Sequence[Record]) -> Record:
     return {
-        'flights': len(lines),
-        'hours': sum(x['length'] for x in lines) / 3600.0,
-        'alarms': sum(x['alarms'] for x in lines),
-        'first': sorted({x['first'] for x in lines if x['first']}),
-        'largest_evidence': max(x['largest_evidence'] for x in lines),
-        'share_of_a_core': float(np.median([x['share_of_a_core'] for x in lines])),
+        'flights': len(flights),
+        'hours': sum(x['length'] for x in flights) / 3600.0,
+        'alarms': sum(x['alarms'] for x in flights),
+        'first': _first(flights),
+        'largest_evidence': max(x['largest_evidence'] for x in flights),
+        'share_of_a_core': float(np.median([x['share_of_a_core'] for x in flights])),
     }
 
 
-def _fault_score(lines: Sequence[Line]) -> Line:
+def _fault_score(flights: Sequence[Record]) -> Record:
     """Delays are medians, infinite where most flights have none."""
     return {
-        'flights': len(lines),
-        'raised': sum(x['raised'] is not None for x in lines),
-        'early': sum(x['early'] for x in lines),
-        'delay': _median(lines, 'raised'),
-        'cleared': _median(lines, 'cleared'),
-        'first': sorted({x['first'] for x in lines if x['first']}),
+        'flights': len(flights),
+        'raised': sum(x['raised'] is not None for x in flights),
+        'early': sum(x['early'] for x in flights),
+        'delay': _median(flights, 'raised'),
+        'cleared': _median(flights, 'cleared'),
+        'first': _first(flights),
     }
 
 
-def _median(lines: Sequence[Line], name: str) -> float:
-    return float(np.median([math.inf if x[name] is None else x[name] for x in lines]))
+def _first(flights: Sequence[Record]) -> list[str]:
+    return sorted({x['first'] for x in flights if x['first']})
 
 
-def monitor_checks(s: MonitorScores) -> list[Check]:
-    """The figures to reach."""
+def _median(flights: Sequence[Record], name: str) -> float:
+    return float(np.median([math.inf if x[name] is None else x[name] for x in flights]))
+
+
+def judge(results: Results) -> list[Check]:
+    """No alarm without a fault, and none late of the largest."""
+    nominal, faults = results['monitor']['nominal'], results['monitor']['faults']
     out = [
         Check(f'alarms in {own["hours"]:.3g} h of nominal flight, {robot}', own['alarms'], 0, 0)
-        for robot, own in s.nominal.items()
+        for robot, own in nominal.items()
     ]
-    early = sum(own['early'] for own in s.faults.values())
-    out.append(Check('alarms before a fault', early, 0, 0))
-    for (robot, name, size), own in s.faults.items():
-        if size == FAULTS[name].sizes[-1]:
-            what = f'delay of the alarm, {name} of {size:g} {FAULTS[name].unit}, {robot}'
-            out.append(Check(what, own['delay'], 0.0, _WITHIN, 's'))
+    out.append(Check('alarms before a fault', sum(own['early'] for own in faults), 0, 0))
+    out += [
+        Check(
+            'delay of the alarm, {fault} of {size:g} {unit}, {robot}'.format(**own),
+            own['delay'],
+            0.0,
+            _WITHIN,
+            's',
+        )
+        for own in faults
+        if own['size'] == FAULTS[own['fault']].sizes[-1]
+    ]
     return out
+
+
+def tables(results: Results) -> list[Table]:
+    """Nominal flight, and faults."""
+    nominal, faults = results['monitor']['nominal'], results['monitor']['faults']
+    return [
+        table_of(
+            'Nominal flight',
+            'evidence over threshold: an alarm is raised at 1',
+            [
+                {'robot': robot, **own, 'percent': 100.0 * own['share_of_a_core']}
+                for robot, own in nominal.items()
+            ],
+            ('robot', '{robot}'),
+            ('flights', '{flights}'),
+            ('hours', '{hours:.3g}'),
+            ('alarms', '{alarms}'),
+            ('largest evidence', '{largest_evidence:.2f}'),
+            ('share of a core [%]', '{percent:.0f}'),
+        ),
+        table_of(
+            'Faults',
+            'medians, from onset and end of the fault, by the time of the data',
+            [
+                {**own, 'name': own['fault'].replace('_', ' '), 'spoke': ', '.join(own['first'])}
+                for own in faults
+            ],
+            ('robot', '{robot}'),
+            ('fault', '{name}'),
+            ('size', '{size:g} {unit}'),
+            ('raised', '{raised} of {flights}'),
+            ('delay [s]', '{delay:.0f}'),
+            ('ended after [s]', '{cleared:.0f}'),
+            ('spoke first', '{spoke}'),
+        ),
+    ]
+
+
+def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
+    """None."""
+    return []

@@ -15,40 +15,30 @@ from ..identification.cramer_rao import SensorPlan
 from ..model.settings import SensorSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 
-_JOINT_POSITION, _JOINT_VELOCITY, _GYRO, _ATTITUDE = (
-    1e-4,
-    1e-3,
-    1e-4,
-    1e-4,
-)  # rad, rad/s, rad/s, rad
+NOMINAL = {
+    'joint_position_std': 1e-4,  # rad
+    'joint_velocity_std': 1e-3,  # rad/s
+    'gyro_std': 1e-4,  # rad/s
+    'attitude_std': 1e-4,  # rad
+}
 SCALES = (1.0, 0.1)
 
 
 def noise_of(scale: float) -> SensorSettings:
     """The nominal noise times a factor."""
-    return SensorSettings(
-        joint_position_std=scale * _JOINT_POSITION,
-        joint_velocity_std=scale * _JOINT_VELOCITY,
-        gyro_std=scale * _GYRO,
-        attitude_std=scale * _ATTITUDE,
-    )
+    return SensorSettings(**{name: scale * std for name, std in NOMINAL.items()})
 
 
-def plan_of(motion: Kinematics, scale: float) -> SensorPlan:
-    """All sensors at the motion's own times, for the Cramer-Rao bound."""
-    noise, times = noise_of(scale), motion.time
-    return SensorPlan(
-        times,
-        times,
-        times,
-        noise.joint_position_std,
-        noise.joint_velocity_std,
-        noise.gyro_std,
-        noise.attitude_std,
-    )
+def plan_of(motion: Kinematics, scale: float, attitude_every: int = 1) -> SensorPlan:
+    """All sensors at the motion's own times, for the Cramer-Rao bound; see `noisy_record`."""
+    times = motion.time
+    stds = {name: scale * std for name, std in NOMINAL.items()}
+    return SensorPlan(times, times, times[::attitude_every], **stds)
 
 
-def noisy_record(joints: tuple[str, ...], motion: Kinematics, scale: float, seed: int) -> Record:
+def noisy_record(
+    joints: tuple[str, ...], motion: Kinematics, scale: float, seed: int, attitude_every: int = 1
+) -> Record:
     """The motion as the sensors see it.
 
     Args:
@@ -56,18 +46,20 @@ def noisy_record(joints: tuple[str, ...], motion: Kinematics, scale: float, seed
         motion: Noise-free samples.
         scale: Factor on the nominal noise.
         seed: Of the noise.
+        attitude_every: Samples from one attitude to the next.
     """
     rng = np.random.default_rng(seed)
-    shape = motion.q.shape
     stamps = np.round(motion.time * 1e9).astype(np.int64)
-    q = motion.q + scale * _JOINT_POSITION * rng.standard_normal(shape)
-    qd = motion.qd + scale * _JOINT_VELOCITY * rng.standard_normal(shape)
-    omega = motion.omega + scale * _GYRO * rng.standard_normal(motion.omega.shape)
-    turns = Rotation.from_rotvec(scale * _ATTITUDE * rng.standard_normal(motion.omega.shape))
-    attitude = (motion.rotation * turns).as_quat()
+    q, qd, omega, turn = (
+        scale * std * rng.standard_normal(like.shape)
+        for std, like in zip(
+            NOMINAL.values(), (motion.q, motion.qd, motion.omega, motion.omega), strict=True
+        )
+    )
+    attitude = (motion.rotation * Rotation.from_rotvec(turn)).as_quat()
     return Record(
-        JointSeries(joints, stamps, q, qd),
-        RateSeries(stamps, omega),
-        AttitudeSeries(stamps, attitude),
+        JointSeries(joints, stamps, motion.q + q, motion.qd + qd),
+        RateSeries(stamps, motion.omega + omega),
+        AttitudeSeries(stamps[::attitude_every], attitude[::attitude_every]),
         source=f'noise scale {scale:g}, seed {seed}',
     )

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 QUANTILE = 1.959964
 """Of two-sided 95 % intervals of a normal variable."""
 
 
-class Share(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Share:
     """Hits among trials.
 
     Args:
@@ -38,6 +40,12 @@ class Share(NamedTuple):
         middle = (self.hits + 0.5 * z2) / (n + z2)
         half = math.sqrt(z2 * (self.hits * (n - self.hits) / n + 0.25 * z2)) / (n + z2)
         return max(middle - half, 0.0), min(middle + half, 1.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """As in a campaign's JSON."""
+        low, high = self.interval
+        counts = {'hits': self.hits, 'total': self.total}
+        return {**counts, 'value': self.value, 'low': low, 'high': high}
 
     def __str__(self) -> str:
         """The share with its interval: `0.95 (0.90 to 0.98) of 120`."""

@@ -8,7 +8,7 @@ perfect on the paper's plant and fails on the correct one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -20,6 +20,7 @@ from ..dynamics.state import State
 from ..errors import IdentificationError
 from ..identification.estimate import Estimate
 from ..types import Array
+from . import paper
 from .scenario import Scenario, continuous_torque, scenario
 
 PLANTS = ('correct', 'paper')
@@ -33,43 +34,15 @@ _DURATION = 20.0
 _FINE, _COARSE = 0.02, 0.05  # s; the coarse one is right to 1e-4 deg
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackingRun:
-    """One closed-loop run.
-
-    Args:
-        axes: Joint axes. plant: One of `PLANTS`.
-        law: One of `LAWS`, or a name for where its model comes from.
-        bandwidth: Double pole of the error dynamics [rad/s].
-        time: (N,) [s].
-        joint_error: (N, 3) reference minus joint position [rad].
-        end_effector_error: (N,) distance in the base frame [m].
-        torque: (N, 3) [N m].
-        omega_WB_B: (N, 3) body rate [rad/s].
-    """
-
-    axes: str
-    plant: str
-    law: str
-    bandwidth: float
-    time: Array
-    joint_error: Array
-    end_effector_error: Array
-    torque: Array
-    omega_WB_B: Array
-
-    @property
-    def max_joint_error_deg(self) -> float:
-        """Largest error of any joint at any time [deg]."""
-        return float(np.rad2deg(np.max(np.abs(self.joint_error))))
-
-    @property
-    def max_end_effector_error(self) -> float:
-        """Largest distance of the end effector from its reference, in the base frame [m]."""
-        return float(np.max(self.end_effector_error))
+Run = dict[str, Any]
+"""A closed-loop run: `axes`, `plant`, `law` (or where its model comes from), `bandwidth` (double
+pole of the error dynamics [rad/s]); largest error of any joint `max_joint_error_deg` and of the
+end effector in the base frame `max_end_effector_error_m`; the `reference` of both; as `history`
+time (N,) [s], joint_error (N, 3) [rad], end_effector_error (N,) [m], torque (N, 3) [N m] and
+omega_WB_B (N, 3) [rad/s]."""
 
 
-def track(axes: str, plant: str, law: str, bandwidth: float) -> TrackingRun:
+def track(axes: str, plant: str, law: str, bandwidth: float) -> Run:
     """Follow Table II's motion with a law that knows the robot's parameters.
 
     Args:
@@ -87,7 +60,7 @@ def track(axes: str, plant: str, law: str, bandwidth: float) -> TrackingRun:
 
 def track_identified(
     axes: str, name: str, estimate: Estimate, bandwidth: float = 1.0
-) -> TrackingRun | None:
+) -> Run | None:
     """The corrected law with identified parameters, correct plant; None where unusable."""
     case = scenario(axes)
     model = estimated_model(case.believed, 'symmetric', estimate)
@@ -97,16 +70,12 @@ def track_identified(
         return None
 
 
-def soft_bandwidth(axes: str, plant: str, error_deg: float) -> TrackingRun:
+def soft_bandwidth(axes: str, plant: str, error_deg: float) -> Run:
     """The run without the wheels' knowledge that errs by so much: how soft must the gains be?"""
 
     def excess(logarithm: float) -> float:
-        return float(
-            np.log(
-                track(axes, plant, 'no_aam', float(np.exp(logarithm))).max_joint_error_deg
-                / error_deg
-            )
-        )
+        run = track(axes, plant, 'no_aam', float(np.exp(logarithm)))
+        return float(np.log(run['max_joint_error_deg'] / error_deg))
 
     found = brentq(excess, np.log(0.2), np.log(1.0), xtol=3e-3)
     return track(axes, plant, 'no_aam', float(np.exp(found)))
@@ -114,7 +83,7 @@ def soft_bandwidth(axes: str, plant: str, error_deg: float) -> TrackingRun:
 
 def _simulate(
     case: Scenario, plant: str, law: str, model: Model, bandwidth: float, step: float
-) -> TrackingRun:
+) -> Run:
     dynamics = Dynamics(case.robot, joint_reaction=plant == 'correct')
     torque = continuous_torque(case, ComputedTorque(model, bandwidth, np.full(3, np.inf)))
     times = np.array([step * k for k in range(round(_DURATION / step) + 1)])
@@ -125,17 +94,29 @@ def _simulate(
         x[3:7] /= np.linalg.norm(x[3:7])
         states.append(x)
     wanted = np.array([case.reference.at(float(t)).q for t in times])
-    return TrackingRun(
-        case.axes,
-        plant,
-        law,
-        bandwidth,
-        times,
-        wanted - np.array(states)[:, 7:10],
-        np.array([_miss(dynamics, y, q) for y, q in zip(states, wanted, strict=True)]),
-        np.array([torque(float(t), y) for t, y in zip(times, states, strict=True)]),
-        np.array(states)[:, 13:16],
-    )
+    error = wanted - np.array(states)[:, 7:10]
+    miss = np.array([_miss(dynamics, y, q) for y, q in zip(states, wanted, strict=True)])
+    degrees = float(np.rad2deg(np.max(np.abs(error))))
+    reference = paper.TRACKING_REFERENCE.get((case.axes, plant, law, bandwidth))
+    return {
+        'axes': case.axes,
+        'plant': plant,
+        'law': law,
+        'bandwidth': bandwidth,
+        **_named((degrees, float(np.max(miss)))),
+        'reference': reference and _named(reference),
+        'history': {
+            'time': times,
+            'joint_error': error,
+            'end_effector_error': miss,
+            'torque': [torque(float(t), y) for t, y in zip(times, states, strict=True)],
+            'omega_WB_B': np.array(states)[:, 13:16],
+        },
+    }
+
+
+def _named(errors: tuple[float, float]) -> dict[str, float]:
+    return dict(zip(('max_joint_error_deg', 'max_end_effector_error_m'), errors, strict=True))
 
 
 def _miss(dynamics: Dynamics, x: Array, wanted: Array) -> float:

@@ -16,7 +16,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..display import Panel
+from ..display import Matrix, Panel
 from ..types import Array, IntArray
 
 COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
@@ -55,11 +55,8 @@ def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float =
         An `<svg>` element that scales to the width of its container.
     """
     with mpl.rc_context(_RC):
-        buffer = io.StringIO()
-        _figure(panels, abscissa, height).savefig(
-            buffer, format='svg', metadata={'Date': None, 'Creator': None}
-        )
-    return _inline(buffer.getvalue(), ', '.join(panel.title for panel in panels))
+        figure = _figure(panels, abscissa, height)
+        return _svg(figure, ', '.join(panel.title for panel in panels))
 
 
 def bars(
@@ -88,23 +85,19 @@ def bars(
         ax.invert_yaxis()
         ax.grid(visible=False, axis='y')
         ax.set_xlabel(abscissa)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
-    return _inline(buffer.getvalue(), abscissa)
+        return _svg(figure, abscissa)
 
 
-def matrix(rows: Sequence[str], columns: Sequence[str], counts: Array, *, abscissa: str) -> str:
+def matrix(content: Matrix) -> str:
     """Counts as a shaded matrix, each row by its own sum; empty cells stay blank.
 
     Args:
-        rows: Labels from top to bottom.
-        columns: Labels from left to right.
-        counts: (rows, columns).
-        abscissa: What the columns are.
+        content: Labels and counts.
 
     Returns:
         An `<svg>` element that scales to the width of its container.
     """
+    rows, columns, counts = content.rows, content.columns, content.counts
     with mpl.rc_context(_RC):
         size = 2.5 + 0.24 * len(columns), 2.2 + 0.2 * len(rows)
         figure = Figure(figsize=size, layout='constrained')
@@ -116,10 +109,8 @@ def matrix(rows: Sequence[str], columns: Sequence[str], counts: Array, *, abscis
         ax.set_xticks(np.arange(len(columns)), columns, rotation=90, fontsize=8)
         ax.set_yticks(np.arange(len(rows)), rows, fontsize=8)
         ax.grid(visible=False)
-        ax.set_xlabel(abscissa)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
-    return _inline(buffer.getvalue(), abscissa)
+        ax.set_xlabel(content.abscissa)
+        return _svg(figure, content.abscissa)
 
 
 def _figure(panels: Sequence[Panel], abscissa: str, height: float) -> Figure:
@@ -187,8 +178,11 @@ def _extremes(stretch: IntArray, values: Array) -> tuple[int, int]:
     return int(stretch[np.nanargmin(values)]), int(stretch[np.nanargmax(values)])
 
 
-def _inline(svg: str, label: str) -> str:
+def _svg(figure: Figure, label: str) -> str:
     """The bare element: no prolog, width of its container, no identifier that nothing uses."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
+    svg = buffer.getvalue()
     svg = svg[svg.index('<svg') :].strip()
     svg = re.sub(r'<metadata>.*?</metadata>\s*', '', svg, flags=re.DOTALL)
     svg = re.sub(r'<svg ', f'<svg role="img" aria-label="{html.escape(label)}" ', svg, count=1)

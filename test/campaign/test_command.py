@@ -7,36 +7,37 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from spacerobot_ros.campaign.monte_carlo import METHODS, noisy_run
+from spacerobot_ros.campaign import wheel_momentum
+from spacerobot_ros.campaign.description import key
+from spacerobot_ros.campaign.estimators import METHODS, noisy_run
 from spacerobot_ros.campaign.scenario import scenario
-from spacerobot_ros.campaign.wheel_momentum import Options
-from spacerobot_ros.cli import reproduce
 from spacerobot_ros.cli.main import main
 
-SMALL = Options(
-    runs=2,
-    axes=('zyx',),
-    further_axes=(),
-    structures=('symmetric',),
-    starts=('moving',),
-    bandwidths=(1.0,),
-    noisy_axes=('zyx',),
-    soft=(),
-)
+TRACKED = [key('track', 'zyx', *law, 1.0) for law in wheel_momentum.PLANTS_AND_LAWS]
+SMALL = [
+    *(key('noisy', 'zyx', scale, seed) for scale in (1.0, 0.1) for seed in range(2)),
+    key('noise_free', 'zyx', 'moving', ['symmetric']),
+    *TRACKED,
+    *(key('bound', 'zyx', scale) for scale in (1.0, 0.1)),
+]
+COMMAND = ['reproduce', 'wheel-momentum', '--jobs', '1', '--out']
 
 
 @pytest.fixture(scope='module')
 def outcome(tmp_path_factory):
-    """Exit status, standard output and folder of a small run."""
-    folder = tmp_path_factory.mktemp('reproduce')
+    """Exit status, standard output, folder and records of a small run."""
+    folder, kept, results = tmp_path_factory.mktemp('reproduce'), [], wheel_momentum.results
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as out:
-        patch.setattr(reproduce, '_options', lambda _: SMALL)
-        status = main(['reproduce', 'wheel-momentum', '--json', '--out', str(folder)])
-    return status, out.getvalue(), folder
+        patch.setattr(wheel_momentum, 'trials', lambda *_: SMALL)
+        patch.setattr(
+            wheel_momentum, 'results', lambda records: kept.extend(records) or results(records)
+        )
+        status = main([*COMMAND, str(folder), '--json'])
+    return status, out.getvalue(), folder, kept
 
 
 def test_every_figure_is_reached(outcome):
-    status, text, _ = outcome
+    status, text, *_ = outcome
     data = json.loads(text)
     assert [check for check in data['checks'] if not check['is_met']] == []
     assert status == 0
@@ -71,7 +72,7 @@ def test_tracking_with_least_squares_is_worse_than_without_any_estimate(outcome)
 
 
 def test_files_are_written(outcome):
-    _, text, folder = outcome
+    _, text, folder, _ = outcome
     page = (folder / 'report.html').read_text()
     assert page.count('<svg') == 4
     assert 'Fig. 7' in page
@@ -79,18 +80,9 @@ def test_files_are_written(outcome):
 
 
 def test_tables_for_people(tmp_path, capsys, monkeypatch):
-    few = Options(
-        runs=2,
-        axes=('zyx',),
-        further_axes=(),
-        structures=('symmetric',),
-        starts=('moving',),
-        bandwidths=(1.0,),
-        noisy_axes=(),
-        soft=(('xyy', 'paper'),),
-    )
-    monkeypatch.setattr(reproduce, '_options', lambda _: few)
-    assert main(['reproduce', 'wheel-momentum', '--out', str(tmp_path)]) == 0
+    few = [*TRACKED, key('soft', 'xyy', 'paper', 8.0)]
+    monkeypatch.setattr(wheel_momentum, 'trials', lambda *_: few)
+    assert main([*COMMAND, str(tmp_path)]) == 0
     text = capsys.readouterr().out
     assert 'joint [deg]' in text
     assert 'no AAM (37)' in text
@@ -100,10 +92,15 @@ def test_tables_for_people(tmp_path, capsys, monkeypatch):
 
 def test_a_folder_that_can_not_be_written(tmp_path, capsys, monkeypatch):
     (tmp_path / 'file').write_text('')
-    tiny = Options(axes=(), further_axes=(), starts=(), bandwidths=(), noisy_axes=(), soft=())
-    monkeypatch.setattr(reproduce, '_options', lambda _: tiny)
-    assert main(['reproduce', 'wheel-momentum', '--out', str(tmp_path / 'file' / 'out')]) == 2
+    monkeypatch.setattr(wheel_momentum, 'trials', lambda *_: [])
+    assert main([*COMMAND, str(tmp_path / 'file' / 'out')]) == 2
     assert 'can not be written' in capsys.readouterr().err
+
+
+def test_every_trial_once_and_less_when_quick():
+    every, quick = wheel_momentum.trials(3, False), wheel_momentum.trials(3, True)
+    assert len(set(every)) == len(every)
+    assert set(quick) < set(every)
 
 
 @pytest.mark.parametrize('arguments', [['nothing'], ['wheel-momentum', '--runs', '1']])
@@ -114,8 +111,9 @@ def test_usage(arguments, capsys):
     assert 'error:' in capsys.readouterr().err
 
 
-def test_the_same_seed_gives_the_same_estimates():
+def test_the_same_seed_gives_the_same_estimates(outcome):
     case = scenario('zyx')
-    first, second = (noisy_run('zyx', 1.0, 3).solutions for _ in range(2))
-    assert all((first[m] == second[m]).all() for m in METHODS)
+    first = next(r['solutions'] for r in outcome[3] if r['case'] == key('noisy', 'zyx', 1.0, 1))
+    second = noisy_run('zyx', 1.0, 1)['solutions']
+    assert all(first[m] == second[m].tolist() for m in METHODS)
     assert len(first['ml']) == 3 + len(case.minimal)

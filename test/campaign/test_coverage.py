@@ -6,26 +6,24 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign import coverage
-from spacerobot_ros.campaign.linear_system import true_solution
-from spacerobot_ros.campaign.scenario import scenario
-from spacerobot_ros.cli import reproduce
+from spacerobot_ros.campaign.description import COVERAGE
+from spacerobot_ros.campaign.estimators import true_values
+from spacerobot_ros.campaign.runner import finish
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.errors import RecordingError
 
 
 def made_up(axes, seed):
     """Errors of known spread: the truth plus unit noise times a tenth, as stated."""
-    case = scenario(axes)
-    truth = true_solution(case.robot, case.minimal)
+    truth = true_values(axes)
     value = truth + 0.1 * np.random.default_rng(seed).standard_normal(len(truth))
     one = {'value': value.tolist(), 'std': [0.1] * len(truth), 'chi2_per_dof': 1.0, 'valid': True}
     return {'seed': seed, 'axes': axes, 'methods': dict.fromkeys(coverage.METHODS, one)}
 
 
-def test_a_few_runs_are_covered(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(reproduce, '_workers', lambda _: 1)
+def test_a_few_runs_are_covered(tmp_path, capsys):
     command = ['reproduce', 'wheel-momentum', '--campaign', 'coverage', '--out', str(tmp_path)]
-    status = main([*command, '--runs', '4', '--json'])
+    status = main([*command, '--runs', '4', '--jobs', '1', '--json'])
     data = json.loads(capsys.readouterr().out)
     assert [check for check in data['checks'] if not check['is_met']] == []
     assert status == 0
@@ -33,35 +31,40 @@ def test_a_few_runs_are_covered(tmp_path, capsys, monkeypatch):
     assert 'Coverage campaign' in (tmp_path / 'report.html').read_text(encoding='utf-8')
 
 
-def test_goes_on_where_it_stopped(tmp_path, monkeypatch):
+def test_goes_on_where_an_older_file_stopped(tmp_path, monkeypatch):
     calls = []
 
-    def run(axes, seed):
+    def run(key):
+        _, axes, seed = json.loads(key)
         calls.append(seed)
         return made_up(axes, seed)
 
-    monkeypatch.setattr(coverage, 'coverage_run', run)
-    coverage.run_campaign(tmp_path, 3, 1, lambda: None)
-    runs = coverage.run_campaign(tmp_path, 50, 1, lambda: None)
-    assert calls == list(range(50))
+    monkeypatch.setattr(coverage, 'run', run)
+    old = [made_up(coverage.AXES[seed % 2], seed) for seed in range(3)]
+    text = ''.join(json.dumps(record) + '\n' for record in old)  # without keys
+    (tmp_path / COVERAGE.file).write_text(text, encoding='utf-8')
+    runs = finish(COVERAGE, coverage.trials(50, False), tmp_path)
+    assert calls == list(range(3, 50))
     assert [r['seed'] for r in runs] == list(range(50))
-    assert len(coverage.run_campaign(tmp_path, 10, 1, lambda: None)) == 10
-    assert len(calls) == 50
+    assert len(finish(COVERAGE, coverage.trials(10, False), tmp_path)) == 10
+    assert len(calls) == 47
 
 
 def test_figures_of_errors_that_are_as_stated():
     runs = [made_up(coverage.AXES[seed % 2], seed) for seed in range(400)]
-    for score in coverage.score_campaign(runs):
+    scores = coverage.results(runs)['coverage']
+    assert len(scores) == 2 * len(coverage.METHODS)
+    for score in scores:
         # 200 runs of 22 independent numbers: 0.003
-        np.testing.assert_allclose(np.mean(score.covered), 0.95, rtol=0, atol=0.015)
-        assert np.sqrt(np.mean(score.bias**2)) < 0.1
-        assert score.valid == 1.0
+        np.testing.assert_allclose(np.mean(score['covered']), 0.95, rtol=0, atol=0.015)
+        assert np.sqrt(np.mean(score['bias'] ** 2)) < 0.1
+        assert score['valid'] == 1.0
 
 
 def test_foreign_file_is_refused(tmp_path):
-    (tmp_path / coverage.FILE).write_text('{"seed": 1}\n', encoding='utf-8')
-    with pytest.raises(RecordingError, match='is no run of a campaign'):
-        coverage.run_campaign(tmp_path, 2, 1, lambda: None)
+    (tmp_path / COVERAGE.file).write_text('{"seed": 1}\n', encoding='utf-8')
+    with pytest.raises(RecordingError, match='is no case of a campaign'):
+        finish(COVERAGE, coverage.trials(2, False), tmp_path)
 
 
 def test_belongs_to_one_experiment(tmp_path, capsys):

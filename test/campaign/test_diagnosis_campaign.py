@@ -10,26 +10,18 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from spacerobot_ros.campaign.diagnosis_campaign import (
-    FILE,
-    Case,
-    Options,
-    cases,
-    run_campaign,
-    run_case,
-)
+from spacerobot_ros.campaign.description import DIAGNOSIS
+from spacerobot_ros.campaign.diagnosis_campaign import Case, run, trials
 from spacerobot_ros.campaign.diagnosis_draw import drawn
 from spacerobot_ros.campaign.diagnosis_equivalents import EQUIVALENTS, is_equivalent
 from spacerobot_ros.campaign.diagnosis_judge import outcome
 from spacerobot_ros.campaign.diagnosis_limits import physical_limits
 from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
-from spacerobot_ros.campaign.diagnosis_score import campaign_checks, score
-from spacerobot_ros.campaign.resumable import read_lines
+from spacerobot_ros.campaign.diagnosis_score import score
+from spacerobot_ros.campaign.diagnosis_tables import CONFUSION, ROC
 from spacerobot_ros.campaign.shares import Share
-from spacerobot_ros.cli.reproduce_diagnosis import CONFUSION, MARKDOWN, ROC, page, to_dict
-from spacerobot_ros.cli.reproduce_report import write
+from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit, Run
@@ -81,17 +73,17 @@ def test_scores_of_cases_by_hand():
             line('left_out', [GYRO], [RIPPLE], multiple=10.0),
         ]
     )
-    assert (scores.clean_named, scores.clean_unexplained) == (Share(1, 2), Share(0, 2))
-    assert scores.top == {3.0: Share(1, 2)}
-    assert scores.confusion == {
+    assert (scores['clean_named'], scores['clean_unexplained']) == (Share(1, 2), Share(0, 2))
+    assert scores['top'] == {3.0: Share(1, 2)}
+    assert scores['confusion'] == {
         'joint_torque_ripple': {'gyro_bias': 1},
         'gyro_bias': {'gyro_bias': 1},
     }
-    assert (scores.pairs, scores.left_out_wrong) == ({10.0: Share(1, 1)}, Share(1, 1))
-    assert scores.within == Share(7, 7)  # phase and harmonic are in no proportion
-    assert scores.held_out == Share(2, 2)
-    assert scores.wall == (2.0, 2.0)
-    assert scores.found == {
+    assert (scores['pairs'], scores['left_out_wrong']) == ({10.0: Share(1, 1)}, Share(1, 1))
+    assert scores['within'] == Share(7, 7)  # phase and harmonic are in no proportion
+    assert scores['held_out'] == Share(2, 2)
+    assert scores['wall'] == (2.0, 2.0)
+    assert scores['found'] == {
         'gyro_bias': {3.0: Share(1, 1)},
         'joint_torque_ripple': {3.0: Share(0, 1)},
     }
@@ -111,20 +103,20 @@ def test_what_is_refused_counts_and_what_can_not_be_is_no_trial():
             line('left_out', [GYRO], [RIPPLE], **weak),
         ]
     )
-    assert scores.outcomes == {
-        ('clean', 0.0): {'refused': 1},
-        ('single', 3.0): {'right': 1, 'refused': 1, 'not simulated': 1, 'too weak': 1},
-        ('pair', 3.0): {'too weak': 1},
-        ('left_out', 3.0): {'too weak': 1},
+    assert scores['outcomes'] == {
+        'clean 0.0': {'refused': 1},
+        'single 3.0': {'right': 1, 'refused': 1, 'not simulated': 1, 'too weak': 1},
+        'pair 3.0': {'too weak': 1},
+        'left_out 3.0': {'too weak': 1},
     }
-    assert (scores.clean_refused, scores.top) == (Share(1, 1), {3.0: Share(1, 2)})
-    assert (scores.pairs, scores.left_out_wrong) == ({}, Share(0, 0))
-    assert scores.refused == [
+    assert (scores['clean_refused'], scores['top']) == (Share(1, 1), {3.0: Share(1, 2)})
+    assert (scores['pairs'], scores['left_out_wrong']) == ({}, Share(0, 0))
+    assert scores['refused'] == [
         ('clean', '', error['error']),
         *[('single', 'gyro_bias', error['error'])] * 2,
     ]
-    assert scores.roc['found_3'][-1] == 1.0
-    assert scores.roc['found_3'][0] == 0.5  # what is refused has no evidence
+    assert scores['roc']['found_3'][-1] == 1.0
+    assert scores['roc']['found_3'][0] == 0.5  # what is refused has no evidence
 
 
 @pytest.mark.parametrize(
@@ -142,8 +134,8 @@ def test_an_effect_out_of_the_catalogue(causes, verdict, became):
     case = line('left_out', [('torque_sensor_bias', 'joint_1')], causes, verdict, 10.0)
     assert outcome(case) == became
     scores = score([case])
-    assert scores.left_out_wrong == Share(became == 'wrong name', 1)
-    assert scores.left_out_missed == Share(became == 'consistent', 1)
+    assert scores['left_out_wrong'] == Share(became == 'wrong name', 1)
+    assert scores['left_out_missed'] == Share(became == 'consistent', 1)
 
 
 @pytest.mark.parametrize(('narrower', 'wider', 'why'), EQUIVALENTS)
@@ -158,13 +150,13 @@ def test_values_without_a_deviation_and_detuned_frequencies_are_no_hits():
     bad['causes'][0]['values'] = {'amplitude': [0.5, None], 'harmonic': [10.11, 0.1]}
     good['causes'][0]['values']['harmonic'] = [10.09, 0.1]
     scores = score([good, bad])
-    assert (scores.within, scores.without_std) == (Share(1, 2), 1)
-    assert scores.frequencies == {3.0: Share(1, 2)}
+    assert (scores['within'], scores['without_std']) == (Share(1, 2), 1)
+    assert scores['frequencies'] == {3.0: Share(1, 2)}
 
 
 def test_held_out_errors_off_the_floor_are_no_hits():
     cases = [line('single', [GYRO], [GYRO], after=a) for a in (0.94, 0.96, 1.04, 1.06)]
-    assert score(cases).held_out == Share(2, 4)
+    assert score(cases)['held_out'] == Share(2, 4)
 
 
 def test_intervals_of_shares():
@@ -186,19 +178,24 @@ def test_limits_in_physical_units():
     drag = {'effect': 'target_wheel_drag', 'where': 'link_3', 'values': {'time_constant': 500.0}}
     limits = physical_limits([bias, stronger, line('single', multiple=5.0) | {'hidden': [drag]}])
     gyro = limits['gyro_bias']
-    np.testing.assert_allclose([gyro.least, gyro.most], [5e-6, 5e-5 / 3.0], rtol=1e-12)
-    assert (gyro.unit, gyro.records, gyro.relevant) == ('rad/s', 2, 1e-5)
-    np.testing.assert_allclose(limits['target_wheel_drag'].median, 2500.0, rtol=1e-12)
+    np.testing.assert_allclose([gyro['least'], gyro['most']], [5e-6, 5e-5 / 3.0], rtol=1e-12)
+    assert (gyro['unit'], gyro['records'], gyro['relevant']) == ('rad/s', 2, 1e-5)
+    np.testing.assert_allclose(limits['target_wheel_drag']['median'], 2500.0, rtol=1e-12)
 
 
 def test_page_and_files_of_scores(tmp_path):
-    scores = score(
-        [line('clean', verdict='consistent', multiple=0.0), line('single', [GYRO], [GYRO])]
+    clean, gyro = (
+        next(k for k in trials(2, True) if name in k) for name in ('clean', 'gyro_bias')
     )
-    found = campaign_checks(scores)
-    shown, data = page(scores, found), to_dict(scores, found)
-    write(shown, found, tmp_path, data)
-    text = (tmp_path / MARKDOWN).read_text(encoding='utf-8')
+    records = {
+        clean: line('clean', verdict='consistent', multiple=0.0),
+        gyro: line('single', [GYRO], [GYRO]),
+    }
+    text = ''.join(json.dumps({**record, 'case': key}) + '\n' for key, record in records.items())
+    (tmp_path / DIAGNOSIS.file).write_text(text, encoding='utf-8')
+    command = ['reproduce', 'diagnosis', '--quick', '--runs', '2', '--minutes', '1e-9']
+    assert main([*command, '--jobs', '1', '--out', str(tmp_path)]) == 0
+    text = (tmp_path / DIAGNOSIS.markdown).read_text(encoding='utf-8')
     assert '| gyro_bias | 1.000 (0.207 to 1.000) of 1 |' in text
     for name in (ROC, CONFUSION):
         svg = ElementTree.fromstring((tmp_path / name).read_text(encoding='utf-8'))
@@ -244,27 +241,12 @@ def test_what_is_drawn_is_possible_and_seen(clean):
 
 
 def test_cases_are_the_same_every_time_and_all_different():
-    first, second = (cases(Options()) for _ in range(2))
+    first, second = (trials(300, False) for _ in range(2))
     assert first == second
-    assert len({case.key for case in first}) == len(first)
-    assert sum(case.kind == 'clean' for case in first) >= 300
-    assert {case.multiple for case in first if case.kind == 'pair'} == {3.0, 10.0}
-
-
-def test_a_campaign_goes_on_where_it_stopped(tmp_path):
-    options = Options.quick(1)
-    done = [{**line(c.kind), 'case': c.key} for c in cases(options)]
-    text = ''.join(json.dumps(entry) + '\n' for entry in done)
-    (tmp_path / FILE).write_text(text + '{"case": cut o', encoding='utf-8')
-    seen = []
-    assert len(run_campaign(tmp_path, options, lambda: seen.append(1))) == len(done) == len(seen)
-    assert (tmp_path / FILE).read_text(encoding='utf-8') == text
-
-
-def test_what_is_no_case_is_refused(tmp_path):
-    (tmp_path / FILE).write_text('{"kind": "clean"}\n', encoding='utf-8')
-    with pytest.raises(RecordingError, match=r'jsonl:1: is no case'):
-        read_lines(tmp_path / FILE)
+    assert len(set(first)) == len(first)
+    cases = [json.loads(key) for key in first]
+    assert sum(case['kind'] == 'clean' for case in cases) >= 300
+    assert {case['multiple'] for case in cases if case['kind'] == 'pair'} == {3.0, 10.0}
 
 
 def test_a_hidden_effect_is_found():
@@ -277,6 +259,6 @@ def test_a_hidden_effect_is_found():
         multiple=10.0,
         duration=10.0,
     )
-    found = run_case(case)
+    found = run(case.key)
     assert [(h['effect'], h['where']) for h in found['hidden']] == [('gyro_bias', None)]
-    assert score([found]).top == {10.0: Share(1, 1)}
+    assert score([found])['top'] == {10.0: Share(1, 1)}

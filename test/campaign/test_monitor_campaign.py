@@ -6,18 +6,10 @@ import math
 import pytest
 
 from spacerobot_ros.campaign import monitor_campaign as campaign
-from spacerobot_ros.campaign.monitor_campaign import (
-    FILE,
-    Options,
-    faulty,
-    monitor_checks,
-    nominal,
-    score_monitor,
-    tasks,
-)
+from spacerobot_ros.campaign.description import MONITOR
+from spacerobot_ros.campaign.monitor_campaign import faulty, judge, nominal, results, trials
 from spacerobot_ros.campaign.monitor_faults import FAULTS, in_flight
 from spacerobot_ros.campaign.monitor_flights import Flight
-from spacerobot_ros.cli import reproduce
 from spacerobot_ros.cli.main import main
 
 
@@ -35,14 +27,15 @@ def loud(**more):
 
 def missed(lines):
     """Names of the figures that are not reached."""
-    return [check.what for check in monitor_checks(score_monitor(lines)) if not check.is_met]
+    return [check.what for check in judge(results(lines)) if not check.is_met]
 
 
 def test_scores_of_flights_by_hand():
-    scores = score_monitor([quiet(), quiet(alarms=2, first='gyro x'), loud(), loud(raised=4.0)])
-    own = scores.nominal['servicer']
+    scores = results([quiet(), quiet(alarms=2, first='gyro x'), loud(), loud(raised=4.0)])
+    own, (fault,) = scores['monitor']['nominal']['servicer'], scores['monitor']['faults']
     assert (own['hours'], own['alarms'], own['first']) == (0.5, 2, ['gyro x'])
-    assert scores.faults['servicer', 'gyro_bias', 1e-3]['delay'] == 3.0
+    assert (fault['robot'], fault['fault'], fault['size']) == ('servicer', 'gyro_bias', 1e-3)
+    assert fault['delay'] == 3.0
 
 
 @pytest.mark.parametrize(
@@ -60,12 +53,12 @@ def test_what_goes_wrong_is_told(line, what):
 
 
 def test_a_flight_that_is_never_raised_has_no_delay():
-    scores = score_monitor([loud(raised=None, first='', cleared=None, size=1e-5)])
-    assert math.isinf(scores.faults['servicer', 'gyro_bias', 1e-5]['delay'])
+    scores = results([loud(raised=None, first='', cleared=None, size=1e-5)])
+    assert math.isinf(scores['monitor']['faults'][0]['delay'])
 
 
 def test_every_flight_once():
-    keys = [task.key for task in tasks(Options())]
+    keys = trials(4, False)
     assert len(set(keys)) == len(keys)
     assert not any('wheel_drag' in key and 'minisat' in key for key in keys)  # no such wheels
 
@@ -79,34 +72,29 @@ def test_every_fault_can_be_flown_on_its_robots(name):
 
 
 def test_a_quick_campaign_goes_on_where_it_stopped(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(reproduce, '_workers', lambda _: 1)
-    monkeypatch.setattr(campaign, 'nominal', lambda key, *_: {**quiet(), 'case': key})
+    monkeypatch.setattr(campaign, 'nominal', lambda *_: quiet())
     monkeypatch.setattr(
-        campaign,
-        'faulty',
-        lambda key, robot, seed, name, size: {**loud(fault=name, size=size), 'case': key},
+        campaign, 'faulty', lambda robot, seed, name, size: loud(fault=name, size=size)
     )
-    for function in (campaign.nominal, campaign.faulty):
-        function.__name__ = 'flown'
-    command = ['reproduce', 'monitor', '--quick', '--json', '--out', str(tmp_path)]
+    command = ['reproduce', 'monitor', '--quick', '--jobs', '1', '--json', '--out', str(tmp_path)]
     assert main(command) == 0
-    first = (tmp_path / FILE).read_text(encoding='utf-8')
+    first = (tmp_path / MONITOR.file).read_text(encoding='utf-8')
     assert main(command) == 0
-    assert (tmp_path / FILE).read_text(encoding='utf-8') == first
+    assert (tmp_path / MONITOR.file).read_text(encoding='utf-8') == first
     data = json.loads(capsys.readouterr().out.split('\n}\n')[0] + '\n}')
     assert data['monitor']['nominal']['servicer']['alarms'] == 0
     assert '| servicer | gyro bias | 0.001 rad/s | 1 of 1 | 2 | 9 | gyro x |' in (
-        tmp_path / 'monitor.md'
+        tmp_path / MONITOR.markdown
     ).read_text(encoding='utf-8')
 
 
 def test_flights_of_a_seeded_subset(monkeypatch):
     monkeypatch.setattr(campaign, '_TIMED', 2.0)
-    silent = nominal('a', 'minisat', 3, 20.0)
+    silent = nominal('minisat', 3, 20.0)
     assert (silent['alarms'], silent['first']) == (0, '')
     assert 0.0 < silent['largest_evidence'] < 1.0
     for name, value in {'ONSET': 12.0, 'END': 14.0, 'DURATION': 15.0}.items():
         monkeypatch.setattr(campaign, name, value)
-    raised = faulty('b', 'servicer', 3, 'gyro_bias', 1e-3)
+    raised = faulty('servicer', 3, 'gyro_bias', 1e-3)
     assert (raised['early'], raised['first']) == (0, 'gyro x')
     assert 0.0 <= raised['raised'] <= 2.0

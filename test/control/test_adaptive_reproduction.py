@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign import adaptive_control
-from spacerobot_ros.campaign.adaptive_checks import checks
-from spacerobot_ros.campaign.adaptive_control import Adaptation, Options, median, worst
-from spacerobot_ros.campaign.adaptive_identities import identities
+from spacerobot_ros.campaign.adaptive_judge import median, select, worst
+from spacerobot_ros.campaign.description import ADAPTIVE_CONTROL
+from spacerobot_ros.campaign.runner import finish
 from spacerobot_ros.cli.main import main
-from spacerobot_ros.cli.reproduce_adaptive import tables
 
 STEPS = 4  # control periods a run: what the command does, not how well the laws learn
 
@@ -22,18 +21,20 @@ def shortened(case):
     return replace(case, duration=STEPS * case.period)
 
 
-@pytest.fixture
-def short(monkeypatch):
+@pytest.fixture(scope='module')
+def short():
     """Every run cut short, and no timing: on a shared machine it says nothing."""
     whole = adaptive_control.run_case
-    monkeypatch.setattr(adaptive_control, 'run_case', lambda case: whole(shortened(case)))
-    monkeypatch.setattr(adaptive_control, 'cycle_time', lambda law, consistency: 10.0)
-    monkeypatch.setattr('spacerobot_ros.cli.reproduce._workers', lambda _: 1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(adaptive_control, 'run_case', lambda case: whole(shortened(case)))
+        patch.setattr(adaptive_control, 'cycle_time', lambda law, consistency: 10.0)
+        yield
 
 
 def test_the_command_writes_its_page_and_lists_what_is_missed(short, tmp_path, capsys):
     there = tmp_path / 'out'
-    status = main(['reproduce', 'adaptive-control', '--quick', '--json', '--out', str(there)])
+    command = ['reproduce', 'adaptive-control', '--quick', '--json', '--jobs', '1']
+    status = main([*command, '--out', str(there)])
     data = json.loads(capsys.readouterr().out)
     assert (there / 'report.html').stat().st_size > 0
     met = {check['what']: check['is_met'] for check in data['checks']}
@@ -48,31 +49,31 @@ def test_the_command_writes_its_page_and_lists_what_is_missed(short, tmp_path, c
 
 
 @pytest.fixture(scope='module')
-def one_diverged():
+def one_diverged(short, tmp_path_factory):
     """Results of very short runs, one of which counts as diverged."""
-    options = Options.quick(runs=1)
-    runs = {}
-    for key, case in adaptive_control.cases(options).items():
-        runs[key] = adaptive_control.run_case(shortened(case))
-    key = ('harmonic', 'iid', 0.4, 'adaptive_rls', 'none', 0)
-    runs[key] = replace(runs[key], diverged=True)
-    times = dict.fromkeys(adaptive_control.TIMED, 10.0)
-    return Adaptation(options, runs, times, identities())
+    keys = adaptive_control.trials(1, True)
+    records = finish(ADAPTIVE_CONTROL, keys, tmp_path_factory.mktemp('one'))
+    gone = ['harmonic', 'iid', 0.4, 'adaptive_rls', 'none', 0]
+    for record in records:
+        record |= {'diverged': True} if record.get('key') == gone else {}
+    return adaptive_control.results(records)
 
 
 def test_a_diverged_run_is_said_and_misses_its_figures(one_diverged):
-    found = {check.what: check for check in checks(one_diverged)}
+    found = {check.what: check for check in adaptive_control.judge(one_diverged)}
     name = 'harmonic, adaptive_rls, none, iid priors 40 %, worst of 1'
     for what in ('attitude', 'joints'):
         assert not found[f'{name}: {what}'].is_met
-    harmonic = dict(tables(one_diverged))['Harmonic tracking, element-wise priors']
+    tables = {table.title: table for table in adaptive_control.tables(one_diverged)}
+    harmonic = tables['Harmonic tracking, element-wise priors']
     row = next(row for row in harmonic.rows if row[:2] == ['adaptive_rls', 'none'])
     assert row[-3:-1] == ['diverges', 'diverges']
 
 
 def test_the_median_of_few_divergences_is_finite(one_diverged):
-    gone = one_diverged.of('harmonic', 'iid', 0.4, 'adaptive_rls')[0]
-    well = replace(gone, diverged=False)
+    gone = select(one_diverged, 'harmonic', 'iid', 0.4, 'adaptive_rls')[0]
+    well = {**gone, 'diverged': False}
     assert worst([gone, well, well]) == (np.inf, np.inf)
     # np.median averages the same numbers
-    np.testing.assert_allclose(median([gone, well, well]), well.rms_deg(), rtol=1e-12, atol=0.0)
+    expected = gone['attitude_rms_deg'], gone['joint_rms_deg']
+    np.testing.assert_allclose(median([gone, well, well]), expected, rtol=1e-12, atol=0.0)

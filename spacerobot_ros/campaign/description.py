@@ -1,0 +1,201 @@
+"""What a campaign is, and which there are: light enough for the command's help.
+
+A campaign draws trials, runs each to a plain JSON record, judges all records and shows them as
+tables and drawings. A trial is its key, a text that holds all that it depends on, its seed too:
+its record is the same in whatever order, on however many processes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from operator import itemgetter
+from typing import Any, Protocol, cast
+
+from ..display import Drawing, Table
+
+Record = dict[str, Any]
+"""Plain JSON data of one trial, its key as `case`."""
+Results = dict[str, Any]
+"""What all records come to: plain data, as in the command's JSON."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A figure to reach.
+
+    Args:
+        what: The figure.
+        value: Reached.
+        low: Smallest good value. high: Largest good value.
+        unit: Of them.
+    """
+
+    what: str
+    value: float
+    low: float
+    high: float
+    unit: str = ''
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the value is within its limits."""
+        return self.low <= self.value <= self.high
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the command's JSON."""
+        return {**asdict(self), 'is_met': self.is_met}
+
+
+class Experiment(Protocol):
+    """What a campaign's module has."""
+
+    def trials(self, runs: int, is_quick: bool) -> list[str]:
+        """Keys of all trials; the longest first keeps all processes busy to the end."""
+
+    def run(self, key: str) -> Record:
+        """The record of a trial, without its key."""
+
+    def results(self, records: Sequence[Record]) -> Results:
+        """What the finished trials come to; not all need be there."""
+
+    def judge(self, results: Results) -> list[Check]:
+        """The figures to reach that could be computed."""
+
+    def tables(self, results: Results) -> list[Table]:
+        """What is shown, in order."""
+
+    def drawings(self, records: Sequence[Record], results: Results) -> list[Drawing]:
+        """What is drawn, in order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Campaign:
+    """A campaign.
+
+    Args:
+        name: Of the sub-command, or of the campaign in it.
+        help: What it does.
+        module: Of this folder: an `Experiment`.
+        title: Of the page. subtitle: One line below it.
+        runs: Number of runs; what it means, the help of `--runs` says. quick_runs: With `--quick`.
+        headlines: Pattern of the figures that the page shows first.
+        file: Where records are kept, to go on where it stopped; empty: not kept.
+        markdown: File with all tables beside the page; empty: none.
+        alone: Beginnings of keys that are run before other processes compete.
+        key_of: The key of a record that was kept.
+    """
+
+    name: str
+    help: str
+    module: str
+    title: str
+    subtitle: str
+    runs: int
+    quick_runs: int
+    headlines: str = ''
+    file: str = ''
+    markdown: str = ''
+    alone: tuple[str, ...] = ()
+    key_of: Callable[[Record], str] = itemgetter('case')
+
+    def load(self) -> Experiment:
+        """The campaign's functions; imports what is heavy."""
+        return cast(Experiment, import_module(f'.{self.module}', __package__))
+
+
+def key(*parts: Any) -> str:
+    """The key of a trial from its parts, plain JSON values."""
+    return json.dumps(parts)
+
+
+def kinds(records: Sequence[Record]) -> dict[str, list[Record]]:
+    """Records by the first part of their key."""
+    out: dict[str, list[Record]] = {}
+    for record in records:
+        out.setdefault(json.loads(record['case'])[0], []).append(record)
+    return out
+
+
+def without(record: Record, *names: str) -> Record:
+    """A record without some of its entries."""
+    return {name: value for name, value in record.items() if name not in names}
+
+
+def _coverage_key(record: Record) -> str:
+    return key('coverage', record['axes'], record['seed']) if record['methods'] else ''
+
+
+WHEEL_MOMENTUM = Campaign(
+    name='wheel-momentum',
+    help="""\
+momentum-based identification of the captured wheels (docs/reproduction.md):
+minimal sets, condition numbers, Table III without and with noise, estimators against the
+Cramer-Rao bound, tracking with and without knowledge of the wheels (Figs 4-7), on the correct
+plant and on the one that the paper's equations describe""",
+    module='wheel_momentum',
+    title='Wheel-momentum identification, reproduced',
+    subtitle='Robot of Table I, motion of Table II; seeded, joint axes named by their letters',
+    runs=10,
+    quick_runs=2,
+    headlines='^condition.*symmetric moving|zyx, no_aam, correct',
+)
+COVERAGE = Campaign(
+    name='coverage',
+    help='wheel-momentum: do 95 % intervals hold in many runs?',
+    module='coverage',
+    title='Coverage of the stated standard deviations',
+    subtitle='Seeded noisy records of the motion of Table II, wrong inertial parameters',
+    runs=200,
+    quick_runs=12,
+    headlines='covered',
+    file='coverage.jsonl',
+    key_of=_coverage_key,
+)
+ADAPTIVE_CONTROL = Campaign(
+    name='adaptive-control',
+    help="""\
+adaptive control of base attitude and joints (docs/adaptive.md), on a robot of
+our own, since the paper's is not published: set-points with wrong parameters, Lambda sweep,
+harmonic tracking with all laws, inertia histories, noise, sampling limit, time of a cycle""",
+    module='adaptive_control',
+    title='Adaptive control of a mini space robot, reproduced',
+    subtitle="Our own robot (config/minisat.yaml): the paper's Table 1 is not published as text; "
+    'seeded',
+    runs=6,
+    quick_runs=2,
+    headlines='adaptive_rls.*worst of|^(noise|cycle|Lyapunov)',
+    alone=('["cycle"',),
+)
+DIAGNOSIS = Campaign(
+    name='diagnosis',
+    help="""\
+hidden effects found and named (docs/diagnosis.md): clean records, every effect at
+several strengths, pairs, effects taken out of the catalogue; confusion, detection, false alarms.
+A night's work; --quick takes minutes""",
+    module='diagnosis_campaign',
+    title='Diagnosis: hidden effects, found and named',
+    subtitle="Seeded records of the project's own plant",
+    runs=300,
+    quick_runs=6,
+    file='diagnosis.jsonl',
+    markdown='diagnosis.md',
+)
+MONITOR = Campaign(
+    name='monitor',
+    help="""\
+false alarms in nominal flight and delays of detection of the monitor node
+(docs/nodes/monitor.md): quarter hours without a fault, and faults of several sizes that set in""",
+    module='monitor_campaign',
+    title='Monitor: false alarms, and delays of detection',
+    subtitle='Seeded flights in closed loop, random motions, noise of the robot files',
+    runs=4,
+    quick_runs=2,
+    headlines='^alarms',
+    file='monitor.jsonl',
+    markdown='monitor.md',
+)
+EXPERIMENTS = {c.name: c for c in (WHEEL_MOMENTUM, ADAPTIVE_CONTROL, DIAGNOSIS, MONITOR)}
+"""By the name of the sub-command; coverage is a campaign of the first."""
