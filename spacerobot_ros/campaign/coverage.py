@@ -16,7 +16,7 @@ from ..display import Drawing, Table, table_of
 from ..types import Array
 from .description import Check, Record, Results, key
 from .estimators import bound_std, error_figures, estimate, rms, true_values
-from .noise import noisy_record
+from .noisy_records import noisy_record
 from .scenario import cached_motion, scenario
 from .shares import QUANTILE
 

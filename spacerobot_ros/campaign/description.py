@@ -135,7 +135,7 @@ momentum-based identification of the captured wheels (docs/reproduction.md):
 minimal sets, condition numbers, Table III without and with noise, estimators against the
 Cramer-Rao bound, tracking with and without knowledge of the wheels (Figs 4-7), on the correct
 plant and on the one that the paper's equations describe""",
-    module='wheel_momentum',
+    module='wheel_experiments',
     title='Wheel-momentum identification, reproduced',
     subtitle='Robot of Table I, motion of Table II; seeded, joint axes named by their letters',
     runs=10,

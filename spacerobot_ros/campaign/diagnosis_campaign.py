@@ -22,7 +22,7 @@ from ..errors import SpaceRobotError
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed
 from ..estimation.refit import Fit, Run
-from . import diagnosis_tables
+from . import diagnosis_campaign_tables
 from .description import Check, Record, Results
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED
@@ -213,9 +213,9 @@ def judge(results: Results) -> list[Check]:
 
 def tables(results: Results) -> list[Table]:
     """All scores."""
-    return diagnosis_tables.tables(results['diagnosis'])
+    return diagnosis_campaign_tables.tables(results['diagnosis'])
 
 
 def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
     """False alarms against detection, and who is taken for whom."""
-    return diagnosis_tables.drawings(results['diagnosis'])
+    return diagnosis_campaign_tables.drawings(results['diagnosis'])

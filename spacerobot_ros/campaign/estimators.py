@@ -27,7 +27,7 @@ from ..recording.record import Record
 from ..types import Array
 from . import paper
 from .linear_system import linear_system, relative_errors, true_solution
-from .noise import SCALES, noise_of, noisy_record, plan_of
+from .noisy_records import SCALES, noise_of, noisy_record, plan_of
 from .scenario import Scenario, cached_motion, scenario
 from .tracking import track_identified
 

@@ -7,13 +7,13 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from spacerobot_ros.campaign import wheel_momentum
+from spacerobot_ros.campaign import wheel_experiments
 from spacerobot_ros.campaign.description import key
 from spacerobot_ros.campaign.estimators import METHODS, noisy_run
 from spacerobot_ros.campaign.scenario import scenario
 from spacerobot_ros.cli.main import main
 
-TRACKED = [key('track', 'zyx', *law, 1.0) for law in wheel_momentum.PLANTS_AND_LAWS]
+TRACKED = [key('track', 'zyx', *law, 1.0) for law in wheel_experiments.PLANTS_AND_LAWS]
 SMALL = [
     *(key('noisy', 'zyx', scale, seed) for scale in (1.0, 0.1) for seed in range(2)),
     key('noise_free', 'zyx', 'moving', ['symmetric']),
@@ -26,11 +26,11 @@ COMMAND = ['reproduce', 'wheel-momentum', '--jobs', '1', '--out']
 @pytest.fixture(scope='module')
 def outcome(tmp_path_factory):
     """Exit status, standard output, folder and records of a small run."""
-    folder, kept, results = tmp_path_factory.mktemp('reproduce'), [], wheel_momentum.results
+    folder, kept, results = tmp_path_factory.mktemp('reproduce'), [], wheel_experiments.results
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as out:
-        patch.setattr(wheel_momentum, 'trials', lambda *_: SMALL)
+        patch.setattr(wheel_experiments, 'trials', lambda *_: SMALL)
         patch.setattr(
-            wheel_momentum, 'results', lambda records: kept.extend(records) or results(records)
+            wheel_experiments, 'results', lambda records: kept.extend(records) or results(records)
         )
         status = main([*COMMAND, str(folder), '--json'])
     return status, out.getvalue(), folder, kept
@@ -81,7 +81,7 @@ def test_files_are_written(outcome):
 
 def test_tables_for_people(tmp_path, capsys, monkeypatch):
     few = [*TRACKED, key('soft', 'xyy', 'paper', 8.0)]
-    monkeypatch.setattr(wheel_momentum, 'trials', lambda *_: few)
+    monkeypatch.setattr(wheel_experiments, 'trials', lambda *_: few)
     assert main([*COMMAND, str(tmp_path)]) == 0
     text = capsys.readouterr().out
     assert 'joint [deg]' in text
@@ -92,13 +92,13 @@ def test_tables_for_people(tmp_path, capsys, monkeypatch):
 
 def test_a_folder_that_can_not_be_written(tmp_path, capsys, monkeypatch):
     (tmp_path / 'file').write_text('')
-    monkeypatch.setattr(wheel_momentum, 'trials', lambda *_: [])
+    monkeypatch.setattr(wheel_experiments, 'trials', lambda *_: [])
     assert main([*COMMAND, str(tmp_path / 'file' / 'out')]) == 2
     assert 'can not be written' in capsys.readouterr().err
 
 
 def test_every_trial_once_and_less_when_quick():
-    every, quick = wheel_momentum.trials(3, False), wheel_momentum.trials(3, True)
+    every, quick = wheel_experiments.trials(3, False), wheel_experiments.trials(3, True)
     assert len(set(every)) == len(every)
     assert set(quick) < set(every)
 

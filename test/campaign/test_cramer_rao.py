@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 from support.models import H_BASE, H_TARGET, random_tree, robot_of
 
-from spacerobot_ros.campaign.noise import plan_of
+from spacerobot_ros.campaign.noisy_records import plan_of
 from spacerobot_ros.campaign.scenario import cached_motion, scenario
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import ConfigurationError, IdentificationError

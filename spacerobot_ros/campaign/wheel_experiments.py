@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..display import Drawing, Table
-from . import paper, wheel_momentum_tables
+from . import paper, wheel_tables
 from .description import Check, Record, Results, key, kinds, without
 from .estimators import bound_std, noisy_run, score, true_values
 from .linear_system import noise_free, relative_errors
-from .noise import SCALES
+from .noisy_records import SCALES
 from .scenario import STARTS
 from .tracking import soft_bandwidth, track
 
@@ -166,9 +166,9 @@ def _tracking_checks(run: Record) -> list[Check]:
 
 def tables(results: Results) -> list[Table]:
     """Every experiment."""
-    return wheel_momentum_tables.tables(results)
+    return wheel_tables.tables(results)
 
 
 def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
     """Figures 4 to 7."""
-    return wheel_momentum_tables.drawings(kinds(records), list(results['table_iii']))
+    return wheel_tables.drawings(kinds(records), list(results['table_iii']))
