@@ -60,34 +60,20 @@ class MovingBodyEffect(Effect):
 
 
 class InertialParameters(MovingBodyEffect):
-    """Additions to a body's inertial parameters."""
+    """Additions to a body's inertial parameters.
+
+    Args:
+        mass: Added mass.
+        mx, my, mz: Added mass times its position in the body's frame.
+        ixx, ixy, iyy, ixz, iyz, izz: Added inertia about the origin of the body's frame.
+    """
 
     id = 'inertial_parameters'
     title = 'a body of other mass, centre of mass or inertia than the file says'
     parameters = (
-        Parameter('mass', 'kg', 'Added mass.', 20.0, 0.05, default=0.0),
-        *(
-            Parameter(
-                name,
-                'kg m',
-                f"Added mass times its position along {name[1]} of the body's frame.",
-                20.0,
-                0.02,
-                default=0.0,
-            )
-            for name in _MOMENTS
-        ),
-        *(
-            Parameter(
-                name,
-                'kg m^2',
-                f"Added inertia {name[1:]} about the origin of the body's frame.",
-                20.0,
-                0.05,
-                default=0.0,
-            )
-            for name in _INERTIAS
-        ),
+        Parameter('mass', 'kg', 20.0, 0.05, default=0.0),
+        *(Parameter(name, 'kg m', 20.0, 0.02, default=0.0) for name in _MOMENTS),
+        *(Parameter(name, 'kg m^2', 20.0, 0.05, default=0.0) for name in _INERTIAS),
     )
     magnitude = '1 to 10 % of the body; a payload or used fuel: any'
     signature = "torque residuals that follow the body's acceleration and, on ground, its angle"

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import ConfigurationError
 from ..model.robot import Robot
+from ..model.schema import meanings, parse_number
 from . import (
     bodies,
     clocks,
@@ -17,20 +18,19 @@ from . import (
     environment,
     flexibility,
     friction,
+    gyrostats,
     orbit,
     rotors,
-    sensors,
+    sensor_errors,
     slosh,
     sprung,
-    wheels,
 )
 from .effect import Effect
-from .parameter import checked_values
 
 _MODULES = (
     *(friction, drive, flexibility),
-    *(sensors, clocks),
-    *(wheels, rotors),
+    *(sensor_errors, clocks),
+    *(gyrostats, rotors),
     *(bodies, sprung, slosh),
     *(environment, orbit),
 )
@@ -68,7 +68,7 @@ def bind_effect(
         where = None  # what sits on the base may say so
     if where not in places:
         raise ConfigurationError(f'{place}.where', _wrong_place(kind, where, places))
-    complete = checked_values(kind.parameters, values, effect_id, place)
+    complete = _checked_values(kind, values, place)
     effect = kind(name=name, where=where, values=complete)
     effect.check(robot)
     return effect
@@ -104,6 +104,27 @@ def changed_robot(robot: Robot, effects: Iterable[Effect]) -> Robot:
     for effect in effects:
         robot = effect.change(robot)
     return robot
+
+
+def _checked_values(
+    kind: type[Effect], given: Mapping[str, float], place: str
+) -> dict[str, float]:
+    """Every parameter of an effect, defaults filled in and bounds checked."""
+    known = [p.name for p in kind.parameters]
+    for name in given:
+        if name not in known:
+            raise ConfigurationError(
+                f'{place}.{name}', f'{kind.id} has no such parameter (it has {", ".join(known)})'
+            )
+    values = {}
+    for p in kind.parameters:
+        at, value = f'{place}.{p.name}', given.get(p.name, p.default)
+        if value is None:
+            unit = f' [{p.unit}]' if p.unit else ''
+            raise ConfigurationError(at, f'is missing: {meanings(kind)[p.name]}{unit}')
+        values[p.name] = parse_number(value, at)
+        p.check(values[p.name], at, p.unit)
+    return values
 
 
 def _check_contradiction(first: Effect, second: Effect) -> None:

@@ -9,13 +9,15 @@ from .parameter import Parameter, amount
 
 
 def _delay(relevant: float) -> tuple[Parameter, ...]:
-    return (
-        amount('delay', 's', 'Time by which the stamps are late.', 0.02, relevant, maximum=10.0),
-    )
+    return (amount('delay', 's', 0.02, relevant, maximum=10.0),)
 
 
 class Delay(Effect):
-    """A sample stamped t shows the truth at t - delay, by one of `effects.effect.CLOCKS`."""
+    """A sample stamped t shows the truth at t - delay, by one of `effects.effect.CLOCKS`.
+
+    Args:
+        delay: Time by which the stamps are late.
+    """
 
     group = 'sensor'
     clock: ClassVar[str]

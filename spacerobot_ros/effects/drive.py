@@ -12,15 +12,15 @@ from .parameter import amount, guess, phase
 
 
 class TorqueConstant(JointTorque):
-    """tau = (g - 1) tau_m: the motor gives g times what is measured or commanded."""
+    """tau = (g - 1) tau_m: the motor gives g times what is measured or commanded.
+
+    Args:
+        gain: True motor torque per measured one.
+    """
 
     id = 'joint_torque_constant'
     title = "a motor's torque constant off its nominal value"
-    parameters = (
-        amount(
-            'gain', '', 'True motor torque per measured one.', 0.1, 3e-4, nominal=1.0, maximum=10.0
-        ),
-    )
+    parameters = (amount('gain', '', 0.1, 3e-4, nominal=1.0, maximum=10.0),)
     magnitude = '2 to 10 % off, from magnet temperature and current sensor'
     signature = 'a torque residual in proportion to the motor torque, at every speed'
     source = 'Gautier and Briot, J. Dyn. Sys. Meas. Control 136 (2014)'
@@ -31,23 +31,28 @@ class TorqueConstant(JointTorque):
 
 
 class TorqueRipple(JointTorque):
-    """tau = A sin(k q + phi)."""
+    """tau = A sin(k q + phi).
+
+    Args:
+        amplitude: Largest torque.
+        harmonic: Periods in one turn of the joint.
+        phase: Phase at joint angle zero.
+    """
 
     id = 'joint_torque_ripple'
     title = "torque ripple that goes round with a joint's angle"
     parameters = (
-        amount('amplitude', 'N m', 'Largest torque.', 1.0, 0.02),
+        amount('amplitude', 'N m', 1.0, 0.02),
         guess(
             'harmonic',
             '',
-            'Periods in one turn of the joint.',
             50.0,
             nominal=1.0,
             above=0.0,
             maximum=2000.0,
             grid=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0),
         ),
-        phase('Phase at joint angle zero.'),
+        phase(),
     )
     magnitude = '0.1 to 2 N m at 2 to 200 periods a turn, from cogging and harmonic drives'
     signature = 'a torque residual that is periodic in the joint angle'
@@ -68,16 +73,20 @@ class TorqueRipple(JointTorque):
 
 
 class Stiffness(JointTorque):
-    """tau = -k (q - q0)."""
+    """tau = -k (q - q0).
+
+    Args:
+        stiffness: Torque towards the rest angle per angle.
+        rest_angle: Angle without torque.
+    """
 
     id = 'joint_stiffness'
     title = 'a spring across a joint, such as a cable harness'
     parameters = (
-        amount('stiffness', 'N m/rad', 'Torque towards the rest angle per angle.', 5.0, 0.05),
+        amount('stiffness', 'N m/rad', 5.0, 0.05),
         guess(
             'rest_angle',
             'rad',
-            'Angle without torque.',
             1.0,
             default=0.0,
             minimum=-20.0,
@@ -103,15 +112,14 @@ class MotorInertia(JointEffect):
 
     The rotor spins a gear ratio faster than the joint: of its energy 1/2 J (q' + w/ratio)^2 the
     carrier's rate w is left out, and its momentum too, as in Pinocchio and MuJoCo.
+
+    Args:
+        inertia: Inertia of the rotor times the gear ratio squared.
     """
 
     id = 'motor_inertia'
     title = "inertia of a geared motor's rotor"
-    parameters = (
-        amount(
-            'inertia', 'kg m^2', 'Inertia of the rotor times the gear ratio squared.', 3.0, 0.02
-        ),
-    )
+    parameters = (amount('inertia', 'kg m^2', 3.0, 0.02),)
     magnitude = '0.1 to 10 kg m^2 for gear ratios of 50 to 200'
     signature = "a torque residual in proportion to the joint's own acceleration"
     source = 'Featherstone, Rigid Body Dynamics Algorithms (2008), 9.6'

@@ -12,7 +12,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
 from .motion import Motion
-from .parameter import Parameter, amount, guess, xyz
+from .parameter import amount, guess, xyz
 
 FORCE = ('force_x', 'force_y', 'force_z')
 AT = ('at_x', 'at_y', 'at_z')
@@ -52,11 +52,15 @@ def into_base(motion: Motion, inertial: Array) -> Array:
 
 
 class ExternalTorqueBody(External):
-    """A torque that is constant in the base."""
+    """A torque that is constant in the base.
+
+    Args:
+        x, y, z: Torque about the base's axes.
+    """
 
     id = 'external_torque_body'
     title = 'external torque that is constant in the base'
-    parameters = xyz('N m', "Torque about the base's", 1.0, 1e-3)
+    parameters = xyz('N m', 1.0, 1e-3)
     magnitude = '1e-5 N m (pressure, magnetic) to 1 N m (venting)'
     signature = 'momentum that grows in a direction fixed in the base'
     source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2'
@@ -67,11 +71,15 @@ class ExternalTorqueBody(External):
 
 
 class ExternalTorqueInertial(External):
-    """A torque that is constant in the inertial frame."""
+    """A torque that is constant in the inertial frame.
+
+    Args:
+        x, y, z: Torque about the inertial axes.
+    """
 
     id = 'external_torque_inertial'
     title = 'external torque that is constant in the inertial frame'
-    parameters = xyz('N m', 'Torque about the inertial', 1.0, 1e-3)
+    parameters = xyz('N m', 1.0, 1e-3)
     magnitude = '1e-5 to 0.1 N m'
     signature = 'momentum that grows evenly in a direction fixed in space'
     source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2'
@@ -81,30 +89,14 @@ class ExternalTorqueInertial(External):
         return self.on_base(motion, into_base(motion, self.vector()))
 
 
-def _force_parameters(size: float, relevant: float) -> tuple[Parameter, ...]:
-    """Six parameters: a force in base coordinates, and where it acts."""
-    places = (
-        guess(
-            name,
-            'm',
-            f"Where it acts, along the base's {name[-1]} from the base origin.",
-            1.0,
-            default=0.0,
-            grid=(-1.0, 1.0),
-        )
-        for name in AT
-    )
-    return (*xyz('N', "Force along the base's", size, relevant, 'force_'), *places)
+class Thruster(External):
+    """A force f in base coordinates at a point r from the base origin: torque r x f.
 
+    Args:
+        force_x, force_y, force_z: Force along the base's axes.
+        at_x, at_y, at_z: Where it acts, along the base's axes from the base origin.
+    """
 
-class ThrusterLeak(External):
-    """A force f constant in the base, at a point r from its origin: torque r x f."""
-
-    id = 'thruster_leak'
-    title = 'thruster that leaks'
-    parameters = _force_parameters(1.0, 1e-3)
-    magnitude = '1 mN to 1 N'
-    signature = 'a torque on the base that follows the centre of mass as the arm moves'
     source = 'Wertz, Spacecraft Attitude Determination and Control, 17.4'
 
     def force(self, motion: Motion, hidden: Array) -> Array:
@@ -112,10 +104,28 @@ class ThrusterLeak(External):
         return self.force_at(motion, self.vector(*FORCE))
 
 
-class ThrusterPulses(External):
+_AT = tuple(guess(name, 'm', 1.0, default=0.0, grid=(-1.0, 1.0)) for name in AT)
+
+
+class ThrusterLeak(Thruster):
+    """A force that is constant in the base."""
+
+    id = 'thruster_leak'
+    title = 'thruster that leaks'
+    parameters = (*xyz('N', 1.0, 1e-3, 'force_'), *_AT)
+    magnitude = '1 mN to 1 N'
+    signature = 'a torque on the base that follows the centre of mass as the arm moves'
+
+
+class ThrusterPulses(Thruster):
     """The force of a leak, on for `width` in every `period` from `start` on.
 
     The valve opens and closes along half a cosine; a pulse's impulse is exactly f * width.
+
+    Args:
+        period: Time from one pulse to the next.
+        width: Time for which a pulse is on.
+        start: When the first pulse comes.
     """
 
     id = 'thruster_pulses'
@@ -123,28 +133,14 @@ class ThrusterPulses(External):
     is_timed = True
     is_fitted = False
     parameters = (
-        *_force_parameters(10.0, 0.01),
-        guess(
-            'period',
-            's',
-            'Time from one pulse to the next.',
-            above=0.0,
-            nominal=1.0,
-            grid=(0.1, 1.0, 10.0),
-        ),
-        guess(
-            'width',
-            's',
-            'Time for which a pulse is on.',
-            minimum=_RISE,
-            nominal=0.02,
-            grid=(0.02, 0.1),
-        ),
-        guess('start', 's', 'When the first pulse comes.', default=0.0, minimum=0.0, grid=(0.0,)),
+        *xyz('N', 10.0, 0.01, 'force_'),
+        *_AT,
+        guess('period', 's', above=0.0, nominal=1.0, grid=(0.1, 1.0, 10.0)),
+        guess('width', 's', minimum=_RISE, nominal=0.02, grid=(0.02, 0.1)),
+        guess('start', 's', default=0.0, minimum=0.0, grid=(0.0,)),
     )
     magnitude = '1 to 20 N for 5 to 100 ms'
     signature = 'steps of the momentum, all alike'
-    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.4'
 
     def check(self, robot: Robot) -> None:
         """Refuse pulses that run into each other."""
@@ -157,7 +153,7 @@ class ThrusterPulses(External):
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """Force and its torque while the valve is open."""
-        return self._opening(motion.time)[:, None] * self.force_at(motion, self.vector(*FORCE))
+        return self._opening(motion.time)[:, None] * super().force(motion, hidden)
 
     def fastest(self, robot: Robot) -> float:
         """The valve's."""
@@ -181,29 +177,17 @@ class GravityGradient(External):
 
     so a body of mass m, centre of mass rho and inertia J takes the force m a and the torque
     3 n^2 d x J d. The vertical stands still in the inertial frame: it turns by n per second.
+
+    Args:
+        orbital_rate: Rate of the circular orbit.
+        x, y, z: Direction of the vertical in the inertial frame, of any length.
     """
 
     id = 'gravity_gradient'
     title = 'gravity gradient'
     parameters = (
-        amount(
-            'orbital_rate',
-            'rad/s',
-            'Rate of the circular orbit.',
-            2e-6,
-            1e-7,
-            maximum=0.1,
-            role='square',
-        ),
-        *(
-            guess(
-                axis,
-                '',
-                f'Direction of the vertical in the inertial frame, {axis}.',
-                grid=(-1.0, 1.0),
-            )
-            for axis in 'xyz'
-        ),
+        amount('orbital_rate', 'rad/s', 2e-6, 1e-7, maximum=0.1, role='square'),
+        *(guess(axis, '', grid=(-1.0, 1.0)) for axis in 'xyz'),
     )
     magnitude = '1.1e-3 rad/s in low orbit: 1e-3 N m per 1000 kg m^2 of difference'
     signature = 'a torque that depends on how the system stands against the vertical'
@@ -255,12 +239,16 @@ class GravityGradient(External):
 
 
 class GravityError(Effect):
-    """g = g_believed + (x, y, z) in the inertial frame; a free base falls along, unaware."""
+    """g = g_believed + (x, y, z) in the inertial frame; a free base falls along, unaware.
+
+    Args:
+        x, y, z: Gravity added along the inertial axes.
+    """
 
     id = 'gravity_error'
     title = 'gravity that is not as believed'
     group = 'environment'
-    parameters = xyz('m/s^2', 'Gravity added along the inertial', 0.2, 0.01)
+    parameters = xyz('m/s^2', 0.2, 0.01)
     magnitude = '0.01 to 0.3 m/s^2: a ground test whose base does not stand level'
     signature = 'joint torques of a weight that acts in a wrong direction'
     source = 'Swevers et al., IEEE Control Systems Magazine 27 (2007)'

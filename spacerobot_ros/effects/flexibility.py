@@ -29,6 +29,12 @@ class Flexibility(JointEffect):
     """A spring and damper between the motor's rotor and the link.
 
     The rotor knows its own rate alone, as `motor_inertia`, which is the limit of a stiff gear.
+
+    Args:
+        stiffness: Torque of the gear per wind-up.
+        damping: Torque of the gear per rate of its wind-up.
+        rotor_inertia: Inertia of the motor's rotor times the gear ratio squared.
+        motor_side: Encoder on the motor, before the gear (1), or on the link (0).
     """
 
     id = 'joint_flexibility'
@@ -36,34 +42,13 @@ class Flexibility(JointEffect):
     hidden = 2
     parameters = (
         Parameter(
-            'stiffness',
-            'N m/rad',
-            'Torque of the gear per wind-up.',
-            1e-4,
-            2e-6,
-            nominal=math.inf,
-            above=0.0,
-            role='reciprocal',
+            'stiffness', 'N m/rad', 1e-4, 2e-6, nominal=math.inf, above=0.0, role='reciprocal'
         ),
-        amount(
-            'damping',
-            'N m s/rad',
-            'Torque of the gear per rate of its wind-up.',
-            20.0,
-            default=0.0,
-        ),
-        Parameter(
-            'rotor_inertia',
-            'kg m^2',
-            "Inertia of the motor's rotor times the gear ratio squared.",
-            3.0,
-            0.02,
-            above=0.0,
-        ),
+        amount('damping', 'N m s/rad', 20.0, default=0.0),
+        Parameter('rotor_inertia', 'kg m^2', 3.0, 0.02, above=0.0),
         guess(
             'motor_side',
             '',
-            'Encoder on the motor, before the gear (1), or on the link (0).',
             1.0,
             nominal=1.0,
             default=1.0,
@@ -142,11 +127,14 @@ class Backlash(JointEffect):
 
     The motor rests on the flank that its torque presses on, and crosses the play when the torque
     changes sign. The crossing itself, a few milliseconds of free motor, is left out.
+
+    Args:
+        gap: Full width of the play.
     """
 
     id = 'joint_backlash'
     title = 'play between the encoder on the motor and the link'
-    parameters = (amount('gap', 'rad', 'Full width of the play.', 2e-3, 1e-4, maximum=1.0),)
+    parameters = (amount('gap', 'rad', 2e-3, 1e-4, maximum=1.0),)
     magnitude = '1e-4 to 3e-3 rad for spur and planetary gears; none for harmonic drives'
     signature = 'joint angles that jump by the gap when the motor torque changes its sign'
     source = 'Nordin and Gutman, Automatica 38 (2002)'

@@ -20,13 +20,15 @@ def direction(qd: Array) -> Array:
 
 
 class ViscousFriction(JointTorque):
-    """tau = -c q'."""
+    """tau = -c q'.
+
+    Args:
+        coefficient: Torque against the joint rate, per rate.
+    """
 
     id = 'joint_viscous_friction'
     title = 'viscous friction in a joint'
-    parameters = (
-        amount('coefficient', 'N m s/rad', 'Torque against the joint rate, per rate.', 10.0, 0.05),
-    )
+    parameters = (amount('coefficient', 'N m s/rad', 10.0, 0.05),)
     magnitude = '0.1 to 30 N m s/rad for harmonic drives of space arms'
     signature = 'a torque residual in proportion to the joint rate'
     source = _ARMSTRONG
@@ -41,15 +43,15 @@ class ViscousFriction(JointTorque):
 
 
 class CoulombFriction(JointTorque):
-    """tau = -T sign(q')."""
+    """tau = -T sign(q').
+
+    Args:
+        torque: Torque of constant size against the direction of motion.
+    """
 
     id = 'joint_coulomb_friction'
     title = 'Coulomb friction in a joint'
-    parameters = (
-        amount(
-            'torque', 'N m', 'Torque of constant size against the direction of motion.', 3.0, 0.01
-        ),
-    )
+    parameters = (amount('torque', 'N m', 3.0, 0.01),)
     magnitude = '0.1 to 5 N m for harmonic drives of space arms'
     signature = 'a torque residual that jumps whenever the joint reverses'
     source = _ARMSTRONG
@@ -64,17 +66,22 @@ class CoulombFriction(JointTorque):
 
 
 class StribeckFriction(JointTorque):
-    """tau = -(T + (S - T) exp(-(q'/v)^2)) sign(q')."""
+    """tau = -(T + (S - T) exp(-(q'/v)^2)) sign(q').
+
+    Args:
+        coulomb: Torque against the direction of fast motion.
+        static: Torque against the direction of slow motion.
+        velocity: Rate over which it falls from the static to the Coulomb torque.
+    """
 
     id = 'joint_stribeck_friction'
     title = 'dry friction that falls as a joint gets moving'
     parameters = (
-        amount('coulomb', 'N m', 'Torque against the direction of fast motion.', 3.0, 0.01),
-        amount('static', 'N m', 'Torque against the direction of slow motion.', 4.0, 0.01),
+        amount('coulomb', 'N m', 3.0, 0.01),
+        amount('static', 'N m', 4.0, 0.01),
         guess(
             'velocity',
             'rad/s',
-            'Rate over which it falls from the static to the Coulomb torque.',
             0.1,
             nominal=0.01,
             above=STICTION_RATE,
@@ -107,20 +114,15 @@ class StribeckFriction(JointTorque):
 
 
 class LoadFriction(JointTorque):
-    """tau = -mu |tau_m| sign(q')."""
+    """tau = -mu |tau_m| sign(q').
+
+    Args:
+        coefficient: Torque against the direction of motion per motor torque.
+    """
 
     id = 'joint_load_friction'
     title = 'friction in proportion to the load of a joint'
-    parameters = (
-        amount(
-            'coefficient',
-            '',
-            'Torque against the direction of motion per motor torque.',
-            0.1,
-            1e-3,
-            maximum=1.0,
-        ),
-    )
+    parameters = (amount('coefficient', '', 0.1, 1e-3, maximum=1.0),)
     magnitude = '0.02 to 0.2 of the motor torque for loaded harmonic drives and gears'
     signature = 'a torque residual that jumps at reversals by an amount that follows the torque'
     source = 'Gogoussis and Donath, IEEE Int. Conf. Robotics and Automation (1987)'

@@ -1,4 +1,4 @@
-"""Own states of an effect along a given motion: x' = A(t) x + b(t), carried over step by step."""
+"""Own states of an effect along a given motion: x' = A(t) x + b(t), propagated step by step."""
 
 from __future__ import annotations
 
@@ -16,45 +16,18 @@ _LARGEST = 0.5  # of a scaled matrix: where the approximant below is right to 1e
 def driven_states(rate: Callable[[Array], Array], time: Array, size: int) -> Array:
     """States from rest at the first time.
 
-    A and b are averaged over each step, and the average is carried over exactly: the error is that
-    of the trapezium rule for the drive, whatever the frequency.
+    A and b are averaged over each step, and the averages are propagated exactly, with exponentials
+    of [[A, b], [0, 0]]: the error is that of the trapezium rule, whatever the frequency.
 
     Args:
         rate: (N, size) rates of (N, size) states, affine in them.
         time: (N,) increasing [s].
         size: Number of states.
     """
-    count = len(time)
-    zero = np.zeros((count, size))
-    drive = rate(zero)
-    matrix = np.empty((count, size, size))
-    for i in range(size):
-        unit = zero.copy()
-        unit[:, i] = 1.0
-        matrix[:, :, i] = rate(unit) - drive
-    steps = np.diff(time)
-    if np.ptp(matrix, axis=0).any():
-        return _varying(matrix, drive, steps)
-    return _constant(matrix[0], drive, steps)
-
-
-def _constant(matrix: Array, drive: Array, steps: Array) -> Array:
-    """States where A stays the same: one exponential for each length of step."""
-    size = len(matrix)
-    lengths, which = np.unique(np.round(steps, 9), return_inverse=True)
-    block = np.zeros((len(lengths), 2 * size, 2 * size))
-    block[:, :size, :size] = matrix * lengths[:, None, None]
-    block[:, :size, size:] = np.eye(size) * lengths[:, None, None]
-    whole = _exponential(block, size)
-    pushed = np.einsum('nij,nj->ni', whole[which, :size, size:], 0.5 * (drive[1:] + drive[:-1]))
-    return np.asarray(
-        _carried(np.concatenate([whole[which, :size, :size], pushed[..., None]], axis=2))
-    )
-
-
-def _varying(matrix: Array, drive: Array, steps: Array) -> Array:
-    """States where A changes with the motion: exp of [[A, b], [0, 0]] carries both over a step."""
-    half = 0.5 * steps
+    zero = np.zeros((len(time), size))
+    drive, units = rate(zero), np.eye(size)
+    matrix = np.stack([rate(zero + unit) - drive for unit in units], axis=2)
+    half = 0.5 * np.diff(time)
     block = np.concatenate(
         [
             (matrix[1:] + matrix[:-1]) * half[:, None, None],
@@ -62,30 +35,9 @@ def _varying(matrix: Array, drive: Array, steps: Array) -> Array:
         ],
         axis=2,
     )
-    halvings = _halvings(block[:, :, :-1])
-    return np.asarray(_carried(_affine_exponential(block / 2.0**halvings, halvings)))
-
-
-def _halvings(matrix: Array) -> int:
-    """How often matrices are halved for the approximant."""
-    largest = float(np.max(np.sum(np.abs(matrix), axis=2), initial=0.0))
-    return max(0, math.ceil(math.log2(max(largest, _LARGEST) / _LARGEST)))
-
-
-def _exponential(block: Array, size: int) -> Array:
-    """Matrix exponentials, by scaling and squaring of the (3, 3) Pade approximant.
-
-    The scale counts only the states' part: the drive enters linearly.
-    """
-    halvings = _halvings(block[:, :size, :size])
-    x = block / 2.0**halvings
-    square = x @ x
-    eye = np.eye(block.shape[1])
-    even, odd = eye + 0.1 * square, 0.5 * x + x @ square / 120.0
-    out = np.linalg.solve(even - odd, even + odd)
-    for _ in range(halvings):
-        out = out @ out
-    return np.asarray(out)
+    largest = float(np.max(np.sum(np.abs(block[:, :, :-1]), axis=2), initial=0.0))
+    halvings = max(0, math.ceil(math.log2(max(largest, _LARGEST) / _LARGEST)))
+    return np.asarray(_propagated(_affine_exponential(block / 2.0**halvings, halvings)))
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -151,7 +103,8 @@ def _solve(matrix: Array, x: Array) -> None:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _carried(steps: Array) -> Array:
+def _propagated(steps: Array) -> Array:
+    """(N, size) states from zero through N - 1 affine maps (N - 1, size, size + 1)."""
     count, size = steps.shape[0], steps.shape[1]
     states = np.zeros((count + 1, size))
     for k in range(count):

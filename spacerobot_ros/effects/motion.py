@@ -6,6 +6,7 @@ record at once; an effect does not see the difference.
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 
 import numpy as np
@@ -61,9 +62,8 @@ class Motion:
         self.coasts = coasts
         self.time = time
         self.q, self.qd, self.effort = q, qd, effort
-        count = len(time)
-        zeros = np.zeros((count, 3))
-        self.rotation = np.broadcast_to(np.eye(3), (count, 3, 3)) if rotation is None else rotation
+        zeros = np.zeros((len(time), 3))
+        self.rotation = np.tile(np.eye(3), (len(time), 1, 1)) if rotation is None else rotation
         self.omega = zeros if omega is None else omega
         self.velocity = zeros if velocity is None else velocity
         self.acceleration = acceleration
@@ -71,21 +71,12 @@ class Motion:
 
     def of(self, robot: Robot) -> Motion:
         """The same motion of another robot with the same joints; shares what both move alike."""
-        other = Motion(
-            robot,
-            self.time,
-            self.q,
-            self.qd,
-            self.effort,
-            rotation=self.rotation,
-            omega=self.omega,
-            velocity=self.velocity,
-            acceleration=self.acceleration,
-            coasts=self.coasts,
-        )
+        other = copy.copy(self)
+        other.robot, other._accelerated = robot, None
+        for cached in ('tree', 'kinematics'):
+            other.__dict__.pop(cached, None)
         if _moves_alike(robot, self.robot):
-            other.__dict__['tree'] = self.tree
-            other.__dict__['kinematics'] = self.kinematics
+            other.__dict__.update(tree=self.tree, kinematics=self.kinematics)
             if self.acceleration is not None:
                 other._accelerated = self.acceleration, self.accelerations
         return other

@@ -19,7 +19,12 @@ FIRST_DAMPING = 0.05
 
 
 class Sprung(MovingBodyEffect):
-    """A part of a body on springs of one frequency in k directions, which are its 2 k states."""
+    """A part of a body on springs of one frequency in k directions, which are its 2 k states.
+
+    Args:
+        frequency: Natural frequency in every direction, the host held.
+        damping: Damping as a share of the critical one.
+    """
 
     def spring(self, hidden: Array) -> Array:
         """(N, k) 2 zeta omega eta' + omega^2 eta."""
@@ -70,28 +75,10 @@ def recoil(motion: Motion, force: Array) -> Array:
     return np.asarray(force / np.sum(motion.robot.inertial_parameters[:, 0]))
 
 
-def spring_parameters(doc: str, damping: float) -> tuple[Parameter, Parameter]:
-    """Natural frequency and damping ratio of a part on its spring, the host held."""
+def spring_parameters(damping: float) -> tuple[Parameter, Parameter]:
+    """Frequency and damping of a part on its spring."""
+    zeta = {'nominal': damping, 'default': damping, 'minimum': 0.0, 'maximum': 10.0}
     return (
-        guess(
-            'frequency',
-            'rad/s',
-            doc,
-            10.0,
-            nominal=1.0,
-            above=0.0,
-            maximum=1e4,
-            grid=FREQUENCIES,
-        ),
-        guess(
-            'damping',
-            '',
-            'Damping as a share of the critical one.',
-            0.1,
-            nominal=damping,
-            default=damping,
-            minimum=0.0,
-            maximum=10.0,
-            grid=(FIRST_DAMPING,),
-        ),
+        guess('frequency', 'rad/s', 10.0, nominal=1.0, above=0.0, maximum=1e4, grid=FREQUENCIES),
+        guess('damping', '', 0.1, grid=(FIRST_DAMPING,), **zeta),
     )

@@ -31,24 +31,28 @@ SOLAR_PRESSURE = 4.56e-6
 """On a black surface at the Earth's distance from the sun [N/m^2]."""
 
 
-def _known(name: str, unit: str, doc: str, value: float, **bounds: float) -> Parameter:
+def _known(name: str, unit: str, value: float, **bounds: float) -> Parameter:
     """A parameter that the fit leaves at its usual value."""
-    return guess(name, unit, doc, nominal=value, default=value, grid=(value,), **bounds)
+    return guess(name, unit, nominal=value, default=value, grid=(value,), **bounds)
 
 
 _ORBIT = (
-    _known('orbital_rate', 'rad/s', 'Rate of the circular orbit.', 1.1e-3, above=0.0),
-    _known('inclination', 'rad', 'Inclination of the orbit.', 0.9),
-    _known('latitude_argument', 'rad', 'Argument of latitude at the start.', 0.0),
+    _known('orbital_rate', 'rad/s', 1.1e-3, above=0.0),
+    _known('inclination', 'rad', 0.9),
+    _known('latitude_argument', 'rad', 0.0),
 )
-_AREA = amount('area', 'm^2', 'Area that is exposed times its coefficient.', 20.0, 1.0)
-_PRESSURE_POINT = tuple(
-    _known(name, 'm', f"Centre of pressure along the base's {name[-1]}.", 0.0) for name in AT
-)
+_AREA = amount('area', 'm^2', 20.0, 1.0)
+_PRESSURE_CENTRE = tuple(_known(name, 'm', 0.0) for name in AT)
 
 
 class Orbital(External):
-    """A force or torque of what surrounds the orbit."""
+    """A force or torque of what surrounds the orbit.
+
+    Args:
+        orbital_rate: Rate of the circular orbit.
+        inclination: Inclination of the orbit.
+        latitude_argument: Argument of latitude at the start.
+    """
 
     is_timed = True
     is_fitted = False
@@ -66,11 +70,14 @@ class MagneticDipole(Orbital):
     """Torque m x B of a residual dipole m in the field of a dipole along the Earth's axis.
 
     B = (k / r^3) (z - 3 (z . r^) r^), which points north on the equator.
+
+    Args:
+        x, y, z: Dipole along the base's axes.
     """
 
     id = 'magnetic_dipole'
     title = "residual magnetic dipole in the Earth's field"
-    parameters = (*xyz('A m^2', "Dipole along the base's", 10.0, 1.0), *_ORBIT)
+    parameters = (*xyz('A m^2', 10.0, 1.0), *_ORBIT)
     magnitude = '0.1 to 10 A m^2 in 3e-5 T: below 3e-4 N m'
     signature = 'a torque across the field, twice an orbit'
     source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2.4 and appendix H'
@@ -84,14 +91,20 @@ class MagneticDipole(Orbital):
 
 
 class AtmosphericDrag(Orbital):
-    """Force -rho/2 (C A) v^2 v^ at the centre of pressure."""
+    """Force -rho/2 (C A) v^2 v^ at the centre of pressure.
+
+    Args:
+        area: Area that is exposed times its coefficient.
+        density: Density of the air.
+        at_x, at_y, at_z: Centre of pressure along the base's axes.
+    """
 
     id = 'atmospheric_drag'
     title = 'drag of the atmosphere'
     parameters = (
         _AREA,
-        _known('density', 'kg/m^3', 'Density of the air.', 3e-12, minimum=0.0),
-        *_PRESSURE_POINT,
+        _known('density', 'kg/m^3', 3e-12, minimum=0.0),
+        *_PRESSURE_CENTRE,
         *_ORBIT,
     )
     magnitude = '3e-12 kg/m^3 at 400 km: 1e-3 N on 10 m^2'
@@ -107,18 +120,21 @@ class AtmosphericDrag(Orbital):
 
 
 class SolarPressure(External):
-    """Force -P (C A) s away from the sun at the centre of pressure."""
+    """Force -P (C A) s away from the sun at the centre of pressure.
+
+    Args:
+        area: Area that is exposed times its coefficient.
+        at_x, at_y, at_z: Centre of pressure along the base's axes.
+        x, y, z: Direction to the sun in the inertial frame, of any length.
+    """
 
     id = 'solar_pressure'
     title = 'pressure of sunlight'
     is_fitted = False
     parameters = (
         _AREA,
-        *_PRESSURE_POINT,
-        *(
-            _known(axis, '', f'Direction to the sun in the inertial frame, {axis}.', nominal)
-            for axis, nominal in zip('xyz', (1.0, 0.0, 0.0), strict=True)
-        ),
+        *_PRESSURE_CENTRE,
+        *(_known(axis, '', nominal) for axis, nominal in {'x': 1.0, 'y': 0.0, 'z': 0.0}.items()),
     )
     magnitude = '1e-4 N on 20 m^2'
     signature = 'a force away from the sun, and its torque'

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
 
-from ..errors import ConfigurationError
-from ..model.schema import Bounds, parse_number
+from ..model.schema import Bounds
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter(Bounds):
-    """One number of an effect.
+    """One number of an effect; what it means stands in the docstring of the effect's class.
 
     Args:
         name: Name in robot files and results.
         unit: SI unit; empty for a pure number.
-        doc: One sentence.
         size: Plausible magnitude in space practice: the standard deviation of the fit's prior.
         relevant: Smallest magnitude worth naming, about `nominal`.
         nominal: Value at which the effect does nothing, as far as this parameter decides that.
@@ -34,7 +32,6 @@ class Parameter(Bounds):
 
     name: str
     unit: str
-    doc: str
     size: float = math.inf
     relevant: float = 0.0
     _: KW_ONLY
@@ -49,71 +46,23 @@ class Parameter(Bounds):
         has_force = self.unit.split()[:1] in (['N'], ['kg'])
         return has_force and self.role != 'reciprocal'
 
-    def checked(self, value: object, place: str) -> float:
-        """A value of a robot file within the bounds.
-
-        Raises:
-            ConfigurationError: missing, not a finite number, or out of bounds.
-        """
-        at = f'{place}.{self.name}'
-        if value is None:
-            unit = f' [{self.unit}]' if self.unit else ''
-            raise ConfigurationError(at, f'is missing: {self.doc}{unit}')
-        number = float(parse_number(value, at))
-        self.check(number, at, self.unit)
-        return number
-
-
-def checked_values(
-    parameters: Sequence[Parameter], given: Mapping[str, float], owner: str, place: str
-) -> dict[str, float]:
-    """Every parameter of an effect, defaults filled in and bounds checked.
-
-    Args:
-        parameters: What there is.
-        given: What a file gives.
-        owner: Id of the effect, for messages.
-        place: The effect's place in the file.
-
-    Raises:
-        ConfigurationError: unknown, missing, non-finite or out-of-bound parameter.
-    """
-    known = [p.name for p in parameters]
-    for name in given:
-        if name not in known:
-            raise ConfigurationError(
-                f'{place}.{name}', f'{owner} has no such parameter (it has {", ".join(known)})'
-            )
-    return {p.name: p.checked(given.get(p.name, p.default), place) for p in parameters}
-
 
 amount = partial(Parameter, minimum=0.0)
 """A parameter that is never below zero."""
 
 
 def guess(
-    name: str,
-    unit: str,
-    doc: str,
-    size: float = math.inf,
-    *,
-    grid: Sequence[float] = (),
-    **rest: float,
+    name: str, unit: str, size: float = math.inf, *, grid: Sequence[float] = (), **rest: float
 ) -> Parameter:
     """A parameter that the fit starts from every value of a grid."""
-    return Parameter(name, unit, doc, size, role='search', grid=tuple(grid), **rest)
+    return Parameter(name, unit, size, role='search', grid=tuple(grid), **rest)
 
 
-def phase(doc: str) -> Parameter:
+def phase() -> Parameter:
     """Phase of the amplitude before it."""
-    return Parameter('phase', 'rad', doc, default=0.0, role='phase')
+    return Parameter('phase', 'rad', default=0.0, role='phase')
 
 
-def xyz(
-    unit: str, doc: str, size: float, relevant: float, prefix: str = ''
-) -> tuple[Parameter, ...]:
-    """Three parameters x, y, z of a vector; `doc` ends before the axis."""
-    return tuple(
-        Parameter(prefix + axis, unit, f'{doc} {axis}.', size, relevant, default=0.0)
-        for axis in 'xyz'
-    )
+def xyz(unit: str, size: float, relevant: float, prefix: str = '') -> tuple[Parameter, ...]:
+    """Three parameters x, y, z of a vector."""
+    return tuple(Parameter(prefix + axis, unit, size, relevant, default=0.0) for axis in 'xyz')

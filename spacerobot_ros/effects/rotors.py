@@ -37,27 +37,18 @@ class RotorEffect(Effect):
 
 
 class BearingDrag(RotorEffect):
-    """tau = -c Omega - T tanh(Omega / 0.1 rad/s)."""
+    """tau = -c Omega - T tanh(Omega / 0.1 rad/s).
+
+    Args:
+        viscous: Torque against the relative rate, per rate.
+        coulomb: Torque of constant size against the relative rate.
+    """
 
     id = 'rotor_bearing_drag'
     title = 'viscous and dry drag of a true rotor'
     parameters = (
-        amount(
-            'viscous',
-            'N m s/rad',
-            'Torque against the relative rate, per rate.',
-            1e-4,
-            1e-6,
-            default=0.0,
-        ),
-        amount(
-            'coulomb',
-            'N m',
-            'Torque of constant size against the relative rate.',
-            1e-2,
-            1e-4,
-            default=0.0,
-        ),
+        amount('viscous', 'N m s/rad', 1e-4, 1e-6, default=0.0),
+        amount('coulomb', 'N m', 1e-2, 1e-4, default=0.0),
     )
     magnitude = '1e-6 to 1e-4 N m s/rad and 0.1 to 10 mN m'
     signature = 'a rotor that runs down, first exponentially, then evenly'
@@ -82,27 +73,17 @@ class RotorImbalance(RotorEffect):
 
     Both stand on the same side of the rotor, along the direction that `transverse` gives at zero
     angle. Nothing is linearised: the rotor is another body.
+
+    Args:
+        static: Mass times distance of the centre of mass from the axis.
+        dynamic: Product of inertia of axis and heavy side.
     """
 
     id = 'rotor_imbalance'
     title = 'static and dynamic imbalance of a true rotor'
     parameters = (
-        amount(
-            'static',
-            'kg m',
-            'Mass times distance of the centre of mass from the axis.',
-            1e-4,
-            1e-6,
-            default=0.0,
-        ),
-        amount(
-            'dynamic',
-            'kg m^2',
-            'Product of inertia of axis and heavy side.',
-            1e-4,
-            1e-6,
-            default=0.0,
-        ),
+        amount('static', 'kg m', 1e-4, 1e-6, default=0.0),
+        amount('dynamic', 'kg m^2', 1e-4, 1e-6, default=0.0),
     )
     magnitude = '1e-6 to 1e-4 kg m and kg m^2 (1 g cm^2 = 1e-7 kg m^2)'
     signature = 'force and torque that turn with the rotor, growing with the square of its rate'

@@ -24,18 +24,20 @@ from .parameter import amount, guess
 
 
 class Slosh(Sprung):
-    """A sprung point mass."""
+    """A sprung point mass.
+
+    Args:
+        mass: What of the body's mass takes part.
+        x, y, z: Place at rest in the body's frame.
+    """
 
     id = 'fuel_slosh'
     title = 'fuel that sloshes in a tank of a body'
     hidden = 6
     parameters = (
-        amount('mass', 'kg', "What of the body's mass takes part.", 100.0, 0.1),
-        *spring_parameters('Natural frequency, the body held.', 0.02),
-        *(
-            guess(name, 'm', f"Place at rest along {name} of the body's frame.", 1.0, default=0.0)
-            for name in 'xyz'
-        ),
+        amount('mass', 'kg', 100.0, 0.1),
+        *spring_parameters(0.02),
+        *(guess(axis, 'm', 1.0, default=0.0) for axis in 'xyz'),
     )
     magnitude = '10 to 200 kg, 0.3 to 5 rad/s, damping 0.005 to 0.1, for tanks with diaphragms'
     signature = "a slow oscillation after every change of the body's velocity or rotation"

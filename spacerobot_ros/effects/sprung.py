@@ -119,24 +119,20 @@ class SprungPart(Sprung):
 
 
 class Appendage(SprungPart):
-    """A first bending mode: inertia about an axis of the host, G = I [0; a] [0; a]^T."""
+    """A first bending mode: inertia about an axis of the host, G = I [0; a] [0; a]^T.
+
+    Args:
+        inertia: What of the body's inertia about the axis takes part.
+        x, y, z: Axis in the body's frame, of any length.
+    """
 
     id = 'flexible_appendage'
     title = 'a flexible panel or boom on a body'
     hidden = 2
     parameters = (
-        amount(
-            'inertia',
-            'kg m^2',
-            "What of the body's inertia about the axis takes part.",
-            50.0,
-            0.05,
-        ),
-        *spring_parameters('Natural frequency, the body held.', 0.005),
-        *(
-            guess(name, '', f"Axis along {name} of the body's frame; x, y, z of any length.", 1.0)
-            for name in 'xyz'
-        ),
+        amount('inertia', 'kg m^2', 50.0, 0.05),
+        *spring_parameters(0.005),
+        *(guess(axis, '', 1.0) for axis in 'xyz'),
     )
     magnitude = '0.5 to 10 rad/s, damping 0.002 to 0.02, 10 to 100 kg m^2 for solar panels'
     signature = 'a decaying oscillation of the body after every change of its rotation'
@@ -172,22 +168,16 @@ class Appendage(SprungPart):
 
 
 class GraspCompliance(SprungPart):
-    """A share of a body that gives way to the grasp in all six directions, G = share G_host."""
+    """A share of a body that gives way to the grasp in all six directions, G = share G_host.
+
+    Args:
+        share: What of the last body's inertia is beyond the grasp.
+    """
 
     id = 'grasp_compliance'
     title = 'a captured body that gives way in the grasp'
     hidden = 12
-    parameters = (
-        amount(
-            'share',
-            '',
-            "What of the last body's inertia is beyond the grasp.",
-            0.5,
-            0.02,
-            maximum=0.99,
-        ),
-        *spring_parameters('Natural frequency in every direction, the arm held.', 0.02),
-    )
+    parameters = (amount('share', '', 0.5, 0.02, maximum=0.99), *spring_parameters(0.02))
     magnitude = '3 to 60 rad/s, damping 0.01 to 0.1, 50 to 99 % of the last body with its load'
     signature = 'oscillation of the last joints and the base after every change of the motion'
     source = 'Likins, AIAA J. 5 (1967)'

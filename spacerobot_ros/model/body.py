@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
+import pinocchio as pin
 
 from ..types import Matrix3, Vector3
 
@@ -37,6 +37,27 @@ class Body:
     com: Vector3
     inertia: Matrix3
     motor_inertia: float = 0.0
+
+    @property
+    def spatial_inertia(self) -> pin.Inertia:
+        """Mass, centre of mass and inertia in the body frame."""
+        return pin.Inertia(self.mass, self.com, self.inertia)
+
+    def with_spatial_inertia(self, inertia: pin.Inertia) -> Body:
+        """The body with another mass, centre of mass and inertia."""
+        com, central = inertia.lever.copy(), inertia.inertia.copy()
+        return replace(self, mass=inertia.mass, com=com, inertia=central)
+
+    @property
+    def effective_inertia(self) -> float:
+        """What it opposes to its own joint: mass [kg], or moment about the axis [kg m^2]."""
+        moments = self.spatial_inertia.matrix()[3:, 3:]
+        return self.mass if self.is_prismatic else float(self.axis @ moments @ self.axis)
+
+    def without(self, part: Body) -> Body:
+        """Less a part that `part.rotation` and `part.translation` place in it."""
+        placed = pin.SE3(part.rotation, part.translation).act(part.spatial_inertia)
+        return self.with_spatial_inertia(self.spatial_inertia - placed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,32 +109,6 @@ class Rotor:
     def body_momentum(self) -> Vector3:
         """(3,) momentum relative to the carrier, in the carrying body's frame [N m s]."""
         return self.axial_inertia * self.rate * (self.body.rotation @ self.body.axis)
-
-
-def effective_inertia(body: Body) -> float:
-    """What a body opposes to its own joint: mass [kg], or moment about its axis [kg m^2]."""
-    if body.is_prismatic:
-        return body.mass
-    return float(body.axis @ (body.inertia + body.mass * _steiner(body.com)) @ body.axis)
-
-
-def without(body: Body, part: Body) -> Body:
-    """Take out of a body a part that `part.rotation` and `part.translation` place in it."""
-    mass = body.mass - part.mass
-    part_com = part.translation + part.rotation @ part.com
-    com = (body.mass * body.com - part.mass * part_com) / mass
-    part_inertia = part.rotation @ part.inertia @ part.rotation.T
-    inertia = (
-        body.inertia
-        + body.mass * _steiner(body.com - com)
-        - part_inertia
-        - part.mass * _steiner(part_com - com)
-    )
-    return replace(body, mass=mass, com=com, inertia=inertia)
-
-
-def _steiner(d: Vector3) -> Matrix3:
-    return d @ d * np.eye(3) - np.outer(d, d)
 
 
 def tree_order(bodies: tuple[Body, ...]) -> list[int]:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ConfigurationError
-from .body import Body, Rotor, effective_inertia
-from .merge import merge_bodies
+from .body import Body, Rotor
+from .rigid_bodies import merge_bodies
 from .robot import Robot
 from .settings import RobotSettings, Settings
 from .urdf import MOVING, Tree, parse_urdf
@@ -147,7 +147,7 @@ def _check_bodies(
         )
     parents = {body.parent for body in bodies}
     for index, body in enumerate(bodies[1:], start=1):
-        if index not in parents and effective_inertia(body) <= 0.0:
+        if index not in parents and body.effective_inertia <= 0.0:
             raise ConfigurationError(
                 f'{urdf_name}: link {body.name!r}',
                 f'joint {options.joints[index - 1]!r} moves it, so it needs mass and inertia',

@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from ..errors import ConfigurationError
 from ..types import Array, Vector3
-from .body import Body, Gyrostat, Rotor, tree_order, without
+from .body import Body, Gyrostat, Rotor, tree_order
 from .settings import SensorSettings
 
 
@@ -97,7 +97,7 @@ class Robot:
     @cached_property
     def inertial_parameters(self) -> Array:
         """(n + 1, 10) of every body about its own frame, in the order of `toDynamicParameters`."""
-        return np.array([_pin_inertia(b).toDynamicParameters() for b in self.bodies])
+        return np.array([b.spatial_inertia.toDynamicParameters() for b in self.bodies])
 
     @cached_property
     def pin_model(self) -> pin.Model:
@@ -149,21 +149,14 @@ class Robot:
             parameters: (n + 1, 10) as `inertial_parameters`; not checked for physical consistency.
         """
         parameters = _finite(parameters, (len(self.bodies), 10), 'inertial parameters')
-        bodies = []
-        for body, row in zip(self.bodies, parameters, strict=True):
-            if row[0] == 0.0:  # a massless frame: its centre of mass would be 0/0
-                bodies.append(replace(body, mass=0.0, com=np.zeros(3), inertia=np.zeros((3, 3))))
-                continue
-            inertia = pin.Inertia.FromDynamicParameters(row)
-            bodies.append(
-                replace(
-                    body,
-                    mass=inertia.mass,
-                    com=inertia.lever.copy(),
-                    inertia=inertia.inertia.copy(),
-                )
+        # a massless frame stays one: its centre of mass would be 0/0
+        bodies = tuple(
+            body.with_spatial_inertia(
+                pin.Inertia.FromDynamicParameters(row) if row[0] else pin.Inertia.Zero()
             )
-        return replace(self, bodies=tuple(bodies))
+            for body, row in zip(self.bodies, parameters, strict=True)
+        )
+        return replace(self, bodies=bodies)
 
     def with_motor_inertia(self, joint: str, inertia: float) -> Robot:
         """The same robot, a joint's motor of more inertia than it has [kg m^2]."""
@@ -186,7 +179,7 @@ class Robot:
             return self
         bodies = list(self.bodies)
         for rotor in self.rotors:
-            bodies[rotor.body.parent] = without(bodies[rotor.body.parent], rotor.body)
+            bodies[rotor.body.parent] = bodies[rotor.body.parent].without(rotor.body)
         n = len(self.rotors)
         unlimited = np.full(n, np.inf)
         return replace(
@@ -231,10 +224,6 @@ def _finite(values: Array, shape: tuple[int, ...], what: str) -> Array:
     return array
 
 
-def _pin_inertia(body: Body) -> pin.Inertia:
-    return pin.Inertia(body.mass, body.com, body.inertia)
-
-
 def _build_pin_model(robot: Robot) -> pin.Model:
     model = pin.Model()
     model.name = robot.name
@@ -242,7 +231,7 @@ def _build_pin_model(robot: Robot) -> pin.Model:
     ids = [0]
     if robot.is_free:
         ids[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
-        model.appendBodyToJoint(ids[0], _pin_inertia(robot.bodies[0]), pin.SE3.Identity())
+        model.appendBodyToJoint(ids[0], robot.bodies[0].spatial_inertia, pin.SE3.Identity())
     ids += [-1] * robot.n_joints
     for index in tree_order(robot.bodies):
         body = robot.bodies[index]
@@ -255,7 +244,7 @@ def _build_pin_model(robot: Robot) -> pin.Model:
         ids[index] = model.addJoint(
             ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]
         )
-        model.appendBodyToJoint(ids[index], _pin_inertia(body), pin.SE3.Identity())
+        model.appendBodyToJoint(ids[index], body.spatial_inertia, pin.SE3.Identity())
         model.armature[model.joints[ids[index]].idx_v] = body.motor_inertia
     return model
 

@@ -101,10 +101,13 @@ def param(
 
 
 def meanings(cls: type) -> dict[str, str]:
-    """What every field of a settings dataclass means."""
-    section = (inspect.getdoc(cls) or '').partition('\nArgs:\n')[2]
-    found = re.findall(r'^ {4}(\w+): (.*(?:\n {8}.*)*)', section, re.MULTILINE)
-    return {name: ' '.join(text.split()) for name, text in found}
+    """What every field means: its entry under `Args:`, in the class or in what it derives from."""
+    found = {}
+    for base in reversed(cls.__mro__):
+        section = inspect.cleandoc(base.__doc__ or '').partition('\nArgs:\n')[2]
+        for names, text in re.findall(r'^ {4}([\w, ]+): (.*(?:\n {8}.*)*)', section, re.MULTILINE):
+            found.update(dict.fromkeys(names.split(', '), ' '.join(text.split())))
+    return found
 
 
 def plain_type(hint: Any) -> Any:

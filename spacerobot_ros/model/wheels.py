@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..types import Vector3
 from .body import Body, Gyrostat, Rotor
-from .merge import Frames
+from .rigid_bodies import Frames
 from .settings import RobotSettings, WheelSettings
 from .urdf import Joint, Tree
 

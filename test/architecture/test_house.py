@@ -42,10 +42,22 @@ CLASSES = {
     *('Tree',),
 }
 FILES = {
-    *('controller', 'convert', 'diagnose', 'faults', 'main', 'merge', 'monitor'),
-    *('motion', 'noise', 'prior', 'reference'),
-    *('regressor_kernel', 'samples', 'sensors', 'state', 'tree'),
-    *('types', 'wheel_momentum', 'wheels'),
+    'controller',
+    'convert',
+    'diagnose',
+    'faults',
+    'main',
+    'monitor',
+    'motion',
+    'noise',
+    'prior',
+    'reference',
+    'regressor_kernel',
+    'samples',
+    'state',
+    'tree',
+    'types',
+    'wheel_momentum',
 }
 
 

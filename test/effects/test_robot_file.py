@@ -13,6 +13,7 @@ from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.model.schema import meanings
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 from spacerobot_ros.simulation.forced import ForcedMotion
@@ -118,7 +119,7 @@ def test_every_entry_says_what_a_reader_needs(effect):
     assert effect.source
     assert effect.group in ('joint', 'sensor', 'wheels', 'bodies', 'environment')
     for parameter in effect.parameters:
-        assert parameter.doc.endswith('.')
+        assert meanings(effect)[parameter.name].endswith('.')
         assert parameter.role in ('linear', 'phase', 'reciprocal', 'square', 'search')
         if parameter.role in ('linear', 'reciprocal', 'square'):
             assert 0.0 <= parameter.relevant < parameter.size < np.inf

@@ -75,11 +75,15 @@ class ServicerWheels(WheelEffect):
 
 
 class TargetWheelMomentum(TargetWheels):
-    """h = h_believed + (x, y, z), in the carrying link's frame."""
+    """h = h_believed + (x, y, z), in the carrying link's frame.
+
+    Args:
+        x, y, z: Momentum added to the believed one, along the link's axes.
+    """
 
     id = 'target_wheel_momentum'
     title = "momentum of the captured body's wheels beyond the believed one"
-    parameters = xyz('N m s', "Momentum added to the believed one, along the link's", 50.0, 0.01)
+    parameters = xyz('N m s', 50.0, 0.01)
     magnitude = '0.1 to 100 N m s'
     signature = 'torques -omega x h on the carrying link, and its share of the momentum balance'
     source = _WHEEL_SOURCE
@@ -94,11 +98,15 @@ class TargetWheelMomentum(TargetWheels):
 
 
 class ServicerWheelMomentumError(ServicerWheels):
-    """h = h_believed + (x, y, z), in base coordinates."""
+    """h = h_believed + (x, y, z), in base coordinates.
+
+    Args:
+        x, y, z: Momentum added to the believed one, along the base's axes.
+    """
 
     id = 'servicer_wheel_momentum_error'
     title = "momentum of the servicer's wheels beyond the believed one"
-    parameters = xyz('N m s', "Momentum added to the believed one, along the base's", 5.0, 0.01)
+    parameters = xyz('N m s', 5.0, 0.01)
     magnitude = '0.1 to 5 N m s: tachometers and rotor inertias'
     signature = 'a torque -omega x h on the base'
     source = _WHEEL_SOURCE
@@ -112,19 +120,16 @@ class ServicerWheelMomentumError(ServicerWheels):
 
 
 class WheelDrag(WheelEffect):
-    """h = h0 exp(-t / tau); the body takes what the wheels lose: torque -omega x h - h'."""
+    """h = h0 exp(-t / tau); the body takes what the wheels lose: torque -omega x h - h'.
+
+    Args:
+        time_constant: Time in which the momentum falls to 1/e.
+    """
 
     is_timed = True
     parameters = (
         Parameter(
-            'time_constant',
-            's',
-            'Time in which the momentum falls to 1/e.',
-            3e-3,
-            3e-5,
-            nominal=math.inf,
-            above=0.0,
-            role='reciprocal',
+            'time_constant', 's', 3e-3, 3e-5, nominal=math.inf, above=0.0, role='reciprocal'
         ),
     )
     magnitude = 'time constants of 100 s (dry or damaged bearings) to 10 000 s'
@@ -169,15 +174,20 @@ class WheelImbalance(WheelEffect):
 
     The wheel's own transverse momentum A / w (-sin, cos, 0) turns with it, so the whole keeps its
     momentum; -omega x that is part of the torque.
+
+    Args:
+        amplitude: Size of the turning torque.
+        frequency: Rate of the wheel.
+        phase: Direction of the torque at the start.
     """
 
     id = 'wheel_imbalance'
     title = 'dynamic imbalance of a wheel'
     is_timed = True
     parameters = (
-        amount('amplitude', 'N m', 'Size of the turning torque.', 2.0, 0.02),
-        guess('frequency', 'rad/s', 'Rate of the wheel.', above=0.0, grid=(3.0, 1000.0)),
-        phase('Direction of the torque at the start.'),
+        amount('amplitude', 'N m', 2.0, 0.02),
+        guess('frequency', 'rad/s', above=0.0, grid=(3.0, 1000.0)),
+        phase(),
     )
     magnitude = '0.01 to 10 N m at 10 to 600 rad/s, growing with the square of the rate'
     signature = 'a line at the frequency of the wheel in rates and torques'
@@ -217,16 +227,15 @@ class FreeRotors(WheelEffect):
     With J a rotor's axial inertia and h = J (Omega + omega) its axial momentum in the inertial
     frame, constant, the link moves as one of inertia I - J 1 with the gyrostat h; a model with
     locked wheels has I and J Omega. What the model believes of the momentum is then taken as h.
+
+    Args:
+        axial_inertia: Inertia of each of three rotors about its axis.
     """
 
     id = 'free_wheel_rotors'
     title = 'wheels that turn freely instead of at a constant relative rate'
     excludes = ('free_wheel_rotors',)
-    parameters = (
-        amount(
-            'axial_inertia', 'kg m^2', 'Inertia of each of three rotors about its axis.', 0.5, 0.05
-        ),
-    )
+    parameters = (amount('axial_inertia', 'kg m^2', 0.5, 0.05),)
     magnitude = '0.01 to 1 kg m^2'
     signature = 'a link that resists turning less than its inertia says'
     source = _WHEEL_SOURCE

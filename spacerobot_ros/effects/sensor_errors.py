@@ -51,62 +51,64 @@ class JointSensor(SensorFault, JointEffect):
 
 
 class EncoderOffset(JointSensor):
-    """q_measured = q + offset."""
+    """q_measured = q + offset.
+
+    Args:
+        offset: What the encoder says too much.
+    """
 
     id = 'encoder_offset'
     title = 'wrong zero of an encoder'
     channel = 'joint_position'
-    parameters = (Parameter('offset', 'rad', 'What the encoder says too much.', 0.02, 1e-4),)
+    parameters = (Parameter('offset', 'rad', 0.02, 1e-4),)
     magnitude = '0.1 to 10 mrad after assembly and launch'
     signature = 'torques and momentum of an arm that stands a constant angle elsewhere'
     source = 'Roth, Mooring and Ravani, IEEE J. Robotics and Automation 3 (1987)'
 
 
 class EncoderScale(JointSensor):
-    """q_measured = gain q."""
+    """q_measured = gain q.
+
+    Args:
+        gain: What the encoder says per angle.
+    """
 
     id = 'encoder_scale'
     title = 'wrong scale of an encoder'
     channel = 'joint_position'
-    parameters = (
-        Parameter(
-            'gain', '', 'What the encoder says per angle.', 0.01, 3e-4, nominal=1.0, above=0.0
-        ),
-    )
+    parameters = (Parameter('gain', '', 0.01, 3e-4, nominal=1.0, above=0.0),)
     magnitude = '1e-4 to 1e-2: pulley and gear ratios, potentiometers'
     signature = 'positions that grow faster or slower than the integral of the joint rate'
     source = _CALIBRATION
 
 
 class JointRateScale(JointSensor):
-    """qd_measured = gain qd."""
+    """qd_measured = gain qd.
+
+    Args:
+        gain: Joint rate that is reported per true rate.
+    """
 
     id = 'joint_rate_scale'
     title = 'wrong scale of a joint rate'
     channel = 'joint_velocity'
-    parameters = (
-        Parameter(
-            'gain',
-            '',
-            'Joint rate that is reported per true rate.',
-            0.02,
-            5e-4,
-            nominal=1.0,
-            above=0.0,
-        ),
-    )
+    parameters = (Parameter('gain', '', 0.02, 5e-4, nominal=1.0, above=0.0),)
     magnitude = '1e-3 to 3e-2 for tachometers'
     signature = 'joint rates in proportion to, but not equal to, the slope of the positions'
     source = _CALIBRATION
 
 
 class TorqueSensorBias(JointSensor):
-    """tau_measured = tau + bias."""
+    """tau_measured = tau + bias.
+
+    Args:
+        bias: Torque that the sensor says too much.
+    """
 
     id = 'torque_sensor_bias'
     title = 'bias of a torque sensor'
     channel = 'joint_effort'
-    parameters = (Parameter('bias', 'N m', 'Torque that the sensor says too much.', 1.0, 0.01),)
+    parameters = (Parameter('bias', 'N m', 1.0, 0.01),)
     magnitude = '0.1 to 1 N m: temperature and creep of strain gauges'
     signature = 'a constant torque residual of one joint'
     source = 'Aksman, Carignan and Akin, IEEE ICRA (2007)'
@@ -121,11 +123,15 @@ class GyroFault(SensorFault):
 
 
 class GyroBias(GyroFault):
-    """omega_measured = omega + b."""
+    """omega_measured = omega + b.
+
+    Args:
+        x, y, z: Rate that the gyro says too much about an axis.
+    """
 
     id = 'gyro_bias'
     title = 'bias of the gyro'
-    parameters = xyz('rad/s', 'Rate that the gyro says too much about', 1e-3, 1e-5)
+    parameters = xyz('rad/s', 1e-3, 1e-5)
     magnitude = '1e-6 rad/s (fibre optic) to 1e-3 rad/s (MEMS)'
     signature = 'an attitude that drifts away from the integral of the rate'
 
@@ -135,11 +141,15 @@ class GyroBias(GyroFault):
 
 
 class GyroScale(GyroFault):
-    """omega_measured = (1 + s) omega, axis by axis."""
+    """omega_measured = (1 + s) omega, axis by axis.
+
+    Args:
+        x, y, z: Relative error of the scale about an axis.
+    """
 
     id = 'gyro_scale'
     title = 'scale errors of the gyro'
-    parameters = xyz('', 'Relative error of the scale about', 5e-3, 1e-4)
+    parameters = xyz('', 5e-3, 1e-4)
     magnitude = '1e-5 (fibre optic) to 1e-2 (MEMS)'
     signature = 'an attitude error that grows with the angle turned about an axis'
 
@@ -149,13 +159,15 @@ class GyroScale(GyroFault):
 
 
 class GyroMisalignment(GyroFault):
-    """omega_measured = exp(skew(r)) omega: what the gyro says is turned by the vector r."""
+    """omega_measured = exp(skew(r)) omega: what the gyro says is turned by the vector r.
+
+    Args:
+        x, y, z: Rotation vector that turns the true rates to those said.
+    """
 
     id = 'gyro_misalignment'
     title = 'misalignment of the gyro'
-    parameters = xyz(
-        'rad', 'Rotation vector that turns the true rates to those said, about', 5e-3, 1e-4
-    )
+    parameters = xyz('rad', 5e-3, 1e-4)
     magnitude = '0.1 to 5 mrad after launch'
     signature = 'rates about one axis that show up on another'
 
@@ -165,13 +177,17 @@ class GyroMisalignment(GyroFault):
 
 
 class AttitudeMisalignment(SensorFault):
-    """R_measured = R_WB exp(skew(r)): the tracker's frame is turned by r against the base."""
+    """R_measured = R_WB exp(skew(r)): the tracker's frame is turned by r against the base.
+
+    Args:
+        x, y, z: Rotation vector of the tracker against the base.
+    """
 
     id = 'attitude_misalignment'
     title = 'misalignment of the star tracker'
     channel = 'attitude'
     needs_free_base = True
-    parameters = xyz('rad', 'Rotation vector of the tracker against the base, about', 5e-3, 1.5e-4)
+    parameters = xyz('rad', 5e-3, 1.5e-4)
     magnitude = '0.05 to 5 mrad between tracker and gyro after launch'
     signature = 'attitude increments that are turned against the gyro rates'
     source = 'Markley and Crassidis, Fundamentals of Spacecraft ADCS, 6.4'
