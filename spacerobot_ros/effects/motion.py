@@ -159,7 +159,7 @@ class Motion:
     def kinematics(self) -> BodyKinematics:
         """Rotations, origins, velocities and drifts of all bodies."""
         q, qd = (np.ascontiguousarray(x, dtype=float) for x in (self.q, self.qd))
-        return forward_kinematics(self.tree, q, self.rates, qd)  # type: ignore[no-any-return]
+        return forward_kinematics(self.tree, q, self.rates, qd)
 
     @property
     def accelerations(self) -> Array:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
+import numpy as np
 import pinocchio as pin
 
 from ..types import Matrix3, Vector3
@@ -33,9 +34,9 @@ class Body:
     translation: Vector3
     axis: Vector3
     is_prismatic: bool
-    mass: float
-    com: Vector3
-    inertia: Matrix3
+    mass: float = 0.0
+    com: Vector3 = field(default_factory=lambda: np.zeros(3))
+    inertia: Matrix3 = field(default_factory=lambda: np.zeros((3, 3)))
     motor_inertia: float = 0.0
 
     @property

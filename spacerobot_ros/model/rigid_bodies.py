@@ -26,9 +26,8 @@ def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...],
     """
     here = np.eye(3), np.zeros(3)
     frames: Frames = {tree.root: (0, *here)}
-    massless = 0.0, np.zeros(3), np.zeros((3, 3))
     x = np.array([1.0, 0.0, 0.0])
-    bodies = {0: Body(tree.root, -1, *here, x, False, *massless)}
+    bodies = {0: Body(tree.root, -1, *here, x, False)}
     frontier = [tree.root]
     while frontier:
         link = frontier.pop()
@@ -39,7 +38,7 @@ def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...],
                 frames[joint.child] = (body, *mount)
             else:
                 index, slides = 1 + joints.index(joint.name), joint.kind == 'prismatic'
-                bodies[index] = Body(joint.child, body, *mount, joint.axis, slides, *massless)
+                bodies[index] = Body(joint.child, body, *mount, joint.axis, slides)
                 frames[joint.child] = (index, *here)
             frontier.append(joint.child)
     inertias: dict[int, pin.Inertia] = {}

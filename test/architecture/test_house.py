@@ -37,11 +37,20 @@ CIRCLES_OF_ROOMS = {('control', 'diagnosis', 'estimation', 'identification', 'si
 UPWARDS = {('estimation.balance', 'diagnosis.search')}
 OUTSIDE: set[str] = set()
 CLASSES = {
-    *('Case', 'Columns', 'Health', 'Measurements', 'Motion', 'Options'),
-    *('ParametersInForce', 'Run', 'Sample', 'SampleBuffer', 'Start', 'Stream', 'Table'),
-    *('Tree',),
-}
-FILES = {
+    'Case',
+    'Columns',
+    'Health',
+    'Measurements',
+    'Motion',
+    'Options',
+    'ParametersInForce',
+    'Run',
+    'Sample',
+    'SampleBuffer',
+    'Start',
+    'Stream',
+    'Table',
+    'Tree',
     'controller',
     'convert',
     'diagnose',
@@ -54,6 +63,7 @@ FILES = {
     'reference',
     'regressor_kernel',
     'samples',
+    'spatial',
     'state',
     'tree',
     'types',
