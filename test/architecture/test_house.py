@@ -51,6 +51,8 @@ CLASSES = {
     'Stream',
     'Table',
     'Tree',
+}
+FILES = {
     'controller',
     'convert',
     'diagnose',
