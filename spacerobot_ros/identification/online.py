@@ -21,9 +21,11 @@ from ..errors import MessageRejectedError
 from ..estimation.minimal import minimal_set
 from ..estimation.momentum_filter import MomentumFilter, Noise
 from ..estimation.momentum_process import MomentumModel
-from ..estimation.smoothing import SensorData, smooth, time_grid
+from ..estimation.smoothing import LONGEST_GAP, SensorData, smooth, time_grid
+from ..estimation.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
+from ..recording.buffer import SampleBuffer
 from ..types import Array
 from .estimate import Estimate
 from .manifold import on_bodies
@@ -31,13 +33,13 @@ from .maximum_likelihood import Stretch, estimate_constants, prepare, run_stretc
 from .noise import noise_levels
 from .plausibility import sensor_faults
 from .prior import Prior, weak_prior
-from .samples import SampleBuffer
 from .summary import summarize
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
 _MOVED = 3.0  # sigmas of shift that ask for a new run through the buffer
 _FIRST = 4.0  # s of data before the first solution
+_WORDS = {'joints': 'joint states', 'imu': 'gyro', 'attitude': 'attitude'}
 
 
 class OnlineIdentifier:
@@ -62,7 +64,9 @@ class OnlineIdentifier:
     def reset(self) -> None:
         """Forget everything that was measured."""
         self.rejected = 0
-        self._samples = SampleBuffer(self._model.n, self._lag, self._settings.torque_hold_period)
+        joints = self._model.robot.joints[: self._model.n]
+        self.samples = SampleBuffer(joints, self._lag, LONGEST_GAP)
+        self._first_joints_ns: int | None = None  # from which holds count
         self._levels: dict[str, float] = {}
         self._notes: tuple[str, ...] = ()
         self._engine: MomentumFilter | None = None
@@ -85,21 +89,26 @@ class OnlineIdentifier:
                 its stretch is solved, or one far ahead of all others; the sample is not used.
         """
         with self._counting():
-            self._samples.add_joints(stamp_ns, q, qd)
+            self.samples.add_joints(stamp_ns, q, qd)
 
     def add_rate(self, stamp_ns: int, omega_WB_B: Array) -> None:
         """Add a gyro sample omega_WB_B (3,) [rad/s]; raises as `add_joints`."""
         with self._counting():
-            self._samples.add_rate(stamp_ns, omega_WB_B)
+            self.samples.add_rate(stamp_ns, omega_WB_B)
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Array) -> None:
         """Add an attitude (4,); raises as `add_joints`, also for a norm off by more than 1e-3."""
         with self._counting():
-            self._samples.add_attitude(stamp_ns, q_WB_xyzw)
+            self.samples.add_attitude(stamp_ns, q_WB_xyzw)
 
-    def solve(self) -> Estimate:
-        """Use all settled samples; it says why it isn't valid while they don't suffice."""
-        data = self._samples.data()
+    def solve(self, until_ns: int | None = None) -> Estimate:
+        """Use all settled samples; it says why it isn't valid while they don't suffice.
+
+        Args:
+            until_ns: Last stamp to look at [ns]; None: the newest. What came later by the order
+                of arrival then makes no difference.
+        """
+        data = self._data(until_ns)
         end = self._settled(data)
         if data is None or end - self._done < 1e-3 or (self._engine is None and end < _FIRST):
             return self._last or self._nothing(self._missing(data))
@@ -119,6 +128,24 @@ class OnlineIdentifier:
         except MessageRejectedError:
             self.rejected += 1
             raise
+
+    def _data(self, until_ns: int | None) -> SensorData | None:
+        """The samples; None while a sensor is missing."""
+        r = self.samples.record(None, until_ns)
+        if r.joints is None or r.rates is None or r.attitudes is None:
+            return None
+        if self._first_joints_ns is None:
+            self._first_joints_ns = int(r.joints.stamp_ns[0])
+        first, period = (
+            self.samples.seconds(self._first_joints_ns),
+            self._settings.torque_hold_period,
+        )
+        since_first = np.concatenate([[first], r.joint_time])
+        holds = find_holds(since_first if period > 0.0 else r.joint_time, None, period)
+        qd = np.zeros((0, self._model.n)) if r.qd is None else r.qd
+        return SensorData(
+            r.joint_time, r.q, qd, r.rate_time, r.omega, r.attitude_time, r.attitude_xyzw, holds
+        )
 
     def _settled(self, data: SensorData | None) -> float:
         if data is None:
@@ -187,11 +214,15 @@ class OnlineIdentifier:
         last, model = engine.last
         correction = Rotation.from_rotvec(engine.take_attitude())
         engine.last = (replace(last, rotation=last.rotation * correction), model)
-        self._done = self._samples.solved = float(stretch.reference.time[-1])
+        self._done = float(stretch.reference.time[-1])
 
     def _forget(self, end: float) -> None:
         whole = end <= self._settings.buffer
-        self._samples.forget(end - (self._settings.buffer if whole else _CONTEXT + self._lag))
+        keep = self._settings.buffer if whole else _CONTEXT + self._lag
+        self.samples.close(self._stamp(self._done), round(keep * 1e9))
+
+    def _stamp(self, seconds: float) -> int:
+        return (self.samples.origin_ns or 0) + round(seconds * 1e9)
 
     def _summary(self, end: float) -> Estimate:
         engine, prior = self._engine, self._prior
@@ -200,7 +231,7 @@ class OnlineIdentifier:
         # The information's own solution is the best estimate, also where the point of
         # linearisation was held back.
         change, _ = engine.information.solve()
-        stamp = (self._samples.origin_ns or 0) + round(self._done * 1e9)
+        stamp = self._stamp(self._done)
         estimate = summarize(
             'online',
             self._model,
@@ -234,8 +265,9 @@ class OnlineIdentifier:
         return estimate
 
     def _missing(self, data: SensorData | None) -> str:
-        if self._samples.missing:
-            return f'no {" and no ".join(self._samples.missing)} yet'
+        missing = [_WORDS[sensor] for sensor in _WORDS if sensor in self.samples.missing]
+        if missing:
+            return f'no {" and no ".join(missing)} yet'
         return f'only {max(self._settled(data), 0.0):.1f} s of data yet, {_FIRST:g} s are needed'
 
     def _nothing(self, reason: str) -> Estimate:
@@ -267,5 +299,5 @@ class OnlineIdentifier:
             total_momentum_covariance=np.eye(3) * (10.0 * settings.momentum_prior_std) ** 2,
             chi2_per_dof=0.0,
             samples=0,
-            stamp_ns=self._samples.newest_ns,
+            stamp_ns=self.samples.newest_ns or 0,
         )

@@ -9,9 +9,9 @@ import sys
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import QuaternionStamped, WrenchStamped
+from geometry_msgs.msg import WrenchStamped
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from sensor_msgs.msg import Imu, JointState
+from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Tracking
 from trajectory_msgs.msg import JointTrajectory
@@ -19,25 +19,23 @@ from trajectory_msgs.msg import JointTrajectory
 from ..control.loop import Command, ControlLoop
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
-from ..recording import messages
 from ..ros import convert
 from ..ros.convert import compose
-from ..ros.diagnostics import Health, Status
-from ..ros.jumps import on_backward_jump
+from ..ros.diagnostics import Status
 from ..ros.main import run_node
-from ..ros.params import declare_settings, open_robot
 from ..ros.qos import LATCHED, STATE
+from .base import SensorNode
 from .controller_status import (
     adaptation_status,
     control_status,
     estimate_status,
     input_status,
 )
-from .pairing import Joints, Pairing
+from .pairing import Pairing
 from .parameters_in_force import ParametersInForce
 
 
-class ControllerNode(LifecycleNode):
+class ControllerNode(SensorNode, LifecycleNode):
     """Answers every joint sample with a torque while active."""
 
     loop: ControlLoop
@@ -46,23 +44,15 @@ class ControllerNode(LifecycleNode):
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('controller', **node_kwargs)
-        self.settings = declare_settings(self)
-        self.health = Health(self)
-        self.is_open = False  # whether the robot is known
         self.last_command: Command | None = None
         self._is_active = False
-        self._latest: Joints | None = None
         self._arrived_ns = 0
         self._estimate_note = 'none received'
-        self._timeout_ns = round(self.settings.controller.state_timeout * 1e9)
-        self._effort_publisher = self.create_lifecycle_publisher(
-            JointState, '/joint_commands', STATE
-        )
-        self._tracking_publisher = self.create_lifecycle_publisher(Tracking, '/tracking', STATE)
-        self._wrench_publisher = self.create_lifecycle_publisher(
-            WrenchStamped, '/base_torque', STATE
-        )
-        open_robot(self, self.settings, self._open)
+        self.jump_ns = round(self.settings.controller.state_timeout * 1e9)
+        self._efforts = self.create_lifecycle_publisher(JointState, '/joint_commands', STATE)
+        self._trackings = self.create_lifecycle_publisher(Tracking, '/tracking', STATE)
+        self._wrenches = self.create_lifecycle_publisher(WrenchStamped, '/base_torque', STATE)
+        self.find_robot()
 
     # ------------------------------------------------------------ life cycle
 
@@ -78,12 +68,12 @@ class ControllerNode(LifecycleNode):
         result = super().on_activate(state)
         self.loop.reset()
         self._is_active = True
-        if self._latest_rate is not None:
-            self.loop.add_rate(*self._latest_rate)
-        if self._latest_attitude is not None:
-            self.loop.add_attitude(*self._latest_attitude)
-        if self._latest is not None:
-            self._answer_when_complete(self._latest)
+        if 'imu' in self.latest:
+            self.loop.add_rate(*self.latest['imu'])
+        if 'attitude' in self.latest:
+            self.loop.add_attitude(*self.latest['attitude'])
+        if 'joints' in self.latest:
+            self._answer_when_complete(self.latest['joints'])
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -119,20 +109,17 @@ class ControllerNode(LifecycleNode):
         if self.is_open:
             self._pairing.waiting = None
 
-    def _open(self, robot: Robot) -> None:
+    def on_robot(self, robot: Robot) -> None:
+        """Take up the robot; start by itself if that is asked for."""
         self.loop = ControlLoop(robot, self.settings)
-        self._names = list(robot.joints)
-        self._base_link = robot.base_link
-        self._latest_rate: tuple[int, np.ndarray] | None = None
-        self._latest_attitude: tuple[int, np.ndarray] | None = None
-        self._pairing = Pairing(self.loop, self.settings.simulator, self._timeout_ns)
+        self._names, self._base_link = list(robot.joints), robot.base_link
+        self._pairing = Pairing(self.loop, self.settings.simulator, self.jump_ns)
         self.is_open = True
-        self._subscribe()
-        self.create_timer(self.settings.controller.state_timeout / 4.0, self._on_watch)
+        self._subscribe(robot)
+        period = self.settings.controller.state_timeout
+        self.create_timer(period / 4.0, self._on_watch)
         if self._pairing.is_lockstep:
-            period = self.settings.controller.state_timeout
             self.create_timer(period, self._on_incomplete, clock=self._pairing.clock)
-        self._jump = on_backward_jump(self, self._on_clock_jump)
         if self.loop.adaptive is not None:
             self._in_force = ParametersInForce(self, self.loop, self.settings)
             warning = self.loop.adaptive.health.sampling_warning
@@ -143,97 +130,54 @@ class ControllerNode(LifecycleNode):
             self.trigger_configure()
             self.trigger_activate()
 
-    def _subscribe(self) -> None:
-        self.create_subscription(Imu, '/imu/data', self._on_imu, STATE)
-        if self.loop.controls_attitude:
-            self.create_subscription(QuaternionStamped, '/attitude', self._on_attitude, STATE)
-        self.create_subscription(EstimateMessage, '/estimate', self._on_estimate, LATCHED)
-        self.create_subscription(JointTrajectory, '/reference', self._on_reference, STATE)
-        self.create_subscription(JointState, '/joint_states', self._on_joints, STATE)
+    def _subscribe(self, robot: Robot) -> None:
+        self.listen('/estimate', EstimateMessage, LATCHED, self._on_estimate)
+        self.listen('/reference', JointTrajectory, STATE, self._on_reference)
+        tracker = ('attitude',) if self.loop.controls_attitude else ()
+        self.follow(robot, ('imu', *tracker, 'joints'), STATE)
 
     # ------------------------------------------------------------ inputs
 
-    def _on_imu(self, message: Imu) -> None:
-        try:
-            stamp, omega = messages.angular_rate(message, self._base_link)
-            self._go_back(stamp, self._latest_rate and self._latest_rate[0], '/imu/data')
-            self.loop.add_rate(stamp, omega)
-        except MessageRejectedError as error:
-            self.health.reject('/imu/data', error)
-            return
-        self._latest_rate = (stamp, omega)
-        if self._pairing.waiting is not None:
-            self._answer_when_complete(self._pairing.waiting)
-
-    def _on_attitude(self, message: QuaternionStamped) -> None:
-        try:
-            stamp, attitude = messages.attitude(message)
-            self._go_back(stamp, self._latest_attitude and self._latest_attitude[0], '/attitude')
-            self.loop.add_attitude(stamp, attitude)
-        except MessageRejectedError as error:
-            self.health.reject('/attitude', error)
-            return
-        self._latest_attitude = (stamp, attitude)
-        if self._pairing.waiting is not None:
-            self._answer_when_complete(self._pairing.waiting)
-
-    def _on_joints(self, message: JointState) -> None:
-        try:
-            joints = messages.joint_sample(message, self._names)
-            last = self._latest[0] if self._latest else None
-            self._go_back(joints[0], last, '/joint_states')
-            if self._latest is not None and joints[0] <= self._latest[0]:
-                self._repeat(joints[0])
-                how = 'duplicate stamp' if joints[0] == self._latest[0] else 'stamp goes backwards'
+    def take(self, sensor: str, stamp_ns: int, *content: Any) -> None:
+        """Answer joint states; a sample of the other sensors may be what they waited for."""
+        if sensor == 'joints':
+            last = self.latest.get('joints')
+            if last is not None and stamp_ns <= last[0]:
+                self._repeat(stamp_ns)
+                how = 'duplicate stamp' if stamp_ns == last[0] else 'stamp goes backwards'
                 raise MessageRejectedError(how)
-        except MessageRejectedError as error:
-            self.health.reject('/joint_states', error)
+            self.latest['joints'] = (stamp_ns, *content)
+            self._arrived_ns = self.now_ns()
+            if self._is_active:
+                self._answer_when_complete(self.latest['joints'])
             return
-        self._latest = joints
-        self._arrived_ns = self._now()
-        if self._is_active:
-            self._answer_when_complete(joints)
+        add = self.loop.add_rate if sensor == 'imu' else self.loop.add_attitude
+        add(stamp_ns, *content)
+        if self._pairing.waiting is not None:
+            self._answer_when_complete(self._pairing.waiting)
 
     def _on_estimate(self, message: EstimateMessage) -> None:
         if not message.valid:
             self._estimate_note = f'last one not valid: {message.reason}'
             return
-        try:
-            estimate = convert.estimate(message)
-            if self.loop.takes_estimates:
-                self.loop.set_estimate(estimate)
-        except MessageRejectedError as error:
-            self.health.reject('/estimate', error)
-            return
+        estimate = convert.estimate(message)
+        if self.loop.takes_estimates:
+            self.loop.set_estimate(estimate)
         self._estimate_note = f'valid, stamped {estimate.stamp_ns * 1e-9:.3f} s'
 
     def _on_reference(self, message: JointTrajectory) -> None:
-        try:
-            start = self.loop.reference_point()
-            self.loop.set_reference(*convert.trajectory(message, self._names, start))
-        except MessageRejectedError as error:
-            self.health.reject('/reference', error)
+        start = self.loop.reference_point()
+        self.loop.set_reference(*convert.trajectory(message, self._names, start))
 
-    def _go_back(self, stamp: int, last: int | None, topic: str) -> None:
-        """Start anew where the stamps belong to another run: not late samples, but gone back."""
-        if last is not None and stamp < last - self._timeout_ns:
-            self._restart(f'stamps of {topic} went back by {(last - stamp) * 1e-9:.3f} s')
-
-    def _on_clock_jump(self) -> None:
-        joints = self._latest[0] if self._latest else 0
-        newest = max(joints, self.loop.rate_ns or 0, self.loop.attitude_ns or 0)
-        if newest > self._now():  # not if the stamps told already
-            self._restart('/clock went back')
-
-    def _restart(self, why: str) -> None:
+    def restart(self, why: str) -> None:
+        """Begin the motion anew."""
         self.get_logger().info(f'{why}: the motion starts again')
         self.loop.reset()
-        self._latest = self._latest_rate = self._latest_attitude = None
         self._pairing.waiting = self.last_command = None
 
     # ------------------------------------------------------------ commands
 
-    def _answer_when_complete(self, joints: Joints) -> None:
+    def _answer_when_complete(self, joints: tuple[Any, ...]) -> None:
         if not self._pairing.hold_back(joints):
             self._answer(joints)
 
@@ -243,7 +187,7 @@ class ControllerNode(LifecycleNode):
         if joints is not None:
             self._answer(joints)
 
-    def _answer(self, joints: Joints) -> None:
+    def _answer(self, joints: tuple[Any, ...]) -> None:
         self._pairing.waiting = None
         if self._is_active:
             self._publish(self.loop.add_joints(*joints))
@@ -254,9 +198,9 @@ class ControllerNode(LifecycleNode):
             self._publish(self.last_command)
 
     def _on_watch(self) -> None:
-        if not self._is_active or self._latest is None or self._pairing.waiting is not None:
+        if not self._is_active or 'joints' not in self.latest or self._pairing.waiting is not None:
             return
-        command = self.loop.blind(self._now() - self._arrived_ns)
+        command = self.loop.blind(self.now_ns() - self._arrived_ns)
         if command is not None:
             self.get_logger().warning('joint states are stale', throttle_duration_sec=2.0)
             self._publish(command)
@@ -269,32 +213,29 @@ class ControllerNode(LifecycleNode):
         if self._in_force is not None:
             self._in_force.publish(command.stamp_ns)
         law = self.settings.controller.law
-        self._tracking_publisher.publish(convert.tracking_message(command, self._names, law))
-
-    def _now(self) -> int:
-        return int(self.get_clock().now().nanoseconds)
+        self._trackings.publish(convert.tracking_message(command, self._names, law))
 
     def _send(self, stamp: int, tau: np.ndarray, base: np.ndarray | None) -> None:
         if base is not None:
-            self._wrench_publisher.publish(compose.base_torque(stamp, self._base_link, base))
-        self._effort_publisher.publish(compose.joint_state(stamp, self._names, effort=tau))
+            self._wrenches.publish(compose.base_torque(stamp, self._base_link, base))
+        self._efforts.publish(compose.joint_state(stamp, self._names, effort=tau))
 
     def _watch(self) -> None:
         """Say on /diagnostics how things are."""
         law = self.settings.controller.law
         self.health.watch(
-            self._input_status,
+            self._sensor_status,
             lambda: control_status(self._is_active, self.last_command, law),
             lambda: estimate_status(self.loop, self._estimate_note),
         )
         if self.loop.adaptive is not None:
             self.health.watch(lambda: adaptation_status(self.loop, self.last_command))
 
-    def _input_status(self) -> Status:
-        stamp = self._latest[0] if self._latest else None
+    def _sensor_status(self) -> Status:
+        stamp = self.latest['joints'][0] if 'joints' in self.latest else None
         command = self.last_command
         reason = command.reason if self._is_active and command else ''
-        return input_status(self.loop, stamp, (self._now() - self._arrived_ns) * 1e-9, reason)
+        return input_status(self.loop, stamp, (self.now_ns() - self._arrived_ns) * 1e-9, reason)
 
 
 def main(args: list[str] | None = None) -> int:

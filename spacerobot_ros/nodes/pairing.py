@@ -5,15 +5,13 @@ In lockstep the torque would otherwise depend on which of two messages was handl
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 from rclpy.clock import Clock, ClockType
 
 from ..control.loop import ControlLoop
 from ..model.settings import SimulatorSettings
 from ..sensing.sensors import steps_between
-
-Joints = tuple[int, np.ndarray, np.ndarray]
-"""Stamp [ns], positions and rates (n,) of the joints."""
 
 
 class Pairing:
@@ -30,13 +28,13 @@ class Pairing:
 
     def __init__(self, loop: ControlLoop, simulator: SimulatorSettings, patience_ns: int) -> None:
         self.is_lockstep = simulator.lockstep and loop.robot.is_free
-        self.waiting: Joints | None = None
+        self.waiting: tuple[Any, ...] | None = None
         self.clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop, self._patience_ns, self._since = loop, patience_ns, 0
         self._gyro_ns = _period_ns(simulator, 'imu_rate')
         self._attitude_ns = _period_ns(simulator, 'attitude_rate')
 
-    def hold_back(self, joints: Joints) -> bool:
+    def hold_back(self, joints: tuple[Any, ...]) -> bool:
         """Keep joint states back until the samples of their stamp are there; whether it does."""
         if not self.is_lockstep or self._is_complete(joints[0]):
             return False
@@ -45,7 +43,7 @@ class Pairing:
         self.waiting = joints
         return True
 
-    def overdue(self) -> Joints | None:
+    def overdue(self) -> tuple[Any, ...] | None:
         """Joint states that have waited too long: time would stand still in lockstep."""
         waited = self.clock.now().nanoseconds - self._since
         return self.waiting if waited > self._patience_ns else None

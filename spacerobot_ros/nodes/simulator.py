@@ -11,23 +11,20 @@ from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
-from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..model.settings import ADAPTIVE_LAWS
 from ..recording import messages
-from ..ros.diagnostics import Health
 from ..ros.main import run_node
-from ..ros.params import declare_settings, open_robot
 from ..ros.qos import LATCHED, STATE
 from ..sensing.faults import SensorFaults
 from ..sensing.sensors import SensorSuite
 from ..simulation.plant import Plant
 from ..simulation.truth import build_plant
+from .base import RobotNode
 from .commands import Answer, HeldCommands
 from .pace import Pace
 from .simulator_status import Progress, command_status, momentum_status, time_status
@@ -40,7 +37,7 @@ NEWS_DELAY_NS = 200_000_000
 CATCH_UP = 10  # steps in one tick of the real-time timer; beyond, the simulation falls behind
 
 
-class SimulatorNode(Node):
+class SimulatorNode(RobotNode):
     """Steps the plant: in lockstep with the commands, or at a pace of wall time."""
 
     plant: Plant
@@ -48,19 +45,16 @@ class SimulatorNode(Node):
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('simulator', **node_kwargs)
-        self.settings = declare_settings(self)
         self._options = self.settings.simulator
-        self.health = Health(self)
-        self.is_open = False  # whether the robot is known
         self.stop_at: int | None = None  # step at which to stop by itself
         self.observers: list[Callable[[Plant], None]] = []  # shown the truth at every step
         self._is_started = False
         self._is_paused = False
         period_ns = round(self._options.period * 1e9)
         self._pace = Pace(period_ns, self._options.real_time_factor, CATCH_UP)
-        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.offer('~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        open_robot(self, self.settings, self._open)
+        self.find_robot()
 
     # ------------------------------------------------------------ public state
 
@@ -115,7 +109,8 @@ class SimulatorNode(Node):
 
     # ------------------------------------------------------------ set-up
 
-    def _open(self, robot: Robot) -> None:
+    def on_robot(self, robot: Robot) -> None:
+        """Build the plant."""
         self._robot = robot
         self._names = list(robot.joints)
         options = self._options
@@ -166,11 +161,9 @@ class SimulatorNode(Node):
             self.settings.sensors.gyro_std,
             ledger_every=max(1, round(LEDGER_PERIOD / self._options.period)),
         )
-        subscription = self.create_subscription(
-            JointState, '/joint_commands', self._on_command, STATE
-        )
+        subscription = self.listen('/joint_commands', JointState, STATE, self._on_command)
         self._command_topic = subscription.topic_name
-        self.create_subscription(WrenchStamped, '/base_torque', self._on_wrench, STATE)
+        self.listen('/base_torque', WrenchStamped, STATE, self._on_wrench)
 
     # ------------------------------------------------------------ time
 
@@ -244,38 +237,26 @@ class SimulatorNode(Node):
     # ------------------------------------------------------------ commands in
 
     def _on_command(self, message: JointState) -> None:
-        try:
-            stamp, tau = messages.joint_efforts(message, self._names)
-            if self._options.lockstep:
-                self._answer.give_tau(stamp, tau)
-        except MessageRejectedError as error:
-            self.health.reject('/joint_commands', error)
-            return
+        stamp, tau = messages.joint_efforts(message, self._names)
         if self._options.lockstep:
+            self._answer.give_tau(stamp, tau)
             self._is_answered = True
             self._advance()
         else:
             self._held.set_tau(tau, self.step_index)
 
     def _on_wrench(self, message: WrenchStamped) -> None:
-        try:
-            stamp, wrench = messages.base_wrench(message, self._robot.base_link)
-            is_answer = self._options.lockstep and self._answer.give_wrench(stamp, wrench)
-        except MessageRejectedError as error:
-            self.health.reject('/base_torque', error)
-            return
-        if is_answer:
+        stamp, wrench = messages.base_wrench(message, self._robot.base_link)
+        if self._options.lockstep and self._answer.give_wrench(stamp, wrench):
             self._advance()
         else:
             self._held.set_wrench(wrench, self.step_index)
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_reset(self) -> tuple[bool, str]:
         if not self.is_open:
-            response.success, response.message = False, 'no robot yet'
-            return response
+            return False, 'no robot yet'
         self.reset()
-        response.success, response.message = True, 'time starts again at zero'
-        return response
+        return True, 'time starts again at zero'
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self.pause(request.data)

@@ -33,7 +33,7 @@ class Stream:
         self.stamps: list[int] = []
         self.values: list[Array] = []
         self.newest_ns: int | None = None
-        self.heard_ns: int | None = None
+        self._heard: tuple[int | None, int] | None = None  # newest stamp, and when it was so first
 
     def add(self, stamp_ns: int, value: Array) -> None:
         """Put a sample (m,) in its place.
@@ -53,6 +53,17 @@ class Stream:
         self.stamps.insert(place, stamp_ns)
         self.values.insert(place, value)
         self.newest_ns = max(stamp_ns, stamp_ns if self.newest_ns is None else self.newest_ns)
+
+    def silent_ns(self, now_ns: int) -> int:
+        """Time since its newest stamp was first seen here [ns], on a clock that never jumps."""
+        if self._heard is None or self._heard[0] != self.newest_ns:
+            self._heard = self.newest_ns, now_ns
+        return now_ns - self._heard[1]
+
+    def after(self, stamp_ns: int) -> int | None:
+        """The first stamp after one [ns]; None where there is none."""
+        place = bisect_right(self.stamps, stamp_ns)
+        return self.stamps[place] if place < len(self.stamps) else None
 
     def between(self, start_ns: int, end_ns: int) -> tuple[IntArray, Array]:
         """Stamps (N,) [ns] and values (N, m) from start to end, both included."""
@@ -146,7 +157,8 @@ class SampleBuffer:
         as long on the wall: one that is merely worked off slower than others is not dead.
 
         Args:
-            now_ns: Time of a clock that never jumps [ns]; None: there is no wall.
+            now_ns: Time of a clock that never jumps [ns], asked again with every sample; None:
+                there is no wall.
         """
         newest = self.newest_ns
         if newest is None or self.origin_ns is None:
@@ -155,8 +167,8 @@ class SampleBuffer:
         for name in self._sensors:
             stream = self.streams[name]
             reached = self.origin_ns - 1 if stream.newest_ns is None else stream.newest_ns
-            silent = now_ns is None or now_ns - (stream.heard_ns or now_ns) > PATIENCE_NS
-            if not (silent and newest - reached > PATIENCE_NS):
+            is_silent = now_ns is None or stream.silent_ns(now_ns) > PATIENCE_NS
+            if not (is_silent and newest - reached > PATIENCE_NS):
                 settled = min(settled, reached)
         return settled
 
@@ -179,6 +191,15 @@ class SampleBuffer:
         if len(stamps):
             attitudes = AttitudeSeries(stamps, rows)
         return Record(joints, rates, attitudes, zero_ns=self.origin_ns or 0)
+
+    def after(self, stamp_ns: int) -> int | None:
+        """The first stamp after one [ns]; None where there is none."""
+        first = (stream.after(stamp_ns) for stream in self.streams.values())
+        return min((ns for ns in first if ns is not None), default=None)
+
+    def seconds(self, stamp_ns: int) -> float:
+        """A stamp in seconds from the first of all."""
+        return (stamp_ns - (self.origin_ns or 0)) / 1e9
 
     def close(self, stamp_ns: int, keep_ns: int) -> None:
         """Take stamps up to this one as used; drop what is older by more than `keep_ns`."""

@@ -117,7 +117,7 @@ def test_order_within_what_is_not_yet_judged_does_not_matter(nominal):
     ('give', 'reason'),
     [
         (lambda m: m.add_rate(5, np.array([np.nan, 0, 0])), 'not finite'),
-        (lambda m: m.add_rate(5, np.zeros(2)), 'shape'),
+        (lambda m: m.add_rate(5, np.zeros(2)), 'has 2 entries, expected 3'),
         (lambda m: m.add_rate(0, np.zeros(3)), 'duplicate stamp'),
         (lambda m: m.add_attitude(5, np.array([0, 0, 0, 1.1])), 'norm 1.1'),
         (lambda m: m.add_joints(5, np.zeros(2), np.zeros(3), None), 'position has 2 entries'),

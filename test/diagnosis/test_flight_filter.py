@@ -7,10 +7,10 @@ from spacerobot_ros.campaign.monitor_flights import Flight, monitor_of
 from spacerobot_ros.diagnosis.flight.block_filter import BlockInnovations, FlightFilter
 from spacerobot_ros.diagnosis.flight.probes import probes_of
 from spacerobot_ros.diagnosis.flight.wheel_momentum import Momentum, constant_pass
-from spacerobot_ros.diagnosis.flight.window import Window
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.prediction import MeasuredMotion
 from spacerobot_ros.estimation.torque_process import TorqueDriven
+from spacerobot_ros.recording.buffer import SampleBuffer
 
 
 @pytest.fixture(scope='module')
@@ -19,7 +19,7 @@ def flight():
     flight = Flight(seed=3)
     robot = monitor_of(flight).robot
     truth = flight.file.settings.truth.target_momentum
-    window = Window(robot.joints)
+    window = SampleBuffer(robot.joints)
     for s in flight.samples(6.0):
         window.add_joints(s.stamp_ns, *s.joints)
         window.add_rate(s.stamp_ns, s.omega)
@@ -35,14 +35,14 @@ def seconds(x):
 
 def test_blocks_say_what_one_pass_says(flight):
     robot, window = flight
-    whole = window.observations(0, seconds(6.0))
+    whole = window.record(0, seconds(6.0))
     noise, _ = noise_levels(robot.sensors, whole)
     process = TorqueDriven(robot)
     known = Momentum(np.zeros(3), np.zeros((3, 3)))
     carried = FlightFilter(process, noise, 'held_before', probes_of(robot), known)
     blocks = [
         carried.block(
-            window.observations(seconds(max(t - 1.3, 0.0)), seconds(t + 0.3)), t
+            window.record(seconds(max(t - 1.3, 0.0)), seconds(t + 0.3)), t
         )
         for t in (1.0, 2.0, 3.0, 4.0, 5.0)
     ]  # fmt: skip
@@ -58,11 +58,11 @@ def test_blocks_say_what_one_pass_says(flight):
 
 def test_every_row_is_judged_once(flight):
     robot, window = flight
-    noise, _ = noise_levels(robot.sensors, window.observations(0, seconds(6.0)))
+    noise, _ = noise_levels(robot.sensors, window.record(0, seconds(6.0)))
     unknown = Momentum(np.zeros(3), np.eye(3) * 1e4)
     carried = FlightFilter(TorqueDriven(robot), noise, 'held_before', probes_of(robot), unknown)
-    first = carried.block(window.observations(0, seconds(1.3)), 1.0)
-    second = carried.block(window.observations(seconds(0.7), seconds(2.3)), 2.0)
+    first = carried.block(window.record(0, seconds(1.3)), 1.0)
+    second = carried.block(window.record(seconds(0.7), seconds(2.3)), 2.0)
     assert first.time[-1] < second.time[0]
     # 100 joint samples of 6 numbers, 100 of the gyro, 10 of the tracker, a second
     assert len(second.data) == 100 * 6 + 100 * 3 + 10 * 3

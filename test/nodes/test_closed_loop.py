@@ -83,7 +83,7 @@ def test_reset_of_the_simulator_restarts_all(servicer):
         sim.reset()
         rig.until(lambda: 50 <= sim.step_index < 250)
         assert controller.last_command.stamp_ns < 10**9
-        assert max(identifier._merger.newest) < 10**9
+        assert max(sample[0] for sample in identifier.latest.values()) < 10**9
         assert controller.health.rejected + identifier.health.rejected == {}
     finally:
         rig.close()

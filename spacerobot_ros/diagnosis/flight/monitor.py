@@ -18,6 +18,7 @@ from ...estimation.torque_process import TorqueDriven
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
+from ...recording.buffer import SENSORS, SampleBuffer
 from ...recording.record import Record
 from ...types import Array
 from .block_filter import FlightFilter
@@ -26,7 +27,6 @@ from .sequential_tests import SequentialTests
 from .start import Start, learn
 from .state import MonitorState, channel_states, jump_in_words
 from .wheel_momentum import Momentum
-from .window import Window
 from .window_whiteness import Whiteness
 
 _CONTEXT_NS = 300_000_000  # on either side of a block, for its reference
@@ -68,7 +68,8 @@ class Monitor:
     def reset(self) -> None:
         """Forget everything, as at the beginning of another run."""
         options = self._settings
-        self._window = Window(self.robot.joints)
+        sensors = SENSORS if self.robot.is_free else ('joints',)
+        self.samples = SampleBuffer(self.robot.joints, sensors=sensors)
         self._start: Start | None = None
         self._filter: FlightFilter | None = None
         self._edge_ns: int | None = None
@@ -102,15 +103,15 @@ class Monitor:
             MessageRejectedError: wrong lengths, not finite, a second sample with its stamp, or one
                 that is too late.
         """
-        self._window.add_joints(stamp_ns, q, qd, effort)
+        self.samples.add_joints(stamp_ns, q, qd, effort)
 
     def add_rate(self, stamp_ns: int, omega: Array) -> None:
         """Take a gyro sample, (3,) omega_WB_B [rad/s]; raises as `add_joints`."""
-        self._window.add_rate(stamp_ns, omega)
+        self.samples.add_rate(stamp_ns, omega)
 
     def add_attitude(self, stamp_ns: int, q_xyzw: Array) -> None:
         """Take a star tracker sample, (4,) q_WB xyzw; raises as `add_joints`."""
-        self._window.add_attitude(stamp_ns, q_xyzw)
+        self.samples.add_attitude(stamp_ns, q_xyzw)
 
     def believe(self, estimate: Estimate) -> None:
         """Take the first valid estimate of the captured wheels, with its covariance.
@@ -129,17 +130,17 @@ class Monitor:
         if estimate.valid and self._momentum_std and not self._is_told:
             self._estimate, self._is_told = estimate, True
 
-    def step(self) -> MonitorState:
-        """Judge what is complete."""
-        while self._advance():
+    def step(self, now_ns: int | None = None) -> MonitorState:
+        """Judge what is complete; `now_ns` is of `SampleBuffer.settled_ns`."""
+        while self._advance(now_ns):
             pass
         return self.state
 
     # ------------------------------------------------------------ from block to block
 
-    def _advance(self) -> bool:
+    def _advance(self, now_ns: int | None) -> bool:
         """Judge or skip one block; False where none is complete."""
-        newest, stamps = self._window.newest_ns, self._window.joints.stamps
+        newest, stamps = self.samples.settled_ns(now_ns), self.samples.streams['joints'].stamps
         if newest is None or not stamps:
             return False
         newest -= _LATENESS_NS
@@ -210,13 +211,13 @@ class Monitor:
             self._filter.restart()
         self._is_continued = False
         self._edge_ns = end_ns
-        self._window.close(end_ns - 1, _CONTEXT_NS)
+        self.samples.close(end_ns - 1, _CONTEXT_NS)
         if self.state.level != 'error':
             self.state = replace(self.state, level='stale', reason=why, judged_ns=end_ns)
 
     def _observe(self, first_ns: int, last_ns: int) -> Record | None:
         """The samples without what believed sensor effects do; None where they do not suffice."""
-        seen = self._window.observations(first_ns, last_ns)
+        seen = self.samples.record(first_ns, last_ns)
         if not self.robot.is_free:
             seen = replace(seen, rates=None, attitudes=None)
         if len(seen.rate_time) < _FEWEST_RATES:
@@ -233,10 +234,10 @@ class Monitor:
 
     def _judge(self, start: Start, flight: FlightFilter, record: Record, end_ns: int) -> None:
         known = flight.momentum
-        block = flight.block(record, float(self._window.seconds(np.array(end_ns))))
+        block = flight.block(record, self.samples.seconds(end_ns))
         self._is_continued = True
         self._edge_ns = end_ns
-        self._window.close(end_ns, 2 * _CONTEXT_NS)
+        self.samples.close(end_ns, 2 * _CONTEXT_NS)
         if not len(block.data):
             return
         block = block.scaled(start.spread)
