@@ -21,7 +21,8 @@ from ..errors import MessageRejectedError
 from ..estimation.minimal import minimal_set
 from ..estimation.momentum_filter import MomentumFilter, Noise
 from ..estimation.momentum_process import MomentumModel
-from ..estimation.smoothing import LONGEST_GAP, SensorData, smooth, time_grid
+from ..estimation.smoothing import SensorData, smooth, time_grid
+from ..estimation.time_base import LONGEST_GAP
 from ..estimation.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings

@@ -208,7 +208,7 @@ def test_a_valid_estimate_changes_the_torque(bench):
         ({'covariance': (-np.eye(22)).ravel().tolist()}, 'negative variance'),
         ({'covariance': [1.0]}, 'covariance has # entries, expected #'),
         ({'aam': [np.nan, 0.0, 0.0]}, 'not finite'),
-        ({'aam_links': ['link_2']}, 'link_#'),
+        ({'aam_links': ['link_2']}, 'link_2'),
         ({'parameter_names': ['x'] * 19}, 'parameters'),
         ({'parameters': [-1.0] * 19}, 'positive'),
     ],
