@@ -19,11 +19,11 @@ from ..estimation.refit import Fit, Run, refine
 from ..estimation.scaling import is_relevant
 from ..estimation.whiteness import ChannelFit, fit_test
 from ..model.robot import Robot
+from ..recording.faults.check import check_data
 from ..recording.record import Record
 from ..types import Array
 from .answer.residuals import residuals, series
 from .answer.result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Rival
-from .data_faults import check_data
 from .inadequacy import diagnose_balance, is_of_unknown_noise, shows_no_noise
 from .search import Choice, Found, Search, blocks
 from .timing import first_timing, held_after_all, said_of

@@ -13,6 +13,7 @@ from ..estimation.smoothing import SensorData
 from ..estimation.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
+from ..recording.faults.kinematics import contradictions
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
@@ -20,7 +21,7 @@ from .least_squares import sampled_reference, solve_least_squares
 from .manifold import on_bodies
 from .maximum_likelihood import estimate_constants, prepare
 from .noise import noise_levels
-from .plausibility import sensor_faults, swapped_joints
+from .plausibility import swapped_joints
 from .prior import weak_prior
 from .summary import LARGEST_CHI2, summarize
 
@@ -100,7 +101,7 @@ def identify_robot(
     if linear.valid and not converged:
         linear = replace(linear, valid=False, reason='the iteration has not converged')
     joints = robot.joints[: data.q.shape[1]]
-    faults = sensor_faults(data, joints)
+    faults = contradictions(record)
     if method == 'ml' and linear.chi2_per_dof > LARGEST_CHI2:
         faults += swapped_joints(model, stretch.reference, joints)
     if faults:

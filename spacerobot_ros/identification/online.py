@@ -27,12 +27,12 @@ from ..estimation.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.buffer import SampleBuffer
+from ..recording.faults.kinematics import contradictions
 from ..types import Array
 from .estimate import Estimate
 from .manifold import on_bodies
 from .maximum_likelihood import Stretch, estimate_constants, prepare, run_stretch
 from .noise import noise_levels
-from .plausibility import sensor_faults
 from .prior import Prior, weak_prior
 from .summary import summarize
 
@@ -163,7 +163,7 @@ class OnlineIdentifier:
         )
         self._rerun_constants = self._constants
         self._rerun_std = np.sqrt(np.diag(self._engine.information.solve()[1]))
-        self._faults = sensor_faults(data, self._model.robot.joints[: self._model.n])
+        self._faults = contradictions(self.samples.record())
         self._continue(stretch)
         self._next_rerun = 2.0 * end
         self._used = len(data.joint_time)

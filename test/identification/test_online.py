@@ -504,7 +504,7 @@ def test_long_runs_keep_a_bounded_buffer():
 
 
 def streams(online):
-    return online._samples.streams.values()
+    return online.samples.streams.values()
 
 
 @pytest.mark.parametrize('axes', ['zyx', 'xyy'])

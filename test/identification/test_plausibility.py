@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 from support.identification import measure, record_of, servicer, simulate
 
 from spacerobot_ros.identification.batch import identify
-from spacerobot_ros.identification.plausibility import sensor_faults
 from spacerobot_ros.model.settings import IdentifierSettings
+from spacerobot_ros.recording.faults.kinematics import contradictions
 
-NAMES = ('j_link_1', 'j_link_2', 'j_link_3')
 DEGREE = np.pi / 180.0
+INVERSE = [-1.0, -1.0, -1.0, 1.0]
 
 
 @lru_cache(maxsize=1)
@@ -32,32 +32,47 @@ FAULTS = {
         'scalar first',
     ),
     'inverse': (
-        lambda d: replace(d, attitude_xyzw=d.attitude_xyzw * [-1.0, -1.0, -1.0, 1.0]),
-        'quaternions seem to be inverse',
+        lambda d: replace(d, attitude_xyzw=d.attitude_xyzw * INVERSE),
+        'attitude: it takes inertial to base coordinates',
     ),
-    'gyro in deg/s': (lambda d: replace(d, omega=d.omega / DEGREE), 'gyro seems to be in deg/s'),
-    'gyro in the inertial frame': (inertial_gyro, 'inertial frame'),
+    'gyro in deg/s': (
+        lambda d: replace(d, omega=d.omega / DEGREE),
+        'gyro: rates against the attitude are degrees instead of radians',
+    ),
+    'gyro in the inertial frame': (inertial_gyro, 'inertial coordinates'),
     'joint rates in deg/s': (
         lambda d: replace(d, qd=d.qd / DEGREE),
-        'joint rates seem to be in deg/s',
+        'degrees instead of radians',
     ),
     'swapped joint rates': (
         lambda d: replace(d, qd=d.qd[:, [0, 2, 1]]),
-        'of j_link_2 and j_link_3 seem to be swapped',
+        'columns of j_link_2 and j_link_3 are exchanged',
     ),
-    'foreign gyro': (lambda d: replace(d, omega=d.omega[:, ::-1]), 'do not belong together'),
+    'scalar first and inverse': (
+        lambda d: replace(d, attitude_xyzw=(d.attitude_xyzw * INVERSE)[:, [3, 0, 1, 2]]),
+        'scalar first, expected xyzw; and it takes inertial to base',
+    ),
+    'gyro axes': (lambda d: replace(d, omega=d.omega[:, ::-1]), 'its (z, y, x) are the base'),
+    'foreign gyro': (
+        lambda d: replace(d, omega=np.roll(d.omega, 700, axis=0)),
+        'gyro and attitude: they do not belong together',
+    ),
+    'foreign rates': (
+        lambda d: replace(d, qd=np.roll(d.qd, 700, axis=0)),
+        'joint positions and rates: they do not belong together',
+    ),
 }
 
 
 @pytest.mark.parametrize(('change', 'named'), FAULTS.values(), ids=FAULTS.keys())
 def test_faults_are_named(change, named):
-    (fault,) = sensor_faults(change(good()), NAMES)
+    (fault,) = contradictions(record_of(change(good())))
     assert named in fault
 
 
 def test_good_and_resting_data_have_none():
-    assert sensor_faults(good(), NAMES) == ()
-    assert sensor_faults(measure(simulate('zyx', 20.0, 'still'), 1), NAMES) == ()
+    assert contradictions(record_of(good())) == ()
+    assert contradictions(record_of(measure(simulate('zyx', 20.0, 'still'), 1))) == ()
 
 
 def test_swapped_columns_are_found_by_momentum():
@@ -74,7 +89,7 @@ def test_a_fault_is_the_verdict():
         record_of(replace(data, omega=data.omega / DEGREE)), servicer('zyx'), IdentifierSettings()
     )
     assert not estimate.valid
-    assert 'deg/s' in estimate.reason
+    assert 'degrees instead of radians' in estimate.reason
 
 
 def test_own_wheels_at_rest_leave_ratios():

@@ -16,8 +16,8 @@ from ...estimation.noise_levels import noise_levels
 from ...estimation.observations import observed
 from ...estimation.refit import Run
 from ...model.robot import Robot
+from ...recording.faults.check import check_data
 from ...recording.record import Record
-from ..data_faults import check_data
 from ..inadequacy import settled
 
 _EDGE = 1.0  # s at both ends, where splines and filters are less sure

@@ -11,10 +11,10 @@ pytest.importorskip('mujoco')
 
 from support.mujoco_truth import EXCITATIONS, ROBOTS, generate
 
-from spacerobot_ros.diagnosis.data_faults import data_faults
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.recording.faults.check import data_faults
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries
 
 FREE = ['servicer', 'sixdof']

@@ -12,8 +12,8 @@ pytest.importorskip('mujoco')
 from support.mujoco_truth import ROBOTS, believing, generate
 
 from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.recording.faults.dynamics import find_torque_faults
 from spacerobot_ros.recording.record import JointSeries, Record
-from spacerobot_ros.recording.torque_faults import find_torque_faults
 
 DEGREES = 180.0 / np.pi
 

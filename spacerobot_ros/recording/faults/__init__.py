@@ -1,0 +1,1 @@
+"""Faults of the data themselves: with one of them nothing physical is concluded."""

@@ -1,0 +1,92 @@
+"""All faults of a record: what is missing, dead, too short, badly timed, or contradicts itself.
+
+What one channel shows of another is compared in `kinematics` and, with the robot's dynamics, in
+`dynamics`. Small errors of scale, angle and time are physical causes, and no faults of the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...errors import RecordingError
+from ...model.robot import Robot
+from ..record import JointSeries, Record
+from .clocks import clock_faults
+from .dynamics import find_torque_faults
+from .kinematics import dead_base, find_faults
+from .limits import FEWEST_SAMPLES, DataFault, in_lines
+
+
+def check_data(record: Record, robot: Robot) -> None:
+    """Refuse data from which only wrong conclusions could be drawn.
+
+    Raises:
+        RecordingError: with every fault in one line.
+    """
+    faults = data_faults(record, robot)
+    if faults:
+        raise RecordingError(record.source or 'data', 'faulty data: ' + '; '.join(faults))
+
+
+def data_faults(record: Record, robot: Robot) -> tuple[str, ...]:
+    """Every fault of a record, one line each.
+
+    Args:
+        record: As it was read.
+        robot: What the model believes.
+
+    Returns:
+        The first kind that is found of: missing or dead channels and impossible stamps; channels
+        that contradict each other; efforts that are unlike the model's. Empty where there is none.
+    """
+    for faults in (
+        tuple(_absent(record, robot)),
+        tuple(clock_faults(record)) if record.joints is not None else (),
+        (*_dead_joints(record.joints), *dead_base(record)),
+        find_faults(record),
+        find_torque_faults(record, robot),
+    ):
+        if faults:
+            return in_lines(faults)
+    return ()
+
+
+def _absent(record: Record, robot: Robot) -> Iterator[DataFault]:
+    joints, place = record.joints, '/joint_states'
+    if joints is None:
+        yield DataFault('absent', place, 'is missing: without joints nothing is known')
+        return
+    if joints.names != robot.joints:
+        message = f'has joints {", ".join(joints.names)}; the robot has {", ".join(robot.joints)}'
+        yield DataFault('absent', place, message)
+    if len(joints) < FEWEST_SAMPLES:
+        message = f'has {len(joints)} samples; a diagnosis needs {FEWEST_SAMPLES} or more'
+        yield DataFault('short', place, message)
+    if robot.is_free and record.rates is None and record.attitudes is None:
+        message = 'are both missing: the motion of a free base is not seen (robot.base: fixed?)'
+        yield DataFault('absent', '/imu/data and /attitude', message)
+    if not robot.is_free and joints.effort is None:
+        message = 'no efforts: without torques a fixed base tells nothing of its arm'
+        yield DataFault('absent', place, message)
+
+
+def _dead_joints(joints: JointSeries | None) -> Iterator[DataFault]:
+    """Channels that never change, although what they measure does."""
+    if joints is None:
+        return
+    still = np.ptp(joints.position, axis=0) == 0.0
+    if joints.velocity is not None:
+        still &= np.ptp(joints.velocity, axis=0) == 0.0
+    for name in np.array(joints.names)[still]:
+        message = 'never changes: a dead sensor, or a joint to be made fixed in the URDF'
+        yield DataFault('constant', f'joint_position/{name}', message)
+    if joints.effort is None:
+        return
+    if not np.any(joints.effort):
+        yield DataFault('constant', 'joint_torque', 'all efforts are zero: they were not measured')
+        return
+    for name in np.array(joints.names)[(np.ptp(joints.effort, axis=0) == 0.0) & ~still]:
+        message = 'never changes although the joint moves'
+        yield DataFault('constant', f'joint_torque/{name}', message)

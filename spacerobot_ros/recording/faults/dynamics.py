@@ -1,0 +1,189 @@
+r"""Faults that only the robot's dynamics shows: slips in all columns of a joint.
+
+Along the measured motion the model asks for the torques
+
+    tau = H(q) q'' + c(q, q', omega)                     # base eliminated; docs/equations.md
+
+Where the measured efforts are unlike it and one slip of a data sheet makes them alike, that slip
+is named. Both are judged twice: as they are, and with friction and bias allowed for. What no slip
+explains is left to the diagnosis.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from ...dynamics.equations import joint_torques
+from ...model.robot import Robot
+from ...types import Array
+from ..record import Record
+from .kinematics import DEGREES
+from .limits import ALIKE, FEWEST_SAMPLES, GAIN, ROWS, SPAN, SPOILED, UNLIKE, DataFault
+
+
+@dataclass(frozen=True, slots=True)
+class _Slip:
+    """What was done to the data, undone by exchanging columns and dividing by factors.
+
+    Args:
+        fault: Its name.
+        motion: Factor of positions; one, or (n,).
+        effort: Factor of efforts, likewise.
+        pair: Joints whose columns were exchanged; twice the same where none were.
+        with_motion: Whether positions were exchanged along with the efforts.
+    """
+
+    fault: DataFault
+    motion: Array | float = 1.0
+    effort: Array | float = 1.0
+    pair: tuple[int, int] = (0, 0)
+    with_motion: bool = True
+
+    def undone(self, values: Array, *, effort: bool = False) -> Array:
+        """(N, n) positions or efforts as they would be without it."""
+        order = np.arange(values.shape[1])
+        if effort or self.with_motion:
+            order[list(self.pair)] = self.pair[::-1]
+        return np.asarray(values[:, order] / (self.effort if effort else self.motion))
+
+
+def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
+    """The slip that makes measured efforts and the model's torques alike, if there is one.
+
+    Args:
+        record: With joint efforts; for a free base with the gyro.
+        robot: What the model believes.
+
+    Returns:
+        At most one fault; none where the data lack what it takes, or where none is needed.
+    """
+    torques = _Torques.of(record, robot)
+    if torques is None:
+        return ()
+    before = torques.unlike(_Slip(DataFault('', '', '')))
+    if np.all(before < UNLIKE):
+        return ()
+    slips = list(_slips(robot.joints[: robot.n_joints]))
+    shares = np.array([torques.unlike(slip) for slip in slips])
+    for way in range(2):
+        best = int(np.argmin(shares[:, way].mean(axis=1)))
+        if _explains(before[way], shares[best, way]):
+            return (slips[best].fault,)
+    return ()
+
+
+def _explains(before: Array, after: Array) -> bool:
+    """Whether a slip mends at least one joint and spoils none; noise is left as it is."""
+    mended = (before > UNLIKE) & (after < np.minimum(ALIKE, before / GAIN))
+    return bool(mended.any() and np.all(after < np.maximum(ALIKE, SPOILED * before)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Torques:
+    """A record at even steps, and the rows of it that are looked at.
+
+    Args:
+        robot: The model.
+        q: (N, n) positions at even steps [rad].
+        step: Between them [s].
+        rows: (K,) of them that are looked at.
+        effort: (K, n) measured there, smoothed [N m].
+        omega: (K, 3) base rate there [rad/s].
+    """
+
+    robot: Robot
+    q: Array
+    step: float
+    rows: Array
+    effort: Array
+    omega: Array
+
+    @staticmethod
+    def of(record: Record, robot: Robot) -> _Torques | None:
+        """None where the record lacks what it takes."""
+        time, effort = record.joint_time, record.effort
+        if effort is None or robot.rotor_count or (robot.is_free and record.rates is None):
+            return None
+        if len(time) < FEWEST_SAMPLES:
+            return None
+        step = float(np.median(np.diff(time)))
+        even = np.arange(time[0], time[-1], step)
+        span = _span(step)
+        if len(even) < 4 * span:
+            return None
+        rows = np.linspace(span, len(even) - span - 1, ROWS).astype(int)
+        omega = np.zeros((len(even), 3))
+        if robot.is_free:
+            omega = _at(even, record.rate_time, record.omega)
+        smooth = savgol_filter(_at(even, time, effort), span, 3, axis=0)
+        q = _at(even, time, record.q)
+        return _Torques(robot, q, step, rows, smooth[rows], omega[rows])
+
+    def unlike(self, slip: _Slip) -> Array:
+        """(2, n) share of each joint's torque that the model does not explain, the slip undone.
+
+        As it is, and with friction and bias taken out of both.
+        """
+        q, span = slip.undone(self.q), _span(self.step)
+        position, rate, acceleration = (
+            savgol_filter(q, span, 3, d, self.step, axis=0)[self.rows] for d in range(3)
+        )
+        measured = slip.undone(self.effort, effort=True)
+        model = joint_torques(self.robot, position, rate, acceleration, self.omega)
+        return np.array(
+            [_shares(*columns) for columns in zip(model.T, measured.T, rate.T, strict=True)]
+        ).T
+
+
+def _span(step: float) -> int:
+    """Samples that are smoothed together, an odd number."""
+    return 2 * max(2, round(0.5 * SPAN / step)) + 1
+
+
+def _at(times: Array, known: Array, values: Array) -> Array:
+    """(N, k) values at other times, linear between samples."""
+    return np.column_stack([np.interp(times, known, column) for column in values.T])
+
+
+def _shares(model: Array, measured: Array, rate: Array) -> tuple[float, float]:
+    """Difference of the larger of the two torques; again with friction and bias out of both."""
+    others = np.column_stack([np.ones_like(rate), rate, np.sign(rate)])
+    both = np.column_stack([model, measured])
+    rest = both - others @ np.linalg.lstsq(others, both, rcond=None)[0]
+    return _difference(both), _difference(rest)
+
+
+def _difference(pair: Array) -> float:
+    scale = float(np.max(np.sum(pair**2, axis=0)))
+    return float(np.sum((pair[:, 1] - pair[:, 0]) ** 2)) / scale if scale > 0.0 else 0.0
+
+
+def _slips(names: tuple[str, ...]) -> Iterator[_Slip]:
+    """Every slip that is tried, the efforts' own first."""
+    for factor, size in ((1000.0, 'large'), (1e-3, 'small')):
+        message = f'a thousand times too {size} for this robot: N m expected'
+        yield _Slip(DataFault('scale', 'joint_torque', message), effort=factor)
+    message = 'all efforts are of the wrong sign'
+    yield _Slip(DataFault('sign', 'joint_torque', message), effort=-1.0)
+    for factor, words in (
+        (DEGREES, 'degrees instead of radians'),
+        (1.0 / DEGREES, 'radians converted as if they were degrees'),
+    ):
+        yield _Slip(DataFault('scale', 'joints', f'positions are {words}'), motion=factor)
+    for i, name in enumerate(names):
+        flip = np.where(np.arange(len(names)) == i, -1.0, 1.0)
+        yield _Slip(DataFault('sign', f'joint_torque/{name}', 'of the wrong sign'), effort=flip)
+        message = 'position, rate and effort are of the wrong sign'
+        yield _Slip(DataFault('sign', f'joints/{name}', message), flip, flip)
+        message = 'position and rate are of the wrong sign'
+        yield _Slip(DataFault('sign', f'joints/{name}', message), flip)
+    for i, j in itertools.combinations(range(len(names)), 2):
+        message = f'columns of {names[i]} and {names[j]} are exchanged'
+        efforts = DataFault('exchanged', 'joint_torque', message)
+        yield _Slip(efforts, pair=(i, j), with_motion=False)
+        yield _Slip(DataFault('exchanged', 'joints', message), pair=(i, j))

@@ -1,0 +1,155 @@
+r"""Faults that kinematics alone shows: no mass, no torque, no model.
+
+Positions and rates of a joint, and attitude and gyro, mean the same motion twice:
+
+    q(t2) - q(t1) = int q' dt           log(R(t1)^T R(t2)) ~ int omega dt
+
+Where they disagree and one slip of a data sheet (a unit, a sign, two columns exchanged, another
+convention of quaternions) makes them agree, that slip is named. A physical cause must not be: a
+few per cent of scale or a small angle of misalignment is left to the diagnosis.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...types import Array
+from ..record import Record
+from .clocks import clock_jumps
+from .limits import DEAD_TURN, DataFault, in_lines
+from .signals import Pair, agree, base_pair, disagree, joint_pair, turned, turns
+
+DEGREES = 180.0 / np.pi
+_FACTORS = {
+    DEGREES: 'degrees instead of radians',
+    1.0 / DEGREES: 'radians converted as if they were degrees',
+    30.0 / np.pi: 'rpm instead of rad/s',
+    1000.0: 'a thousand times too large',
+    1e-3: 'a thousand times too small',
+    -1.0: 'of the wrong sign',
+}
+_INVERSE = np.array([-1.0, -1.0, -1.0, 1.0])
+_SCALAR_FIRST = 'the quaternion has its scalar first, expected xyzw'
+_INVERTED = 'it takes inertial to base coordinates, expected q_WB'
+
+
+def find_faults(record: Record) -> tuple[DataFault, ...]:
+    """Every fault that kinematics shows, joints first; none where nothing moves."""
+    return (*_joint_faults(record), *_base_faults(record))
+
+
+def contradictions(record: Record) -> tuple[str, ...]:
+    """Every fault that kinematics shows, and disagreements that no slip explains, in lines."""
+    faults = find_faults(record)
+    named = {fault.place.split('/')[0] for fault in faults}
+    for pair, places, what in (
+        (joint_pair(record), {'joint_rate', 'joint_position'}, 'joint positions and rates'),
+        (base_pair(record), {'gyro', 'attitude'}, 'gyro and attitude'),
+    ):
+        if pair is None or named & places or not pair.is_large:
+            continue
+        if disagree(pair.moved, pair.integrated):
+            faults += (DataFault('foreign', what, 'they do not belong together'),)
+    return in_lines(faults)
+
+
+def dead_base(record: Record) -> Iterator[DataFault]:
+    """Axes of the gyro that never change although the base turns about them; or the attitude."""
+    if record.rates is None or record.attitude is None:
+        return
+    omega, turned_by = record.omega, np.ptp(turns(record), axis=0)
+    seconds = float(record.attitude_time[-1] - record.attitude_time[0])
+    if np.ptp(record.attitude_xyzw, axis=0).max() == 0.0:
+        if len(record.attitude_time) > 2 and np.any(omega):
+            yield DataFault('constant', 'attitude', 'never changes, the gyro does')
+        return
+    steady = np.isclose(turned_by, np.abs(omega.mean(axis=0)) * seconds, rtol=0.1, atol=0.0)
+    dead = (np.ptp(omega, axis=0) == 0.0) & (turned_by > DEAD_TURN * turned_by.max()) & ~steady
+    places = (
+        ['gyro'] if np.ptp(omega) == 0.0 else [f'gyro/{"xyz"[i]}' for i in np.flatnonzero(dead)]
+    )
+    for place in places if dead.any() else ():
+        yield DataFault('constant', place, 'never changes, the attitude does')
+
+
+def _joint_faults(record: Record) -> Iterator[DataFault]:
+    if record.joints is None or record.qd is None:
+        return
+    names = record.joints.names
+    if len(record.joint_time) > 2:
+        still, at_rest = (np.ptp(x, axis=0) == 0.0 for x in (record.q, record.qd))
+        for i in np.flatnonzero(still & ~at_rest):
+            message = 'never changes, its rate does'
+            yield DataFault('constant', f'joint_position/{names[i]}', message)
+        for i in np.flatnonzero(at_rest & ~still):
+            message = 'never changes, its position does'
+            yield DataFault('constant', f'joint_rate/{names[i]}', message)
+    yield from clock_jumps(Record(record.joints))
+    pair = joint_pair(record)
+    if pair is not None:
+        yield from _joint_slips(names, pair)
+
+
+def _joint_slips(names: tuple[str, ...], pair: Pair) -> Iterator[DataFault]:
+    moved, integrated = pair.moved.T, pair.integrated.T
+    wrong = [i for i in range(len(names)) if disagree(moved[i], integrated[i])]
+    for i, j in itertools.combinations(wrong, 2):
+        if agree(moved[i], integrated[j]) and agree(moved[j], integrated[i]):
+            message = f'columns of {names[i]} and {names[j]} are exchanged'
+            yield DataFault('exchanged', 'joint_rate', message)
+            wrong = [k for k in wrong if k not in (i, j)]
+    for i in wrong:
+        factor = _factor(moved[i], integrated[i])
+        if factor is not None:
+            kind, message = 'sign' if factor < 0.0 else 'scale', _FACTORS[factor]
+            place = f'joint_rate/{names[i]}'
+            yield DataFault(kind, place, f'rates against positions are {message}')
+
+
+def _factor(moved: Array, integrated: Array) -> float | None:
+    """The slip of unit or sign that makes the rates fit the motion."""
+    return next((f for f in _FACTORS if agree(moved, integrated / f)), None)
+
+
+def _base_faults(record: Record) -> Iterator[DataFault]:
+    """The one slip that makes attitude and gyro agree; nothing where there is none."""
+    pair = base_pair(record)
+    if pair is None or not disagree(pair.moved, pair.integrated):
+        return
+    dead = tuple(dead_base(record))
+    factor = None if dead else _factor(pair.moved, pair.integrated)
+    if dead:
+        yield from dead
+    elif factor is not None:
+        kind = 'sign' if factor < 0.0 else 'scale'
+        yield DataFault(kind, 'gyro', f'rates against the attitude are {_FACTORS[factor]}')
+    else:
+        yield from itertools.islice(_conventions(record, pair), 1)
+
+
+def _conventions(record: Record, pair: Pair) -> Iterator[DataFault]:
+    """Every other convention that fits: of the quaternion, of the gyro's frame and axes."""
+    q, windows, integrated = record.attitude_xyzw, pair.windows, pair.integrated
+    scalar_last = np.roll(q, -1, axis=1)
+    for kind, quaternion, message in (
+        ('order', scalar_last, _SCALAR_FIRST),
+        ('sign', q * _INVERSE, _INVERTED),
+        ('order', scalar_last * _INVERSE, f'{_SCALAR_FIRST}; and {_INVERTED}'),
+    ):
+        if agree(turned(quaternion, windows), integrated):
+            yield DataFault(kind, 'attitude', message)
+    if agree(turned(q, windows, in_base=False), integrated):
+        message = 'its rates are in inertial coordinates, expected base coordinates'
+        yield DataFault('frame', 'gyro', message)
+    signs = itertools.product((1.0, -1.0), repeat=3)
+    for order, sign in itertools.product(itertools.permutations(range(3)), list(signs)):
+        if agree(pair.moved, integrated[:, order] * np.array(sign)):
+            axes = ', '.join(
+                f'{"-" if s < 0 else ""}{"xyz"[k]}' for k, s in zip(order, sign, strict=True)
+            )
+            kind = 'sign' if order == (0, 1, 2) else 'exchanged'
+            message = f"its ({axes}) are the base's x, y, z"
+            yield DataFault(kind, 'gyro', f'axes are exchanged or flipped: {message}')

@@ -1,0 +1,68 @@
+"""What a fault of the data is, and every number that decides on one.
+
+A slip of a data sheet changes a signal by much: a sign by 200 %, the smallest factor of units by
+9.5. Physical causes of the catalogue stay within some ten per cent of scale or 0.1 rad of angle.
+The limits lie between, in shares of the signals' energy, squares summed: what differs by a factor
+1 + e leaves a share of about e^2. `test/recording/faults` tries both sides: every slip on three
+robots, and the catalogue's sensor effects at sizes that are large for them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# Kinematics: a signal against the integral of its rate.
+DISAGREE = 0.3  # share that can't be a physical cause: 55 % of scale, 0.55 rad of angle
+AGREE = 0.03  # share that a named slip may leave: 17 % of scale, so slip and cause may be together
+WINDOW = 0.2  # s, of motion that is compared: noise of an encoder is small beside it
+FEWEST_WINDOWS = 3  # fewer agree by chance
+MOST_WINDOWS = 2000  # no more are looked at: they cost time and add nothing
+MOVED = 3e-3  # rad rms in a window; below it noise passes for disagreement where no slip is named
+
+# Dynamics: measured efforts against the model's torques.
+UNLIKE = 0.02  # share of a joint's torque that the model doesn't explain: less is no slip (14 %)
+ALIKE = 0.03  # a slip must leave less than this,
+GAIN = 20.0  # and this much less than none: friction and wheels leave more
+SPOILED = 1.2  # a slip may leave this much more to a joint that it does not mend: noise
+SPAN = 0.25  # s, over which positions are smoothed to be derived twice
+ROWS = 100  # times at which torques are compared, some times a robot's unknowns
+
+# Clocks.
+PERIODS = (2e-5, 2.0)  # s; samples closer or farther are not stamped in seconds
+JUMP_PERIODS = 10.0  # of the usual period: a longer step is a pause or a jump
+NEAR, FEWEST_NEAR = 0.3, 8  # s and samples on each side of a pause that are looked at
+SEEN = 3.0  # of the misfit without a pause: more with it is a jump
+OVERLAP = 0.5  # share of the shorter record that two sensors must have in common
+
+# Amount.
+FEWEST_SAMPLES = 50  # of the joints: a spline through fewer has no noise left to see
+SHORTEST = 2.0  # s; the filter needs a part of it to find the state
+DEAD_TURN = 0.1  # of the largest turn about any axis: about a dead axis the base turns more
+
+
+@dataclass(frozen=True, slots=True)
+class DataFault:
+    """A fault of the data.
+
+    Args:
+        kind: `absent`, `short`, `constant`, `scale`, `sign`, `exchanged`, `order`, `frame`,
+            `clock` or `foreign`.
+        place: Channel, such as `joint_rate/joint_2`.
+        message: What is wrong, in a sentence without the place.
+    """
+
+    kind: str
+    place: str
+    message: str
+
+    def __str__(self) -> str:
+        """One line."""
+        return f'{self.place}: {self.message}'
+
+
+def in_lines(faults: tuple[DataFault, ...]) -> tuple[str, ...]:
+    """One line a message, with all the places that have it."""
+    places: dict[str, list[str]] = {}
+    for fault in faults:
+        places.setdefault(fault.message, []).append(fault.place)
+    return tuple(f'{", ".join(where)}: {message}' for message, where in places.items())

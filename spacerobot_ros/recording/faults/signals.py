@@ -1,0 +1,119 @@
+"""Pairs of signals that mean the same motion: what moved, and the integral of its rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...types import Array, IntArray
+from ..record import Record
+from .limits import AGREE, DISAGREE, FEWEST_WINDOWS, MOST_WINDOWS, MOVED, WINDOW
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """Motion over K windows, seen twice.
+
+    Args:
+        moved: (K, n) by positions or attitudes [rad].
+        integrated: (K, n) by rates [rad].
+        windows: (K, 2) first and last sample of each window.
+    """
+
+    moved: Array
+    integrated: Array
+    windows: IntArray
+
+    @property
+    def is_large(self) -> bool:
+        """Whether it is more than noise."""
+        rms = [np.sqrt(np.mean(np.sum(x**2, axis=1))) for x in (self.moved, self.integrated)]
+        return bool(max(rms) > MOVED)
+
+
+def joint_pair(record: Record) -> Pair | None:
+    """Positions and rates of the joints; None where there is too little of either."""
+    if record.qd is None:
+        return None
+    windows = _windows(record.joint_time, record.joint_time)
+    if len(windows) < FEWEST_WINDOWS:
+        return None
+    moved = record.q[windows[:, 1]] - record.q[windows[:, 0]]
+    spans = record.joint_time[windows]
+    return Pair(moved, _integrals(record.joint_time, record.qd, spans), windows)
+
+
+def base_pair(record: Record) -> Pair | None:
+    """Attitudes and gyro; None where there is too little of either."""
+    if not len(record.rate_time) or not len(record.attitude_time):
+        return None
+    windows = _windows(record.attitude_time, record.rate_time)
+    if len(windows) < FEWEST_WINDOWS:
+        return None
+    spans = record.attitude_time[windows]
+    integrated = _integrals(record.rate_time, record.omega, spans)
+    return Pair(turned(record.attitude_xyzw, windows), integrated, windows)
+
+
+def turned(q_xyzw: Array, windows: IntArray, *, in_base: bool = True) -> Array:
+    """(K, 3) rotation vectors from the first to the last attitude of each window [rad]."""
+    rotation = Rotation.from_quat(q_xyzw)
+    first, last = rotation[windows[:, 0]], rotation[windows[:, 1]]
+    turn = first.inv() * last if in_base else last * first.inv()
+    return np.asarray(turn.as_rotvec())
+
+
+def turns(record: Record) -> Array:
+    """(Na, 3) turns from attitude to attitude, added up [rad]."""
+    if record.attitude is None:
+        return np.zeros((0, 3))
+    steps = (record.attitude[:-1].inv() * record.attitude[1:]).as_rotvec().reshape(-1, 3)
+    return np.vstack([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
+def disagree(moved: Array, integrated: Array) -> bool:
+    """Whether two accounts of one motion can't both be right."""
+    return _share(moved, integrated) > DISAGREE
+
+
+def agree(moved: Array, integrated: Array) -> bool:
+    """Whether they are the same."""
+    return _share(moved, integrated) < AGREE
+
+
+def _share(moved: Array, integrated: Array) -> float:
+    """Share of the motion that the rates don't explain, of the larger of the two."""
+    scale = max(float(np.sum(moved**2)), float(np.sum(integrated**2)))
+    return float(np.sum((moved - integrated) ** 2)) / scale if scale > 0.0 else 0.0
+
+
+def _windows(seconds: Array, rates: Array) -> IntArray:
+    """(K, 2) first and last sample of short stretches in which the rates have no long pause."""
+    if len(seconds) < 2 or len(rates) < 2:
+        return np.zeros((0, 2), dtype=np.int64)
+    longest = max(WINDOW, 2.0 * float(np.median(np.diff(seconds))))
+    first = np.arange(len(seconds))
+    last = np.searchsorted(seconds, seconds + WINDOW - 1e-9)
+    ok = (last < len(seconds)) & (last > first)
+    first, last = first[ok], last[ok]
+    ok = seconds[last] - seconds[first] < 2.0 * longest
+    ok &= (seconds[first] >= rates[0]) & (seconds[last] <= rates[-1])
+    steps = np.diff(rates)
+    pauses = np.concatenate([[0], np.cumsum(steps > max(longest, 3.0 * np.median(steps)))])
+    before, after = (np.searchsorted(rates, seconds[k]) for k in (first, last))
+    ok &= pauses[np.minimum(before, len(rates) - 1)] == pauses[np.minimum(after, len(rates) - 1)]
+    stride = max(1, int(ok.sum()) // MOST_WINDOWS)
+    return np.column_stack([first[ok], last[ok]])[::stride]
+
+
+def _integrals(seconds: Array, rates: Array, spans: Array) -> Array:
+    """(K, n) integrals of the rates over time spans (K, 2), by trapezoids."""
+    steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(seconds)[:, None]
+    sums = np.vstack([np.zeros((1, rates.shape[1])), np.cumsum(steps, axis=0)])
+    ends = [
+        np.column_stack([np.interp(spans[:, side], seconds, column) for column in sums.T])
+        for side in (0, 1)
+    ]
+    return np.asarray(ends[1] - ends[0])
