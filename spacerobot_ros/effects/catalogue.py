@@ -13,7 +13,7 @@ from ..model.robot import Robot
 from ..model.schema import meanings, parse_number
 from . import (
     bodies,
-    clocks,
+    delays,
     drive,
     environment,
     flexibility,
@@ -29,7 +29,7 @@ from .effect import Effect
 
 _MODULES = (
     *(friction, drive, flexibility),
-    *(sensor_errors, clocks),
+    *(sensor_errors, delays),
     *(gyrostats, rotors),
     *(bodies, sprung, slosh),
     *(environment, orbit),
