@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import Subparsers, add_command, check_folder, seed
+from .options import Subparsers, add_command, changed, check_folder, seed
 from .terminal import Stage, print_sections, progress
 
 if TYPE_CHECKING:
@@ -40,9 +40,7 @@ examples:
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(
-        subparsers, 'demo', 'the whole loop on ROS 2 nodes, with a report', _DESCRIPTION, _EPILOG
-    )
+    parser = add_command(subparsers, 'demo', _DESCRIPTION, _EPILOG)
     parser.add_argument('--out', default='out/demo', metavar='DIR', help='folder for the results')
     parser.add_argument(
         '--robot', metavar='YAML', help='robot file (default: the servicer of the package)'
@@ -114,10 +112,7 @@ def _robot_file(args: argparse.Namespace) -> RobotFile:
 
     path = args.robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
     file = load_robot_file(path)
-    if args.seed is None:
-        return file
-    simulator = replace(file.settings.simulator, seed=args.seed)
-    return replace(file, settings=replace(file.settings, simulator=simulator))
+    return replace(file, settings=changed(file.settings, {'simulator.seed': args.seed}))
 
 
 def _stage(bars: Stage, what: str, total: float) -> Callable[[float], None]:

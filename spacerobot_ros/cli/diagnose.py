@@ -44,13 +44,7 @@ exit status: 0 consistent with the model, 1 something was found, 2 unusable inpu
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(
-        subparsers,
-        'diagnose',
-        'name what a simulation gets wrong about measured data, and extend its model',
-        _DESCRIPTION,
-        _EPILOG,
-    )
+    parser = add_command(subparsers, 'diagnose', _DESCRIPTION, _EPILOG)
     parser.add_argument(
         'data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON'
     )

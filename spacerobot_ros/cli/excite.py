@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from ..display import Item, Section, Text, table
 from ..errors import ConfigurationError
-from .options import Subparsers, add_command, check_file, positive_float, seed, whole_number
+from .options import (
+    Subparsers,
+    add_command,
+    changed,
+    check_file,
+    positive_float,
+    seed,
+    whole_number,
+)
 from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
@@ -50,13 +58,7 @@ exit status: 0 written, 2 unusable input (limits that nothing can keep included)
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(
-        subparsers,
-        'excite',
-        'design the motion that an identification learns most from',
-        _DESCRIPTION,
-        _EPILOG,
-    )
+    parser = add_command(subparsers, 'excite', _DESCRIPTION, _EPILOG)
     parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
     parser.add_argument(
         '-o', '--output', required=True, metavar='YAML', help='robot file with the motion to write'
@@ -87,22 +89,18 @@ def run(args: argparse.Namespace) -> int:
     from ..effects.robot_file import load_robot_file
 
     check_file(args.output, args.force, args.robot)
+    if args.report:
+        check_file(args.report, args.force, args.robot)
+    file = load_robot_file(args.robot)
+    names = ('criterion', 'duration', 'starts', 'seed')
+    given = {f'excitation.{name}': getattr(args, name) for name in names}
+    file = replace(file, settings=changed(file.settings, given))
     if args.separate:
         for option in ('criterion', 'report'):
             if getattr(args, option) is not None:
                 raise ConfigurationError(f'--{option}', 'has no meaning with --separate')
-        return _separate(args, _with_options(load_robot_file(args.robot), args))
-    if args.report:
-        check_file(args.report, args.force, args.robot)
-    return _design(args, _with_options(load_robot_file(args.robot), args))
-
-
-def _with_options(file: RobotFile, args: argparse.Namespace) -> RobotFile:
-    """The file with the options that were given."""
-    names = ('criterion', 'duration', 'starts', 'seed')
-    given = {name: value for name in names if (value := getattr(args, name)) is not None}
-    excitation = replace(file.settings.excitation, **given)
-    return replace(file, settings=replace(file.settings, excitation=excitation))
+        return _separate(args, file)
+    return _design(args, file)
 
 
 def _design(args: argparse.Namespace, file: RobotFile) -> int:

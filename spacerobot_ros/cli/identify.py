@@ -39,13 +39,7 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(
-        subparsers,
-        'identify',
-        'estimate wheel momentum and inertial parameters from a recording',
-        _DESCRIPTION,
-        _EPILOG,
-    )
+    parser = add_command(subparsers, 'identify', _DESCRIPTION, _EPILOG)
     parser.add_argument('bag', metavar='BAG', help='rosbag2 folder, one mcap or db3 file, or npz')
     parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
     parser.add_argument('--method', choices=METHODS, default='ml', help='estimator')

@@ -1,7 +1,7 @@
 """The `spacerobot` command: parses arguments, calls a sub-command, turns errors into exit codes.
 
-Sub-commands are light modules with `add_parser(subparsers)` and `run(args) -> int`; they import
-what is heavy inside `run`, so that `--help` answers at once.
+A sub-command is a light module with `add_parser(subparsers)` and `run(args) -> int` that imports
+what is heavy inside `run`; only the one that is asked for is imported at all.
 """
 
 from __future__ import annotations
@@ -16,8 +16,17 @@ import traceback
 from collections.abc import Sequence
 
 from ..errors import SpaceRobotError
+from .options import Formatter
 
-COMMANDS = ('demo', 'simulate', 'identify', 'diagnose', 'excite', 'reproduce')
+COMMANDS = {
+    'demo': 'the whole loop on ROS 2 nodes, with a report',
+    'simulate': 'simulate a robot in closed loop (no ROS needed) and record a bag',
+    'identify': 'estimate wheel momentum and inertial parameters from a recording',
+    'diagnose': 'name what a simulation gets wrong about measured data, and extend its model',
+    'excite': 'design the motion that an identification learns most from',
+    'reproduce': 'repeat published experiments and campaigns beside their figures',
+}
+"""Commands, and what they do in a line."""
 
 _DESCRIPTION = """\
 Estimation and control of a free-floating space robot that has captured a satellite whose
@@ -47,20 +56,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit status: 0 done, 1 done but the answer is no (see each sub-command), 2 input that
         can't be used, 3 a fault of ours, 130 interrupted, 141 the reader of the output went away.
     """
-    modules = {name: importlib.import_module(f'{__package__}.{name}') for name in COMMANDS}
+    words = sys.argv[1:] if argv is None else list(argv)
     parser = argparse.ArgumentParser(
-        prog='spacerobot',
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog='spacerobot', description=_DESCRIPTION, epilog=_EPILOG, formatter_class=Formatter
     )
     parser.add_argument('--version', action='version', version=_version())
     subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)
-    for module in modules.values():
-        module.add_parser(subparsers)
-    args = parser.parse_args(argv)
+    asked = next((word for word in words if not word.startswith('-')), '')
+    for name, summary in COMMANDS.items():
+        if name == asked:
+            module = importlib.import_module(f'{__package__}.{name}')
+            module.add_parser(subparsers)
+        else:
+            subparsers.add_parser(name, help=summary)
+    args = parser.parse_args(words)
     try:
-        status = int(modules[args.command].run(args))
+        status = int(module.run(args))
         sys.stdout.flush()
     except SpaceRobotError as error:
         return _fails(args.command, 2, str(error))
@@ -71,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:  # noqa: BLE001  whatever nobody foresaw is a fault of ours
-        return _fails(args.command, 3, _fault(error, argv))
+        return _fails(args.command, 3, _fault(error, words))
     return status
 
 
@@ -81,14 +92,15 @@ def _fails(command: str, status: int, why: str) -> int:
     return status
 
 
-def _fault(error: Exception, argv: Sequence[str] | None) -> str:
+def _fault(error: Exception, words: Sequence[str]) -> str:
     """What to send about a fault of ours; the traceback goes to a file."""
-    words = shlex.join(sys.argv[1:] if argv is None else argv)
     trace = ''.join(traceback.format_exception(error))
     with tempfile.NamedTemporaryFile(
         'w', prefix='spacerobot-fault-', suffix='.txt', delete=False
     ) as file:
-        file.write(f'{_version()}, Python {sys.version}\nspacerobot {words}\n\n{trace}')
+        file.write(
+            f'{_version()}, Python {sys.version}\nspacerobot {shlex.join(words)}\n\n{trace}'
+        )
     return (
         f'this is a fault of ours ({type(error).__name__}: {error}); please send {file.name} '
         'and the robot file'

@@ -6,27 +6,14 @@ import argparse
 import math
 import sys
 import time
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from .options import Subparsers, add_command, positive_float, seed
+from ..model.settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
+from .options import Subparsers, add_command, changed, positive_float, seed
 from .terminal import progress
 
 if TYPE_CHECKING:
-    from ..model.settings import Settings
     from ..simulation.to_bag import RunSummary
-
-LAWS = (
-    'computed_torque',
-    'computed_torque_no_aam',
-    'computed_torque_paper',
-    'passivity',
-    'adaptive_rls',
-    'adaptive_lyapunov',
-    'adaptive_composite',
-    'adaptive_rls_paper',
-    'adaptive_lyapunov_paper',
-)
 
 _DESCRIPTION = """\
 Simulate the robot of a robot file in closed loop, without ROS, and record a rosbag2 (mcap).
@@ -51,13 +38,7 @@ examples:
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(
-        subparsers,
-        'simulate',
-        'simulate a robot in closed loop (no ROS needed) and record a bag',
-        _DESCRIPTION,
-        _EPILOG,
-    )
+    parser = add_command(subparsers, 'simulate', _DESCRIPTION, _EPILOG)
     parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
     parser.add_argument('-o', '--output', required=True, metavar='BAG', help='folder to create')
     parser.add_argument(
@@ -69,7 +50,11 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         '--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)"
     )
-    parser.add_argument('--law', choices=LAWS, help="control law (default: the file's)")
+    parser.add_argument(
+        '--law',
+        choices=(*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS),
+        help="control law (default: the file's)",
+    )
     parser.add_argument(
         '--reference',
         choices=('fourier', 'harmonic', 'hold', 'set_point', 'step'),
@@ -88,7 +73,15 @@ def run(args: argparse.Namespace) -> int:
 
     check_target(args.output, args.force)  # before any work
     file = load_robot_file(args.robot)
-    settings = with_options(file.settings, args)
+    settings = changed(
+        file.settings,
+        {
+            'simulator.seed': args.seed,
+            'simulator.noise': False if args.no_noise else None,
+            'controller.law': args.law,
+            'reference.kind': args.reference,
+        },
+    )
     duration = args.duration or settings.reference.duration
     steps = max(1, round(duration / settings.simulator.period))
     loop = ClosedLoop(file.robot, settings)
@@ -101,20 +94,6 @@ def run(args: argparse.Namespace) -> int:
         summary = record_run(loop, steps, args.output, overwrite=args.force, progress=advance)
     print(_line(args.output, summary, time.perf_counter() - started))
     return 0
-
-
-def with_options(settings: Settings, args: argparse.Namespace) -> Settings:
-    """The file's settings, changed by the options that were given."""
-    simulator, controller, reference = settings.simulator, settings.controller, settings.reference
-    if args.seed is not None:
-        simulator = replace(simulator, seed=args.seed)
-    if args.no_noise:
-        simulator = replace(simulator, noise=False)
-    if args.law:
-        controller = replace(controller, law=args.law)
-    if args.reference:
-        reference = replace(reference, kind=args.reference)
-    return replace(settings, simulator=simulator, controller=controller, reference=reference)
 
 
 def _line(path: str, summary: RunSummary, wall: float) -> str:

@@ -15,21 +15,8 @@ from ..diagnosis.answer.result import Diagnosis, Series
 from ..diagnosis.answer.score_on import BAND
 from ..display import Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, Text
 from ..types import Array
-from .diagnosis_tables import (
-    Findings,
-    appearance_table,
-    closed_loop_table,
-    evidence_table,
-    is_balance,
-    minor_lines,
-    parameter_table,
-    placebo_words,
-    ranking_table,
-    remaining,
-    residual_table,
-    rival_lines,
-    score_line,
-)
+from . import diagnosis_tables as tables
+from .diagnosis_tables import Findings, is_balance
 from .formats import number, probability
 from .plots import bars, plot, thinned
 
@@ -107,7 +94,7 @@ def _verdict(answer: Findings) -> Iterator[Item]:
             'held-out error, extended model',
             number(gain.after, 3),
             'noise std',
-            f'1 is perfect; {placebo_words(gain.placebo)}',
+            f'1 is perfect; {tables.placebo_words(gain.placebo)}',
             'good' if gain.after < _NEAR_NOISE else 'bad',
         ),
         KeyFigure(
@@ -128,16 +115,16 @@ def _causes(answer: Findings) -> Iterator[Item]:
     causes, minor = answer.diagnosis.causes, answer.diagnosis.minor
     if causes:
         caption = 'Values with standard deviations; below `matters from` an effect is not named.'
-        yield _tied(parameter_table(causes, caption))
-        yield evidence_table(
+        yield _tied(tables.parameter_table(causes, caption))
+        yield tables.evidence_table(
             causes,
             'Gains in log likelihood and BIC; p: of such a gain by chance; held out: share of '
             'the held-out excess misfit that it removes, placebo: the best of its placebos; '
             'constant p: probability that its values are the same all along the record.',
         )
-    for line in rival_lines(causes):
+    for line in tables.rival_lines(causes):
         yield Text(line)
-    for line in minor_lines(minor):
+    for line in tables.minor_lines(minor):
         yield Text(f'Significant, but too small to matter: {line}.')
 
 
@@ -166,12 +153,12 @@ def _signals(answer: Findings) -> Iterator[Item]:
 def _errors(answer: Findings) -> Iterator[Item]:
     diagnosis = answer.diagnosis
     floor = 'what is taken for noise' if is_balance(diagnosis) else 'what a right model has'
-    yield residual_table(
+    yield tables.residual_table(
         diagnosis,
         f'Noise floor: {floor}; white p: probability of as much structure in white noise.',
     )
     if answer.appearances:
-        yield appearance_table(
+        yield tables.appearance_table(
             answer.appearances,
             'Where the errors of the model as it stands appear: a hint for people, no evidence.',
         )
@@ -194,7 +181,7 @@ def _ranking(answer: Findings) -> Iterator[Item]:
     if any(r.log_likelihood_gain > 0.0 for r in answer.diagnosis.ranking[:_RANKED]):
         caption = 'Twice the gain in log likelihood; dark: named causes.'
         yield Plot(partial(_ranking_plot, answer.diagnosis), caption)
-    yield ranking_table(answer.diagnosis)
+    yield tables.ranking_table(answer.diagnosis)
 
 
 def _closed_loop(answer: Findings) -> Iterator[Item]:
@@ -207,11 +194,11 @@ def _closed_loop(answer: Findings) -> Iterator[Item]:
         f'{closed.duration:g} s under a controller that knows the old model, then the extended '
         'one. Same start, same noise.'
     )
-    yield closed_loop_table(closed)
+    yield tables.closed_loop_table(closed)
 
 
 def _remains(answer: Findings) -> Iterator[Item]:
-    lines = remaining(answer.diagnosis)
+    lines = tables.remaining(answer.diagnosis)
     if not lines and is_balance(answer.diagnosis):
         yield Text('Not tested: what no effect explains was taken for noise.')
     elif not lines:
@@ -219,7 +206,7 @@ def _remains(answer: Findings) -> Iterator[Item]:
     for line in lines:
         yield Text(line)
     if answer.score:
-        yield Text(f'{score_line(answer.score).capitalize()}.')
+        yield Text(f'{tables.score_line(answer.score).capitalize()}.')
 
 
 def _next(answer: Findings) -> Iterator[Item]:

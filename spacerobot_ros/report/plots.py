@@ -9,12 +9,10 @@ from __future__ import annotations
 import html
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..display import Matrix, Panel
 from ..types import Array, IntArray
@@ -54,9 +52,15 @@ def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float =
     Returns:
         An `<svg>` element that scales to the width of its container.
     """
-    with mpl.rc_context(_RC):
-        figure = _figure(panels, abscissa, height)
-        return _svg(figure, ', '.join(panel.title for panel in panels))
+    size = 8.0, 0.35 + height * len(panels)
+
+    def draw(figure: Any) -> None:
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, ax in zip(panels, axes, strict=True):
+            _draw(panel, ax)
+        axes[-1].set_xlabel(abscissa)
+
+    return _drawn(size, ', '.join(panel.title for panel in panels), draw)
 
 
 def bars(
@@ -73,8 +77,8 @@ def bars(
     Returns:
         An `<svg>` element that scales to the width of its container.
     """
-    with mpl.rc_context(_RC):
-        figure = Figure(figsize=(8.0, 0.8 + 0.26 * len(labels)), layout='constrained')
+
+    def draw(figure: Any) -> None:
         ax = figure.subplots()
         places = np.arange(len(labels))
         heights = np.array([value if value > 0.0 else np.nan for value in values])
@@ -85,7 +89,8 @@ def bars(
         ax.invert_yaxis()
         ax.grid(visible=False, axis='y')
         ax.set_xlabel(abscissa)
-        return _svg(figure, abscissa)
+
+    return _drawn((8.0, 0.8 + 0.26 * len(labels)), abscissa, draw)
 
 
 def matrix(content: Matrix) -> str:
@@ -98,9 +103,8 @@ def matrix(content: Matrix) -> str:
         An `<svg>` element that scales to the width of its container.
     """
     rows, columns, counts = content.rows, content.columns, content.counts
-    with mpl.rc_context(_RC):
-        size = 2.5 + 0.24 * len(columns), 2.2 + 0.2 * len(rows)
-        figure = Figure(figsize=size, layout='constrained')
+
+    def draw(figure: Any) -> None:
         ax = figure.subplots()
         sums = np.maximum(counts.sum(axis=1, keepdims=True), 1)
         ax.imshow(counts / sums, cmap='Blues', vmin=0.0, vmax=1.6, aspect='auto')
@@ -110,16 +114,21 @@ def matrix(content: Matrix) -> str:
         ax.set_yticks(np.arange(len(rows)), rows, fontsize=8)
         ax.grid(visible=False)
         ax.set_xlabel(content.abscissa)
-        return _svg(figure, content.abscissa)
+
+    size = 2.5 + 0.24 * len(columns), 2.2 + 0.2 * len(rows)
+    return _drawn(size, content.abscissa, draw)
 
 
-def _figure(panels: Sequence[Panel], abscissa: str, height: float) -> Figure:
-    figure = Figure(figsize=(8.0, 0.35 + height * len(panels)), layout='constrained')
-    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, ax in zip(panels, axes, strict=True):
-        _draw(panel, ax)
-    axes[-1].set_xlabel(abscissa)
-    return figure
+def _drawn(size: tuple[float, float], label: str, draw: Callable[[Any], None]) -> str:
+    """An element with a label: what is drawn into a figure of a size [in]."""
+    import matplotlib as mpl  # late: what only describes plots need not wait for it
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_RC):
+        figure, buffer = Figure(figsize=size, layout='constrained'), io.StringIO()
+        draw(figure)
+        figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
+    return _inline(buffer.getvalue(), label)
 
 
 def _draw(panel: Panel, ax: Any) -> None:

@@ -259,7 +259,7 @@ def test_a_fault_of_ours_is_status_3_and_says_what_to_send(capsys, monkeypatch, 
     (sent,) = tmp_path.iterdir()
     assert f'please send {sent}' in line
     text = sent.read_text()
-    assert 'spacerobot simulate --robot x -o y' in text
+    assert 'simulate --robot x -o y' in text
     assert 'Traceback' in text
 
 
