@@ -40,18 +40,12 @@ examples:
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'demo', _DESCRIPTION, _EPILOG)
-    parser.add_argument('--out', default='out/demo', metavar='DIR', help='folder for the results')
-    parser.add_argument(
-        '--robot', metavar='YAML', help='robot file (default: the servicer of the package)'
-    )
-    parser.add_argument(
-        '--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)"
-    )
-    parser.add_argument(
-        '--quick', action='store_true', help='identify from one pass of the motion, not from two'
-    )
-    parser.add_argument(
+    add = add_command(subparsers, 'demo', _DESCRIPTION, _EPILOG).add_argument
+    add('--out', default='out/demo', metavar='DIR', help='folder for the results')
+    add('--robot', metavar='YAML', help='robot file (default: the servicer of the package)')
+    add('--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)")
+    add('--quick', action='store_true', help='identify from one pass of the motion, not from two')
+    add(
         '--live',
         action='store_true',
         help='let other ROS 2 processes on this machine see the topics while it runs',

@@ -44,23 +44,19 @@ exit status: 0 consistent with the model, 1 something was found, 2 unusable inpu
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'diagnose', _DESCRIPTION, _EPILOG)
-    parser.add_argument(
-        'data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON'
-    )
-    parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
-    parser.add_argument('--out', '-o', required=True, metavar='DIR', help='folder to write')
-    parser.add_argument(
-        '--score', metavar='DATA2', help='another recording: what the extended model misses of it'
-    )
-    parser.add_argument('--map', metavar='YAML', help='column mapping of the data (docs/data.md)')
-    parser.add_argument(
+    add = add_command(subparsers, 'diagnose', _DESCRIPTION, _EPILOG).add_argument
+    add('data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON')
+    add('--robot', required=True, metavar='YAML', help='robot file')
+    add('--out', '-o', required=True, metavar='DIR', help='folder to write')
+    add('--score', metavar='DATA2', help='another recording: what the extended model misses of it')
+    add('--map', metavar='YAML', help='column mapping of the data (docs/data.md)')
+    add(
         '--no-closed-loop',
         action='store_true',
         help='do not simulate what the extended model is worth to a controller',
     )
-    parser.add_argument('--force', action='store_true', help='replace an earlier diagnosis')
-    parser.add_argument('--json', action='store_true', help='print diagnosis.json, nothing else')
+    add('--force', action='store_true', help='replace an earlier diagnosis')
+    add('--json', action='store_true', help='print diagnosis.json, nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -58,30 +58,26 @@ exit status: 0 written, 2 unusable input (limits that nothing can keep included)
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'excite', _DESCRIPTION, _EPILOG)
-    parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
-    parser.add_argument(
+    add = add_command(subparsers, 'excite', _DESCRIPTION, _EPILOG).add_argument
+    add('--robot', required=True, metavar='YAML', help='robot file')
+    add(
         '-o', '--output', required=True, metavar='YAML', help='robot file with the motion to write'
     )
-    parser.add_argument(
+    add(
         '--separate',
         nargs=2,
         metavar='EFFECT[@WHERE]',
         help='design the motion that tells two effects of the diagnosis apart instead',
     )
-    parser.add_argument('--criterion', choices=CRITERIA, help="what to optimise (default: file's)")
-    parser.add_argument(
-        '--duration', type=positive_float, metavar='S', help="of the motion (default: the file's)"
-    )
-    parser.add_argument(
+    add('--criterion', choices=CRITERIA, help="what to optimise (default: file's)")
+    add('--duration', type=positive_float, metavar='S', help="of the motion (default: the file's)")
+    add(
         '--starts', type=whole_number(1), metavar='N', help="starting points (default: the file's)"
     )
-    parser.add_argument(
-        '--seed', type=seed, metavar='N', help="seed of the starting points (default: the file's)"
-    )
-    parser.add_argument('--report', metavar='HTML', help='write a report with plots')
-    parser.add_argument('--force', action='store_true', help='replace files that are there')
-    parser.add_argument('--json', action='store_true', help='print JSON, and nothing else')
+    add('--seed', type=seed, metavar='N', help="seed of the starting points (default: the file's)")
+    add('--report', metavar='HTML', help='write a report with plots')
+    add('--force', action='store_true', help='replace files that are there')
+    add('--json', action='store_true', help='print JSON, and nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

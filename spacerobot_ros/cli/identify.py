@@ -39,20 +39,18 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'identify', _DESCRIPTION, _EPILOG)
-    parser.add_argument('bag', metavar='BAG', help='rosbag2 folder, one mcap or db3 file, or npz')
-    parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
-    parser.add_argument('--method', choices=METHODS, default='ml', help='estimator')
-    parser.add_argument(
+    add = add_command(subparsers, 'identify', _DESCRIPTION, _EPILOG).add_argument
+    add('bag', metavar='BAG', help='rosbag2 folder, one mcap or db3 file, or npz')
+    add('--robot', required=True, metavar='YAML', help='robot file')
+    add('--method', choices=METHODS, default='ml', help='estimator')
+    add(
         '--manifold',
         choices=('physical', 'linear'),
         help='ml only: over physical bodies, or over the free minimal set (default: robot file)',
     )
-    parser.add_argument(
-        '--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF'
-    )
-    parser.add_argument('--force', action='store_true', help='overwrite what --write names')
-    parser.add_argument('--json', action='store_true', help='print JSON, and nothing else')
+    add('--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF')
+    add('--force', action='store_true', help='overwrite what --write names')
+    add('--json', action='store_true', help='print JSON, and nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

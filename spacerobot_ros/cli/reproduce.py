@@ -53,13 +53,8 @@ exit status: 0 every figure is reached, 1 some are not (they are listed), 2 unus
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(
-        subparsers,
-        'reproduce',
-        'repeat published experiments and campaigns beside their figures',
-        _DESCRIPTION.format(campaigns='\n\n'.join(map(_help, EXPERIMENTS.values()))),
-        _EPILOG,
-    )
+    text = _DESCRIPTION.format(campaigns='\n\n'.join(map(_help, EXPERIMENTS.values())))
+    parser = add_command(subparsers, 'reproduce', text, _EPILOG)
     add = parser.add_argument
     add('experiment', choices=tuple(EXPERIMENTS), help='which experiments')
     add('--json', action='store_true', help='print JSON, and nothing else')

@@ -38,30 +38,28 @@ examples:
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'simulate', _DESCRIPTION, _EPILOG)
-    parser.add_argument('--robot', required=True, metavar='YAML', help='robot file')
-    parser.add_argument('-o', '--output', required=True, metavar='BAG', help='folder to create')
-    parser.add_argument(
+    add = add_command(subparsers, 'simulate', _DESCRIPTION, _EPILOG).add_argument
+    add('--robot', required=True, metavar='YAML', help='robot file')
+    add('-o', '--output', required=True, metavar='BAG', help='folder to create')
+    add(
         '--duration',
         type=positive_float,
         metavar='S',
         help='simulated time [s] (default: reference.duration of the robot file)',
     )
-    parser.add_argument(
-        '--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)"
-    )
-    parser.add_argument(
+    add('--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)")
+    add(
         '--law',
         choices=(*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS),
         help="control law (default: the file's)",
     )
-    parser.add_argument(
+    add(
         '--reference',
         choices=('fourier', 'harmonic', 'hold', 'set_point', 'step'),
         help="motion to follow (default: the file's)",
     )
-    parser.add_argument('--no-noise', action='store_true', help='exact sensors')
-    parser.add_argument('--force', action='store_true', help='replace a bag that is there')
+    add('--no-noise', action='store_true', help='exact sensors')
+    add('--force', action='store_true', help='replace a bag that is there')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -187,11 +187,8 @@ def _extremes(stretch: IntArray, values: Array) -> tuple[int, int]:
     return int(stretch[np.nanargmin(values)]), int(stretch[np.nanargmax(values)])
 
 
-def _svg(figure: Figure, label: str) -> str:
+def _inline(svg: str, label: str) -> str:
     """The bare element: no prolog, width of its container, no identifier that nothing uses."""
-    buffer = io.StringIO()
-    figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
-    svg = buffer.getvalue()
     svg = svg[svg.index('<svg') :].strip()
     svg = re.sub(r'<metadata>.*?</metadata>\s*', '', svg, flags=re.DOTALL)
     svg = re.sub(r'<svg ', f'<svg role="img" aria-label="{html.escape(label)}" ', svg, count=1)
