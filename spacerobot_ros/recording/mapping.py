@@ -2,7 +2,8 @@
 
     value [SI] = (sign * column + offset) * size of the unit          # offset in the column's unit
 
-Every unit is written down and nothing is guessed; docs/data.md shows one mapping a data set.
+Every unit is written down and nothing is guessed; docs/data.md shows one mapping a data set. Each
+field below says itself how its entry is read.
 """
 
 from __future__ import annotations
@@ -19,8 +20,118 @@ from ..model.files import read_yaml
 from .table import FORMATS
 
 QUATERNION_ORDERS = ('xyzw', 'wxyz')
-ANGLE_ORDERS = ('rpy', 'yaw')  # about fixed axes x, y, z, as in a URDF; or about z alone
+ORDERS = (*QUATERNION_ORDERS, 'rpy', 'yaw')  # angles about fixed axes x, y, z, or about z alone
 DIRECTIONS = ('base_to_inertial', 'inertial_to_base')
+Parser = Callable[[Any, str], Any]
+"""Reads an entry at a place, which it names in a RecordingError."""
+
+
+def _join(place: str, name: str) -> str:
+    """The place of an entry; a file's own entries stand behind a colon."""
+    return f'{place}.{name}' if ': ' in place else f'{place}: {name}'
+
+
+def _map(value: Any, place: str) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise RecordingError(place, f'expected a map, got {value!r}')
+    return {str(key): entry for key, entry in value.items()}
+
+
+def _text(value: Any, place: str) -> str:
+    if not isinstance(value, str):
+        raise RecordingError(place, f'expected text, got {value!r}')
+    return value
+
+
+def _number(value: Any, place: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise RecordingError(place, f'expected a finite number, got {value!r}')
+    return float(value)
+
+
+def _sign(value: Any, place: str) -> float:
+    sign = _number(value, place)
+    if sign not in (1.0, -1.0):
+        raise RecordingError(place, f'expected 1 or -1, got {sign:g}')
+    return sign
+
+
+def _bits(value: Any, place: str) -> int:
+    if value not in (8, 16, 32):
+        raise RecordingError(place, f'expected 8, 16 or 32 bits, got {value!r}')
+    return int(value)
+
+
+def _delimiter(value: Any, place: str) -> str:
+    if len(_text(value, place)) != 1 or value == '"':
+        raise RecordingError(place, f'expected one character, got {value!r}')
+    return str(value)
+
+
+def _any(value: Any, _: str) -> Any:
+    return value
+
+
+def _choice(choices: tuple[str, ...]) -> Parser:
+    def parse(value: Any, place: str) -> str:
+        if value not in choices:
+            raise RecordingError(place, f'{value!r} is not one of {", ".join(choices)}')
+        return str(value)
+
+    return parse
+
+
+def _some(one: Parser) -> Parser:
+    """One or a list of them, not empty."""
+
+    def parse(value: Any, place: str) -> tuple[Any, ...]:
+        entries = tuple(one(v, place) for v in (value if isinstance(value, list) else [value]))
+        if not entries:
+            raise RecordingError(place, 'is empty')
+        return entries
+
+    return parse
+
+
+def _named(one: Parser) -> Parser:
+    """A map of them under free names."""
+    return lambda value, place: {
+        name: one(entry, f'{place}.{name}') for name, entry in _map(value, place).items()
+    }
+
+
+def _section(cls: Any, needed: tuple[str, ...] = ()) -> Parser:
+    """A map with a dataclass' entries: every one known, and none that it needs missing."""
+
+    def parse(value: Any, place: str) -> Any:
+        given = _map(value, place)
+        known = {f.name: f for f in fields(cls) if f.metadata}
+        for key in given:
+            if key not in known:
+                close = difflib.get_close_matches(key, known, n=1)
+                hint = f'did you mean {close[0]!r}?' if close else f'known: {", ".join(known)}'
+                raise RecordingError(_join(place, key), f'unknown entry ({hint})')
+        for name, f in known.items():
+            has_default = f.default is not MISSING or f.default_factory is not MISSING
+            if name not in given and (name in needed or not has_default):
+                raise RecordingError(_join(place, name), f'is missing{f.metadata["hint"]}')
+        parsed = {
+            name: known[name].metadata['parse'](entry, _join(place, name))
+            for name, entry in given.items()
+        }
+        return cls(**parsed, place=place)
+
+    return parse
+
+
+def _terms(value: Any, place: str) -> tuple[Term, ...]:
+    if not isinstance(value, list) or not value:
+        raise RecordingError(place, 'expected a list of terms {column, scale, times}')
+    return tuple(_section(Term)(term, f'{place}[{i}]') for i, term in enumerate(value))
+
+
+def _entry(parse: Parser, default: Any = MISSING, hint: str = '') -> Any:
+    return field(default=default, metadata={'parse': parse, 'hint': hint})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,11 +146,14 @@ class Columns:
         place: Where this stands, for messages.
     """
 
-    columns: tuple[str, ...]
-    unit: tuple[str, ...] = ('',)
-    sign: tuple[float, ...] = (1.0,)
-    offset: tuple[float, ...] = (0.0,)
+    columns: tuple[str, ...] = _entry(_some(_text))
+    unit: tuple[str, ...] = _entry(_some(_text), hint=': write the unit of the column')
+    sign: tuple[float, ...] = _entry(_some(_sign), (1.0,))
+    offset: tuple[float, ...] = _entry(_some(_number), (0.0,))
     place: str = ''
+
+
+_COLUMNS = _section(Columns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,47 +166,59 @@ class JointColumns:
         velocity: Rates.
         effort: Measured motor torques.
         time: Sample times where they are not the file's.
+        place: Where this stands, for messages.
     """
 
-    names: tuple[str, ...]
-    position: Columns | None = None
-    velocity: Columns | None = None
-    effort: Columns | None = None
-    time: Columns | None = None
+    names: tuple[str, ...] = _entry(_some(_text))
+    position: Columns | None = _entry(_COLUMNS, None)
+    velocity: Columns | None = _entry(_COLUMNS, None)
+    effort: Columns | None = _entry(_COLUMNS, None)
+    time: Columns | None = _entry(_COLUMNS, None)
+    place: str = ''
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GyroColumns:
-    """Columns x, y, z of omega_WB_B, in base coordinates."""
+class GyroColumns(Columns):
+    """Columns x, y, z of omega_WB_B, in base coordinates; own sample times, if any."""
 
-    columns: Columns
-    time: Columns | None = None
+    time: Columns | None = _entry(_COLUMNS, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AttitudeColumns:
-    """Columns of the attitude.
+class AttitudeColumns(GyroColumns):
+    """Columns of the attitude: four of a quaternion, three angles, or one.
 
     Args:
-        columns: Four of a quaternion, three angles, or one.
-        order: One of `QUATERNION_ORDERS` or `ANGLE_ORDERS`.
+        unit: Of angles; a quaternion has none.
+        order: One of `ORDERS`.
         maps: One of `DIRECTIONS`: what the rotation takes to what.
-        time: Sample times where they are not the file's.
     """
 
-    columns: Columns
-    order: str
-    maps: str = DIRECTIONS[0]
-    time: Columns | None = None
+    unit: tuple[str, ...] = _entry(_some(_text), ())
+    order: str = _entry(_choice(ORDERS), hint=f': one of {", ".join(ORDERS)}')
+    maps: str = _entry(_choice(DIRECTIONS), DIRECTIONS[0])
+
+    def __post_init__(self) -> None:
+        """Check what depends on the order."""
+        if self.unit and self.is_quaternion:
+            raise RecordingError(f'{self.place}.unit', 'a quaternion has no unit')
+        if not self.unit and not self.is_quaternion:
+            raise RecordingError(f'{self.place}.unit', 'is missing: write the unit of the column')
+
+    @property
+    def is_quaternion(self) -> bool:
+        """Whether it is no angles."""
+        return self.order in QUATERNION_ORDERS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
     """One term of a derived column: `scale * column * times`; `times` is a column, or empty."""
 
-    column: str
-    scale: float = 1.0
-    times: str = ''
+    column: str = _entry(_text)
+    scale: float = _entry(_number, 1.0)
+    times: str = _entry(_text, '')
+    place: str = ''
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +229,7 @@ class ColumnMapping:
         format: csv, npz or json; empty: by the file's suffix.
         delimiter: CSV only: between cells.
         rows: JSON only: name of the list of samples.
-        select: Only rows in which these columns say this.
+        select: Only rows in which these columns have this content.
         twos_complement: Signed integers that were written as unsigned ones, with their bits.
         derived: New columns, each a sum of terms, that sections below may name.
         time: Sample times of every section that has none of its own.
@@ -111,21 +237,27 @@ class ColumnMapping:
         gyro: Gyro.
         attitude: Star tracker.
         wheels: The servicer's own wheels.
-        source: The mapping file, for messages.
+        place: The mapping file, for messages.
     """
 
-    format: str = ''
-    delimiter: str = ','
-    rows: str = ''
-    select: Mapping[str, Any] = field(default_factory=dict)
-    twos_complement: Mapping[str, int] = field(default_factory=dict)
-    derived: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
-    time: Columns | None = None
-    joints: JointColumns | None = None
-    gyro: GyroColumns | None = None
-    attitude: AttitudeColumns | None = None
-    wheels: JointColumns | None = None
-    source: str = ''
+    format: str = _entry(_choice(FORMATS), '')
+    delimiter: str = _entry(_delimiter, ',')
+    rows: str = _entry(_text, '')
+    select: Mapping[str, Any] = field(
+        default_factory=dict, metadata={'parse': _named(_any), 'hint': ''}
+    )
+    twos_complement: Mapping[str, int] = field(
+        default_factory=dict, metadata={'parse': _named(_bits), 'hint': ''}
+    )
+    derived: Mapping[str, tuple[Term, ...]] = field(
+        default_factory=dict, metadata={'parse': _named(_terms), 'hint': ''}
+    )
+    time: Columns | None = _entry(_COLUMNS, None)
+    joints: JointColumns | None = _entry(_section(JointColumns, ('position',)), None)
+    gyro: GyroColumns | None = _entry(_section(GyroColumns), None)
+    attitude: AttitudeColumns | None = _entry(_section(AttitudeColumns), None)
+    wheels: JointColumns | None = _entry(_section(JointColumns, ('velocity',)), None)
+    place: str = ''
 
 
 def load_mapping(path: str | Path) -> ColumnMapping:
@@ -136,158 +268,9 @@ def load_mapping(path: str | Path) -> ColumnMapping:
         RecordingError: anything wrong in it, with its place.
     """
     place = str(path)
-    values = _map(read_yaml(Path(path), 'column mapping'), place)
-    given = _known(ColumnMapping, values, place, hidden=('source',))
-    if not any(name in given for name in ('joints', 'gyro', 'attitude')):
-        raise RecordingError(place, 'maps no sensor: give joints, gyro or attitude')
-    readers: dict[str, Callable[[Any, str], Any]] = {
-        'format': lambda v, p: _choice(v, FORMATS, p),
-        'delimiter': _delimiter,
-        'rows': _text,
-        'select': _map,
-        'twos_complement': _bits,
-        'derived': lambda v, p: {
-            str(name): _terms(terms, f'{p}.{name}') for name, terms in _map(v, p).items()
-        },
-        'time': _columns,
-        'joints': lambda v, p: _joints(v, p, ('names', 'position')),
-        'wheels': lambda v, p: _joints(v, p, ('names', 'velocity')),
-        'gyro': _gyro,
-        'attitude': _attitude,
-    }
-    parsed = {name: readers[name](value, f'{place}: {name}') for name, value in given.items()}
-    return ColumnMapping(**parsed, source=place)
-
-
-def _joints(values: Any, place: str, needed: tuple[str, ...]) -> JointColumns:
-    given = _known(JointColumns, _map(values, place), place)
-    for name in needed:
-        if name not in given:
-            raise RecordingError(f'{place}.{name}', 'is missing')
-    parts = {k: _columns(v, f'{place}.{k}') for k, v in given.items() if k != 'names'}
-    return JointColumns(names=_texts(given['names'], f'{place}.names'), **parts)
-
-
-def _gyro(values: Any, place: str) -> GyroColumns:
-    time, rest = _split_time(_map(values, place), place)
-    return GyroColumns(columns=_columns(rest, place), time=time)
-
-
-def _attitude(values: Any, place: str) -> AttitudeColumns:
-    time, rest = _split_time(_map(values, place), place)
-    orders = QUATERNION_ORDERS + ANGLE_ORDERS
-    if 'order' not in rest:
-        raise RecordingError(f'{place}.order', f'is missing: one of {", ".join(orders)}')
-    order = _choice(rest.pop('order'), orders, f'{place}.order')
-    maps = _choice(rest.pop('maps', DIRECTIONS[0]), DIRECTIONS, f'{place}.maps')
-    if order in QUATERNION_ORDERS:
-        if 'unit' in rest:
-            raise RecordingError(f'{place}.unit', 'a quaternion has no unit')
-        rest['unit'] = ''
-    return AttitudeColumns(columns=_columns(rest, place), order=order, maps=maps, time=time)
-
-
-def _split_time(values: Mapping[str, Any], place: str) -> tuple[Columns | None, dict[str, Any]]:
-    rest = dict(values)
-    time = rest.pop('time', None)
-    return (None if time is None else _columns(time, f'{place}.time')), rest
-
-
-def _columns(values: Any, place: str) -> Columns:
-    given = _known(Columns, _map(values, place), place, hidden=('place',))
-    if 'unit' not in given:
-        raise RecordingError(f'{place}.unit', 'is missing: write the unit of the column')
-    return Columns(
-        columns=_texts(given['columns'], f'{place}.columns'),
-        unit=_texts(given['unit'], f'{place}.unit'),
-        sign=_signs(given.get('sign', 1), f'{place}.sign'),
-        offset=_numbers(given.get('offset', 0.0), f'{place}.offset'),
-        place=place,
+    mapping: ColumnMapping = _section(ColumnMapping)(
+        read_yaml(Path(path), 'column mapping'), place
     )
-
-
-def _terms(values: Any, place: str) -> tuple[Term, ...]:
-    if not isinstance(values, list) or not values:
-        raise RecordingError(place, 'expected a list of terms {column, scale, times}')
-    terms = []
-    for i, value in enumerate(values):
-        where = f'{place}[{i}]'
-        given = _known(Term, _map(value, where), where)
-        terms.append(
-            Term(
-                column=_text(given['column'], f'{where}.column'),
-                scale=_numbers(given.get('scale', 1.0), f'{where}.scale')[0],
-                times=_text(given.get('times', ''), f'{where}.times'),
-            )
-        )
-    return tuple(terms)
-
-
-def _known(
-    cls: Any, values: Mapping[str, Any], place: str, hidden: tuple[str, ...] = ()
-) -> dict[str, Any]:
-    """The entries of a map, every one known to the dataclass and none that it needs missing."""
-    names = [f.name for f in fields(cls) if f.name not in hidden]
-    for key in values:
-        if key not in names:
-            close = difflib.get_close_matches(str(key), names, n=1)
-            hint = f'did you mean {close[0]!r}?' if close else f'known: {", ".join(names)}'
-            raise RecordingError(f'{place}: {key}', f'unknown entry ({hint})')
-    for f in fields(cls):
-        if f.default is MISSING and f.default_factory is MISSING and f.name not in values:
-            raise RecordingError(f'{place}: {f.name}', 'is missing')
-    return dict(values)
-
-
-def _map(value: Any, place: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise RecordingError(place, f'expected a map, got {value!r}')
-    return value
-
-
-def _bits(value: Any, place: str) -> dict[str, int]:
-    for name, bits in _map(value, place).items():
-        if bits not in (8, 16, 32):
-            raise RecordingError(f'{place}.{name}', f'expected 8, 16 or 32 bits, got {bits!r}')
-    return {str(name): int(bits) for name, bits in value.items()}
-
-
-def _text(value: Any, place: str) -> str:
-    if not isinstance(value, str):
-        raise RecordingError(place, f'expected text, got {value!r}')
-    return value
-
-
-def _texts(value: Any, place: str) -> tuple[str, ...]:
-    texts = [_text(v, place) for v in (value if isinstance(value, list) else [value])]
-    if not texts:
-        raise RecordingError(place, 'is empty')
-    return tuple(texts)
-
-
-def _delimiter(value: Any, place: str) -> str:
-    if len(_text(value, place)) != 1 or value == '"':
-        raise RecordingError(place, f'expected one character, got {value!r}')
-    return str(value)
-
-
-def _choice(value: Any, choices: tuple[str, ...], place: str) -> str:
-    if value not in choices:
-        raise RecordingError(place, f'{value!r} is not one of {", ".join(choices)}')
-    return str(value)
-
-
-def _numbers(value: Any, place: str) -> tuple[float, ...]:
-    values = value if isinstance(value, list) else [value]
-    for v in values:
-        if isinstance(v, bool) or not isinstance(v, (int, float)) or not math.isfinite(v):
-            raise RecordingError(place, f'expected a finite number, got {v!r}')
-    return tuple(float(v) for v in values)
-
-
-def _signs(value: Any, place: str) -> tuple[float, ...]:
-    signs = _numbers(value, place)
-    for sign in signs:
-        if sign not in (1.0, -1.0):
-            raise RecordingError(place, f'expected 1 or -1, got {sign:g}')
-    return signs
+    if mapping.joints is None and mapping.gyro is None and mapping.attitude is None:
+        raise RecordingError(place, 'maps no sensor: give joints, gyro or attitude')
+    return mapping
