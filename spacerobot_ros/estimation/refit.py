@@ -14,10 +14,10 @@ from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..recording.record import Record
+from ..sensing.correction import corrected_record
 from ..types import Array
 from .columns import STEPS, Signatures, is_possible
 from .evidence import price
-from .observations import corrected
 from .prediction import Innovations, MeasuredMotion
 from .reference import NoiseLevels
 from .scaling import (
@@ -95,7 +95,8 @@ class Run:
 
     def _measured(self, causes: Sequence[Effect], process: TorqueDriven) -> MeasuredMotion:
         effects = (*self.believed, *causes)
-        return MeasuredMotion(corrected(self.record, effects, process.robot), self.noise, process)
+        record = corrected_record(self.record, process.robot, effects)
+        return MeasuredMotion(record, self.noise, process)
 
 
 def _is_sensor(cause: Effect) -> bool:

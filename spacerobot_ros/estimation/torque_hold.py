@@ -60,7 +60,9 @@ class Holds:
         return (k, _KNOWN_TO * k) if self.is_known else None
 
 
-def find_holds(joint_time: Array, effort: Array | None, period: float) -> Holds:
+def find_holds(
+    joint_time: Array, effort: Array | None, period: float, effort_delay: float = 0.0
+) -> Holds:
     """Holds of a stretch of data.
 
     A stated period counts from the first joint sample. Efforts that stay the same to the last bit
@@ -71,6 +73,7 @@ def find_holds(joint_time: Array, effort: Array | None, period: float) -> Holds:
         joint_time: (N,) stamps of the joint samples [s].
         effort: (N, n) torque over the step that ended at each stamp; None where not recorded.
         period: As stated; zero where it is not [s].
+        effort_delay: Time by which the efforts are older than their stamps [s].
     """
     if period > 0.0 and len(joint_time):
         count = int((joint_time[-1] - joint_time[0]) / period) + 1
@@ -78,7 +81,7 @@ def find_holds(joint_time: Array, effort: Array | None, period: float) -> Holds:
     if effort is not None:
         changes = np.flatnonzero(np.any(np.diff(effort, axis=0) != 0.0, axis=1))
         if len(changes) > 2 and np.median(np.diff(changes)) >= 2.0:
-            starts = joint_time[changes]
+            starts = joint_time[changes] - effort_delay
             return Holds(starts, float(np.median(np.diff(starts))), is_known=True)
     guess = float(np.median(np.diff(joint_time))) if len(joint_time) > 1 else 0.0
     return Holds(joint_time, guess, is_known=False)

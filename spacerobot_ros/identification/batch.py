@@ -149,7 +149,7 @@ def sensor_data(record: Record, torque_hold_period: float = 0.0) -> tuple[Sensor
             f'{record.source}: {times[0][-1] - times[0][0]:.2f} s is too short to identify from'
         )
     qd = joints.velocity if joints.velocity is not None else np.full_like(joints.position, np.nan)
-    holds = find_holds(times[0], joints.effort, torque_hold_period)
+    holds = find_holds(times[0], joints.effort, torque_hold_period, joints.effort_delay)
     return SensorData(
         times[0], joints.position, qd, times[1], rates.omega, times[2], attitudes.q_xyzw, holds
     ), origin

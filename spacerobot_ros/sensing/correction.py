@@ -9,13 +9,15 @@ import numpy as np
 
 from ..effects.effect import Effect
 from ..model.robot import Robot
-from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
-from ..types import IntArray
+from ..recording.record import JointSeries, Record
+from ..types import Array, IntArray
 from .faults import SensorFaults
 
 
 def corrected_record(record: Record, robot: Robot, effects: Sequence[Effect]) -> Record:
     """Samples as right sensors with punctual clocks would have taken them.
+
+    Efforts that are later than the rest stay where they are, and say so (`effort_time`).
 
     Args:
         record: As measured.
@@ -25,42 +27,34 @@ def corrected_record(record: Record, robot: Robot, effects: Sequence[Effect]) ->
     faults = SensorFaults(robot, effects)
     if faults.are_none and not any(faults.delay.values()):
         return record
-    return replace(
-        record,
-        joints=None if record.joints is None else _joints(record.joints, faults),
-        rates=None if record.rates is None else _rates(record.rates, faults),
-        attitudes=None if record.attitudes is None else _attitudes(record.attitudes, faults),
-    )
+
+    def earlier(stamp_ns: IntArray, clock: str) -> IntArray:
+        return stamp_ns - round(faults.delay[clock] * 1e9)
+
+    joints, rates, attitudes = record.joints, record.rates, record.attitudes
+    if joints is not None:
+        stamps = earlier(joints.stamp_ns, 'joints')
+        joints = replace(_joints(joints, record.joint_time, faults), stamp_ns=stamps)
+    if rates is not None:
+        omega = faults.undo_rate(rates.omega, record.rate_time)
+        rates = replace(rates, stamp_ns=earlier(rates.stamp_ns, 'imu'), omega=omega)
+    if attitudes is not None:
+        q_xyzw = faults.undo_attitude(attitudes.q_xyzw, record.attitude_time)
+        stamps = earlier(attitudes.stamp_ns, 'attitude')
+        attitudes = replace(attitudes, stamp_ns=stamps, q_xyzw=q_xyzw)
+    origin = record.origin_ns
+    return replace(record, joints=joints, rates=rates, attitudes=attitudes, zero_ns=origin)
 
 
-def _joints(series: JointSeries, faults: SensorFaults) -> JointSeries:
-    """Efforts that are later than the rest are read that much later."""
+def _joints(series: JointSeries, time: Array, faults: SensorFaults) -> JointSeries:
     zeros = np.zeros_like(series.position)
     rates = zeros if series.velocity is None else series.velocity
     efforts = zeros if series.effort is None else series.effort
-    q, qd, effort = faults.undo_joints(series.position, rates, efforts)
-    if faults.delay['effort']:
-        at = series.stamp_ns.astype(float)
-        later = at + faults.delay['effort'] * 1e9
-        effort = np.stack([np.interp(later, at, column) for column in effort.T], axis=1)
+    q, qd, effort = faults.undo_joints(series.position, rates, efforts, time)
     return replace(
         series,
-        stamp_ns=_earlier(series.stamp_ns, faults.delay['joints']),
         position=q,
         velocity=None if series.velocity is None else qd,
         effort=None if series.effort is None else effort,
+        effort_delay=series.effort_delay + faults.delay['effort'],
     )
-
-
-def _rates(series: RateSeries, faults: SensorFaults) -> RateSeries:
-    stamps = _earlier(series.stamp_ns, faults.delay['imu'])
-    return replace(series, stamp_ns=stamps, omega=faults.undo_rate(series.omega))
-
-
-def _attitudes(series: AttitudeSeries, faults: SensorFaults) -> AttitudeSeries:
-    stamps = _earlier(series.stamp_ns, faults.delay['attitude'])
-    return replace(series, stamp_ns=stamps, q_xyzw=faults.undo_attitude(series.q_xyzw))
-
-
-def _earlier(stamp_ns: IntArray, delay: float) -> IntArray:
-    return stamp_ns - round(delay * 1e9)

@@ -60,13 +60,16 @@ class SensorFaults:
         torque[: len(effort)] = effort
         return motion_at(self._robot, time, state, torque)
 
-    def undo_joints(self, q: Array, qd: Array, effort: Array) -> tuple[Array, Array, Array]:
+    def undo_joints(
+        self, q: Array, qd: Array, effort: Array, time: Array | None = None
+    ) -> tuple[Array, Array, Array]:
         """True joint positions, rates and torques behind the measured ones.
 
         Args:
             q: (n,) or (N, n) [rad].
             qd: Likewise [rad/s].
             effort: Likewise [N m].
+            time: (N,) of the samples [s]; None: zero.
         """
         if self.are_none:
             return q, qd, effort
@@ -74,32 +77,37 @@ class SensorFaults:
         measured = [np.atleast_2d(values) for values in (q, qd, effort)]
         true = measured
         for _ in range(_PASSES):
-            motion = Motion(self._robot, np.zeros(len(true[0])), *true)
+            motion = Motion(self._robot, _times(true[0], time), *true)
             true = [
-                said - (self.sensed(name, value, motion) - value)
-                for name, said, value in zip(names, measured, true, strict=True)
+                wrong - (self.sensed(name, value, motion) - value)
+                for name, wrong, value in zip(names, measured, true, strict=True)
             ]
         position, rate, torque = (value.reshape(np.shape(q)) for value in true)
         return position, rate, torque
 
-    def undo_rate(self, omega: Array) -> Array:
-        """True base rate behind a measured one, (3,) or (N, 3) [rad/s]."""
-        if self.are_none:
+    def undo_rate(self, omega: Array, time: Array | None = None) -> Array:
+        """True base rate behind a measured one, (3,) or (N, 3) [rad/s]; `time` as above."""
+        if self.are_none or not omega.size:
             return omega
         measured = true = np.atleast_2d(omega)
         for _ in range(_PASSES):
-            true = measured - (self.sensed('gyro', true, self._turning(true)) - true)
+            true = measured - (self.sensed('gyro', true, self._turning(true, time)) - true)
         return true.reshape(np.shape(omega))
 
-    def undo_attitude(self, q_WB_xyzw: Array) -> Array:
-        """True attitude behind a measured one, (4,) or (N, 4)."""
-        if self.are_none:
+    def undo_attitude(self, q_WB_xyzw: Array, time: Array | None = None) -> Array:
+        """True attitude behind a measured one, (4,) or (N, 4); `time` as above."""
+        if self.are_none or not q_WB_xyzw.size:
             return q_WB_xyzw
-        zeros = np.zeros((len(np.atleast_2d(q_WB_xyzw)), 3))
-        error = self.sensed('attitude', zeros, self._turning(zeros))
-        true = Rotation.from_quat(np.atleast_2d(q_WB_xyzw)) * Rotation.from_rotvec(error).inv()
+        measured = np.atleast_2d(q_WB_xyzw)
+        zeros = np.zeros((len(measured), 3))
+        error = self.sensed('attitude', zeros, self._turning(zeros, time))
+        true = Rotation.from_quat(measured) * Rotation.from_rotvec(error).inv()
         return np.asarray(true.as_quat().reshape(np.shape(q_WB_xyzw)))
 
-    def _turning(self, omega: Array) -> Motion:
+    def _turning(self, omega: Array, time: Array | None) -> Motion:
         still = np.zeros((len(omega), self._robot.n_joints))
-        return Motion(self._robot, np.zeros(len(omega)), still, still, still, omega=omega)
+        return Motion(self._robot, _times(omega, time), still, still, still, omega=omega)
+
+
+def _times(values: Array, time: Array | None) -> Array:
+    return np.zeros(len(values)) if time is None else time

@@ -224,7 +224,8 @@ def test_a_record_is_corrected_as_a_whole():
     np.testing.assert_array_equal(right.rates.stamp_ns, stamps - 30_000_000)
     for k in range(5, STEPS - 3):
         np.testing.assert_allclose(right.joints.position[k], states[k - 1].q, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(right.joints.effort[k], efforts[k - 1], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(right.joints.effort[k], efforts[k - 3], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(right.effort_time[k], 1e-2 * (k - 3), rtol=0, atol=1e-15)
         np.testing.assert_allclose(
             right.rates.omega[k], states[k - 3].omega_WB_B, rtol=0, atol=1e-15
         )

@@ -13,13 +13,13 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import MessageRejectedError
-from ...estimation.observations import corrected
 from ...estimation.torque_process import TorqueDriven
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
 from ...recording.buffer import SENSORS, SampleBuffer
 from ...recording.record import Record
+from ...sensing.correction import corrected_record
 from ...types import Array
 from .block_filter import FlightFilter
 from .probes import probes_of
@@ -228,7 +228,7 @@ class Monitor:
         if blind or len(seen.joint_time) < _FEWEST_JOINTS:
             return None
         robot = self.robot if self._start is None else self._start.process.robot
-        return corrected(seen, self._believed, robot)
+        return corrected_record(seen, robot, self._believed)
 
     # ------------------------------------------------------------ judgement
 
