@@ -150,8 +150,8 @@ def _direction(
             sizes[p.name] = abs(amount) if one_sided else amount
         elif p.role == 'phase':
             rest[p.name] = float(rng.uniform(-math.pi, math.pi))
-        elif min(p.grid, default=0.0) > 0.0 and len(p.grid) > 1:
-            low, high = math.log(min(p.grid)), math.log(min(max(p.grid), _FASTEST))
+        elif min(p.guesses, default=0.0) > 0.0 and len(p.guesses) > 1:
+            low, high = math.log(min(p.guesses)), math.log(min(max(p.guesses), _FASTEST))
             rest[p.name] = math.exp(rng.uniform(low, high))
     if kind.id == 'inertial_parameters':
         sizes = _payload(rng)

@@ -8,7 +8,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .joint import JointEffect, JointTorque
 from .motion import Motion
-from .parameter import amount, guess, phase
+from .parameter import amount, phase, searched
 
 
 class TorqueConstant(JointTorque):
@@ -43,14 +43,14 @@ class TorqueRipple(JointTorque):
     title = "torque ripple that goes round with a joint's angle"
     parameters = (
         amount('amplitude', 'N m', 1.0, 0.02),
-        guess(
+        searched(
             'harmonic',
             '',
             50.0,
             nominal=1.0,
             above=0.0,
             maximum=2000.0,
-            grid=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0),
+            guesses=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0),
         ),
         phase(),
     )
@@ -84,14 +84,14 @@ class Stiffness(JointTorque):
     title = 'a spring across a joint, such as a cable harness'
     parameters = (
         amount('stiffness', 'N m/rad', 5.0, 0.05),
-        guess(
+        searched(
             'rest_angle',
             'rad',
             1.0,
             default=0.0,
             minimum=-20.0,
             maximum=20.0,
-            grid=(-1.0, 0.0, 1.0),
+            guesses=(-1.0, 0.0, 1.0),
         ),
     )
     magnitude = '0.5 to 20 N m/rad for harness across joints of space arms'

@@ -3,7 +3,7 @@
 An effect acts in one or several of these ways, and each action is written once:
 
 - `change`: the robot has other bodies or wheels than the file says;
-- `force`: a generalised force that depends on the motion, and on hidden states where it has any;
+- `force`: a generalized force that depends on the motion, and on hidden states where it has any;
 - `sense`: a sensor says something else;
 - `delay`: a sensor's stamps are late.
 
@@ -109,8 +109,8 @@ class Effect:
 
     @classmethod
     def variants(cls, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:
-        """First guesses of the `search` parameters: every combination of their grids."""
-        searched = {p.name: p.grid for p in cls.parameters if p.role == 'search'}
+        """First guesses of the `search` parameters: every combination of their guesses."""
+        searched = {p.name: p.guesses for p in cls.parameters if p.role == 'search'}
         guesses = itertools.product(*searched.values())
         return tuple(dict(zip(searched, guess, strict=True)) for guess in guesses)
 
@@ -140,7 +140,7 @@ class Effect:
         """(N,) what u is where the effect goes as sin(p u + phase), p its `search` parameter.
 
         None where it does not go so. The diagnosis then looks at every p between the ends of the
-        parameter's grid.
+        parameter's guesses.
         """
         return None
 
@@ -171,7 +171,7 @@ class Effect:
         return robot
 
     def force(self, motion: Motion, hidden: Array) -> Array:
-        """(N, 6 + n) generalised force [N, N m].
+        """(N, 6 + n) generalized force [N, N m].
 
         Args:
             motion: N states.

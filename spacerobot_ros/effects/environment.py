@@ -12,7 +12,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
 from .motion import Motion
-from .parameter import amount, guess, xyz
+from .parameter import amount, searched, xyz
 
 FORCE = ('force_x', 'force_y', 'force_z')
 AT = ('at_x', 'at_y', 'at_z')
@@ -104,7 +104,7 @@ class Thruster(External):
         return self.force_at(motion, self.vector(*FORCE))
 
 
-_AT = tuple(guess(name, 'm', 1.0, default=0.0, grid=(-1.0, 1.0)) for name in AT)
+_AT = tuple(searched(name, 'm', 1.0, default=0.0, guesses=(-1.0, 1.0)) for name in AT)
 
 
 class ThrusterLeak(Thruster):
@@ -135,9 +135,9 @@ class ThrusterPulses(Thruster):
     parameters = (
         *xyz('N', 10.0, 0.01, 'force_'),
         *_AT,
-        guess('period', 's', above=0.0, nominal=1.0, grid=(0.1, 1.0, 10.0)),
-        guess('width', 's', minimum=_RISE, nominal=0.02, grid=(0.02, 0.1)),
-        guess('start', 's', default=0.0, minimum=0.0, grid=(0.0,)),
+        searched('period', 's', above=0.0, nominal=1.0, guesses=(0.1, 1.0, 10.0)),
+        searched('width', 's', minimum=_RISE, nominal=0.02, guesses=(0.02, 0.1)),
+        searched('start', 's', default=0.0, minimum=0.0, guesses=(0.0,)),
     )
     magnitude = '1 to 20 N for 5 to 100 ms'
     signature = 'steps of the momentum, all alike'
@@ -187,7 +187,7 @@ class GravityGradient(External):
     title = 'gravity gradient'
     parameters = (
         amount('orbital_rate', 'rad/s', 2e-6, 1e-7, maximum=0.1, role='square'),
-        *(guess(axis, '', grid=(-1.0, 1.0)) for axis in 'xyz'),
+        *(searched(axis, '', guesses=(-1.0, 1.0)) for axis in 'xyz'),
     )
     magnitude = '1.1e-3 rad/s in low orbit: 1e-3 N m per 1000 kg m^2 of difference'
     signature = 'a torque that depends on how the system stands against the vertical'
@@ -205,15 +205,15 @@ class GravityGradient(External):
             return out
         square = self['orbital_rate'] ** 2
         vertical = into_base(motion, self.vector() / length)
-        centres = [
+        coms = [
             motion.link_position(b.name)
             + np.einsum('nij,j->ni', motion.base_rotation(b.name), b.com)
             for b in robot.bodies
         ]
         masses = [b.mass for b in robot.bodies]
-        middle = sum(m * c for m, c in zip(masses, centres, strict=True)) / sum(masses)
-        for body, centre in zip(robot.bodies, centres, strict=True):
-            rho = centre - middle
+        middle = sum(m * c for m, c in zip(masses, coms, strict=True)) / sum(masses)
+        for body, com in zip(robot.bodies, coms, strict=True):
+            rho = com - middle
             along = np.sum(vertical * rho, axis=1, keepdims=True)
             pull = square * body.mass * (3.0 * along * vertical - rho)
             rotation = motion.base_rotation(body.name)

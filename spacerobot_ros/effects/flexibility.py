@@ -18,7 +18,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .joint import JointEffect
 from .motion import Motion
-from .parameter import Parameter, amount, guess
+from .parameter import Parameter, amount, searched
 
 _REACH = 5  # samples on each side that a slope is taken over
 CROSSING_TORQUE = 0.02
@@ -46,7 +46,7 @@ class Flexibility(JointEffect):
         ),
         amount('damping', 'N m s/rad', 20.0, default=0.0),
         Parameter('rotor_inertia', 'kg m^2', 3.0, 0.02, above=0.0),
-        guess(
+        searched(
             'motor_side',
             '',
             1.0,
@@ -54,7 +54,7 @@ class Flexibility(JointEffect):
             default=1.0,
             minimum=0.0,
             maximum=1.0,
-            grid=(1.0, 0.0),
+            guesses=(1.0, 0.0),
         ),
     )
     magnitude = '5e3 to 1e5 N m/rad, rotor 0.1 to 10 kg m^2, for harmonic drives of space arms'

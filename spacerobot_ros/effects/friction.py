@@ -7,7 +7,7 @@ import numpy as np
 from ..model.robot import Robot
 from ..types import Array
 from .joint import JointTorque
-from .parameter import amount, guess
+from .parameter import amount, searched
 
 STICTION_RATE = 2e-3
 """Rate over which dry friction changes its sign [rad/s]: sign(v) is smoothed to tanh(v / this)."""
@@ -79,14 +79,14 @@ class StribeckFriction(JointTorque):
     parameters = (
         amount('coulomb', 'N m', 3.0, 0.01),
         amount('static', 'N m', 4.0, 0.01),
-        guess(
+        searched(
             'velocity',
             'rad/s',
             0.1,
             nominal=0.01,
             above=STICTION_RATE,
             maximum=10.0,
-            grid=(0.005, 0.015, 0.05, 0.15),
+            guesses=(0.005, 0.015, 0.05, 0.15),
         ),
     )
     magnitude = 'static torque 1.1 to 2 times the Coulomb one, falling over 0.003 to 0.1 rad/s'

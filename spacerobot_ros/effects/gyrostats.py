@@ -16,7 +16,7 @@ from ..model.robot import Gyrostat, Robot
 from ..types import Array
 from .effect import Effect
 from .motion import Motion
-from .parameter import Parameter, amount, guess, phase, xyz
+from .parameter import Parameter, amount, phase, searched, xyz
 
 _WHEEL_SOURCE = 'Hughes, Spacecraft Attitude Dynamics, chapter 6'
 
@@ -186,7 +186,7 @@ class WheelImbalance(WheelEffect):
     is_timed = True
     parameters = (
         amount('amplitude', 'N m', 2.0, 0.02),
-        guess('frequency', 'rad/s', above=0.0, grid=(3.0, 1000.0)),
+        searched('frequency', 'rad/s', above=0.0, guesses=(3.0, 1000.0)),
         phase(),
     )
     magnitude = '0.01 to 10 N m at 10 to 600 rad/s, growing with the square of the rate'

@@ -27,7 +27,7 @@ from ..types import Array
 class Motion:
     """BodyKinematics of N states.
 
-    Generalised vectors are (N, 6 + n): base [linear; angular] in base coordinates, then the
+    Generalized vectors are (N, 6 + n): base [linear; angular] in base coordinates, then the
     joints, for a fixed base too, whose first six entries are zero.
 
     Args:
@@ -87,7 +87,7 @@ class Motion:
 
     @property
     def rates(self) -> Array:
-        """(N, 6 + n) generalised velocity."""
+        """(N, 6 + n) generalized velocity."""
         return np.concatenate([self.velocity, self.omega, self.qd], axis=1)
 
     def zeros(self) -> Array:
@@ -99,7 +99,7 @@ class Motion:
         return self.robot.joints.index(str(joint))
 
     def joint_force(self, joint: str | None, torque: Array) -> Array:
-        """(N, 6 + n) generalised force of a torque (N,) on one joint."""
+        """(N, 6 + n) generalized force of a torque (N,) on one joint."""
         out = self.zeros()
         out[:, 6 + self.column(joint)] = torque
         return out
@@ -111,7 +111,7 @@ class Motion:
         torque: Array | None,
         point: Array | None = None,
     ) -> Array:
-        """(N, 6 + n) generalised force of a force and a torque on a body.
+        """(N, 6 + n) generalized force of a force and a torque on a body.
 
         Args:
             link: Name of the body.

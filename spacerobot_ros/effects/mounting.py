@@ -10,7 +10,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .bodies import MovingBodyEffect
 from .motion import Motion, body_index
-from .parameter import Parameter, guess
+from .parameter import Parameter, searched
 
 FREQUENCIES = tuple(0.5 * 1.8**k for k in range(8))
 """First guesses of a frequency [rad/s]: 0.5 to 31, as sampled motions of arms can show."""
@@ -79,6 +79,8 @@ def spring_parameters(damping: float) -> tuple[Parameter, Parameter]:
     """Frequency and damping of a part on its spring."""
     zeta = {'nominal': damping, 'default': damping, 'minimum': 0.0, 'maximum': 10.0}
     return (
-        guess('frequency', 'rad/s', 10.0, nominal=1.0, above=0.0, maximum=1e4, grid=FREQUENCIES),
-        guess('damping', '', 0.1, grid=(FIRST_DAMPING,), **zeta),
+        searched(
+            'frequency', 'rad/s', 10.0, nominal=1.0, above=0.0, maximum=1e4, guesses=FREQUENCIES
+        ),
+        searched('damping', '', 0.1, guesses=(FIRST_DAMPING,), **zeta),
     )

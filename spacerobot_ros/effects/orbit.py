@@ -21,7 +21,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .environment import AT, External, into_base
 from .motion import Motion
-from .parameter import Parameter, amount, guess, xyz
+from .parameter import Parameter, amount, searched, xyz
 
 GRAVITY_OF_EARTH = 3.986004418e14
 """[m^3/s^2]"""
@@ -33,7 +33,7 @@ SOLAR_PRESSURE = 4.56e-6
 
 def _known(name: str, unit: str, value: float, **bounds: float) -> Parameter:
     """A parameter that the fit leaves at its usual value."""
-    return guess(name, unit, nominal=value, default=value, grid=(value,), **bounds)
+    return searched(name, unit, nominal=value, default=value, guesses=(value,), **bounds)
 
 
 _ORBIT = (

@@ -25,9 +25,9 @@ class Parameter(Bounds):
             the linear parameter before it a pair amplitude and phase [rad], amplitude *
             sin(... + phase). `reciprocal`: in proportion to its inverse, nothing at infinity.
             `square`: in proportion to its square. `search`: in any other way; the fit starts from
-            every value of `grid`. Size and threshold are those of what the action is in proportion
-            to: of the inverse, or of the square.
-        grid: First guesses where the role is `search`.
+            every one of `guesses`. Size and threshold are those of what the action is in
+            proportion to: of the inverse, or of the square.
+        guesses: First guesses where the role is `search`.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Parameter(Bounds):
     nominal: float = 0.0
     default: float | None = None
     role: str = 'linear'
-    grid: tuple[float, ...] = ()
+    guesses: tuple[float, ...] = ()
 
     @property
     def grows_with_mass(self) -> bool:
@@ -51,11 +51,11 @@ amount = partial(Parameter, minimum=0.0)
 """A parameter that is never below zero."""
 
 
-def guess(
-    name: str, unit: str, size: float = math.inf, *, grid: Sequence[float] = (), **rest: float
+def searched(
+    name: str, unit: str, size: float = math.inf, *, guesses: Sequence[float] = (), **rest: float
 ) -> Parameter:
-    """A parameter that the fit starts from every value of a grid."""
-    return Parameter(name, unit, size, role='search', grid=tuple(grid), **rest)
+    """A parameter that the fit starts from every one of some guesses."""
+    return Parameter(name, unit, size, role='search', guesses=tuple(guesses), **rest)
 
 
 def phase() -> Parameter:

@@ -72,7 +72,7 @@ class RotorImbalance(RotorEffect):
     """Static: centre of mass U / m off the axis. Dynamic: product of inertia P against the axis.
 
     Both stand on the same side of the rotor, along the direction that `transverse` gives at zero
-    angle. Nothing is linearised: the rotor is another body.
+    angle. Nothing is linearized: the rotor is another body.
 
     Args:
         static: Mass times distance of the centre of mass from the axis.

@@ -20,7 +20,7 @@ from ..types import Array
 from .hidden import driven_states
 from .motion import Motion, body_index
 from .mounting import FIRST_DAMPING, FREQUENCIES, Sprung, recoil, spring_parameters
-from .parameter import amount, guess
+from .parameter import amount, searched
 
 
 class Slosh(Sprung):
@@ -37,7 +37,7 @@ class Slosh(Sprung):
     parameters = (
         amount('mass', 'kg', 100.0, 0.1),
         *spring_parameters(0.02),
-        *(guess(axis, 'm', 1.0, default=0.0) for axis in 'xyz'),
+        *(searched(axis, 'm', 1.0, default=0.0) for axis in 'xyz'),
     )
     magnitude = '10 to 200 kg, 0.3 to 5 rad/s, damping 0.005 to 0.1, for tanks with diaphragms'
     signature = "a slow oscillation after every change of the body's velocity or rotation"

@@ -16,6 +16,7 @@ momentum of host and part together is kept exactly. Gravity is an acceleration -
 from __future__ import annotations
 
 import itertools
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from .effect import Effect
 from .hidden import driven_states
 from .motion import Motion, body_index
 from .mounting import FIRST_DAMPING, FREQUENCIES, Sprung, recoil, spring_parameters
-from .parameter import amount, guess
+from .parameter import amount, searched
 
 _LIGHT = 1e-3  # of the whole's mass: what a part may have whose recoil does not matter
 
@@ -34,6 +35,7 @@ _LIGHT = 1e-3  # of the whole's mass: what a part may have whose recoil does not
 class SprungPart(Sprung):
     """A rigid part on springs."""
 
+    @cached_property
     def directions(self) -> Array:
         """(6, k) orthonormal directions S, [linear; angular] in the host's frame."""
         raise NotImplementedError
@@ -58,7 +60,7 @@ class SprungPart(Sprung):
 
     def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
         """[eta', eta'']."""
-        S = self.directions()
+        S = self.directions
         drive = motion.link_acceleration(self.where)
         drive = np.concatenate([drive[:, :3] - self.gravity(motion), drive[:, 3:]], axis=1)
         return np.concatenate([hidden[:, S.shape[1] :], -drive @ S - self.spring(hidden)], axis=1)
@@ -89,12 +91,12 @@ class SprungPart(Sprung):
 
     def fastest(self, robot: Robot) -> float:
         """Of the part on its spring against the recoiling robot."""
-        S = self.directions()
+        S = self.directions
         return self.fastest_against(robot, S, S.T @ self.inertia(self.row(robot), True) @ S)
 
     def _wrench(self, motion: Motion, hidden: Array) -> tuple[Array, Array]:
         """(N, 3) force and (N, 3) torque on the host, in its frame."""
-        S, V = self.directions(), motion.twist(self.where)
+        S, V = self.directions, motion.twist(self.where)
         pull = self.spring(hidden) @ (self.inertia(self.row(motion.robot), True) @ S).T
         h = self._part_momentum(motion, hidden)
         turning = cross_rows(V[:, 3:], h[:, 3:]) + cross_rows(V[:, :3], h[:, :3])
@@ -102,19 +104,19 @@ class SprungPart(Sprung):
 
     def _part_momentum(self, motion: Motion, hidden: Array) -> Array:
         """(N, 6) in the host's frame."""
-        S, G = self.directions(), self.inertia(self.row(motion.robot), True)
+        S, G = self.directions, self.inertia(self.row(motion.robot), True)
         return np.asarray((motion.twist(self.where) + hidden[:, S.shape[1] :] @ S.T) @ G.T)
 
     def _recoiling(self, motion: Motion, hidden: Array) -> Array:
         """`hidden_rate` with the recoil that the motion does not hold."""
-        S, out = self.directions(), self.hidden_rate(motion, hidden)
+        S, out = self.directions, self.hidden_rate(motion, hidden)
         force, _ = self._wrench(motion, hidden)
         out[:, S.shape[1] :] -= recoil(motion, force) @ S[:3]
         return out
 
     def _share(self, robot: Robot) -> float:
         """Mass that moves against the host, by that of all else."""
-        moved = np.linalg.norm(self.inertia(self.row(robot), True)[:3] @ self.directions())
+        moved = np.linalg.norm(self.inertia(self.row(robot), True)[:3] @ self.directions)
         return float(moved / np.sum(robot.inertial_parameters[:, 0]))
 
 
@@ -132,12 +134,13 @@ class Appendage(SprungPart):
     parameters = (
         amount('inertia', 'kg m^2', 50.0, 0.05),
         *spring_parameters(0.005),
-        *(guess(axis, '', 1.0) for axis in 'xyz'),
+        *(searched(axis, '', 1.0) for axis in 'xyz'),
     )
     magnitude = '0.5 to 10 rad/s, damping 0.002 to 0.02, 10 to 100 kg m^2 for solar panels'
     signature = 'a decaying oscillation of the body after every change of its rotation'
     source = 'Likins, AIAA J. 5 (1967); Hughes, Spacecraft Attitude Dynamics (1986), 3.6'
 
+    @cached_property
     def directions(self) -> Array:
         """Turning about the axis."""
         axis = self.vector()
@@ -145,7 +148,7 @@ class Appendage(SprungPart):
 
     def inertia(self, host: Array, is_left: bool) -> Array:
         """About the axis alone."""
-        S = self.directions()
+        S = self.directions
         return np.asarray(self['inertia'] * S @ S.T)
 
     def check(self, robot: Robot) -> None:
@@ -188,6 +191,7 @@ class GraspCompliance(SprungPart):
         inner = {0, *(body.parent for body in robot.bodies)}
         return tuple(p for p in super().places(robot) if body_index(robot, p) not in inner)
 
+    @cached_property
     def directions(self) -> Array:
         """All."""
         return np.eye(6)

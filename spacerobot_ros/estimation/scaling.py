@@ -49,8 +49,8 @@ def spread_of(parameter: Parameter) -> float:
     """Width of what was thought possible of a coordinate, for the evidence."""
     if parameter.role == 'phase':
         return math.pi
-    if parameter.role == 'search' and len(parameter.grid) > 1:
-        return max(parameter.grid) - min(parameter.grid)
+    if parameter.role == 'search' and len(parameter.guesses) > 1:
+        return max(parameter.guesses) - min(parameter.guesses)
     return size_of(parameter)
 
 

@@ -66,8 +66,8 @@ def _values(parameter: Parameter, argument: Array) -> Array:
     span = float(np.ptp(argument))
     step = 2.0 * np.pi / max(span, 1e-6) / _OVERSAMPLING
     rate = float(np.median(np.abs(np.diff(argument))))
-    high = min(max(parameter.grid), np.pi / rate if rate > 0.0 else np.inf)
-    low = min(parameter.grid)
+    high = min(max(parameter.guesses), np.pi / rate if rate > 0.0 else np.inf)
+    low = min(parameter.guesses)
     count = int(np.clip((high - low) / step, 2, _MOST)) + 1
     return np.linspace(low, high, count)
 

@@ -124,7 +124,7 @@ def test_every_entry_says_what_a_reader_needs(effect):
         if parameter.role in ('linear', 'reciprocal', 'square'):
             assert 0.0 <= parameter.relevant < parameter.size < np.inf
         if parameter.role == 'search':
-            assert parameter.grid or effect.acts('variants')
+            assert parameter.guesses or effect.acts('variants')
 
 
 def test_a_fast_effect_makes_the_steps_shorter():

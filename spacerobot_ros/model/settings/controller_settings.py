@@ -35,7 +35,7 @@ class ReferenceSettings:
         cosine: Coefficients b of -cos/(w l), joint by joint, harmonics inside.
         set_point: Goal of `set_point` and `step`, one a joint.
         amplitude: Amplitude of `harmonic`, one a joint.
-        attitude_xyzw: Goal q_WB of `set_point` and `step`, normalised within 1e-3; empty: as it
+        attitude_xyzw: Goal q_WB of `set_point` and `step`, normalized within 1e-3; empty: as it
             is.
         attitude_amplitude: Rotation vector of `harmonic`, in base coordinates at the start; empty:
             none.

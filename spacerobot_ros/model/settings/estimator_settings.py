@@ -26,7 +26,7 @@ class IdentifierSettings:
         valid_std: Valid once the std of the AAM is below this fraction of its scale.
         lateness: How far a sample may come behind newer joint and gyro samples; the node keeps
             back the newest data for as long (0.5 s at least).
-        buffer: Length of the raw-sample buffer used to re-linearise.
+        buffer: Length of the raw-sample buffer used to re-linearize.
     """
 
     structure: str = param('symmetric', choices=('symmetric', 'generic'))

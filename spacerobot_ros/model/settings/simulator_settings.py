@@ -12,7 +12,7 @@ class InitialSettings:
     """State at the start of a simulation.
 
     Args:
-        attitude_xyzw: q_WB, normalised within 1e-3.
+        attitude_xyzw: q_WB, normalized within 1e-3.
         angular_velocity: omega_WB_B.
         joint_position: Joint positions; zero where empty.
         joint_velocity: Joint rates; zero where empty.
