@@ -214,15 +214,17 @@ class _Cells(string.Formatter):
 
 
 def table_of(
-    title: str, caption: str, rows: Iterable[Mapping[str, Any]], *columns: tuple[str, str]
+    title: str, caption: str, rows: Iterable[Mapping[str, Any]], heads: str, cells: str
 ) -> Table:
-    """A table of plain data, its cells given as format strings.
+    """A table of plain data, written as a row of Markdown: columns are parted by ` | `.
 
     Args:
         title: Its heading.
         caption: One line above it.
         rows: One dict a row.
-        columns: Title, and format string of the row's entries, such as `{error[raw]:.3g}`.
+        heads: Column titles.
+        cells: Format strings of a row's entries, such as `{name} | {error[raw]:.3g}`.
     """
-    cells = [[_Cells().vformat(text, (), row) for _, text in columns] for row in rows]
-    return Table([head for head, _ in columns], cells, caption, title)
+    columns = cells.split(' | ')
+    shown = [[_Cells().vformat(cell, (), row) for cell in columns] for row in rows]
+    return Table(heads.split(' | '), shown, caption, title)

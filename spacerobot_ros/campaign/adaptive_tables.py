@@ -68,12 +68,8 @@ def _orientation(results: Results) -> Table:
         'Orientation to a set-point, fixed parameters',
         'wrong parameters alone do not make the loop diverge',
         rows,
-        ('prior', '{kind}'),
-        ('error [%]', '{percent:.0f}'),
-        ('runs', '{runs}'),
-        ('below 0.1 deg [s]', '{times}'),
-        ('last error [deg]', '{last:.1e}'),
-        ('diverged', '{gone}'),
+        'prior | error [%] | runs | below 0.1 deg [s] | last error [deg] | diverged',
+        '{kind} | {percent:.0f} | {runs} | {times} | {last:.1e} | {gone}',
     )
 
 
@@ -84,10 +80,8 @@ def _lambdas(results: Results) -> Table:
         'poles -Lambda and -kappa are real, a larger Lambda is faster and never overshoots until '
         'sampling makes it',
         select(results, 'lambda'),
-        ('Lambda [1/s]', '{key[1]:g}'),
-        ('below 0.1 deg [s]', '{settling_s:.2f}'),
-        ('rebound [deg]', '{rebound_deg:.3f}'),
-        ('peak torque [N m]', '{peak_torque:.2f}'),
+        'Lambda [1/s] | below 0.1 deg [s] | rebound [deg] | peak torque [N m]',
+        '{key[1]:g} | {settling_s:.2f} | {rebound_deg:.3f} | {peak_torque:.2f}',
     )
 
 
@@ -150,12 +144,8 @@ def _noise(results: Results) -> Table:
         'Noise',
         'torque error on motions of their own; x1: gyro 1e-4, joint rates 3.5e-4 rad/s',
         rows,
-        ('noise x', '{key[0]:g}'),
-        ('law', '{key[1]}'),
-        ('consistency', '{key[2]}'),
-        ('torque error [%]', '{error:.2f}'),
-        ('of the prior', '{prior:.2f}'),
-        ('RMS [deg]', '{rms}'),
+        'noise x | law | consistency | torque error [%] | of the prior | RMS [deg]',
+        '{key[0]:g} | {key[1]} | {key[2]} | {error:.2f} | {prior:.2f} | {rms}',
     )
 
 
@@ -177,11 +167,8 @@ def _sampling(results: Results) -> Table:
         'largest attitude error of the last 10 s [deg], kappa = 1/s: oscillation and divergence '
         'come from sampling, not from wrong parameters',
         rows,
-        ('period [s]', '{period:g}'),
-        ('Lambda [1/s]', '{rate:g}'),
-        ('(kappa + Lambda) T', '{pole:.2f}'),
-        ('true', '{true}'),
-        ('40 % priors', '{iid}'),
+        'period [s] | Lambda [1/s] | (kappa + Lambda) T | true | 40 % priors',
+        '{period:g} | {rate:g} | {pole:.2f} | {true} | {iid}',
     )
 
 
@@ -196,17 +183,15 @@ def _periods_and_times(results: Results) -> list[Table]:
         'Floor against the control period, true parameters',
         '',
         select(results, 'period'),
-        ('period [s]', '{key[1]:g}'),
-        ('attitude RMS [deg]', '{attitude_rms_deg:.5f}'),
-        ('joints RMS [deg]', '{joint_rms_deg:.5f}'),
+        'period [s] | attitude RMS [deg] | joints RMS [deg]',
+        '{key[1]:g} | {attitude_rms_deg:.5f} | {joint_rms_deg:.5f}',
     )
     times = table_of(
         'Time of a control cycle',
         'measurement in, torques out, from Python on one core; the paper: about 100 us in Matlab',
         results['cycle_us'],
-        ('law', '{law}'),
-        ('consistency', '{physical_consistency}'),
-        ('cycle [us]', '{median:.1f}'),
+        'law | consistency | cycle [us]',
+        '{law} | {physical_consistency} | {median:.1f}',
     )
     return [periods, times]
 

@@ -128,17 +128,11 @@ def tables(results: Results) -> list[Table]:
             'Coverage campaign',
             '95 % intervals; a single component of n runs scatters by 0.22/sqrt(n)',
             rows,
-            ('axes', '{axes}'),
-            ('method', '{method}'),
-            ('runs', '{runs}'),
-            ('covered AAM', '{mean AAM:.3f}'),
-            ('parameters', '{mean parameters:.3f}'),
-            ('single, from', '{least:.3f}'),
-            ('to', '{most:.3f}'),
-            ('RMSE/bound AAM', '{rms AAM:.3g}'),
-            ('parameters', '{rms parameters:.3g}'),
-            ('bias/RMSE', '{bias:.3g}'),
-            ('chi2/dof', '{chi2_per_dof:.3f}'),
+            'axes | method | runs | covered AAM | parameters | single, from | to | '
+            'RMSE/bound AAM | parameters | bias/RMSE | chi2/dof',
+            '{axes} | {method} | {runs} | {mean AAM:.3f} | {mean parameters:.3f} | '
+            '{least:.3f} | {most:.3f} | {rms AAM:.3g} | {rms parameters:.3g} | {bias:.3g} | '
+            '{chi2_per_dof:.3f}',
         )
     ]
 

@@ -82,14 +82,9 @@ def _limits(s: Scores) -> Table:
         'size at which twice the log likelihood grows by 30 on average, over robots, motions and '
         'places',
         [{'effect': name, **limit} for name, limit in s['limits'].items()],
-        ('effect', '{effect}'),
-        ('parameter', '{parameter}'),
-        ('median', '{median:.2g}'),
-        ('least', '{least:.2g}'),
-        ('most', '{most:.2g}'),
-        ('matters from', '{relevant:.2g}'),
-        ('unit', '{unit}'),
-        ('records', '{records}'),
+        'effect | parameter | median | least | most | matters from | unit | records',
+        '{effect} | {parameter} | {median:.2g} | {least:.2g} | {most:.2g} | {relevant:.2g} | '
+        '{unit} | {records}',
     )
 
 

@@ -188,12 +188,9 @@ def tables(results: Results) -> list[Table]:
                 {'robot': robot, **own, 'percent': 100.0 * own['share_of_a_core']}
                 for robot, own in nominal.items()
             ],
-            ('robot', '{robot}'),
-            ('flights', '{flights}'),
-            ('hours', '{hours:.3g}'),
-            ('alarms', '{alarms}'),
-            ('largest evidence', '{largest_evidence:.2f}'),
-            ('share of a core [%]', '{percent:.0f}'),
+            'robot | flights | hours | alarms | largest evidence | share of a core [%]',
+            '{robot} | {flights} | {hours:.3g} | {alarms} | {largest_evidence:.2f} | '
+            '{percent:.0f}',
         ),
         table_of(
             'Faults',
@@ -202,13 +199,9 @@ def tables(results: Results) -> list[Table]:
                 {**own, 'name': own['fault'].replace('_', ' '), 'spoke': ', '.join(own['first'])}
                 for own in faults
             ],
-            ('robot', '{robot}'),
-            ('fault', '{name}'),
-            ('size', '{size:g} {unit}'),
-            ('raised', '{raised} of {flights}'),
-            ('delay [s]', '{delay:.0f}'),
-            ('ended after [s]', '{cleared:.0f}'),
-            ('spoke first', '{spoke}'),
+            'robot | fault | size | raised | delay [s] | ended after [s] | spoke first',
+            '{robot} | {name} | {size:g} {unit} | {raised} of {flights} | {delay:.0f} | '
+            '{cleared:.0f} | {spoke}',
         ),
     ]
 

@@ -42,15 +42,9 @@ def _without_noise(rows: Sequence[Record]) -> list[Table]:
         f'the paper prints {paper.UNKNOWNS} unknowns (k = {paper.UNKNOWNS - 3}), neither axes nor '
         'condition numbers; ref.: our notes',
         rows,
-        ('axes', '{axes}'),
-        ('set', '{structure}'),
-        ('start', '{start}'),
-        ('k', '{k}'),
-        ('ref.', '{reference[k]}'),
-        ('cond(A)', '{condition[raw]:.4g}'),
-        ('ref.', '{reference[raw]:.4g}'),
-        ('unit columns', '{condition[unit_columns]:.4g}'),
-        ('ref.', '{reference[unit_columns]:.4g}'),
+        'axes | set | start | k | ref. | cond(A) | ref. | unit columns | ref.',
+        '{axes} | {structure} | {start} | {k} | {reference[k]} | {condition[raw]:.4g} | '
+        '{reference[raw]:.4g} | {condition[unit_columns]:.4g} | {reference[unit_columns]:.4g}',
     )
     paper_has = ('symmetric', 'moving')
     errors = table_of(
@@ -66,13 +60,9 @@ def _without_noise(rows: Sequence[Record]) -> list[Table]:
             }
             for r in rows
         ],
-        ('axes', '{axes}'),
-        ('set', '{structure}'),
-        ('start', '{start}'),
-        ('momentum-int.', '{max_error_percent[momentum_integrated]:.1e}'),
-        ('forward-int.', '{max_error_percent[forward_integrated]:.1e}'),
-        ('paper', '{printed:.0e}'),
-        ('AAM left out', '{wrong:.0f}'),
+        'axes | set | start | momentum-int. | forward-int. | paper | AAM left out',
+        '{axes} | {structure} | {start} | {max_error_percent[momentum_integrated]:.1e} | '
+        '{max_error_percent[forward_integrated]:.1e} | {printed:.0e} | {wrong:.0f}',
     )
     return [conditions, errors]
 
@@ -83,16 +73,12 @@ def _table_iii(axes: str, rows: Sequence[Record]) -> Table:
         'relative errors [%]: the paper\'s "no noise" and "noise", ours beside; noise '
         f"x {paper.TABLE_SCALE:g}, seed 0; from the 4th row on the paper's order is unknown",
         rows,
-        ('ours', '{name}'),
-        ('paper', '{paper_label}'),
-        ('no noise', '{paper_error_percent:.0e}'),
-        ('mom.-int.', '{momentum_integrated_percent:.0e}'),
-        ('fwd-int.', '{forward_integrated_percent:.0e}'),
-        ('noise', '{paper_error_with_noise_percent:.2f}'),
-        ('LS (26)', '{with_noise_percent[paper]:.3f}'),
-        ('LS', '{with_noise_percent[ls]:.3f}'),
-        ('online', '{with_noise_percent[online]:.3f}'),
-        ('ML', '{with_noise_percent[ml]:.3f}'),
+        'ours | paper | no noise | mom.-int. | fwd-int. | noise | LS (26) | LS | online | ML',
+        '{name} | {paper_label} | {paper_error_percent:.0e} | '
+        '{momentum_integrated_percent:.0e} | {forward_integrated_percent:.0e} | '
+        '{paper_error_with_noise_percent:.2f} | {with_noise_percent[paper]:.3f} | '
+        '{with_noise_percent[ls]:.3f} | {with_noise_percent[online]:.3f} | '
+        '{with_noise_percent[ml]:.3f}',
     )
 
 
@@ -103,17 +89,11 @@ def _estimators(scores: Sequence[Record]) -> Table:
         f'RMSE over the bound (AAM, base parameters), |bias| over RMSE, worst RMSE of the AAM; '
         f'{runs} runs each (1/sqrt(runs) = {1.0 / np.sqrt(max(runs, 1)):.2f}); ref.: 30-50 runs',
         [{**s, 'name': _METHODS[s['method']], 'aam': max(s['aam_rmse_percent'])} for s in scores],
-        ('axes', '{axes}'),
-        ('noise', '{noise_scale:g}'),
-        ('method', '{name}'),
-        ('AAM', '{aam_over_bound:.3g}'),
-        ('ref.', '{reference[aam_over_bound]:.3g}'),
-        ('base', '{base_over_bound:.3g}'),
-        ('ref.', '{reference[base_over_bound]:.3g}'),
-        ('|bias|', '{bias_over_rmse:.2f}'),
-        ('ref.', '{reference[bias_over_rmse]:.3g}'),
-        ('AAM [%]', '{aam:.2g}'),
-        ('chi2', '{chi2_per_dof:.3f}'),
+        'axes | noise | method | AAM | ref. | base | ref. | |bias| | ref. | AAM [%] | chi2',
+        '{axes} | {noise_scale:g} | {name} | {aam_over_bound:.3g} | '
+        '{reference[aam_over_bound]:.3g} | {base_over_bound:.3g} | '
+        '{reference[base_over_bound]:.3g} | {bias_over_rmse:.2f} | '
+        '{reference[bias_over_rmse]:.3g} | {aam:.2g} | {chi2_per_dof:.3f}',
     )
 
 
@@ -130,14 +110,9 @@ def _bounds(bounds: Sequence[Record]) -> Table:
         'Cramer-Rao bound',
         'smallest standard deviation of any unbiased estimate [%]',
         rows,
-        ('axes', '{axes}'),
-        ('noise', '{noise_scale:g}'),
-        ('h_x', '{h[0]:.3g}'),
-        ('h_y', '{h[1]:.3g}'),
-        ('h_z', '{h[2]:.3g}'),
-        ('base median', '{median:.3g}'),
-        ('AAM ref.', '{aam}'),
-        ('base ref.', '{base:.3g}'),
+        'axes | noise | h_x | h_y | h_z | base median | AAM ref. | base ref.',
+        '{axes} | {noise_scale:g} | {h[0]:.3g} | {h[1]:.3g} | {h[2]:.3g} | {median:.3g} | '
+        '{aam} | {base:.3g}',
     )
 
 
@@ -146,14 +121,10 @@ def _tracking(results: Results) -> list[Table]:
         'Tracking: largest errors over 20 s',
         'law evaluated in continuous time; the paper: "almost 8 degrees" and 0.9 m, no gains',
         [{**run, 'name': _LAWS[run['law']]} for run in results['tracking']],
-        ('axes', '{axes}'),
-        ('plant', '{plant}'),
-        ('law', '{name}'),
-        ('rad/s', '{bandwidth:g}'),
-        ('joint [deg]', '{max_joint_error_deg:.3g}'),
-        ('ref.', '{reference[max_joint_error_deg]:.3g}'),
-        ('end effector [m]', '{max_end_effector_error_m:.3g}'),
-        ('ref.', '{reference[max_end_effector_error_m]:.3g}'),
+        'axes | plant | law | rad/s | joint [deg] | ref. | end effector [m] | ref.',
+        '{axes} | {plant} | {name} | {bandwidth:g} | {max_joint_error_deg:.3g} | '
+        '{reference[max_joint_error_deg]:.3g} | {max_end_effector_error_m:.3g} | '
+        '{reference[max_end_effector_error_m]:.3g}',
     )
     soft = table_of(
         f'Gains so soft that the error is {paper.TRACKING_ERROR_DEG:g} degrees',
@@ -163,13 +134,9 @@ def _tracking(results: Results) -> list[Table]:
             {**r, 'Kp': r['bandwidth'] ** 2, 'Kd': 2.0 * r['bandwidth']}
             for r in results['soft_gains']
         ],
-        ('axes', '{axes}'),
-        ('plant', '{plant}'),
-        ('rad/s', '{bandwidth:.2f}'),
-        ('Kp', '{Kp:.2f}'),
-        ('Kd', '{Kd:.2f}'),
-        ('joint [deg]', '{max_joint_error_deg:.2f}'),
-        ('end effector [m]', '{max_end_effector_error_m:.2f}'),
+        'axes | plant | rad/s | Kp | Kd | joint [deg] | end effector [m]',
+        '{axes} | {plant} | {bandwidth:.2f} | {Kp:.2f} | {Kd:.2f} | {max_joint_error_deg:.2f} | '
+        '{max_end_effector_error_m:.2f}',
     )
     without = {
         run['axes']: run['max_joint_error_deg']
@@ -184,11 +151,9 @@ def _tracking(results: Results) -> list[Table]:
             {**nothing, **r, 'name': _METHODS[r['method']], 'without': without[r['axes']]}
             for r in results['tracking_identified']
         ],
-        ('axes', '{axes}'),
-        ('identified by', '{name}'),
-        ('joint [deg]', '{max_joint_error_deg:.3g}'),
-        ('end effector [m]', '{max_end_effector_error_m:.2g}'),
-        ('no AAM [deg]', '{without:.3g}'),
+        'axes | identified by | joint [deg] | end effector [m] | no AAM [deg]',
+        '{axes} | {name} | {max_joint_error_deg:.3g} | {max_end_effector_error_m:.2g} | '
+        '{without:.3g}',
     )
     return [known, soft, identified]
 
