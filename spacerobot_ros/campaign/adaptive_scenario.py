@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 
@@ -11,10 +10,9 @@ from ..control.adaptive.pseudo_inertia import parameters_of, pseudo_inertia
 from ..control.adaptive.regressors import Regressors
 from ..control.adaptive.tree import parameter_values
 from ..control.adaptive.types import Target
-from ..effects.robot_file import load_robot_file
-from ..model.loader import resolve_urdf
 from ..model.robot import Robot
 from ..types import Array
+from .packaged_robots import packaged
 
 START = np.deg2rad([90.0, 45.0, 45.0, 0.0])
 GOAL = np.deg2rad([90.0, 55.0, 55.0, 10.0])
@@ -26,11 +24,9 @@ Task = Callable[[float], Target]
 """Time [s] to the point of the motion."""
 
 
-@cache
 def minisat() -> Robot:
     """The mini space robot."""
-    path = resolve_urdf('package://spacerobot_ros/config/minisat.urdf', None)
-    return load_robot_file(path.with_suffix('.yaml')).robot
+    return packaged('minisat').robot
 
 
 def orientation(t: float) -> Target:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -13,40 +14,18 @@ from ..diagnosis.flight.state import MonitorState
 from ..effects.catalogue import bind_effects, changed_robot
 from ..effects.effect import Effect
 from ..effects.motion import Motion
-from ..effects.robot_file import RobotFile, load_robot_file
-from ..model.loader import resolve_urdf
+from ..effects.robot_file import RobotFile
 from ..model.robot import Robot
-from ..model.settings import ReferenceSettings
+from ..sensing.sensors import Measurements
 from ..simulation.closed_loop import ClosedLoop, Step
 from ..simulation.plant import Plant
 from ..types import Array
+from .packaged_robots import flown, fourier, packaged
 
-_RATE = 100.0  # Hz of joints and gyro; the tracker has a tenth
 _HARMONICS, _DURATION = 3, 20.0  # of the motion, which is repeated [s]
 _ANGULAR_RATE = 0.15  # rad/s, spread of the first harmonic of a joint
 _POSE = {'servicer': (0.3, -0.5, 0.4)}  # rad at the start, where the file has a stretched arm
 _NEVER = 1e9  # s
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sample:
-    """What the sensors said at one stamp; None where one said nothing.
-
-    Args:
-        stamp_ns: Time since the start [ns].
-        joints: (n,) positions [rad], rates [rad/s] and efforts [N m].
-        omega: (3,) omega_WB_B [rad/s].
-        attitude_xyzw: (4,) q_WB.
-    """
-
-    stamp_ns: int
-    joints: tuple[Array, Array, Array] | None
-    omega: Array | None
-    attitude_xyzw: Array | None
-
-
-def _unchanged(sample: Sample) -> Sample:
-    return sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,51 +36,32 @@ class Flight:
         robot: Name of a robot file in `config`.
         seed: Of the motion and of the sensors' noise.
         effects: Entries of `effects:` that set in at `onset` [s] and end at `end` [s].
-        change: What else happens to a sample from then to then.
+        change: What else happens to what the sensors say from then to then.
     """
 
     robot: str = 'servicer'
     seed: int = 1
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    change: Callable[[Sample], Sample] = _unchanged
+    change: Callable[[Measurements], Measurements] = copy
     onset: float = _NEVER
     end: float = _NEVER
 
     @property
     def file(self) -> RobotFile:
         """The robot file with 100 Hz sensors, repeating a random motion of the seed."""
-        path = resolve_urdf(f'package://spacerobot_ros/config/{self.robot}.urdf', None)
-        file = load_robot_file(path.with_suffix('.yaml'))
+        settings, n = packaged(self.robot).settings, packaged(self.robot).robot.n_joints
         rng = np.random.default_rng(100 + self.seed)
         size = _ANGULAR_RATE / np.arange(1, _HARMONICS + 1)
-        sine, cosine = rng.standard_normal((2, file.robot.n_joints, _HARMONICS)) * size
-        initial = file.settings.initial
-        if self.robot in _POSE:
-            initial = replace(initial, joint_position=_POSE[self.robot])
-        settings = replace(
-            file.settings,
-            initial=initial,
-            reference=ReferenceSettings(
-                kind='fourier',
-                duration=_DURATION,
-                harmonics=_HARMONICS,
-                repeat=True,
-                sine=tuple(sine.ravel().tolist()),
-                cosine=tuple(cosine.ravel().tolist()),
-            ),
-            controller=replace(file.settings.controller, law='computed_torque'),
-            simulator=replace(
-                file.settings.simulator,
-                period=1.0 / _RATE,
-                joint_rate=_RATE,
-                imu_rate=_RATE,
-                attitude_rate=0.1 * _RATE,
-                seed=self.seed,
-            ),
+        sine, cosine = rng.standard_normal((2, n, _HARMONICS)) * size
+        pose = _POSE.get(self.robot, settings.initial.joint_position)
+        return flown(
+            self.robot,
+            self.seed,
+            initial=replace(settings.initial, joint_position=pose),
+            reference=fourier(_DURATION, sine, cosine, repeat=True),
         )
-        return RobotFile(robot=file.robot, settings=settings, effects=file.effects)
 
-    def samples(self, duration: float) -> Iterator[Sample]:
+    def samples(self, duration: float) -> Iterator[Step]:
         """What the sensors say, for a duration [s]."""
         file = self.file
         loop = ClosedLoop(file.robot, file.settings)
@@ -112,8 +72,11 @@ class Flight:
         for k, step in enumerate(loop.run(round(duration / loop.plant.period))):
             if k in (onset, end):
                 loop.plant = _moved(loop.plant, changed_robot(robot, later[: k < end]), later)
-            sample = _sample(step)
-            yield self.change(sample) if onset <= k < end else sample
+            yield self.changed(step) if onset <= k < end else step
+
+    def changed(self, step: Step) -> Step:
+        """A step after the change."""
+        return replace(step, measured=self.change(step.measured))
 
 
 def monitor_of(flight: Flight, **settings: Any) -> Monitor:
@@ -127,16 +90,11 @@ def monitor_of(flight: Flight, **settings: Any) -> Monitor:
     return Monitor(file.robot, replace(file.settings.monitor, **settings), file.effects)
 
 
-def watch(monitor: Monitor, samples: Iterable[Sample]) -> Iterator[MonitorState]:
+def watch(monitor: Monitor, steps: Iterable[Step]) -> Iterator[MonitorState]:
     """Feed the monitor; yields each state that differs from the last."""
     last = None
-    for sample in samples:
-        if sample.joints is not None:
-            monitor.add_joints(sample.stamp_ns, *sample.joints)
-        if sample.omega is not None:
-            monitor.add_rate(sample.stamp_ns, sample.omega)
-        if sample.attitude_xyzw is not None:
-            monitor.add_attitude(sample.stamp_ns, sample.attitude_xyzw)
+    for step in steps:
+        step.feed(monitor)
         state = monitor.step()
         if state is not last:
             yield state
@@ -171,11 +129,3 @@ def _moved(plant: Plant, robot: Robot, effects: Iterable[Effect]) -> Plant:
     new = Plant(robot, plant.state, plant.period, plant.substeps, tuple(effects))
     new.step_index, new.effort = plant.step_index, plant.effort
     return new
-
-
-def _sample(step: Step) -> Sample:
-    m = step.measured
-    joints = None
-    if m.joints is not None:
-        joints = (m.joints.position, m.joints.velocity, m.joints.effort)
-    return Sample(step.stamp_ns, joints, m.omega, m.attitude_xyzw)

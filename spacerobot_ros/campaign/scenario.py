@@ -21,15 +21,14 @@ from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import RK4, Torque, rk_step, simulate_smooth
 from ..dynamics.rotation import quaternion_rate, rotation_matrix
 from ..dynamics.state import State, initial_state
-from ..effects.robot_file import load_robot_file
 from ..errors import ConfigurationError
 from ..estimation.minimal import MinimalSet, minimal_set
 from ..estimation.reference import Kinematics
-from ..model.loader import package_folder
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array, Vector3
 from . import paper
+from .packaged_robots import packaged
 
 STARTS = ('moving', 'wheels', 'spin_up')
 """moving: eqs. (27)-(28); wheels: robot at rest, all wheels spinning (Y_in = 0); spin_up: eqs.
@@ -96,7 +95,7 @@ def scenario(axes: str) -> Scenario:
     """
     if len(axes) != 3 or set(axes) - set(_AXES):
         raise ConfigurationError('axes', f'{axes!r} is not three letters of x, y, z')
-    file = load_robot_file(package_folder('spacerobot_ros') / 'config' / 'servicer.yaml')
+    file = packaged('servicer')
     bodies = file.robot.bodies
     turned = (
         replace(body, axis=np.array(_AXES[axis]))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -21,6 +22,19 @@ from ..sensing.faults import SensorFaults
 from ..sensing.sensors import Measurements, SensorSuite
 from ..types import Array
 from .truth import build_plant
+
+
+class Listener(Protocol):
+    """Who is told what sensors say, stamp by stamp."""
+
+    def add_joints(self, stamp_ns: int, q: Array, qd: Array, effort: Array) -> None:
+        """Positions [rad], rates [rad/s] and torques [N m] of the joints."""
+
+    def add_rate(self, stamp_ns: int, omega_WB_B: Array) -> None:
+        """Rate of the base [rad/s]."""
+
+    def add_attitude(self, stamp_ns: int, q_WB_xyzw: Array) -> None:
+        """Attitude of the base."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +52,20 @@ class Step:
     state: State
     measured: Measurements
     command: Command | None
+
+    def feed(self, listener: Listener) -> None:
+        """Tell a filter, buffer or monitor what the sensors said."""
+        joints, omega, attitude = (
+            self.measured.joints,
+            self.measured.omega,
+            self.measured.attitude_xyzw,
+        )
+        if joints is not None:
+            listener.add_joints(self.stamp_ns, joints.position, joints.velocity, joints.effort)
+        if omega is not None:
+            listener.add_rate(self.stamp_ns, omega)
+        if attitude is not None:
+            listener.add_attitude(self.stamp_ns, attitude)
 
 
 class ClosedLoop:

@@ -21,10 +21,7 @@ def flight():
     truth = flight.file.settings.truth.target_momentum
     window = SampleBuffer(robot.joints)
     for s in flight.samples(6.0):
-        window.add_joints(s.stamp_ns, *s.joints)
-        window.add_rate(s.stamp_ns, s.omega)
-        if s.attitude_xyzw is not None:
-            window.add_attitude(s.stamp_ns, s.attitude_xyzw)
+        s.feed(window)
     return robot.with_target_momentum(np.array(truth)), window
 
 

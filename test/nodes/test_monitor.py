@@ -52,12 +52,14 @@ class Bench:
 
     def play(self, samples):
         for k, s in enumerate(samples):
-            if s.omega is not None:
-                self.send('/imu/data', compose.imu(s.stamp_ns, 'base_link', s.omega, None))
-            if s.attitude_xyzw is not None:
-                self.send('/attitude', compose.quaternion(s.stamp_ns, s.attitude_xyzw))
-            if s.joints is not None:
-                self.joint(s.stamp_ns, *s.joints)
+            said = s.measured
+            if said.omega is not None:
+                self.send('/imu/data', compose.imu(s.stamp_ns, 'base_link', said.omega, None))
+            if said.attitude_xyzw is not None:
+                self.send('/attitude', compose.quaternion(s.stamp_ns, said.attitude_xyzw))
+            if said.joints is not None:
+                j = said.joints
+                self.joint(s.stamp_ns, j.position, j.velocity, j.effort)
             if k % 50 == 49:  # less than the queues hold
                 self.rig.drain()
         self.rig.drain()
@@ -88,7 +90,7 @@ def test_says_that_all_is_well(rig, parameters, nominal):
 
 
 def test_raises_at_once_and_records_around_it(rig, parameters, nominal, tmp_path):
-    change = in_flight('gyro_bias', 2e-4, Flight()).change
+    change = in_flight('gyro_bias', 2e-4, Flight()).changed
     bench = Bench(
         rig, parameters,
         **{'monitor.record_folder': str(tmp_path / 'events'), 'monitor.pre_trigger': 2.0,
