@@ -9,7 +9,7 @@ the scale.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from ..json_values import json_value
 from ..types import Array
 from .design import Design
-from .limits import Use
+from .motion_limits import Use
 from .precision import (
     REST,
     Prediction,
@@ -88,7 +88,7 @@ class Summary:
             'structure': identifier.structure,
             'manifold': identifier.manifold,
             'start': {'kind': problem.start_kind, 'angular_velocity': problem.start.omega},
-            'attempts': [asdict(a) for a in self.found.attempts],
+            'attempts': [a._asdict() for a in self.found.attempts],
             'interrupted': self.found.interrupted,
             'limits': [{**u._asdict(), 'margin': 1.0 - u.fraction} for u in self.uses],
             'design': self.design.to_dict(),

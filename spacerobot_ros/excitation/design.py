@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
@@ -27,11 +29,10 @@ _NEARLY = 1e-3  # of the limits may be missing before the final scaling
 _GROWTH = 1.25  # largest factor on a result whose limits leave room
 
 
-@dataclass(frozen=True, slots=True)
-class Attempt:
+class Attempt(NamedTuple):
     """One starting point.
 
-    Args:
+    Attributes:
         origin: `robot file` or `random`.
         first: Cost of the starting point.
         cost: Cost of its result, all limits kept.
@@ -68,119 +69,104 @@ def search(problem: Problem, progress: Progress = lambda *_: None) -> Design:
         ConfigurationError: the limits leave no motion.
     """
     options = problem.settings.excitation
-    best_x, best_cost = np.zeros(problem.family.size), np.inf
-    attempts: list[Attempt] = []
+    tried: list[_Descent] = []
+
+    def on_step(steps: int) -> None:
+        done = options.iterations * (len(tried) - 1)
+        progress(done + steps, min(descent.cost for descent in tried))
+
     interrupted = False
-    for index in range(options.starts):
-        origin, x = problem.starting_motion(index)
-        done, so_far = index * options.iterations, best_cost
-        descent = _Descent(problem, x)
-
-        def on_step(steps: int, cost: float, done: int = done, so_far: float = so_far) -> None:
-            progress(done + steps, min(cost, so_far))
-
-        try:
-            descent.run(options.iterations, on_step)
-        except KeyboardInterrupt:
-            interrupted = True
-            descent.settle()
-        x, cost = descent.x, descent.cost
-        attempts.append(Attempt(origin, descent.first, cost, descent.steps))
-        if cost < best_cost:
-            best_x, best_cost = x, cost
-        if interrupted:
-            break
-        progress(done + options.iterations, best_cost)
-    return Design(best_x, best_cost, tuple(attempts), interrupted)
+    while len(tried) < options.starts and not interrupted:
+        tried.append(_Descent(problem, *problem.starting_motion(len(tried))))
+        interrupted = not tried[-1].run(options.iterations, on_step)
+    best = min(tried, key=lambda descent: descent.cost)
+    attempts = tuple(Attempt(d.origin, d.first, d.cost, d.steps) for d in tried)
+    return Design(best.x, best.cost, attempts, interrupted)
 
 
 class _Descent:
     """Sequential quadratic programming from one point; knows the best point that keeps the limits.
 
     Args:
-        problem: What to minimise.
+        problem: What to minimize.
+        origin: Where the point comes from.
         x: (size,) point that keeps the limits.
     """
 
-    def __init__(self, problem: Problem, x: Array) -> None:
-        self._problem = problem
-        self.x = x
-        self.cost = self.first = float(problem.cost(x[None])[0])
+    def __init__(self, problem: Problem, origin: str, x: Array) -> None:
+        self._problem, self.origin, self.x = problem, origin, x
+        self.cost = self.first = self._cost(x)
         self.steps = 0
-        self._reach = _reach(problem)
-        self._floor = np.inf
-        self._nearly: Array | None = None
+        self._nearly: tuple[float, Array | None] = (np.inf, None)
         self._last: Array | None = None
-        self._at: Array | None = None
-        self._score: Objective | None = None
-        self._slopes: tuple[Array, Array] | None = None
 
-    def run(self, iterations: int, on_step: Progress) -> None:
-        """Minimise, again from every result that is better by more than the tolerance.
+    def run(self, iterations: int, on_step: Callable[[int], None]) -> bool:
+        """Minimize, again from every result that is better by more than the tolerance.
 
-        After an interrupt, `settle` makes the best of what was found.
+        Returns:
+            Whether it was not interrupted; the best of what was found is kept in any case.
         """
-        while self.steps < iterations:
-            before, self._floor = self.cost, np.inf
-            self._minimise(iterations - self.steps, on_step)
-            self.settle()
-            if self.cost > before - _TOLERANCE:
-                return
+        try:
+            before = np.inf
+            while self.steps < iterations and self.cost <= before - _TOLERANCE:
+                before = self.cost
+                self._minimize(iterations - self.steps, on_step)
+                self._settle()
+            on_step(iterations)
+        except KeyboardInterrupt:
+            self._settle()
+            return False
+        return True
 
-    def settle(self) -> None:
+    def _cost(self, x: Array) -> float:
+        return float(self._problem.cost(x[None])[0])
+
+    def _settle(self) -> None:
         """Scale last and best iterate to the limits, and keep the better if it is better yet."""
-        found = [x for x in (self._nearly, self._last) if x is not None]
-        for x in found:
-            if float(self._problem.cost(x[None])[0]) > self.cost:
+        for x in (self._nearly[1], self._last):
+            if x is None or self._cost(x) > self.cost:
                 continue
             x = self._problem.scaled(x, SAFE, _GROWTH)
-            cost = float(self._problem.cost(x[None])[0])
-            if cost < self.cost:
+            if (cost := self._cost(x)) < self.cost:
                 self.x, self.cost = x, cost
-        self._nearly = self._last = None
+        self._nearly, self._last = (np.inf, None), None
 
-    def _minimise(self, iterations: int, on_step: Progress) -> None:
+    def _minimize(self, iterations: int, on_step: Callable[[int], None]) -> None:
         def step(x: Array) -> None:
             self.steps += 1
             self._last = x.copy()
-            on_step(self.steps, self.cost)
+            on_step(self.steps)
 
+        @lru_cache(maxsize=1)
+        def values(at: bytes) -> Objective:
+            x = np.frombuffer(at)
+            score = self._problem.score(x[None])
+            if score.cost[0] < self._nearly[0] and np.all(score.spare > -_NEARLY):
+                self._nearly = float(score.cost[0]), x
+            return score
+
+        @lru_cache(maxsize=1)
+        def slopes(at: bytes) -> Objective:
+            x, here = np.frombuffer(at), values(at)
+            moved = self._problem.score(x + _STEP * np.eye(len(x)))
+            return Objective(
+                (moved.cost - here.cost) / _STEP, ((moved.spare - here.spare) / _STEP).T
+            )
+
+        limits = self._problem.limits
+        reach = np.minimum(limits.upper - limits.lower, 2.0 * np.pi)  # a whole range, or a turn
+        bounds = np.repeat(reach, len(self.x) // len(reach))
         minimize(
-            lambda x: float(self._values(x).cost[0]),
+            lambda x: float(values(x.tobytes()).cost[0]),
             self.x,
-            jac=lambda x: self._gradients(x)[0],
+            jac=lambda x: slopes(x.tobytes()).cost,
             method='SLSQP',
-            bounds=list(zip(-self._reach, self._reach, strict=True)),
+            bounds=list(zip(-bounds, bounds, strict=True)),
             constraints={
                 'type': 'ineq',
-                'fun': lambda x: self._values(x).spare[0],
-                'jac': lambda x: self._gradients(x)[1],
+                'fun': lambda x: values(x.tobytes()).spare[0],
+                'jac': lambda x: slopes(x.tobytes()).spare,
             },
             callback=step,
             options={'maxiter': iterations, 'ftol': _TOLERANCE},
         )
-
-    def _values(self, x: Array) -> Objective:
-        if self._score is None or self._at is None or not np.array_equal(x, self._at):
-            self._score, self._slopes, self._at = self._problem.score(x[None]), None, x.copy()
-            cost = float(self._score.cost[0])
-            if cost < self._floor and np.all(self._score.spare > -_NEARLY):
-                self._nearly, self._floor = x.copy(), cost
-        return self._score
-
-    def _gradients(self, x: Array) -> tuple[Array, Array]:
-        """(size,) of the cost and (m, size) of what is left of the limits."""
-        here = self._values(x)
-        if self._slopes is None:
-            moved = self._problem.score(x + _STEP * np.eye(len(x)))
-            self._slopes = (
-                (moved.cost - here.cost) / _STEP,
-                ((moved.spare - here.spare) / _STEP).T,
-            )
-        return self._slopes
-
-
-def _reach(problem: Problem) -> Array:
-    """(size,) amplitudes beyond which no step needs to look: a joint's whole range, or a turn."""
-    whole = np.minimum(problem.limits.upper - problem.limits.lower, 2.0 * np.pi)
-    return np.repeat(whole, problem.family.size // len(whole))

@@ -41,9 +41,7 @@ class MotionFamily:
             np.zeros(2 * harmonics),
         )
         points = [basis.at(float(t)) for t in times]
-        self._curves = [
-            np.array([getattr(p, name) for p in points]) for name in ('q', 'qd', 'qdd')
-        ]
+        self._curves = [np.array([getattr(p, k) for p in points]) for k in ('q', 'qd', 'qdd')]
 
     @property
     def size(self) -> int:

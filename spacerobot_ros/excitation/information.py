@@ -33,7 +33,7 @@ from ..estimation.reference import Kinematics
 from ..identification.physical import BodyParameters
 from ..model.settings import IdentifierSettings, SensorSettings, SimulatorSettings
 from ..types import Array
-from .free_base import BaseMotion
+from .base_response import BaseMotion
 
 _TYPICAL = {  # where the robot file states no noise: a good gyro, encoder and star tracker
     'joint_position_std': 2.0e-5,

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..dynamics.equations import joint_torques
 from ..dynamics.state import initial_state
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
+from .base_response import BaseMotion, BaseResponse, BaseStart
 from .family import MotionFamily
-from .free_base import BaseMotion, FreeBase, Start
-from .limits import Limits
+from .motion_limits import Limits
 
 _FINE = 4  # times as many nodes for the final check of the limits
 _NODES = 40  # a cycle of the highest harmonic
@@ -60,9 +59,8 @@ class Motions:
         times = np.linspace(0.0, duration, nodes + 1)
         self.family = MotionFamily(duration, options.harmonics, initial.q, times)
         self.fine = self.family.at(np.linspace(0.0, duration, fine * nodes + 1))
-        self.start = Start(initial.q_WB_xyzw, initial.omega_WB_B)
-        kind = FreeBase if robot.is_free else FixedBase
-        self._bases = [kind(one) for one in (robot, *others)]
+        self.start = BaseStart(initial.q_WB_xyzw, initial.omega_WB_B)
+        self._bases = [BaseResponse(one) for one in (robot, *others)]
 
     def move(self, x: Array, family: MotionFamily) -> BaseMotion:
         """Motion of candidates x (B, size) at a family's times."""
@@ -136,34 +134,3 @@ def _peaks(values: Array) -> Array:
     rise = (after - before) ** 2 / (8.0 * np.where(bend > 0.0, bend, np.inf))
     inside = np.abs(after - before) <= 2.0 * bend  # else the largest is at an end
     return np.where(inside, at + rise, np.max(values, axis=1))
-
-
-class FixedBase:
-    """A robot on the ground whose joints follow given motions; only torques are to be found.
-
-    Args:
-        robot: Fixed base.
-    """
-
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-
-    def move(self, time: Array, q: Array, qd: Array, qdd: Array, start: Start) -> BaseMotion:
-        """See `FreeBase.move`; the base rests."""
-        batch, steps, n = q.shape
-        still = np.zeros((batch, steps, 3))
-        torque = joint_torques(
-            self._robot, *(x.reshape(batch * steps, -1) for x in (q, qd, qdd, still))
-        )
-        return BaseMotion(
-            time,
-            q,
-            qd,
-            qdd,
-            omega=still,
-            R_WB=np.broadcast_to(np.eye(3), (batch, steps, 3, 3)),
-            torque=torque.reshape(q.shape),
-            inverse=np.zeros((batch, steps, 3, 3)),
-            coupling=np.zeros((batch, steps, 3, n)),
-            h_W=np.zeros((batch, 3)),
-        )

@@ -23,9 +23,9 @@ from ..identification.summary import aam_names
 from ..json_values import json_value
 from ..model.robot import Robot
 from ..types import Array
+from .base_response import BaseMotion, BaseResponse, BaseStart
 from .family import MotionFamily
-from .free_base import BaseMotion, FreeBase, Start
-from .limits import Use
+from .motion_limits import Use
 from .problem import Problem, condition_numbers
 
 REST = 10.0  # s of rest, measured before a spin-up
@@ -137,7 +137,7 @@ def predict_reference(problem: Problem) -> Prediction | None:
     initial = initial_state(problem.robot, problem.settings.initial)
     times = np.array([0.0, reference.duration])
     family = MotionFamily(reference.duration, reference.harmonics, problem.family.start, times)
-    start = Start(initial.q_WB_xyzw, initial.omega_WB_B)
+    start = BaseStart(initial.q_WB_xyzw, initial.omega_WB_B)
     x = family.amplitudes(reference)
     return _predict(problem, problem.robot, _motion(problem.robot, family, x, start))
 
@@ -146,16 +146,16 @@ def predict_with_wheels(problem: Problem, x: Array, momentum: Array) -> Predicti
     """Prediction for amplitudes x (size,) with other momentum (3,) of the own wheels [N m s]."""
     robot, start = problem.robot.with_servicer_momentum(momentum), problem.start
     if problem.start_kind == 'spin_up':
-        omega = FreeBase(robot).spun_up(problem.family.start, momentum)
-        start = Start(start.attitude_xyzw, omega)
+        omega = BaseResponse(robot).spun_up(problem.family.start, momentum)
+        start = BaseStart(start.attitude_xyzw, omega)
     return _predict(problem, robot, _motion(robot, problem.family, x, start))
 
 
-def _motion(robot: Robot, family: MotionFamily, x: Array, start: Start) -> BaseMotion:
+def _motion(robot: Robot, family: MotionFamily, x: Array, start: BaseStart) -> BaseMotion:
     """One candidate at the times along which the bound is computed."""
     steps = int(np.ceil(family.duration / _SAMPLING - 1e-9))
     family = family.at(np.linspace(0.0, family.duration, steps + 1))
-    return FreeBase(robot).move(family.times, *family.motion(x[None]), start)
+    return BaseResponse(robot).move(family.times, *family.motion(x[None]), start)
 
 
 def _predict(

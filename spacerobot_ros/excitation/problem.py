@@ -15,9 +15,9 @@ from ..model.robot import Robot
 from ..model.settings import Settings
 from ..simulation.truth import true_robot
 from ..types import Array
-from .free_base import BaseMotion, FreeBase, Start
+from .base_response import BaseMotion, BaseResponse, BaseStart
 from .information import Information, Unknowns, with_typical
-from .limits import Use
+from .motion_limits import Use
 from .motions import SAFE, Motions
 
 FINE = 10  # times as many nodes for the final check of the limits
@@ -103,7 +103,7 @@ class Problem(Motions):
         raw, unit = condition_numbers(self.information.columns(motion), motion.R_WB)
         return np.log2(raw if criterion == 'condition' else unit)
 
-    def _choose_start(self) -> tuple[str, Start]:
+    def _choose_start(self) -> tuple[str, BaseStart]:
         wanted = self.settings.excitation.start
         choices = (
             (('initial', _AMPLE), ('rest', _ROOM)) if wanted == 'auto' else ((wanted, _ROOM),)
@@ -122,15 +122,15 @@ class Problem(Motions):
             'limits',
         )
 
-    def _start(self, kind: str) -> Start:
+    def _start(self, kind: str) -> BaseStart:
         initial = initial_state(self.robot, self.settings.initial)
         omega = np.zeros(3)
         if kind == 'initial':
             omega = initial.omega_WB_B
         elif kind == 'spin_up':
             h0 = self.robot.servicer_wheels.body_momentum
-            omega = FreeBase(self.robot).spun_up(initial.q, h0)
-        return Start(initial.q_WB_xyzw, omega)
+            omega = BaseResponse(self.robot).spun_up(initial.q, h0)
+        return BaseStart(initial.q_WB_xyzw, omega)
 
 
 def assumed_robot(robot: Robot, settings: Settings) -> Robot:

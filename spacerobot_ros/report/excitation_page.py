@@ -21,7 +21,7 @@ from ..display import (
     table,
 )
 from ..excitation.assessment import Summary
-from ..excitation.free_base import BaseMotion
+from ..excitation.base_response import BaseMotion
 from ..excitation.precision import Prediction
 from ..excitation.problem import Problem
 from ..types import Array

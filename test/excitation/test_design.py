@@ -11,7 +11,7 @@ from support.excitation import TABLE_TWO, robot_file, six_joints, with_excitatio
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.excitation.assessment import summarize
 from spacerobot_ros.excitation.design import Design, search
-from spacerobot_ros.excitation.limits import Limits
+from spacerobot_ros.excitation.motion_limits import Limits
 from spacerobot_ros.excitation.precision import predict_design, predict_reference
 from spacerobot_ros.excitation.problem import Problem
 

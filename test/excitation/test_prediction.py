@@ -16,7 +16,7 @@ SEEDS = range(8)
 
 
 def run_of(problem: Problem, x: np.ndarray) -> Run:
-    """The motion at 100 Hz; its truth is tested in test_free_base.py."""
+    """The motion at 100 Hz; its truth is tested in test_base_response.py."""
     time = np.arange(round(100 * problem.family.duration) + 1) / 100.0
     m = problem.move(x[None], problem.family.at(time))
     attitude = Rotation.from_matrix(m.R_WB[0]).as_quat()

@@ -15,7 +15,7 @@ from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.settings import ExcitationSettings
 from ..types import Array
-from .free_base import BaseMotion
+from .base_response import BaseMotion
 
 HEADROOM = 0.9  # of the URDF's effort limits; feedback needs the rest
 

@@ -13,11 +13,11 @@ from support.models import table_one as table_one_parts
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import simulate_smooth
 from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.excitation.base_response import BaseResponse, BaseStart
 from spacerobot_ros.excitation.family import MotionFamily
-from spacerobot_ros.excitation.free_base import FreeBase, Start
 from spacerobot_ros.model.settings import ReferenceSettings
 
-START = Start(ATTITUDE_XYZW, OMEGA)
+START = BaseStart(ATTITUDE_XYZW, OMEGA)
 TREES = {
     'table_one': table_one_parts(),
     'six_joints': six_joints(),
@@ -30,7 +30,7 @@ def motion(parts, steps, seed=1):
     family = MotionFamily(20.0, 3, np.zeros(n), np.linspace(0.0, 20.0, steps + 1))
     x = 0.3 * np.random.default_rng(seed).standard_normal((1, family.size))
     robot = robot_file(parts).robot
-    return robot, FreeBase(robot).move(family.times, *family.motion(x), START)
+    return robot, BaseResponse(robot).move(family.times, *family.motion(x), START)
 
 
 def total_momentum(parts, m, k):
@@ -58,7 +58,7 @@ def test_attitude_and_rate_are_those_of_table_two():
     )
     family = MotionFamily(20.0, 3, np.zeros(3), run.time)
     x = family.amplitudes(reference)
-    m = FreeBase(robot_file().robot).move(run.time, *family.motion(x[None]), START)
+    m = BaseResponse(robot_file().robot).move(run.time, *family.motion(x[None]), START)
     np.testing.assert_allclose(m.q[0], run.q, rtol=0, atol=1e-12)
     # fourth-order steps of 10 ms on rates below 1 rad/s
     np.testing.assert_allclose(m.omega[0], run.omega, rtol=0, atol=1e-8)
@@ -93,7 +93,7 @@ def test_candidates_do_not_mix():
     robot = robot_file().robot
     family = MotionFamily(20.0, 3, np.zeros(3), np.linspace(0.0, 20.0, 121))
     x = 0.3 * np.random.default_rng(2).standard_normal((3, family.size))
-    base = FreeBase(robot)
+    base = BaseResponse(robot)
     together = base.move(family.times, *family.motion(x), START)
     for i in range(3):
         alone = base.move(family.times, *family.motion(x[i : i + 1]), START)
@@ -105,7 +105,7 @@ def test_candidates_do_not_mix():
 def test_spin_up_leaves_the_robot_without_new_momentum():
     robot = robot_file().robot
     q = np.array([0.3, -0.4, 0.5])
-    omega = FreeBase(robot).spun_up(q, H_BASE)
+    omega = BaseResponse(robot).spun_up(q, H_BASE)
     D = Dynamics(robot).inertia_blocks(q).D
     np.testing.assert_allclose(D @ omega + H_BASE, 0.0, rtol=0, atol=1e-10)
 

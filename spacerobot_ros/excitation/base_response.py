@@ -1,6 +1,6 @@
-r"""How the free base moves, and what torque that takes, when the joints follow given motions.
+r"""How the base moves, and what torque that takes, when the joints follow given motions.
 
-Nothing pushes the robot, so its total momentum is constant, and with the centre of mass at rest
+Nothing pushes a free robot, so its total momentum is constant, and with the centre of mass at rest
 
     h_B' = h_B x w,    w = D^-1 (h_B - Dq q' - h0 - sum_b R_b h_b)
 
@@ -56,7 +56,7 @@ class BaseMotion:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Start:
+class BaseStart:
     """How the base starts.
 
     Args:
@@ -68,18 +68,19 @@ class Start:
     omega: Vector3
 
 
-class FreeBase:
-    """A robot whose joints follow given motions.
+class BaseResponse:
+    """A robot whose joints follow given motions; its base gives way, or rests where it is fixed.
 
     Args:
-        robot: Free-floating, revolute joints; its captured wheels' momentum as assumed.
+        robot: Its captured wheels' momentum as assumed; revolute joints where the base is free.
 
     Raises:
-        ConfigurationError: fixed base or prismatic joints.
+        ConfigurationError: a free base with prismatic joints.
     """
 
     def __init__(self, robot: Robot) -> None:
-        BlockTree(robot)  # refuses robots that it does not fit
+        if robot.is_free:
+            BlockTree(robot)  # refuses robots that it does not fit
         self._robot, self._tree = robot, tree_of(robot)
         self._wheels = [(g.body, g.body_momentum) for g in robot.gyrostats]
 
@@ -91,7 +92,7 @@ class FreeBase:
         """
         return np.asarray(-np.linalg.solve(self._place(q[None])[0][0], h0), dtype=float)
 
-    def move(self, time: Array, q: Array, qd: Array, qdd: Array, start: Start) -> BaseMotion:
+    def move(self, time: Array, q: Array, qd: Array, qdd: Array, start: BaseStart) -> BaseMotion:
         """Follow joint motions.
 
         Args:
@@ -104,15 +105,15 @@ class FreeBase:
         batch, steps, n = q.shape
         D, Dq, rotations = self._place(q.reshape(-1, n))
         shape = (batch, steps)
-        inverse = np.asarray(np.linalg.inv(D), dtype=float)
+        inverse = np.asarray(np.linalg.inv(D) if self._robot.is_free else D, dtype=float)
         coupling = inverse @ Dq
         spin = np.zeros((batch * steps, 3))
         for body, h in self._wheels:
             spin += rotations[:, body] @ h
         own = _apply(inverse, spin) + _apply(coupling, qd.reshape(-1, n))
-        inverse, own = inverse.reshape((*shape, 3, 3)), own.reshape((*shape, 3))
+        D, inverse, own = (x.reshape((*shape, *x.shape[1:])) for x in (D, inverse, own))
         attitude = Rotation.from_quat(start.attitude_xyzw).as_matrix()
-        h_B0 = _apply(np.linalg.inv(inverse[:, 0]), start.omega + own[:, 0])
+        h_B0 = _apply(D[:, 0], start.omega + own[:, 0])
         h_W = h_B0 @ attitude.T
         h_B = _propagate_momentum(time, inverse, own, h_B0)
         R_WB = _integrate_attitude(time, _apply(inverse, h_B) - own, attitude)
@@ -123,9 +124,15 @@ class FreeBase:
         return BaseMotion(time, q, qd, qdd, omega, R_WB, torque, inverse, coupling, h_W)
 
     def _place(self, q: Array) -> tuple[Array, Array, Array]:
-        """D (N, 3, 3), Dq (N, 3, n) about the centre of mass, and the bodies' rotations."""
+        """D (N, 3, 3), Dq (N, 3, n) about the centre of mass, and the bodies' rotations.
+
+        Both are zero where the base is fixed.
+        """
+        n = q.shape[1]
         q = np.ascontiguousarray(q, dtype=float)
-        kinematics = forward_kinematics(self._tree, q, np.zeros((len(q), 6 + q.shape[1])), q)
+        kinematics = forward_kinematics(self._tree, q, np.zeros((len(q), 6 + n)), q)
+        if not self._robot.is_free:
+            return np.zeros((len(q), 3, 3)), np.zeros((len(q), 3, n)), kinematics.rotations
         M = without_translation(crba(self._tree, kinematics))
         return M[:, :3, :3], M[:, :3, 3:], kinematics.rotations
 
