@@ -12,6 +12,7 @@ from ..types import Array
 from .adaptive.controller import AdaptiveController
 from .adaptive.settings import AdaptiveSettings
 from .adaptive.types import Measured, Target
+from .feedback import NS, Feedback
 from .laws import (
     ComputedTorque,
     Torque,
@@ -21,7 +22,6 @@ from .laws import (
     within_limits,
 )
 from .motion import Motion
-from .samples import NS, Sample
 
 _FIXED = 'passivity'
 
@@ -84,7 +84,7 @@ class FreeFlyingPilot:
         self.adaptive, self.estimate = adaptive, estimate
         self.restart()
 
-    def track(self, motion: Motion, stamp_ns: int, sample: Sample, hold_ns: int) -> Torque:
+    def track(self, motion: Motion, stamp_ns: int, sample: Feedback, hold_ns: int) -> Torque:
         """Torques on base and joints that follow the motion."""
         if sample.q_WB_xyzw is None:
             raise RuntimeError('tracking without an attitude')
@@ -100,7 +100,7 @@ class FreeFlyingPilot:
             self.adaptive.applied(u[:3], u[3:])
         return Torque(u[3:], cut[3:], u[:3], bool(cut[:3].any()), asked.attitude_error)
 
-    def damp(self, sample: Sample, trust: float = 1.0) -> Torque:
+    def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay; none on the base."""
         torque = self._brake.damp(sample, trust)
         return Torque(torque.tau, torque.saturated, np.zeros(3))

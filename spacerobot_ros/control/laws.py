@@ -30,8 +30,8 @@ from ..model.robot import Robot
 from ..model.settings import COMPUTED_TORQUE_LAWS
 from ..types import Array, Vector3
 from .compensation import FeedForward
+from .feedback import Feedback
 from .reference import Point, Reference
-from .samples import Sample
 
 Model = Callable[[Array, Array, Vector3], ReducedEquation]
 """Arm positions (n,), rates (n,) and omega_WB_B (3,) to the arm's reduced equation."""
@@ -143,7 +143,7 @@ class ComputedTorque:
         """(n,) joint acceleration that the law asks for [rad/s^2]."""
         return point.qdd + self._kd * (point.qd - qd) + self._kp * (point.q - q)
 
-    def track(self, reference: Reference, t: float, sample: Sample, hold: float = 0.0) -> Torque:
+    def track(self, reference: Reference, t: float, sample: Feedback, hold: float = 0.0) -> Torque:
         """Torque that follows the reference.
 
         Args:
@@ -165,7 +165,7 @@ class ComputedTorque:
             tau = self._feed_forward(point, omega, tau)
         return self._limit(tau)
 
-    def damp(self, sample: Sample, trust: float = 1.0) -> Torque:
+    def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay, q'' = -damping q'.
 
         Args:
@@ -226,8 +226,8 @@ def base_torque_limits(limits: tuple[float, ...]) -> Vector3:
 __all__ = [
     'LAWS',
     'ComputedTorque',
+    'Feedback',
     'Model',
-    'Sample',
     'Torque',
     'base_torque_limits',
     'estimated_model',

@@ -18,12 +18,12 @@ from ..types import Array, Quaternion, Vector3
 from .adaptive.controller import AdaptiveController
 from .attitude import check_attitude
 from .command import Command, Mode
+from .feedback import NS, AttitudeHistory, Feedback, RateHistory
 from .free_flyer import FreeFlyingPilot
 from .laws import Torque
 from .motion import Motion
 from .pilot import JointPilot, Pilot
 from .reference import Point, Reference, check_reference, rest
-from .samples import NS, AttitudeHistory, RateHistory, Sample
 
 
 class ControlLoop:
@@ -205,7 +205,7 @@ class ControlLoop:
         decay = float(np.exp(-rate * past))
         seen = self._timeout_ns * NS
         omega = self._sample(stamp_ns, q, qd).omega_WB_B
-        now = Sample(q + qd * (seen + (1.0 - decay) / rate), qd * decay, omega, np.zeros(3))
+        now = Feedback(q + qd * (seen + (1.0 - decay) / rate), qd * decay, omega, np.zeros(3))
         point = self._motion.point(stamp_ns) if self._motion.has_begun else rest(q)
         torque = self._pilot.damp(now, trust=decay**0.1)
         return self._command(stamp_ns + elapsed_ns, torque, point, now, 'joint states are stale')
@@ -226,9 +226,9 @@ class ControlLoop:
             return 'no attitude yet'
         return 'attitude is stale' if stamp_ns - newest > self._attitude_timeout_ns else ''
 
-    def _sample(self, stamp_ns: int, q: Array, qd: Array) -> Sample:
+    def _sample(self, stamp_ns: int, q: Array, qd: Array) -> Feedback:
         if self._rates.newest_ns is None or not self.robot.is_free:
-            return Sample(q, qd, np.zeros(3), np.zeros(3))
+            return Feedback(q, qd, np.zeros(3), np.zeros(3))
         seen_ns = stamp_ns
         if stamp_ns - self._rates.newest_ns > self._timeout_ns:
             seen_ns = self._rates.newest_ns
@@ -236,9 +236,9 @@ class ControlLoop:
         attitude = None
         if self._pilot.needs_attitude:
             attitude = self._attitudes.at(stamp_ns, self._rates)
-        return Sample(q, qd, omega, slope, attitude)
+        return Feedback(q, qd, omega, slope, attitude)
 
-    def _prepare_motion(self, stamp_ns: int, sample: Sample, elapsed: int, stale: bool) -> None:
+    def _prepare_motion(self, stamp_ns: int, sample: Feedback, elapsed: int, stale: bool) -> None:
         motion = self._motion
         is_lost = elapsed > self._timeout_ns
         if stale or is_lost:
@@ -256,7 +256,7 @@ class ControlLoop:
         motion.take_pending(stamp_ns)
 
     def _command(
-        self, stamp_ns: int, torque: Torque, point: Point, sample: Sample, reason: str
+        self, stamp_ns: int, torque: Torque, point: Point, sample: Feedback, reason: str
     ) -> Command:
         return Command(
             stamp_ns,

@@ -7,8 +7,8 @@ import numpy as np
 from ..model.settings import ReferenceSettings
 from ..types import Array, Quaternion
 from .attitude import AttitudeBlend, AttitudePoint, AttitudeReference, build_attitude
+from .feedback import NS, Feedback
 from .reference import Blend, Point, Reference, build_reference
-from .samples import NS, Sample
 
 
 class Motion:
@@ -86,7 +86,7 @@ class Motion:
         """Follow another joint motion from its start (None: the next sample) on."""
         self._pending = (reference, start_ns)
 
-    def rejoin(self, stamp_ns: int, sample: Sample) -> None:
+    def rejoin(self, stamp_ns: int, sample: Feedback) -> None:
         """Join the motion from where the robot is."""
         if self._asked is not None:
             here = Point(sample.q, sample.qd, np.zeros(len(sample.q)))

@@ -14,9 +14,9 @@ from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
 from .compensation import FeedForward
+from .feedback import NS, Feedback
 from .laws import ComputedTorque, Torque, law_model, torque_limits
 from .motion import Motion
-from .samples import NS, Sample
 
 
 class Pilot(Protocol):
@@ -48,10 +48,10 @@ class Pilot(Protocol):
             SpaceRobotError: it can't be used; nothing has changed.
         """
 
-    def track(self, motion: Motion, stamp_ns: int, sample: Sample, hold_ns: int) -> Torque:
+    def track(self, motion: Motion, stamp_ns: int, sample: Feedback, hold_ns: int) -> Torque:
         """Torque that follows the motion, to be held for `hold_ns` [ns]."""
 
-    def damp(self, sample: Sample, trust: float = 1.0) -> Torque:
+    def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay; none on the base (`ComputedTorque.damp`)."""
 
 
@@ -99,7 +99,7 @@ class JointPilot:
                 raise MessageRejectedError('estimate: joint inertia not positive') from error
         self._law.model, self.estimate = model, estimate
 
-    def track(self, motion: Motion, stamp_ns: int, sample: Sample, hold_ns: int) -> Torque:
+    def track(self, motion: Motion, stamp_ns: int, sample: Feedback, hold_ns: int) -> Torque:
         """Torque that follows the joint motion."""
         hold = hold_ns * NS if self._compensates else 0.0
         t = motion.time(stamp_ns)
@@ -109,7 +109,7 @@ class JointPilot:
             self.use(None, sample.q)  # unusable in this state
             return self._law.track(motion.joints, t, sample, hold)
 
-    def damp(self, sample: Sample, trust: float = 1.0) -> Torque:
+    def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay."""
         try:
             return self._law.damp(sample, trust)

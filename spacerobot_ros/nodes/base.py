@@ -23,7 +23,7 @@ from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..recording import messages
 from ..recording.buffer import JUMP_NS, PATIENCE_NS
-from ..ros.diagnostics import OK, STALE, WARN, Health, Status
+from ..ros.diagnostics import OK, STALE, WARN, NodeHealth, Status
 from ..ros.params import declare_settings, open_robot
 
 TOPICS: dict[str, tuple[str, Any]] = {
@@ -53,7 +53,7 @@ class RobotNode(Node):
     def __init__(self, name: str, **node_kwargs: Any) -> None:
         super().__init__(name, **node_kwargs)
         self.settings = declare_settings(self)
-        self.health = Health(self)
+        self.health = NodeHealth(self)
         self.is_open = False
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
 

@@ -1,4 +1,4 @@
-"""Torques that the simulator was told: the last ones, and in lockstep the answer it waits for."""
+"""Commanded torques of the simulator: the last ones, and in lockstep the answer it waits for."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ from ..model.robot import Robot
 from ..ros import convert
 from ..ros.convert import compose
 from ..ros.diagnostics import Status
-from ..ros.main import run_node
 from ..ros.qos import LATCHED, STATE
+from ..ros.run_node import run_node
 from .base import SensorNode
 from .controller_status import (
     adaptation_status,
@@ -32,14 +32,14 @@ from .controller_status import (
     input_status,
 )
 from .pairing import Pairing
-from .parameters_in_force import ParametersInForce
+from .parameter_publisher import ParameterPublisher
 
 
 class ControllerNode(SensorNode, LifecycleNode):
     """Answers every joint sample with a torque while active."""
 
     loop: ControlLoop
-    _in_force: ParametersInForce | None = None
+    _in_force: ParameterPublisher | None = None
 
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
@@ -121,7 +121,7 @@ class ControllerNode(SensorNode, LifecycleNode):
         if self._pairing.is_lockstep:
             self.create_timer(period, self._on_incomplete, clock=self._pairing.clock)
         if self.loop.adaptive is not None:
-            self._in_force = ParametersInForce(self, self.loop, self.settings)
+            self._in_force = ParameterPublisher(self, self.loop, self.settings)
             warning = self.loop.adaptive.health.sampling_warning
             if warning:
                 self.get_logger().warning(warning)

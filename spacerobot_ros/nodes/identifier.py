@@ -19,8 +19,8 @@ from ..model.robot import Robot
 from ..recording.buffer import SENSORS
 from ..ros import convert
 from ..ros.diagnostics import OK, STALE, WARN, Status
-from ..ros.main import run_node
 from ..ros.qos import LATCHED, SAMPLES
+from ..ros.run_node import run_node
 from ..sensing.faults import SensorFaults
 from .base import SensorNode
 

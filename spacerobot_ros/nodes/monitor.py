@@ -21,8 +21,8 @@ from ..model.robot import Robot
 from ..recording.buffer import SENSORS
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
-from ..ros.main import run_node
 from ..ros.qos import LATCHED, SAMPLES
+from ..ros.run_node import run_node
 from .base import TOPICS, SensorNode
 from .event_recorder import EventRecorder
 

@@ -18,8 +18,8 @@ from std_srvs.srv import SetBool
 from ..model.robot import Robot
 from ..model.settings import ADAPTIVE_LAWS
 from ..recording import messages
-from ..ros.main import run_node
 from ..ros.qos import LATCHED, STATE
+from ..ros.run_node import run_node
 from ..sensing.faults import SensorFaults
 from ..sensing.sensors import SensorSuite
 from ..simulation.plant import Plant

@@ -13,7 +13,7 @@ from spacerobot_msgs.msg import Ledger
 
 from ..ros.convert import compose
 from ..ros.qos import STATE
-from ..sensing.sensors import Measurements
+from ..sensing.sensors import SensorSamples
 from ..simulation.plant import Plant
 
 
@@ -65,7 +65,7 @@ class SimulatorTopics:
         self._last_attitude: QuaternionStamped | None = None
         self._last_joints: JointState | None = None
 
-    def publish(self, plant: Plant, sample: Measurements) -> None:
+    def publish(self, plant: Plant, sample: SensorSamples) -> None:
         """Publish what is due at a step; the joint states last, for they ask for a command."""
         ns = plant.time_ns
         self._clock.publish(Clock(clock=compose.time(ns)))

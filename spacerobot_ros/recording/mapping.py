@@ -135,7 +135,7 @@ def _entry(parse: Parser, default: Any = MISSING, hint: str = '') -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Columns:
+class MappedColumns:
     """Columns of one quantity.
 
     Args:
@@ -153,7 +153,7 @@ class Columns:
     place: str = ''
 
 
-_COLUMNS = _section(Columns)
+_COLUMNS = _section(MappedColumns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,18 +170,18 @@ class JointColumns:
     """
 
     names: tuple[str, ...] = _entry(_some(_text))
-    position: Columns | None = _entry(_COLUMNS, None)
-    velocity: Columns | None = _entry(_COLUMNS, None)
-    effort: Columns | None = _entry(_COLUMNS, None)
-    time: Columns | None = _entry(_COLUMNS, None)
+    position: MappedColumns | None = _entry(_COLUMNS, None)
+    velocity: MappedColumns | None = _entry(_COLUMNS, None)
+    effort: MappedColumns | None = _entry(_COLUMNS, None)
+    time: MappedColumns | None = _entry(_COLUMNS, None)
     place: str = ''
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GyroColumns(Columns):
+class GyroColumns(MappedColumns):
     """Columns x, y, z of omega_WB_B, in base coordinates; own sample times, if any."""
 
-    time: Columns | None = _entry(_COLUMNS, None)
+    time: MappedColumns | None = _entry(_COLUMNS, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,7 +252,7 @@ class ColumnMapping:
     derived: Mapping[str, tuple[Term, ...]] = field(
         default_factory=dict, metadata={'parse': _named(_terms), 'hint': ''}
     )
-    time: Columns | None = _entry(_COLUMNS, None)
+    time: MappedColumns | None = _entry(_COLUMNS, None)
     joints: JointColumns | None = _entry(_section(JointColumns, ('position',)), None)
     gyro: GyroColumns | None = _entry(_section(GyroColumns), None)
     attitude: AttitudeColumns | None = _entry(_section(AttitudeColumns), None)

@@ -11,7 +11,7 @@ from ..errors import RecordingError
 from ..model.robot import Robot
 from ..types import IntArray
 from .bag import Topics, read_bag
-from .convert import in_robot_order, read_mapped
+from .mapped_table import in_robot_order, read_mapped
 from .mapping import load_mapping
 from .npz import load_npz
 from .record import Record

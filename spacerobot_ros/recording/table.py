@@ -25,7 +25,7 @@ _NUMBER = (int, float)
 
 
 @dataclass(frozen=True)
-class Table:
+class SampleTable:
     """Columns of a file by name; each a sequence of cells, or an array with one row a sample.
 
     Args:
@@ -57,7 +57,7 @@ class Table:
         values = np.array([[self._number(name, i, cell)] for i, cell in enumerate(cells)])
         return values.reshape(-1, 1)
 
-    def where(self, name: str, wanted: Any) -> Table:
+    def where(self, name: str, wanted: Any) -> SampleTable:
         """Only the rows in which a column of a CSV or JSON file says what is wanted.
 
         Raises:
@@ -72,9 +72,9 @@ class Table:
             key: values[kept] if isinstance(values, np.ndarray) else [values[i] for i in kept]
             for key, values in self.columns.items()
         }
-        return Table(self.source, columns, self.row_name, tuple(numbers[i] for i in kept))
+        return SampleTable(self.source, columns, self.row_name, tuple(numbers[i] for i in kept))
 
-    def with_column(self, name: str, values: Array) -> Table:
+    def with_column(self, name: str, values: Array) -> SampleTable:
         """The same table with one column more, or with other numbers in it.
 
         Args:
@@ -82,7 +82,9 @@ class Table:
             values: (N, k); NaN for an empty cell.
         """
         cells = [None if math.isnan(v) else v for v in values[:, 0].tolist()]
-        return Table(self.source, {**self.columns, name: cells}, self.row_name, self.row_numbers)
+        return SampleTable(
+            self.source, {**self.columns, name: cells}, self.row_name, self.row_numbers
+        )
 
     def _cells(self, name: str) -> Any:
         if name not in self.columns:
@@ -122,7 +124,7 @@ def _same(cell: Any, wanted: Any) -> bool:
     return str(cell).strip().lower() == str(wanted).lower()
 
 
-def read_table(path: Path, kind: str, rows: str = '', delimiter: str = ',') -> Table:
+def read_table(path: Path, kind: str, rows: str = '', delimiter: str = ',') -> SampleTable:
     """Read a table.
 
     Args:
@@ -137,7 +139,7 @@ def read_table(path: Path, kind: str, rows: str = '', delimiter: str = ',') -> T
     """
     readers = {
         'csv': lambda: _read_csv(path, delimiter),
-        'npz': lambda: Table(str(path), read_arrays(path), 'row'),
+        'npz': lambda: SampleTable(str(path), read_arrays(path), 'row'),
         'json': lambda: _read_json(path, rows),
     }
     return readers[kind]()
@@ -151,7 +153,7 @@ def _read_text(path: Path) -> str:
         raise RecordingError(str(path), f'can not be read: {reason}') from error
 
 
-def _read_csv(path: Path, delimiter: str) -> Table:
+def _read_csv(path: Path, delimiter: str) -> SampleTable:
     reader = csv.reader(_read_text(path).splitlines(), delimiter=delimiter, strict=True)
     rows: list[tuple[int, list[str]]] = []
     try:
@@ -173,10 +175,10 @@ def _read_csv(path: Path, delimiter: str) -> Table:
                 f'{path}: line {line}', f'has {len(cells)} cells, expected {len(names)}'
             )
     columns = {name: [cells[i] for _, cells in samples] for i, name in enumerate(names) if name}
-    return Table(str(path), columns, 'line', tuple(line for line, _ in samples))
+    return SampleTable(str(path), columns, 'line', tuple(line for line, _ in samples))
 
 
-def _read_json(path: Path, rows: str) -> Table:
+def _read_json(path: Path, rows: str) -> SampleTable:
     try:
         content = json.loads(_read_text(path))
     except ValueError as error:
@@ -196,14 +198,14 @@ def _read_json(path: Path, rows: str) -> Table:
     return _json_table(path, {name: [entry.get(name) for entry in content] for name in names})
 
 
-def _json_table(path: Path, content: Mapping[str, Any]) -> Table:
+def _json_table(path: Path, content: Mapping[str, Any]) -> SampleTable:
     """A map of lists, one a column; rows of numbers become an array, what is no list is left."""
     columns = {
         name: np.array(values, dtype=float) if _is_matrix(values) else values
         for name, values in content.items()
         if isinstance(values, list)
     }
-    return Table(str(path), columns, 'entry')
+    return SampleTable(str(path), columns, 'entry')
 
 
 def _is_matrix(values: list[Any]) -> bool:

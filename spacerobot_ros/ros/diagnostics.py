@@ -39,7 +39,7 @@ class Status:
     values: dict[str, object] = field(default_factory=dict)
 
 
-class Health:
+class NodeHealth:
     """Publishes the state of a node's concerns at 1 Hz of wall time, and counts what it rejected.
 
     Wall time, because a simulation that waits is when one wants to read why.

@@ -17,7 +17,7 @@ from .imperfections import CLOCKS, Imperfections
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointMeasurement:
+class JointSample:
     """One sample of the manipulator joints.
 
     Args:
@@ -33,7 +33,7 @@ class JointMeasurement:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Measurements:
+class SensorSamples:
     """What the sensors say at one step; None where a sensor is not due.
 
     Args:
@@ -44,7 +44,7 @@ class Measurements:
             it has none.
     """
 
-    joints: JointMeasurement | None
+    joints: JointSample | None
     omega: Vector3 | None
     attitude_xyzw: Quaternion | None
     wheel_rates: Array | None = None
@@ -93,7 +93,7 @@ class SensorSuite:
 
     def sample(
         self, step_index: int, state: State, effort: Array, hidden: Array | None = None
-    ) -> Measurements:
+    ) -> SensorSamples:
         """Measure what is due at a step.
 
         Args:
@@ -109,7 +109,7 @@ class SensorSuite:
         joints = self._seen('joints', step_index)
         imu = self._seen('imu', step_index)
         attitude = self._seen('attitude', step_index)
-        return Measurements(
+        return SensorSamples(
             joints=None if joints is None else self._joints(joints),
             omega=None if imu is None else self._rate(imu),
             attitude_xyzw=None if attitude is None else self._attitude(attitude),
@@ -130,7 +130,7 @@ class SensorSuite:
         ]
         return max(late) + self._delay['effort']
 
-    def _joints(self, time: float) -> JointMeasurement:
+    def _joints(self, time: float) -> JointSample:
         n, noisy = self._n_joints, self._imperfections.noisy
         state = self._history.state(time)
         effort = self._history.effort(time - self._delay['effort'])
@@ -142,7 +142,7 @@ class SensorSuite:
                 'joint_effort': effort,
             },
         )
-        return JointMeasurement(*(noisy(name, value) for name, value in sensed.items()))
+        return JointSample(*(noisy(name, value) for name, value in sensed.items()))
 
     def _wheels(self, time: float) -> Array:
         n = self._n_joints
@@ -200,4 +200,4 @@ def steps_between(rate: float, period: float, place: str) -> int:
     return steps
 
 
-__all__ = ['JointMeasurement', 'Measurements', 'SensorSuite', 'steps_between', 'turned']
+__all__ = ['JointSample', 'SensorSamples', 'SensorSuite', 'steps_between', 'turned']

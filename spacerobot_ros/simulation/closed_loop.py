@@ -19,7 +19,7 @@ from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..sensing.faults import SensorFaults
-from ..sensing.sensors import Measurements, SensorSuite
+from ..sensing.sensors import SensorSamples, SensorSuite
 from ..types import Array
 from .truth import build_plant
 
@@ -50,7 +50,7 @@ class Step:
 
     stamp_ns: int
     state: State
-    measured: Measurements
+    measured: SensorSamples
     command: Command | None
 
     def feed(self, listener: Listener) -> None:

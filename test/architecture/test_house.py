@@ -38,23 +38,14 @@ UPWARDS = {('estimation.balance', 'diagnosis.search')}
 OUTSIDE: set[str] = set()
 CLASSES = {
     'Case',
-    'Columns',
-    'Health',
-    'Measurements',
     'Motion',
-    'ParametersInForce',
     'Run',
-    'Sample',
     'Start',
-    'Table',
     'Tree',
 }
 FILES = {
     'controller',
-    'convert',
     'diagnose',
-    'limits',
-    'main',
     'monitor',
     'motion',
     'prior',

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from spacerobot_ros.control.laws import (
     ComputedTorque,
-    Sample,
+    Feedback,
     law_model,
     robot_model,
     torque_limits,
@@ -87,7 +87,7 @@ def test_torque_cancels_the_dynamics(truth, rng):
         def at(self, t):
             return Point(q, qd, qdd)
 
-    tau = law.track(Through(), 0.0, Sample(q, qd, omega, np.zeros(3))).tau
+    tau = law.track(Through(), 0.0, Feedback(q, qd, omega, np.zeros(3))).tau
     zeros = np.zeros(3)
     state = State(zeros, np.array([0.0, 0.0, 0.0, 1.0]), q, zeros, omega, qd)
     # on the reference, the plant must accelerate as the reference does
@@ -97,7 +97,7 @@ def test_torque_cancels_the_dynamics(truth, rng):
 def test_damping_makes_the_rates_decay(truth, rng):
     q, qd, omega = rng.normal(size=(3, 3))
     law = ComputedTorque(robot_model(truth), 1.0, np.full(3, np.inf), damping=2.0)
-    tau = law.damp(Sample(q, qd, omega, np.zeros(3))).tau
+    tau = law.damp(Feedback(q, qd, omega, np.zeros(3))).tau
     zeros = np.zeros(3)
     state = State(zeros, np.array([0.0, 0.0, 0.0, 1.0]), q, zeros, omega, qd)
     got = Dynamics(truth).rate(state.to_vector(), tau)[-3:]
@@ -106,7 +106,7 @@ def test_damping_makes_the_rates_decay(truth, rng):
 
 def test_limits_cut_each_joint_and_say_so(truth):
     law = ComputedTorque(robot_model(truth), 1.0, np.array([np.inf, 1.0, np.inf]))
-    out = law.damp(Sample(np.zeros(3), np.ones(3), np.zeros(3), np.zeros(3)))
+    out = law.damp(Feedback(np.zeros(3), np.ones(3), np.zeros(3), np.zeros(3)))
     assert out.saturated.tolist() == [False, True, False]
     assert abs(out.tau[1]) == 1.0
 
@@ -116,7 +116,7 @@ def test_never_a_non_finite_torque():
         return ReducedEquation(np.full((2, 2), np.nan), np.zeros(2))
 
     law = ComputedTorque(broken, 1.0, np.full(2, np.inf))
-    out = law.damp(Sample(np.zeros(2), np.ones(2), np.zeros(3), np.zeros(3)))
+    out = law.damp(Feedback(np.zeros(2), np.ones(2), np.zeros(3), np.zeros(3)))
     assert out.tau.tolist() == [0.0, 0.0]
     assert out.saturated.all()
 

@@ -12,7 +12,7 @@ from spacerobot_ros.errors import ConfigurationError, ModelError
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
-from spacerobot_ros.ros.main import run_node
+from spacerobot_ros.ros.run_node import run_node
 
 pytestmark = pytest.mark.ros
 

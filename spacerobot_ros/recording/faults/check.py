@@ -16,7 +16,7 @@ from ..record import JointSeries, Record
 from .clocks import clock_faults
 from .dynamics import find_torque_faults
 from .kinematics import dead_base, find_faults
-from .limits import FEWEST_SAMPLES, DataFault, in_lines
+from .thresholds import FEWEST_SAMPLES, DataFault, in_lines
 
 
 def check_data(record: Record, robot: Robot) -> None:

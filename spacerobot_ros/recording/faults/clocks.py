@@ -8,9 +8,9 @@ import numpy as np
 
 from ...types import Array
 from ..record import Record
-from . import limits
-from .limits import DataFault
+from . import thresholds
 from .signals import turns
+from .thresholds import DataFault
 
 
 def clock_faults(record: Record) -> Iterator[DataFault]:
@@ -18,19 +18,19 @@ def clock_faults(record: Record) -> Iterator[DataFault]:
     signals = _signals(record)
     for place, seconds, values in signals:
         period = float(np.median(np.diff(seconds))) if len(seconds) > 1 else 1.0
-        if not limits.PERIODS[0] < period < limits.PERIODS[1]:
+        if not thresholds.PERIODS[0] < period < thresholds.PERIODS[1]:
             message = f'a sample every {period:.3g} s: the stamps are not in seconds'
             yield DataFault('clock', place, message)
         else:
             yield from _jumps(place, seconds, values)
     (_, joints, _), *others = signals
     lasts = joints[-1] - joints[0]
-    if lasts < limits.SHORTEST:
-        needed = f'a diagnosis needs {limits.SHORTEST:g} s or more'
+    if lasts < thresholds.SHORTEST:
+        needed = f'a diagnosis needs {thresholds.SHORTEST:g} s or more'
         yield DataFault('short', 'joints', f'the record lasts {lasts:.3g} s; {needed}')
     for place, seconds, _ in others:
         shared = min(joints[-1], seconds[-1]) - max(joints[0], seconds[0])
-        if shared < limits.OVERLAP * min(lasts, seconds[-1] - seconds[0]):
+        if shared < thresholds.OVERLAP * min(lasts, seconds[-1] - seconds[0]):
             apart = seconds[0] - joints[0]
             message = f'begins {apart:.6g} s after the joints: their clocks are not the same'
             yield DataFault('clock', place, message)
@@ -58,14 +58,14 @@ def _jumps(place: str, seconds: Array, values: Array) -> Iterator[DataFault]:
     if not len(steps):
         return
     period = float(np.median(steps))
-    count = max(limits.FEWEST_NEAR, int(np.ceil(limits.NEAR / period)))
-    for k in np.flatnonzero(steps > limits.JUMP_PERIODS * period).tolist():
+    count = max(thresholds.FEWEST_NEAR, int(np.ceil(thresholds.NEAR / period)))
+    for k in np.flatnonzero(steps > thresholds.JUMP_PERIODS * period).tolist():
         if not count <= k + 1 <= len(seconds) - count:
             continue
         near = np.arange(k + 1 - count, k + 1 + count)
         paused = seconds[near]
         unpaused = paused - np.where(near > k, steps[k] - period, 0.0)
-        if _misfit(paused, values[near], 2) > limits.SEEN * _misfit(unpaused, values[near], 3):
+        if _misfit(paused, values[near], 2) > thresholds.SEEN * _misfit(unpaused, values[near], 3):
             message = (
                 f'the clock jumps by {steps[k]:.4g} s, {seconds[k] - seconds[0]:.6g} s after the '
                 'start: the values go on as if no time had passed'

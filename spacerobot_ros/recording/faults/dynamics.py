@@ -23,7 +23,7 @@ from ...model.robot import Robot
 from ...types import Array
 from ..record import Record
 from .kinematics import DEGREES
-from .limits import ALIKE, FEWEST_SAMPLES, GAIN, ROWS, SPAN, SPOILED, UNLIKE, DataFault
+from .thresholds import ALIKE, FEWEST_SAMPLES, GAIN, ROWS, SPAN, SPOILED, UNLIKE, DataFault
 
 
 @dataclass(frozen=True, slots=True)

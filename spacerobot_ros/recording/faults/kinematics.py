@@ -19,8 +19,8 @@ import numpy as np
 from ...types import Array
 from ..record import Record
 from .clocks import clock_jumps
-from .limits import DEAD_TURN, DataFault, in_lines
 from .signals import Pair, agree, base_pair, disagree, joint_pair, turned, turns
+from .thresholds import DEAD_TURN, DataFault, in_lines
 
 DEGREES = 180.0 / np.pi
 _FACTORS = {

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from ...types import Array, IntArray
 from ..record import Record
-from .limits import AGREE, DISAGREE, FEWEST_WINDOWS, MOST_WINDOWS, MOVED, WINDOW
+from .thresholds import AGREE, DISAGREE, FEWEST_WINDOWS, MOST_WINDOWS, MOVED, WINDOW
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from ..ros.qos import LATCHED
 PERIOD_NS = 1_000_000_000
 
 
-class ParametersInForce:
+class ParameterPublisher:
     """Publishes and saves what the adaptive law of a control loop runs on.
 
     Args:

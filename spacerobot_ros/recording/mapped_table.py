@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from ..errors import MessageRejectedError, RecordingError
 from ..model.robot import Robot
 from ..types import Array, IntArray
-from .mapping import DIRECTIONS, AttitudeColumns, ColumnMapping, Columns, JointColumns
+from .mapping import DIRECTIONS, AttitudeColumns, ColumnMapping, JointColumns, MappedColumns
 from .messages import NORM_LIMIT, joint_order
 from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
-from .table import FORMATS, Table, read_table
+from .table import FORMATS, SampleTable, read_table
 from .units import ANGLE, ANGULAR_RATE, FORCE, LENGTH, LINEAR_RATE, TIME, TORQUE, si_size
 
 T = TypeVar('T')
@@ -93,7 +93,7 @@ def _order(names: Sequence[str], wanted: tuple[str, ...], place: str) -> list[in
         raise RecordingError(place, f'{reason} (the robot has {", ".join(wanted)})') from error
 
 
-def _derived(table: Table, mapping: ColumnMapping) -> Table:
+def _derived(table: SampleTable, mapping: ColumnMapping) -> SampleTable:
     """The table with its rows selected, its integers signed and its derived columns added."""
     for name, wanted in mapping.select.items():
         table = table.where(name, wanted)
@@ -113,7 +113,7 @@ def _derived(table: Table, mapping: ColumnMapping) -> Table:
 class _Reader:
     """Reads the sections of a mapping from a table; collects what is worth a note."""
 
-    def __init__(self, table: Table, mapping: ColumnMapping) -> None:
+    def __init__(self, table: SampleTable, mapping: ColumnMapping) -> None:
         self._table, self._mapping = table, mapping
         self.notes = [f'columns by {mapping.place}']
 
@@ -127,7 +127,7 @@ class _Reader:
             slides = np.array([robot.bodies[1 + arm.index(n)].is_prismatic for n in names])
         parts: dict[str, Array] = {}
         for key, turning, sliding in _JOINT_UNITS:
-            columns: Columns | None = getattr(section, key)
+            columns: MappedColumns | None = getattr(section, key)
             if columns is not None:
                 quantities = [sliding if s else turning for s in slides]
                 parts[key] = self._values(columns, quantities)
@@ -142,7 +142,7 @@ class _Reader:
             ordered.get('effort'),
         )
 
-    def rates(self, section: Columns, time: Columns | None) -> RateSeries:
+    def rates(self, section: MappedColumns, time: MappedColumns | None) -> RateSeries:
         """The gyro."""
         values = self._values(section, [ANGULAR_RATE] * 3)
         stamps, arrays = self._sampled(section.place, time, {'rate': values})
@@ -175,7 +175,7 @@ class _Reader:
             self.notes.append(f'quaternions normalized (norms off by up to {excess[row]:.2g})')
         return np.asarray(q / norms[:, None])
 
-    def _values(self, columns: Columns, quantities: list[str]) -> Array:
+    def _values(self, columns: MappedColumns, quantities: list[str]) -> Array:
         """(N, k) in SI, NaN where a cell is empty; k quantities ('': a pure number)."""
         k, place = len(quantities), columns.place
         raw = [self._table.numbers(name) for name in columns.columns]
@@ -195,7 +195,7 @@ class _Reader:
         return np.asarray((sign * values + offset) * np.array(sizes))
 
     def _sampled(
-        self, place: str, own_time: Columns | None, parts: dict[str, Array]
+        self, place: str, own_time: MappedColumns | None, parts: dict[str, Array]
     ) -> tuple[IntArray, dict[str, Array]]:
         """Stamps and values of the rows that were sampled."""
         table, time = self._table, own_time or self._mapping.time
@@ -227,7 +227,7 @@ def _spread(given: tuple[T, ...], size: int, place: str) -> list[T]:
     return values
 
 
-def _refuse(table: Table, bad: NDArray[np.bool_], reason: str) -> None:
+def _refuse(table: SampleTable, bad: NDArray[np.bool_], reason: str) -> None:
     if bad.any():
         raise RecordingError(table.row(int(np.argmax(bad))), reason)
 

@@ -1,4 +1,4 @@
-"""What the sensors said lately, and what it says of the robot at a time."""
+"""The newest samples of the sensors, and the feedback that a law gets of them at a time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NS = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sample:
+class Feedback:
     """What a law knows of the robot at one time.
 
     Args:
@@ -58,7 +58,7 @@ class RateHistory:
         """Rate and slope at a stamp.
 
         From the newest sample not after it and one at least `base_ns` older; the slope is zero
-        where there are no two such samples. The rate is carried to the stamp with the slope.
+        where there are no two such samples. The rate is extrapolated to the stamp with the slope.
         """
         past = [s for s in self._samples if s[0] <= stamp_ns] or list(self._samples)[:1]
         newest_ns, omega = past[-1]
@@ -68,8 +68,8 @@ class RateHistory:
         slope = (omega - older[1]) / ((newest_ns - older[0]) * NS)
         return omega + slope * ((stamp_ns - newest_ns) * NS), slope
 
-    def carry(self, q_WB_xyzw: Quaternion, start_ns: int, stop_ns: int) -> Quaternion:
-        """An attitude at `start_ns` carried to `stop_ns` along the measured rates.
+    def propagate(self, q_WB_xyzw: Quaternion, start_ns: int, stop_ns: int) -> Quaternion:
+        """An attitude at `start_ns` propagated to `stop_ns` along the measured rates.
 
         Between samples the rate is taken as linear, before the first and after the last as theirs.
         """
@@ -104,9 +104,9 @@ class AttitudeHistory:
         self._samples.append((stamp_ns, turned(q_WB_xyzw, np.zeros(3))))
 
     def at(self, stamp_ns: int, rates: RateHistory) -> Quaternion | None:
-        """Attitude at a stamp: the newest one not after it, carried on with the gyro."""
+        """Attitude at a stamp: the newest one not after it, propagated with the gyro."""
         if not self._samples:
             return None
         past = [s for s in self._samples if s[0] <= stamp_ns] or list(self._samples)[:1]
         start_ns, q_WB_xyzw = past[-1]
-        return rates.carry(q_WB_xyzw, start_ns, stamp_ns)
+        return rates.propagate(q_WB_xyzw, start_ns, stamp_ns)
