@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..sensing.sensors import Measurements
+from ..sensing.sensors import SensorSamples
 from .monitor_flights import Flight
 
 _TIP = 0.5  # m from the last link's origin to a payload
@@ -20,7 +20,7 @@ def _no_effect(size: float, link: str) -> dict[str, Any]:
     return {}
 
 
-def _no_change(measured: Measurements, size: float) -> Measurements:
+def _no_change(measured: SensorSamples, size: float) -> SensorSamples:
     return measured
 
 
@@ -41,7 +41,7 @@ class Fault:
     sizes: tuple[float, ...]
     channels: tuple[str, ...]
     effect: Callable[[float, str], dict[str, Any]] = _no_effect
-    change: Callable[[Measurements, float], Measurements] = _no_change
+    change: Callable[[SensorSamples, float], SensorSamples] = _no_change
     robots: tuple[str, ...] = ('servicer', 'minisat')
 
 
@@ -63,13 +63,13 @@ def _drag(size: float, link: str) -> dict[str, Any]:
     return {'effect': 'target_wheel_drag', 'where': link, 'time_constant': 1.0 / size}
 
 
-def _gyro_bias(measured: Measurements, size: float) -> Measurements:
+def _gyro_bias(measured: SensorSamples, size: float) -> SensorSamples:
     if measured.omega is None:
         return measured
     return replace(measured, omega=measured.omega + np.array([size, 0.0, 0.0]))
 
 
-def _star_turned(measured: Measurements, size: float) -> Measurements:
+def _star_turned(measured: SensorSamples, size: float) -> SensorSamples:
     if measured.attitude_xyzw is None:
         return measured
     turn = Rotation.from_rotvec([0.0, size, 0.0])

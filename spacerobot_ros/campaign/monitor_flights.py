@@ -16,7 +16,7 @@ from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..effects.robot_file import RobotFile
 from ..model.robot import Robot
-from ..sensing.sensors import Measurements
+from ..sensing.sensors import SensorSamples
 from ..simulation.closed_loop import ClosedLoop, Step
 from ..simulation.plant import Plant
 from ..types import Array
@@ -42,7 +42,7 @@ class Flight:
     robot: str = 'servicer'
     seed: int = 1
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    change: Callable[[Measurements], Measurements] = copy
+    change: Callable[[SensorSamples], SensorSamples] = copy
     onset: float = _NEVER
     end: float = _NEVER
 

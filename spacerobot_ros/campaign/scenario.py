@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..control.laws import ComputedTorque, Sample, robot_model
+from ..control.laws import ComputedTorque, Feedback, robot_model
 from ..control.reference import Reference as JointReference
 from ..control.reference import build_reference
 from ..dynamics.equations import Dynamics
@@ -173,7 +173,7 @@ def continuous_torque(case: Scenario, law: ComputedTorque) -> Torque:
 
     def torque(t: float, x: Array) -> Array:
         s = State.from_vector(x)
-        return law.track(case.reference, t, Sample(s.q, s.qd, s.omega_WB_B, np.zeros(3))).tau
+        return law.track(case.reference, t, Feedback(s.q, s.qd, s.omega_WB_B, np.zeros(3))).tau
 
     return torque
 
