@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from ..control.adaptive.regressors import Regressors
-from ..control.adaptive.tree import parameter_values
+from ..control.adaptive.regressors import Regressors, parameter_values
 from ..types import Array
 from .adaptive_scenario import minisat
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..control.adaptive.pseudo_inertia import parameters_of, pseudo_inertia
-from ..control.adaptive.regressors import Regressors
-from ..control.adaptive.tree import parameter_values
+from ..control.adaptive.regressors import Regressors, parameter_values
 from ..control.adaptive.types import Target
 from ..model.robot import Robot
 from ..types import Array

@@ -29,30 +29,31 @@ def crba(tree: Records, kinematics: BodyKinematics) -> Array:
     count, width = len(kinematics.origins), 5 + len(tree)
     out, links = np.zeros((count, width, width)), np.zeros(len(tree), LINK)
     for s in range(count):
-        place_inertias(tree, kinematics.rotations[s], kinematics.origins[s], links)
+        place_links(kinematics.rotations[s], kinematics.origins[s], links)
+        place_inertias(tree, links)
         compose(tree, links)
         mass_matrix(tree, links, out[s])
     return out
 
 
 @compiled  # type: ignore[untyped-decorator]
-def place_inertias(tree: Records, rotations: Array, origins: Array, links: Records) -> None:
-    """Write mass, moment and tensor of every body alone, and the joint's subspace.
+def place_links(rotations: Array, origins: Array, links: Records) -> None:
+    """Write one state's rotations (n + 1, 3, 3) and origins (n + 1, 3)."""
+    for k in range(len(links)):
+        put(links[k].origin, 0, get(origins[k], 0))
+        for a in range(3):
+            put(links[k].rotation[a], 0, get(rotations[k, a], 0))
 
-    Args:
-        tree: `BODY` records.
-        rotations: (n + 1, 3, 3) body to base coordinates.
-        origins: (n + 1, 3) in the base.
-        links: `LINK` records, written.
+
+@compiled  # type: ignore[untyped-decorator]
+def place_inertias(tree: Records, links: Records) -> None:
+    """Write mass, moment and tensor of every body alone, and the joint's screw S, of placed links.
+
+    All about the base's origin; `compose` makes them those of the tree from the joint outwards.
     """
     for i in range(len(tree)):
         body, own = tree[i], links[tree[i].number]
-        R, p, phi, J = (
-            rotations[body.number],
-            get(origins[body.number], 0),
-            body.inertial,
-            own.tensor,
-        )
+        R, p, phi, J = own.rotation, get(own.origin, 0), body.inertial, own.tensor
         m, h = phi[0], rotate(R, get(phi, 1))
         cross_term, square = 2.0 * dot(p, h), m * dot(p, p)
         for a in range(3):
@@ -66,8 +67,8 @@ def place_inertias(tree: Records, rotations: Array, origins: Array, links: Recor
         if i > 0:
             axis = rotate(R, get(body.axis, 0))
             slides = body.kind == PRISMATIC
-            put(own.subspace, 0, axis if slides else cross(p, axis))
-            put(own.subspace, 3, (0.0, 0.0, 0.0) if slides else axis)
+            put(own.screw, 0, axis if slides else cross(p, axis))
+            put(own.screw, 3, (0.0, 0.0, 0.0) if slides else axis)
 
 
 @compiled  # type: ignore[untyped-decorator]
@@ -105,14 +106,14 @@ def mass_matrix(tree: Records, links: Records, M: Array) -> None:
     for j in range(1, len(tree)):
         column = 5 + tree[j].number
         own = links[tree[j].number]
-        v, w = get(own.subspace, 0), get(own.subspace, 3)
+        v, w = get(own.screw, 0), get(own.screw, 3)
         p, h = apply_inertia(own.mass, get(own.moment, 0), own.tensor, v, w)
         put(held, 0, p)
         put(held, 3, h)
         i = tree[j].number
         for k in range(j, 0, -1):
             if tree[k].number == i:
-                M[5 + i, column] = M[column, 5 + i] = power(links[i].subspace, held)
+                M[5 + i, column] = M[column, 5 + i] = power(links[i].screw, held)
                 i = tree[k].parent
         for a in range(6):
             M[a, column] = M[column, a] = held[a]

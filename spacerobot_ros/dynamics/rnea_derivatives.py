@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..types import Array
-from .crba import apply_inertia, compose, mass_matrix, place_inertias
+from .crba import apply_inertia, compose, mass_matrix, place_inertias, place_links
 from .forward_kinematics import BodyKinematics
 from .spatial import (
     Triple,
@@ -67,10 +67,11 @@ def acceleration_derivatives(
     acceleration = np.zeros(width)
     first = 0 if tree[0].kind == FREE else 6
     for s in range(count):
-        place_inertias(tree, kinematics.rotations[s], kinematics.origins[s], links)
+        place_links(kinematics.rotations[s], kinematics.origins[s], links)
+        place_inertias(tree, links)
         for i in range(len(tree)):
             _move(tree, i, kinematics.twists[s], qd[s], links)
-            _set_bias(tree[i], kinematics.rotations[s], links[tree[i].number])
+            _set_bias(tree[i], links[tree[i].number])
         compose(tree, links)
         _compose_forces(tree, links)
         M[:] = 0.0
@@ -96,20 +97,20 @@ def _move(tree: Records, i: int, twists: Array, qd: Array, links: Records) -> No
     parent, rate = links[tree[i].parent], qd[tree[i].number - 1]
     for a in range(6):
         own.psi[a] = own.swept[a] = 0.0
-    add_motion_cross(parent.velocity, own.subspace, 1.0, own.psi)
+    add_motion_cross(parent.velocity, own.screw, 1.0, own.psi)
     for a in range(6):
-        own.velocity[a] = parent.velocity[a] + own.subspace[a] * rate
+        own.velocity[a] = parent.velocity[a] + own.screw[a] * rate
         own.acceleration[a] = parent.acceleration[a] + own.psi[a] * rate
-    add_motion_cross(own.velocity, own.subspace, 1.0, own.swept)
+    add_motion_cross(own.velocity, own.screw, 1.0, own.swept)
 
 
 @compiled  # type: ignore[untyped-decorator]
-def _set_bias(body: Any, rotations: Array, own: Any) -> None:
+def _set_bias(body: Any, own: Any) -> None:
     """Momentum, K and f of a body alone, and its own inertia, which composing overwrites."""
     V, J, K, r = own.velocity, own.tensor, own.turning, get(own.moment, 0)
     v, w = get(V, 0), get(V, 3)
     P, L = apply_inertia(own.mass, r, J, v, w)
-    L = plus(L, rotate(rotations[body.number], get(body.wheels, 0)))
+    L = plus(L, rotate(own.rotation, get(body.wheels, 0)))
     a, u = get(own.acceleration, 0), get(own.acceleration, 3)
     f, n = apply_inertia(own.mass, r, J, a, u)
     force, torque = force_cross(V, P, L)
@@ -184,14 +185,14 @@ def _accelerate(
     acceleration[:] = 0.0
     for b in range(width):
         k = b - 5
-        bias = links[0].force[b] if b < 6 else power(links[k].subspace, links[k].force)
+        bias = links[0].force[b] if b < 6 else power(links[k].screw, links[k].force)
         for a in range(width):
             acceleration[a] += inverse[a, b] * (forces[b] - bias)
     _propagate(tree, links, acceleration)
     for i in range(1, len(tree)):
         own, parent = links[tree[i].number], links[tree[i].parent]
         own.psi_dot[:] = 0.0
-        add_motion_cross(parent.acceleration, own.subspace, 1.0, own.psi_dot)
+        add_motion_cross(parent.acceleration, own.screw, 1.0, own.psi_dot)
         add_motion_cross(parent.velocity, own.psi, 1.0, own.psi_dot)
 
 
@@ -205,7 +206,7 @@ def _propagate(tree: Records, links: Records, acceleration: Array) -> None:
         own, parent = links[tree[i].number], links[tree[i].parent]
         slope = 0.0 if i == 0 else acceleration[5 + tree[i].number]
         for a in range(6):
-            own.drift[a] = parent.drift[a] + own.subspace[a] * slope if i else acceleration[a]
+            own.drift[a] = parent.drift[a] + own.screw[a] * slope if i else acceleration[a]
             own.acceleration[a] += own.drift[a]
         v, w, r = get(own.drift, 0), get(own.drift, 3), get(own.own_moment, 0)
         f, n = apply_inertia(tree[i].inertial[0], r, own.own_tensor, v, w)
@@ -245,8 +246,8 @@ def _gradients(tree: Records, links: Records, Q: Array, D: Array) -> None:
         for a in range(6):
             both[a] = own.psi[a] + own.swept[a]
         _weigh(own, own.psi_dot, own.psi, by_q)
-        _weigh(own, both, own.subspace, by_v)
-        force, torque = force_cross(own.subspace, get(own.force, 0), get(own.force, 3))
+        _weigh(own, both, own.screw, by_v)
+        force, torque = force_cross(own.screw, get(own.force, 0), get(own.force, 3))
         add(by_q, 0, force)
         add(by_q, 3, torque)
         for a in range(6):
@@ -254,8 +255,8 @@ def _gradients(tree: Records, links: Records, Q: Array, D: Array) -> None:
         at = tree[j].number
         for i in range(j, 0, -1):
             if tree[i].number == at:
-                Q[5 + at, column] = power(links[at].subspace, by_q)
-                D[5 + at, column] = power(links[at].subspace, by_v)
+                Q[5 + at, column] = power(links[at].screw, by_q)
+                D[5 + at, column] = power(links[at].screw, by_v)
                 at = tree[i].parent
         _gradients_of(j, tree, links, Q, D)
 
@@ -264,7 +265,7 @@ def _gradients(tree: Records, links: Records, Q: Array, D: Array) -> None:
 def _gradients_of(j: int, tree: Records, links: Records, Q: Array, D: Array) -> None:
     """The row of joint j by the joints that bear it and by the base."""
     own, row = links[tree[j].number], 5 + tree[j].number
-    s_v, s_w, r = get(own.subspace, 0), get(own.subspace, 3), get(own.moment, 0)
+    s_v, s_w, r = get(own.screw, 0), get(own.screw, 3), get(own.moment, 0)
     p, h = apply_inertia(own.mass, r, own.tensor, s_v, s_w)
     turned = rotate_back(own.turning, s_w)
     turned = plus(turned, times(-2.0, cross(s_v, get(own.momentum, 0))))
@@ -273,7 +274,7 @@ def _gradients_of(j: int, tree: Records, links: Records, Q: Array, D: Array) -> 
         if tree[i].number == at:
             outer, column = links[at], 5 + at
             Q[row, column] = dot(turned, get(outer.psi, 3)) + _along(outer.psi_dot, p, h)
-            D[row, column] = dot(turned, get(outer.subspace, 3)) + _along(outer.psi, p, h)
+            D[row, column] = dot(turned, get(outer.screw, 3)) + _along(outer.psi, p, h)
             D[row, column] += _along(outer.swept, p, h)
             at = tree[i].parent
     force, torque = force_cross(links[0].velocity, p, h)

@@ -11,6 +11,8 @@ import numba
 from ..types import Array
 
 compiled = numba.njit(cache=True, nogil=True, error_model='numpy')  # singular gives NaN, no error
+summed = numba.njit(cache=True, nogil=True, fastmath={'reassoc', 'contract'})
+"""For long sums, whose order is free, so that they run on vector units."""
 Triple = tuple[float, float, float]
 
 

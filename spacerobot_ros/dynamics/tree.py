@@ -43,6 +43,7 @@ LINK = np.dtype(
         ('origin', np.float64, 3),
         ('offset', np.float64, 3),
         ('subspace', np.float64, 6),
+        ('screw', np.float64, 6),
         ('velocity', np.float64, 6),
         ('drift', np.float64, 6),
         ('acceleration', np.float64, 6),

@@ -7,8 +7,11 @@ import pinocchio as pin
 import pytest
 from support.models import DUAL_ARM, random_tree, robot_of
 
-from spacerobot_ros.control.adaptive.regressors import Regressors
-from spacerobot_ros.control.adaptive.tree import build_tree, parameter_names, parameter_values
+from spacerobot_ros.control.adaptive.regressors import (
+    Regressors,
+    parameter_names,
+    parameter_values,
+)
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import ConfigurationError
@@ -124,7 +127,7 @@ def test_names_tell_links_and_wheels(robot):
     names = parameter_names(robot)
     assert names[:2] == ('base_link.m', 'base_link.mcx')
     assert names[-3:] == ('link_3.aam_x', 'link_3.aam_y', 'link_3.aam_z')
-    assert len(names) == build_tree(robot).columns
+    assert len(names) == Regressors(robot).shape[1]
 
 
 def test_a_fixed_base_is_refused():

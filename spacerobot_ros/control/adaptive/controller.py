@@ -14,27 +14,19 @@ import math
 
 import numpy as np
 
-from ...dynamics.equations import Dynamics
+from ...dynamics.equations import Dynamics, without_translation
 from ...errors import ConfigurationError, MessageRejectedError
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...types import Array, Vector3
-from .gains import sampling_ratio, sampling_warning, without_translation
 from .hand_over import standard_parameters
-from .law_kernel import (
-    command,
-    into_base,
-    reference_motion,
-    rest_centre,
-    total_mass,
-)
+from .law_kernel import command, into_base, reference_motion
 from .learner import Learner
 from .learning_kernel import is_within
 from .prior import discretisation_floor, rate_noise, torque_noise
 from .regression import DifferencedRates, FilteredMomentum
-from .regressors import Regressors
-from .settings import AdaptiveSettings
-from .tree import parameter_names, parameter_units, with_parameters
+from .regressors import Regressors, parameter_names, parameter_units, with_parameters
+from .settings import AdaptiveSettings, sampling_ratio, sampling_warning
 from .types import Health, Measured, ParametersInForce, Target, Torques
 
 _UNKNOWN = np.zeros(3)  # in place of a base velocity or force
@@ -63,7 +55,7 @@ class AdaptiveController:
         self._warning = sampling_warning(settings, period)
         self._regressors = Regressors(robot)
         self._learner = Learner(robot, settings)
-        if not total_mass(self._regressors.tree, self._learner.pi) > 0.0:
+        if not np.sum(self._learner.pi[: 10 * len(robot.bodies) : 10]) > 0.0:
             raise ConfigurationError('robot', 'the total mass must be above zero')
         self._is_paper = settings.law.endswith('_paper')
         self._regression = (
@@ -78,10 +70,12 @@ class AdaptiveController:
 
     def _allocate(self) -> None:
         rows, n = self._regressors.shape[0], self.n
-        self._V, self._Vr, self._Ar = np.zeros(rows), np.zeros(rows), np.zeros(rows)
-        self._sigma, self._u, self._applied = np.zeros(rows), np.zeros(rows), np.zeros(rows)
+        self._motion = np.zeros((3, rows))
+        self._V, self._Vr, _ = self._motion
+        self._u, self._applied = np.zeros(rows), np.zeros(rows)
         self._Y = np.zeros(self._regressors.shape)
         self._state, self._target = np.zeros(10 + 2 * n), np.zeros(10 + 3 * n)
+        self._q = self._state[10 : 10 + n]
         self._error = np.zeros(3 + n)
         self._bandwidths = np.full(1 + n, self.settings.joint_bandwidth)
         self._bandwidths[0] = self.settings.attitude_bandwidth
@@ -101,11 +95,11 @@ class AdaptiveController:
             MessageRejectedError: a state of the wrong size or not finite.
         """
         self._read(measured)
-        q = self._state[10 : 10 + self.n]
+        q = self._q
         physical = with_parameters(self.robot, self._learner.physical_pi)
         M = Dynamics(physical).mass_matrix(q)
         reduced = without_translation(M)
-        self._K[:] = self.settings.kappa * reduced
+        self._K[3:, 3:] = self.settings.kappa * reduced
         self._learner.weigh(self._tracking_energy(reduced), self.settings.kappa * M)
         extra = (self.settings.filter_rate, self.settings.torque_noise)
         self._variances = torque_noise(physical, q, *extra) + discretisation_floor(physical, q)
@@ -116,7 +110,7 @@ class AdaptiveController:
     def _tracking_energy(self, reduced: Array) -> float:
         """Energy of the error dynamics at `adaptation_error` in the attitude, times two [J]."""
         rate = self.settings.attitude_bandwidth * self.settings.adaptation_error
-        return float(np.trace(reduced[3:6, 3:6]) / 3.0 * rate**2)
+        return float(np.trace(reduced[:3, :3]) / 3.0 * rate**2)
 
     def _begin(self, measures_velocity: bool) -> None:
         """Start regression and internal reference anew; the state has been read."""
@@ -147,20 +141,14 @@ class AdaptiveController:
         if lost or (measured.v_WB_B is not None) != self._measures_velocity:
             self._begin(measured.v_WB_B is not None)
         self._fall(h)
-        r = self._regressors
-        is_reduced = self._is_paper or not self._measures_velocity
-        motion = (self._state, self._target, self._bandwidths, r.rotations, r.positions)
-        reference_motion(r.tree, *motion, self._V, self._Vr, self._Ar, self._error)
+        reference_motion(self._state, self._target, self._bandwidths, self._motion, self._error)
         self._adapt(h, lost)
-        learner = self._learner
-        pi, kappa = learner.pi, 0.0 if is_reduced else self.settings.kappa
-        if is_reduced:
-            if not self._measures_velocity:
-                rest_centre(r.tree, r.rotations, r.positions, self._V, pi, r.motion)
-            rest_centre(r.tree, r.rotations, r.positions, self._Vr, pi, r.motion)
-        out = (r.motion, r.columns, self._P, self._Y, learner.slope, self._sigma, self._u)
-        arrays = (self._V, self._Vr, self._Ar, self.period, self._K, kappa, pi)
-        command(r.tree, r.rotations, r.positions, *arrays, *out)
+        learner, predicts = self._learner, not self._measures_velocity
+        is_reduced = self._is_paper or predicts
+        gains = self._K, 0.0 if is_reduced else self.settings.kappa, self.period
+        out = self._u, self._Y, learner.slope, self._P
+        machine, at_rest = self._regressors.machine, (predicts, is_reduced)
+        command(machine, self._q, self._motion, learner.pi, gains, at_rest, out)
         learner.has_slope = True
         self._applied[:] = self._u
         return self._torques()
@@ -186,10 +174,8 @@ class AdaptiveController:
         self._adapting, self._reason = not reason, reason
 
     def _regress(self, h: float, reason: str) -> str:
-        r, learner = self._regressors, self._learner
-        if not self._measures_velocity:
-            rest_centre(r.tree, r.rotations, r.positions, self._V, learner.pi, r.motion)
-        args = (self._V, self._applied, h, learner.pi, self._measures_velocity)
+        learner = self._learner
+        args = (self._q, self._V, self._applied, h, learner.pi, self._measures_velocity)
         if not self._regression.add(*args):
             return reason or 'the first sample'
         if reason:

@@ -12,7 +12,7 @@ from ...estimation.minimal import minimal_set
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...types import Array
-from .tree import wheel_links, with_parameters
+from .regressors import wheel_links, with_parameters
 
 _ITERATIONS = 10
 _STEP = 1e-6  # of the numerical Jacobian, in units of the prior's standard deviation

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...dynamics.tree import inertial_rows
 from ...model.robot import Robot
 from ...types import Array
 from .learning_kernel import descend, least_squares_step, sampled_step
@@ -23,8 +24,8 @@ from .pseudo_inertia import (
     project,
     pseudo_inertia,
 )
+from .regressors import parameter_values
 from .settings import AdaptiveSettings
-from .tree import inertial_rows, parameter_values
 
 _LEAST_SQUARES = ('adaptive_rls', 'adaptive_composite', 'adaptive_rls_paper')
 _GRADIENT = ('adaptive_lyapunov', 'adaptive_composite', 'adaptive_lyapunov_paper')
@@ -86,8 +87,8 @@ class Learner:
 
     def regress(self, F: Array, T: Array, variances: Array) -> None:
         """One step of least squares on T = F pi, rows weighed by their variances (N,)."""
-        told = least_squares_step(F, T, variances, self.G, self.pi, *self._scratch)
-        self.excitation = float(told) ** 0.5
+        excitation = least_squares_step(F, T, variances, self.G, self.pi, self._scratch)
+        self.excitation = float(excitation) ** 0.5
         self._constrain()
 
     def weigh(self, energy: float, K_D: Array) -> None:

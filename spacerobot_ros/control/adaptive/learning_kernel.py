@@ -13,36 +13,31 @@ in the regressor biases least squares.
 from __future__ import annotations
 
 import math
+from typing import Any
 
-import numba
 import numpy as np
 
+from ...dynamics.spatial import compiled, summed
 from ...types import Array
-from .regressor_kernel import velocities
-from .spatial import Triple, cross, out_of, part, plus, put, row, times
-from .tree import Tree
 
 _SAMPLED = 0.2  # part of the stability limit that a gradient step may take
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def filter_step(
-    rate: float,
-    h: float,
-    u: Array,
-    Yp: Array,
-    Yc: Array,
-    Yp_before: Array,
-    Yc_before: Array,
-    F1: Array,
-    T1: Array,
-    F: Array,
-    T: Array,
-) -> None:
-    """Advance both stages, F1, F (N, p) and T1, T (N,), over h [s] under the torques u (N,).
+@compiled  # type: ignore[untyped-decorator]
+def filter_step(rate: float, h: float, u: Array, now: Any, before: Any, filtered: Any) -> None:
+    """Advance both stages over h [s] under the torques u (N,).
 
-    The regressors at its end become those at the start of the next.
+    Args:
+        rate: Corner of the low-pass [1/s].
+        h: Time since the last sample [s].
+        u: (N,) torques since then.
+        now: Y_p and Y_c, (N, p) each.
+        before: The same at the last sample; they become those of now.
+        filtered: First stage's F (N, p) and T (N,), then the second's; written.
     """
+    Yp, Yc = now
+    Yp_before, Yc_before = before
+    F1, T1, F, T = filtered
     a = math.exp(-rate * h)
     gain = (1.0 - a) / h
     half = 0.5 * (1.0 - a)
@@ -57,94 +52,9 @@ def filter_step(
             Yc_before[i, j] = Yc[i, j]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def eliminate_translation(
-    tree: Tree,
-    R: Array,
-    p: Array,
-    V: Array,
-    pi: Array,
-    motion: Array,
-    Yp: Array,
-    Yc: Array,
-    Yp_out: Array,
-    Yc_out: Array,
-) -> None:
-    """Regressors of attitude and joints where the base's velocity follows from zero momentum.
-
-    With p_lin(pi, v) = 0 the velocity moves with the parameters, dv = -Y_p,lin dpi / m: added to
-    the regressors this gives the derivatives of momentum and of C^T V by the parameters. At the
-    parameters that v was computed with, the values do not change (Y_p,lin pi = 0).
-
-    Args:
-        tree: The tree.
-        R: From `place`.
-        p: From `place`.
-        V: (6 + n,) velocity with v from `rest_centre`.
-        pi: (p,) parameters that it was computed with.
-        motion: Scratch.
-        Yp: (6 + n, p) from `fill_momentum`.
-        Yc: (6 + n, p) from it.
-        Yp_out: (6 + n, p) written; force rows zero.
-        Yc_out: (6 + n, p) written; same.
-    """
-    v, w, moment, force = motion[0], motion[1], motion[2], motion[3]
-    mass = motion[4, :, 0]
-    velocities(tree, R, p, V, v, w)
-    for k in range(len(tree.parents)):
-        mass[k] = pi[10 * k]
-        put(moment, k, part(pi, 10 * k + 1))
-        put(force, k, plus(times(mass[k], row(v, k)), cross(row(w, k), row(moment, k))))
-    for k in tree.order[:0:-1]:
-        parent, at = tree.parents[k], row(p, k)
-        shifted = plus(out_of(R, k, row(moment, k)), times(mass[k], at))
-        mass[parent] += mass[k]
-        put(moment, parent, plus(row(moment, parent), shifted))
-        put(force, parent, plus(row(force, parent), out_of(R, k, row(force, k))))
-    Yp_out[:3] = 0.0
-    Yc_out[:3] = 0.0
-    h = row(moment, 0)
-    _project(3, (0.0, -h[2], h[1]), mass[0], Yp, Yp, Yp_out)
-    _project(4, (h[2], 0.0, -h[0]), mass[0], Yp, Yp, Yp_out)
-    _project(5, (-h[1], h[0], 0.0), mass[0], Yp, Yp, Yp_out)
-    for j in range(Yp.shape[1]):
-        column = (Yp_out[3, j], Yp_out[4, j], Yp_out[5, j])
-        Yc_out[3, j], Yc_out[4, j], Yc_out[5, j] = cross(column, row(w, 0))
-    for k in tree.order[1:]:
-        inertia, slope = _couplings(tree, k, mass[k], row(moment, k), row(force, k), v, w)
-        i = k
-        while i > 0:
-            inertia, slope = out_of(R, i, inertia), out_of(R, i, slope)
-            i = tree.parents[i]
-        _project(5 + k, inertia, mass[0], Yp, Yp, Yp_out)
-        _project(5 + k, slope, mass[0], Yp, Yc, Yc_out)
-
-
-@numba.njit(inline='always')  # type: ignore[untyped-decorator]
-def _couplings(
-    tree: Tree, k: int, mass: float, h: Triple, force: Triple, v: Array, w: Array
-) -> tuple[Triple, Triple]:
-    """Derivatives of joint k's momentum and of its row of C^T V by the base's velocity."""
-    axis, slide = row(tree.axes, k), tree.sliding[k]
-    s_v, s_w = times(slide, axis), times(1.0 - slide, axis)
-    linear = plus(cross(row(w, k), s_v), cross(row(v, k), s_w))
-    angular = cross(row(w, k), s_w)
-    inertia = plus(times(mass, s_v), cross(s_w, h))
-    slope = plus(cross(s_w, force), plus(times(mass, linear), cross(angular, h)))
-    return inertia, slope
-
-
-@numba.njit(inline='always')  # type: ignore[untyped-decorator]
-def _project(i: int, by_v: Triple, mass: float, Yp: Array, Y: Array, out: Array) -> None:
-    """Row i of Y + (d/dv) dv/dpi."""
-    for j in range(Y.shape[1]):
-        along = by_v[0] * Yp[0, j] + by_v[1] * Yp[1, j] + by_v[2] * Yp[2, j]
-        out[i, j] = Y[i, j] - along / mass
-
-
-@numba.njit(cache=True, fastmath={'reassoc', 'contract'})  # type: ignore[untyped-decorator]
+@summed  # type: ignore[untyped-decorator]
 def least_squares_step(
-    F: Array, T: Array, variances: Array, G: Array, pi: Array, B: Array, S: Array, z: Array
+    F: Array, T: Array, variances: Array, G: Array, pi: Array, scratch: tuple[Array, Array, Array]
 ) -> float:
     """Recursive least squares on T = F pi, all rows at once.
 
@@ -156,30 +66,29 @@ def least_squares_step(
         variances: (N,) diagonal of R.
         G: (p, p) covariance, updated and kept symmetric.
         pi: (p,) updated.
-        B: (N, p) scratch.
-        S: (N, N) scratch.
-        z: (N,) scratch.
+        scratch: (N, p), (N, N) and (N,).
 
     Returns:
         Largest ratio of predicted to noise variance: below one the sample tells nothing.
     """
-    told = 0.0
+    B, S, z = scratch
+    excitation = 0.0
     for i in range(F.shape[0]):
         predicted = _spread(F[i], G, pi, B[i])
         z[i] = T[i] - predicted
         for m in range(i + 1):
             S[i, m] = _inner(B[i], F[m])
-        told = max(told, S[i, i] / variances[i])
+        excitation = max(excitation, S[i, i] / variances[i])
         S[i, i] += variances[i]
     _whiten(S, B, z)
     for i in range(F.shape[0]):
         for j in range(len(pi)):
             pi[j] += B[i, j] * z[i]
     _shrink(G, B)
-    return told
+    return excitation
 
 
-@numba.njit(cache=True, fastmath={'reassoc', 'contract'})  # type: ignore[untyped-decorator]
+@summed  # type: ignore[untyped-decorator]
 def _inner(a: Array, b: Array) -> float:
     """Dot product; the order of the sum is free, so that it runs on vector units."""
     total = 0.0
@@ -188,7 +97,7 @@ def _inner(a: Array, b: Array) -> float:
     return total
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def _spread(f: Array, G: Array, pi: Array, out: Array) -> float:
     """Write f G (p,); returns f . pi."""
     out[:] = 0.0
@@ -199,7 +108,7 @@ def _spread(f: Array, G: Array, pi: Array, out: Array) -> float:
     return _inner(f, pi)
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def _shrink(G: Array, B: Array) -> None:
     """G (p, p) <- G - B^T B, symmetric to the last bit."""
     for k in range(len(G)):
@@ -212,7 +121,7 @@ def _shrink(G: Array, B: Array) -> None:
             G[j, k] = G[k, j]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def _whiten(S: Array, B: Array, z: Array) -> None:
     """Turn B (N, p) and z (N,) into L^-1 B and L^-1 z, S = L L^T; S keeps L."""
     for i in range(len(z)):
@@ -234,7 +143,7 @@ def _whiten(S: Array, B: Array, z: Array) -> None:
         z[i] /= S[i, i]
 
 
-@numba.njit(cache=True, fastmath={'reassoc', 'contract'})  # type: ignore[untyped-decorator]
+@summed  # type: ignore[untyped-decorator]
 def sampled_step(step: float, W: Array, Y: Array, G: Array, width: int) -> float:
     r"""Gain times period of the gradient, as far as held torques allow.
 
@@ -271,7 +180,7 @@ def sampled_step(step: float, W: Array, Y: Array, G: Array, width: int) -> float
     return step if step * trace <= _SAMPLED else _SAMPLED / trace
 
 
-@numba.njit(cache=True, fastmath={'reassoc', 'contract'})  # type: ignore[untyped-decorator]
+@summed  # type: ignore[untyped-decorator]
 def descend(step: float, G: Array, width: int, slope: Array, pi: Array) -> None:
     """Pi (p,) <- pi + step G slope, G (p, p) symmetric with blocks along the diagonal."""
     for k in range(len(slope)):
@@ -282,7 +191,7 @@ def descend(step: float, G: Array, width: int, slope: Array, pi: Array) -> None:
                 pi[j] += size * G[k, j]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def is_within(V: Array, limits: Array) -> bool:
     """Whether the rates in V (6 + n,), all but the base's velocity, lie within their limits."""
     beyond = 0

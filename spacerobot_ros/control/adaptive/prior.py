@@ -8,7 +8,7 @@ from ...dynamics.equations import Dynamics
 from ...model.robot import Robot
 from ...types import Array
 from .pseudo_inertia import INVERSE, body_scales, pseudo_inertia
-from .tree import parameter_values, wheel_links
+from .regressors import parameter_values, wheel_links
 
 _SAMPLING_ERROR = 1e-4  # acceleration whose torque is taken as error of discretisation
 _NEAR_ZERO = 1e-3  # of mass, mass x size, mass x size squared: an element's smallest scale

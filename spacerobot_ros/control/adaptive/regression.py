@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...dynamics.body_regressors import (
+    fill_momentum,
+    fill_resting_momentum,
+    fill_slotine_li,
+    momentum_map,
+    rest_centre,
+)
 from ...types import Array
-from .law_kernel import rest_centre
-from .learning_kernel import eliminate_translation, filter_step
-from .regressor_kernel import fill_momentum, fill_slotine_li
+from .learning_kernel import filter_step
 from .regressors import Regressors
 
 
@@ -20,48 +25,45 @@ class FilteredMomentum:
     """
 
     def __init__(self, regressors: Regressors, rate: float) -> None:
-        self._regressors, self._rate = regressors, rate
+        self._machine, self._rate = regressors.machine, rate
         shape = regressors.shape
         self.F, self.T = np.zeros(shape), np.zeros(shape[0])
-        self._F1, self._T1 = np.zeros(shape), np.zeros(shape[0])
-        self._Yp, self._Yc = np.zeros(shape), np.zeros(shape)
-        self._reduced = np.zeros(shape), np.zeros(shape)
-        self._before = np.zeros(shape), np.zeros(shape)
+        self._stages = np.zeros(shape), np.zeros(shape[0]), self.F, self.T
+        self._now, self._before = [(np.zeros(shape), np.zeros(shape)) for _ in range(2)]
+        self._P = np.zeros((3, shape[0]))
         self._is_fresh = True
 
     def restart(self) -> None:
         """Forget the samples so far."""
-        for array in (self.F, self.T, self._F1, self._T1):
+        for array in self._stages:
             array[:] = 0.0
         self._is_fresh = True
 
-    def add(self, V: Array, u: Array, h: float, pi: Array, measured: bool) -> bool:
-        """Take a sample; the regressors' placement is current.
+    def add(self, q: Array, V: Array, u: Array, h: float, pi: Array, measured: bool) -> bool:
+        """Take a sample.
 
         Args:
-            V: (6 + n,) velocity at the sample.
+            q: (n,) joint positions.
+            V: (6 + n,) velocity at the sample; its linear part is written unless it is measured.
             u: (6 + n,) torques applied since the sample before.
             h: Time since then [s].
             pi: (p,) parameters that a predicted base velocity was computed with.
-            measured: Whether V's linear part is measured; if not, the translation is eliminated
-                and the force rows are zero.
+            measured: Whether V's linear part is; if not, the translation is eliminated and the
+                force rows are zero.
 
         Returns:
             Whether F and T hold a whole interval.
         """
-        r = self._regressors
-        tree, R, p = r.tree, r.rotations, r.positions
-        fill_momentum(tree, R, p, V, r.motion, r.columns, self._Yp, self._Yc)
-        Yp, Yc = self._Yp, self._Yc
-        if not measured:
-            Yp, Yc = self._reduced
-            eliminate_translation(tree, R, p, V, pi, r.motion, self._Yp, self._Yc, Yp, Yc)
+        if measured:
+            fill_momentum(self._machine, q, V, *self._now)
+        else:
+            fill_resting_momentum(self._machine, q, V, pi, self._P, self._now)
         if self._is_fresh:
-            self._before[0][:], self._before[1][:] = Yp, Yc
+            for kept, now in zip(self._before, self._now, strict=True):
+                kept[:] = now
             self._is_fresh = False
             return False
-        stages = (self._F1, self._T1, self.F, self.T)
-        filter_step(self._rate, h, u, Yp, Yc, *self._before, *stages)
+        filter_step(self._rate, h, u, self._now, self._before, self._stages)
         return True
 
 
@@ -73,8 +75,8 @@ class DifferencedRates:
     """
 
     def __init__(self, regressors: Regressors) -> None:
-        self._regressors = regressors
-        shape = regressors.shape
+        self._machine, shape = regressors.machine, regressors.shape
+        self._P = np.zeros((3, shape[0]))
         self.F, self.T = np.zeros(shape), np.zeros(shape[0])
         self._before = np.zeros(shape[0])
         self._is_fresh = True
@@ -83,9 +85,11 @@ class DifferencedRates:
         """Forget the samples so far."""
         self._is_fresh = True
 
-    def add(self, V: Array, u: Array, h: float, pi: Array, measured: bool) -> bool:
+    def add(self, q: Array, V: Array, u: Array, h: float, pi: Array, measured: bool) -> bool:
         """Take a sample, as `FilteredMomentum.add`."""
-        r = self._regressors
+        momentum_map(self._machine, q, V, pi, self._P)
+        if not measured:
+            rest_centre(self._P, V)
         if self._is_fresh:
             self._before[:] = V
             self._is_fresh = False
@@ -93,9 +97,8 @@ class DifferencedRates:
         A = (V - self._before) / h
         middle = 0.5 * (V + self._before)
         if not measured:
-            rest_centre(r.tree, r.rotations, r.positions, middle, pi, r.motion)
-        args = (r.tree, r.rotations, r.positions, middle, middle, A, r.motion, r.columns)
-        fill_slotine_li(*args, self.F)
+            rest_centre(self._P, middle)
+        fill_slotine_li(self._machine, q, middle, middle, A, self.F)
         self.F[:3] = 0.0
         self.T[3:] = u[3:]
         self._before[:] = V

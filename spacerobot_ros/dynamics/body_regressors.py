@@ -1,0 +1,315 @@
+r"""Body regressors: torques and momenta linear in all bodies' inertial parameters, compiled.
+
+Velocities are quasi-velocities V = [v_WB_B; omega_WB_B; q'], their derivatives those of the
+components. A body at velocity v has the momentum W(v) pi, with its ten parameters pi in
+Pinocchio's order; a column of W, turned into base coordinates, acts on the joints between the body
+and the base. Columns are ten a body, bodies in the robot's order, then three a link with wheels.
+The result's pattern of zeros depends on the tree alone: arrays that start as zeros keep it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..types import Array
+from .crba import apply_inertia, compose, place_inertias
+from .forward_kinematics import propagate, shifted
+from .spatial import (
+    Triple,
+    add,
+    compiled,
+    cross,
+    dot,
+    force_cross,
+    get,
+    plus,
+    put,
+    rotate,
+    rotate_back,
+    times,
+    unit,
+)
+from .tree import Records
+
+WHEELS = np.dtype([('body', np.int64), ('rotation', np.float64, (3, 3))], align=True)
+"""A link with wheels: its body's number, and link to body coordinates."""
+
+Regression = tuple[Records, Records, Records, Records]
+"""`BODY` records of its own, `WHEELS` records, and `LINK` records (overwritten) of the velocity
+and of the reference velocity."""
+_ZERO = (0.0, 0.0, 0.0)
+
+
+@compiled  # type: ignore[untyped-decorator]
+def fill_slotine_li(
+    machine: Regression, q: Array, V: Array, Vr: Array, Ar: Array, Y: Array
+) -> None:
+    """Write Y_SL with Y_SL pi = M(q) A_r + C(q, V) V_r and M' - 2 C skew, wheels included.
+
+    Body by body W(a_r + 1/2 v x v_r) + 1/2 [v x* W(v_r) + v_r x* W(v)], wheels -h x w_r. With
+    V_r = V it is the regressor of the torques (RNEA's).
+
+    Args:
+        machine: The tree.
+        q: (n,) joint positions.
+        V: (6 + n,) velocity.
+        Vr: (6 + n,) reference velocity.
+        Ar: (6 + n,) derivative of its components.
+        Y: (6 + n, p) written.
+    """
+    tree, wheels, links, reference = machine
+    propagate(tree, q, V, V[6:], links)
+    propagate(tree, q, Vr, V[6:], reference)
+    column = 10 * len(tree)
+    for i in range(len(tree)):
+        k = tree[i].number
+        _accelerate(tree[i], reference[tree[i].parent], reference[k], Ar)
+        own, R = reference[k], links[k].rotation
+        v, w = in_body(R, links[k].velocity)
+        vr, wr = in_body(R, own.velocity)
+        a, b = in_body(R, own.acceleration)
+        a = plus(a, times(0.5, plus(cross(w, vr), cross(v, wr))))
+        b = plus(b, times(0.5, cross(w, wr)))
+        for j in range(10):
+            f, g = momentum_column(j, a, b)
+            fr, gr = momentum_column(j, vr, wr)
+            fo, go = momentum_column(j, v, w)
+            f = plus(f, times(0.5, plus(cross(w, fr), cross(wr, fo))))
+            g = plus(g, times(0.5, plus(cross(w, gr), cross(v, fr))))
+            g = plus(g, times(0.5, plus(cross(wr, go), cross(vr, fo))))
+            set_rows(tree, i, links, 10 * k + j, rotate(R, f), rotate(R, g), Y)
+        for m in range(len(wheels)):
+            if wheels[m].body == k:
+                for j in range(3):
+                    g = rotate(R, cross(wr, rotate(wheels[m].rotation, unit(j))))
+                    set_rows(tree, i, links, column + 3 * m + j, _ZERO, g, Y)
+
+
+@compiled  # type: ignore[untyped-decorator]
+def add_uniform_acceleration(machine: Regression, a: Triple, Y: Array) -> None:
+    """Add to Y_SL, just filled, what a further linear acceleration of the base makes of it."""
+    tree, _, links, _ = machine
+    for i in range(len(tree)):
+        k = tree[i].number
+        for j in range(4):
+            f, g = momentum_column(j, rotate_back(links[k].rotation, a), _ZERO)
+            f, g = rotate(links[k].rotation, f), rotate(links[k].rotation, g)
+            at = k
+            for m in range(i, 0, -1):
+                if tree[m].number == at:
+                    own = links[at]
+                    Y[5 + at, 10 * k + j] += dot(get(own.subspace, 0), f)
+                    Y[5 + at, 10 * k + j] += dot(get(own.subspace, 3), g)
+                    g = plus(g, cross(get(own.offset, 0), f))
+                    at = tree[m].parent
+            for b in range(3):
+                Y[b, 10 * k + j] += f[b]
+                Y[3 + b, 10 * k + j] += g[b]
+
+
+@compiled  # type: ignore[untyped-decorator]
+def fill_momentum(machine: Regression, q: Array, V: Array, Yp: Array, Yc: Array) -> None:
+    """Write the momentum regressors: Yp pi = M V, wheels included, and Yc pi = C^T V.
+
+    The generalised momentum obeys d/dt (Yp pi) - Yc pi = u. A joint's row of C^T V is dT/dq =
+    (V x S) . H for the momentum H, the base's is -V x* H.
+
+    Args:
+        machine: The tree.
+        q: (n,) joint positions.
+        V: (6 + n,) velocity.
+        Yp: (6 + n, p) written.
+        Yc: (6 + n, p) written.
+    """
+    tree, wheels, links, _ = machine
+    propagate(tree, q, V, V[6:], links)
+    column = 10 * len(tree)
+    for i in range(len(tree)):
+        k = tree[i].number
+        R = links[k].rotation
+        v, w = in_body(R, links[k].velocity)
+        for j in range(10):
+            f, g = momentum_column(j, v, w)
+            _set_momentum(tree, i, links, 10 * k + j, rotate(R, f), rotate(R, g), (Yp, Yc))
+        for m in range(len(wheels)):
+            if wheels[m].body == k:
+                for j in range(3):
+                    g = rotate(R, rotate(wheels[m].rotation, unit(j)))
+                    _set_momentum(tree, i, links, column + 3 * m + j, _ZERO, g, (Yp, Yc))
+
+
+@compiled  # type: ignore[untyped-decorator]
+def in_body(R: Array, motion: Array) -> tuple[Triple, Triple]:
+    """A motion (6,) in base coordinates, in those of a body."""
+    return rotate_back(R, get(motion, 0)), rotate_back(R, get(motion, 3))
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _accelerate(body: Any, parent: Any, own: Any, acceleration: Array) -> None:
+    """A link's acceleration, the parent's known."""
+    if body.number == 0:
+        for a in range(6):
+            own.acceleration[a] = acceleration[a]
+        return
+    a, u = shifted(parent.acceleration, own.offset)
+    put(own.acceleration, 0, plus(a, get(own.drift, 0)))
+    put(own.acceleration, 3, plus(u, get(own.drift, 3)))
+    for a in range(6):
+        own.acceleration[a] += own.subspace[a] * acceleration[5 + body.number]
+
+
+@compiled  # type: ignore[untyped-decorator]
+def momentum_column(j: int, v: Triple, w: Triple) -> tuple[Triple, Triple]:
+    """Column j of W: force and moment parts of the momentum by m, m c (3), Ixx, Ixy, Iyy, ..."""
+    if j == 0:
+        return v, _ZERO
+    if j < 4:
+        return cross(w, unit(j - 1)), cross(unit(j - 1), v)
+    if j == 4:
+        return _ZERO, (w[0], 0.0, 0.0)
+    if j == 5:
+        return _ZERO, (w[1], w[0], 0.0)
+    if j == 6:
+        return _ZERO, (0.0, w[1], 0.0)
+    if j == 7:
+        return _ZERO, (w[2], 0.0, w[0])
+    if j == 8:
+        return _ZERO, (0.0, w[2], w[1])
+    return _ZERO, (0.0, 0.0, w[2])
+
+
+@compiled  # type: ignore[untyped-decorator]
+def set_rows(
+    tree: Records, i: int, links: Records, column: int, f: Triple, g: Triple, Y: Array
+) -> None:
+    """Write J^T [f; g] of a wrench at body i's origin, base coordinates."""
+    at = tree[i].number
+    for m in range(i, 0, -1):
+        if tree[m].number == at:
+            own = links[at]
+            Y[5 + at, column] = dot(get(own.subspace, 0), f) + dot(get(own.subspace, 3), g)
+            g = plus(g, cross(get(own.offset, 0), f))
+            at = tree[m].parent
+    for a in range(3):
+        Y[a, column], Y[3 + a, column] = f[a], g[a]
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _set_momentum(
+    tree: Records, i: int, links: Records, column: int, f: Triple, g: Triple, Y: Any
+) -> None:
+    """Rows of Yp and Yc for a momentum at body i's origin, base coordinates."""
+    Yp, Yc = Y
+    at = tree[i].number
+    for m in range(i, 0, -1):
+        if tree[m].number == at:
+            own = links[at]
+            s_v, s_w = get(own.subspace, 0), get(own.subspace, 3)
+            v, w = get(own.velocity, 0), get(own.velocity, 3)
+            Yp[5 + at, column] = dot(s_v, f) + dot(s_w, g)
+            Yc[5 + at, column] = dot(plus(cross(w, s_v), cross(v, s_w)), f) + dot(cross(w, s_w), g)
+            g = plus(g, cross(get(own.offset, 0), f))
+            at = tree[m].parent
+    force, torque = force_cross(links[0].velocity, f, g)
+    for a in range(3):
+        Yp[a, column], Yp[3 + a, column] = f[a], g[a]
+        Yc[a, column], Yc[3 + a, column] = -force[a], -torque[a]
+
+
+@compiled  # type: ignore[untyped-decorator]
+def momentum_map(machine: Regression, q: Array, V: Array, pi: Array, P: Array) -> float:
+    """Write P (3, 6 + n) of the linear momentum P V in base coordinates; returns the total mass.
+
+    Leaves the composites (`crba`) of the parameters pi (p,) in the links.
+    """
+    tree, _, links, _ = machine
+    for i in range(len(tree)):
+        for a in range(10):
+            tree[i].inertial[a] = pi[10 * tree[i].number + a]
+    propagate(tree, q, V, V[6:], links)
+    place_inertias(tree, links)
+    compose(tree, links)
+    root = links[0]
+    for b in range(6):
+        v, w = (unit(b), _ZERO) if b < 3 else (_ZERO, unit(b - 3))
+        _set_column(P, b, apply_inertia(root.mass, get(root.moment, 0), root.tensor, v, w)[0])
+    for k in range(1, len(tree)):
+        own = links[k]
+        v, w = get(own.screw, 0), get(own.screw, 3)
+        _set_column(P, 5 + k, apply_inertia(own.mass, get(own.moment, 0), own.tensor, v, w)[0])
+    return root.mass
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _set_column(P: Array, j: int, a: Triple) -> None:
+    P[0, j], P[1, j], P[2, j] = a
+
+
+@compiled  # type: ignore[untyped-decorator]
+def rest_centre(P: Array, V: Array) -> None:
+    """Give V (6 + n,) the base velocity at which the linear momentum P V is zero."""
+    for a in range(3):
+        total = 0.0
+        for j in range(3, len(V)):
+            total += P[a, j] * V[j]
+        V[a] = -total / P[0, 0]
+
+
+@compiled  # type: ignore[untyped-decorator]
+def fill_resting_momentum(
+    machine: Regression, q: Array, V: Array, pi: Array, P: Array, Y: Any
+) -> None:
+    """`fill_momentum` where the base's velocity follows from zero linear momentum.
+
+    With P(pi) V = 0 the velocity moves with the parameters, dv = -Y_p,lin dpi / m: added to the
+    regressors this gives the derivatives of momentum and of C^T V by the parameters. At the
+    parameters that v is computed with, the values do not change (Y_p,lin pi = 0). Force rows are
+    zero.
+
+    Args:
+        machine: The tree.
+        q: (n,) joint positions.
+        V: (6 + n,) velocity, whose first three are written.
+        pi: (p,) parameters.
+        P: (3, 6 + n) scratch.
+        Y: Yp and Yc, (6 + n, p) each, written.
+    """
+    Yp, Yc = Y
+    tree, _, links, _ = machine
+    mass = momentum_map(machine, q, V, pi, P)
+    rest_centre(P, V)
+    Yp[:], Yc[:] = 0.0, 0.0
+    fill_momentum(machine, q, V, Yp, Yc)
+    for k in range(len(tree)):  # the links' own linear momentum, then that of all outwards
+        own, h = links[k], links[k].own_moment
+        put(h, 0, rotate(own.rotation, (pi[10 * k + 1], pi[10 * k + 2], pi[10 * k + 3])))
+        spun = cross(get(own.velocity, 3), get(h, 0))
+        put(own.momentum, 0, plus(times(pi[10 * k], get(own.velocity, 0)), spun))
+    for i in range(len(tree) - 1, 0, -1):
+        add(links[tree[i].parent].momentum, 0, get(links[tree[i].number].momentum, 0))
+    w0 = get(links[0].velocity, 3)
+    for j in range(Yp.shape[1]):
+        lost = times(-1.0 / mass, (Yp[0, j], Yp[1, j], Yp[2, j]))
+        for i in range(3, Yp.shape[0]):
+            Yp[i, j] += dot((P[0, i], P[1, i], P[2, i]), lost)
+        Yc[3, j], Yc[4, j], Yc[5, j] = cross((Yp[3, j], Yp[4, j], Yp[5, j]), w0)
+    for k in range(1, len(tree)):
+        slope = _slope_by_velocity(links[0], links[k])
+        for j in range(Yp.shape[1]):
+            Yc[5 + k, j] -= dot(slope, (Yp[0, j], Yp[1, j], Yp[2, j])) / mass
+    for a in range(3):
+        for j in range(Yp.shape[1]):
+            Yp[a, j] = Yc[a, j] = 0.0
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _slope_by_velocity(root: Any, own: Any) -> Triple:
+    """Derivative of a joint's row of C^T V by the base's velocity, from composites."""
+    s_v, s_w, p = get(own.screw, 0), get(own.screw, 3), get(own.origin, 0)
+    w = get(own.velocity, 3)
+    v = plus(get(own.velocity, 0), cross(p, w))  # about the base's origin
+    linear, angular = plus(cross(w, s_v), cross(v, s_w)), cross(w, s_w)
+    slope = plus(times(own.mass, linear), cross(angular, get(own.moment, 0)))
+    return plus(slope, cross(s_w, get(own.momentum, 0)))
