@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from ...dynamics.spatial import compiled
 from ...types import Array
 
 _MARGIN = 1e-6  # smallest eigenvalue of P, in units of the body's own mass and size
@@ -67,7 +67,7 @@ def body_scales(parameters: Array) -> Array:
     return scales
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def fill_pseudo_inertia(pi: Array, body: int, scale: Array, P: Array) -> None:
     """Write d P d (4, 4) of a body's ten entries of pi (p,)."""
     m = pi[10 * body : 10 * body + 10]
@@ -81,38 +81,38 @@ def fill_pseudo_inertia(pi: Array, body: int, scale: Array, P: Array) -> None:
             P[j, i] = P[i, j]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def _is_positive(P: Array, margin: float) -> bool:
-    """Whether P - margin 1 (4, 4) is positive definite; spoils the lower triangle."""
+@compiled  # type: ignore[untyped-decorator]
+def _factor(P: Array, margin: float, C: Array) -> bool:
+    """Write C (4, 4), lower, with C C^T = P - margin 1; False where that is not positive."""
     for j in range(4):
         d = P[j, j] - margin
         for k in range(j):
-            d -= P[j, k] ** 2
+            d -= C[j, k] ** 2
+            C[k, j] = 0.0
         if not d > 0.0:
             return False
-        d = math.sqrt(d)
-        P[j, j] = d
+        C[j, j] = math.sqrt(d)
         for i in range(j + 1, 4):
-            s = P[i, j]
+            total = P[i, j]
             for k in range(j):
-                s -= P[i, k] * P[j, k]
-            P[i, j] = s / d
+                total -= C[i, k] * C[j, k]
+            C[i, j] = total / C[j, j]
     return True
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def is_physical(pi: Array, scales: Array, margin: float = 0.0) -> bool:
     """Whether every massive body's pseudo-inertia in pi (p,) is positive definite."""
-    P = np.empty((4, 4))
+    P, C = np.empty((4, 4)), np.empty((4, 4))
     for body in range(len(scales)):
         if scales[body, 3] > 0.0:
             fill_pseudo_inertia(pi, body, scales[body], P)
-            if not _is_positive(P, margin):
+            if not _factor(P, margin, C):
                 return False
     return True
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def project(pi: Array, G: Array, scales: Array, anchor: Array) -> bool:
     """Move parameters onto physical bodies, in the metric of the information G^-1.
 
@@ -131,49 +131,50 @@ def project(pi: Array, G: Array, scales: Array, anchor: Array) -> bool:
     """
     if is_physical(pi, scales, _MARGIN):
         return False
-    P, a = np.empty((4, 4)), np.zeros(len(pi))
+    P = np.empty((4, 4))
     for _ in range(_SWEEPS):
         for body in range(len(scales)):
             if scales[body, 3] > 0.0:
                 fill_pseudo_inertia(pi, body, scales[body], P)
-                _lift(pi, G, scales[body], body, P, a)
+                _raise_eigenvalues(pi, G, scales[body], body, P)
         if is_physical(pi, scales, _MARGIN):
             return True
-    way = pi - anchor
-    for _ in range(_HALVINGS):
-        way *= 0.9
-        pi[:] = anchor + way
+    for halving in range(_HALVINGS + 1):
+        share = 0.9 if halving < _HALVINGS else 0.0
+        for k in range(len(pi)):
+            pi[k] = anchor[k] + share * (pi[k] - anchor[k])
         if is_physical(pi, scales, _MARGIN):
             return True
-    pi[:] = anchor
     return True
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def _lift(pi: Array, G: Array, scale: Array, body: int, P: Array, a: Array) -> None:
+@compiled  # type: ignore[untyped-decorator]
+def _raise_eigenvalues(pi: Array, G: Array, scale: Array, body: int, P: Array) -> None:
     """Raise every eigenvalue of one body's P that lies below the margin."""
     values, vectors = np.linalg.eigh(P)
-    at = 10 * body
+    at, a, direction = 10 * body, np.zeros(10), np.zeros(len(pi))
     for e in range(4):
         if values[e] > 1.5 * _MARGIN:
             return
-        v = vectors[:, e] * scale
+        value, reach = 0.0, 0.0
+        direction[:] = 0.0
         for k in range(10):
-            total = 0.0
+            a[k] = 0.0
             for i in range(4):
                 for j in range(4):
-                    total += v[i] * BASIS[k, i, j] * v[j]
-            a[at + k] = total
-        direction = np.zeros(len(pi))
-        for k in range(at, at + 10):
-            direction += a[k] * G[k]
-        reach = a[at : at + 10] @ direction[at : at + 10]
-        value = a[at : at + 10] @ pi[at : at + 10]
+                    weight = scale[i] * vectors[i, e] * scale[j] * vectors[j, e]
+                    a[k] += weight * BASIS[k, i, j]
+            value += a[k] * pi[at + k]
+            for m in range(len(pi)):
+                direction[m] += a[k] * G[at + k, m]
+        for k in range(10):
+            reach += a[k] * direction[at + k]
         if reach > 0.0 and value < 2.0 * _MARGIN:
-            pi += direction * ((2.0 * _MARGIN - value) / reach)
+            for m in range(len(pi)):
+                pi[m] += direction[m] * ((2.0 * _MARGIN - value) / reach)
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
     """Gradient step on the manifold of physical bodies: P <- P exp(step L P), always physical.
 
@@ -199,15 +200,8 @@ def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
             for j in range(i + 1):
                 L[i, j] /= scale[i] * scale[j]
                 L[j, i] = L[i, j]
-        C[:] = P
-        if not _is_positive(C, 0.0):  # rounding at the boundary: nowhere to go from there
-            continue
-        C[0, 1:], C[1, 2:], C[2, 3:] = 0.0, 0.0, 0.0
-        values, vectors = np.linalg.eigh(step * np.dot(np.dot(C.T, L), C))
-        half = np.dot(C, vectors) * np.exp(0.5 * np.minimum(np.maximum(values, -1.0), 1.0))
-        P[:] = np.dot(half, half.T)
-        C[:] = P
-        if not _is_positive(C, 0.0):
+        # rounding at the boundary: nowhere to go from there
+        if not _factor(P, 0.0, C) or not _exponentiate(step, L, C, P):
             continue
         for i in range(4):
             for j in range(4):
@@ -216,3 +210,32 @@ def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
         m[0], m[1], m[2], m[3] = P[3, 3], P[3, 0], P[3, 1], P[3, 2]
         m[4], m[6], m[9] = P[1, 1] + P[2, 2], P[0, 0] + P[2, 2], P[0, 0] + P[1, 1]
         m[5], m[7], m[8] = -P[1, 0], -P[2, 0], -P[2, 1]
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _exponentiate(step: float, L: Array, C: Array, P: Array) -> bool:
+    """Write P = C exp(step C^T L C) C^T; whether that is still positive definite. Spoils C."""
+    exponent, half = np.zeros((4, 4)), np.zeros((4, 4))
+    _add_congruent(step, L, C, exponent)
+    values, vectors = np.linalg.eigh(exponent)
+    for e in range(4):
+        weight = math.exp(0.5 * min(max(values[e], -1.0), 1.0))
+        for i in range(4):
+            for k in range(4):
+                half[i, e] += C[i, k] * vectors[k, e] * weight
+    for i in range(4):
+        for j in range(4):
+            P[i, j] = 0.0
+            for e in range(4):
+                P[i, j] += half[i, e] * half[j, e]
+    return _factor(P, 0.0, C)
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _add_congruent(scale: float, A: Array, B: Array, out: Array) -> None:
+    """Add scale B^T A B."""
+    for i in range(4):
+        for j in range(4):
+            for k in range(4):
+                for m in range(4):
+                    out[i, j] += scale * B[k, i] * A[k, m] * B[m, j]
