@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ..control.adaptive.regressors import parameter_values
 from ..control.adaptive.settings import AdaptiveSettings
-from ..control.adaptive.tree import parameter_values
 from ..display import Drawing, Table
 from ..types import Array
 from . import adaptive_judge, adaptive_tables
