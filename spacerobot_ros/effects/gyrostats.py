@@ -74,8 +74,21 @@ class ServicerWheels(WheelEffect):
         return robot.servicer_wheels
 
 
-class TargetWheelMomentum(TargetWheels):
-    """h = h_believed + (x, y, z), in the carrying link's frame.
+class WheelMomentum(WheelEffect):
+    """h = h_believed + (x, y, z)."""
+
+    source = _WHEEL_SOURCE
+
+    def change(self, robot: Robot) -> Robot:
+        """Another constant momentum of the wheels."""
+        wheels = self.wheels(robot)
+        more = replace(wheels, momentum=wheels.momentum + self.vector())
+        servicer, *targets = (more if g is wheels else g for g in robot.gyrostats)
+        return replace(robot, servicer_wheels=servicer, target_wheels=tuple(targets))
+
+
+class TargetWheelMomentum(WheelMomentum, TargetWheels):
+    """In the carrying link's frame.
 
     Args:
         x, y, z: Momentum added to the believed one, along the link's axes.
@@ -86,19 +99,10 @@ class TargetWheelMomentum(TargetWheels):
     parameters = xyz('N m s', 50.0, 0.01)
     magnitude = '0.1 to 100 N m s'
     signature = 'torques -omega x h on the carrying link, and its share of the momentum balance'
-    source = _WHEEL_SOURCE
-
-    def change(self, robot: Robot) -> Robot:
-        """Another constant momentum of the wheels."""
-        targets = tuple(
-            replace(g, momentum=g.momentum + self.vector()) if g.link == self.where else g
-            for g in robot.target_wheels
-        )
-        return replace(robot, target_wheels=targets)
 
 
-class ServicerWheelMomentumError(ServicerWheels):
-    """h = h_believed + (x, y, z), in base coordinates.
+class ServicerWheelMomentumError(WheelMomentum, ServicerWheels):
+    """In base coordinates.
 
     Args:
         x, y, z: Momentum added to the believed one, along the base's axes.
@@ -109,14 +113,6 @@ class ServicerWheelMomentumError(ServicerWheels):
     parameters = xyz('N m s', 5.0, 0.01)
     magnitude = '0.1 to 5 N m s: tachometers and rotor inertias'
     signature = 'a torque -omega x h on the base'
-    source = _WHEEL_SOURCE
-
-    def change(self, robot: Robot) -> Robot:
-        """Another constant momentum of the wheels."""
-        wheels = robot.servicer_wheels
-        return replace(
-            robot, servicer_wheels=replace(wheels, momentum=wheels.momentum + self.vector())
-        )
 
 
 class WheelDrag(WheelEffect):

@@ -83,21 +83,9 @@ class Allowed(Bounds):
                 self.check(entry, where, self.unit)
 
 
-def param(
-    default: Any = MISSING,
-    unit: str = '',
-    *,
-    minimum: float = -math.inf,
-    above: float = -math.inf,
-    maximum: float = math.inf,
-    choices: tuple[str, ...] = (),
-    length: int | None = None,
-) -> Any:
+def param(default: Any = MISSING, unit: str = '', **limits: Any) -> Any:
     """A field of a settings dataclass, see `Allowed`; without a default it must be given."""
-    allowed = Allowed(
-        unit=unit, minimum=minimum, above=above, maximum=maximum, choices=choices, length=length
-    )
-    return field(default=default, metadata={'allowed': allowed})
+    return field(default=default, metadata={'allowed': Allowed(unit=unit, **limits)})
 
 
 def meanings(cls: type) -> dict[str, str]:

@@ -18,7 +18,7 @@ from ..errors import ModelError
 from ..types import Matrix3, Vector3
 
 MOVING = ('revolute', 'continuous', 'prismatic')
-_INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 # Relative slack of the triangle inequality: URDFs print inertias with about six digits, and a flat
 # plate sits on the bound.
 _TRIANGLE_SLACK = 1e-6
@@ -122,21 +122,21 @@ def _parse_link(element: ElementTree.Element, place: str) -> Link:
 
 
 def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:
-    extra = set(element.keys()) - set(_INERTIA)
+    extra = set(element.keys()) - set(INERTIA)
     values = {k: _parse_numbers(v, 1, f'{where} inertia {k}')[0] for k, v in element.items()}
     for key in extra:
         mirrored = f'i{key[2:]}{key[1:2]}'  # iyx of ixy
-        if mirrored not in _INERTIA or mirrored not in values:
+        if mirrored not in INERTIA or mirrored not in values:
             raise ModelError(f'{where} inertia', f'unknown attribute {key!r}')
         if values[key] != values[mirrored]:
             raise ModelError(
                 f'{where} inertia',
                 f'asymmetric: {key} = {values[key]} but {mirrored} = {values[mirrored]}',
             )
-    missing = [k for k in _INERTIA if k not in values]
+    missing = [k for k in INERTIA if k not in values]
     if missing:
         raise ModelError(f'{where} inertia', f'missing {", ".join(missing)}')
-    xx, xy, xz, yy, yz, zz = (values[k] for k in _INERTIA)
+    xx, xy, xz, yy, yz, zz = (values[k] for k in INERTIA)
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
@@ -154,24 +154,24 @@ def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
     """
     if not np.all(np.isfinite(inertia)) or not math.isfinite(mass):
         raise ModelError(where, 'mass or inertia is not finite')
-    if mass < 0.0:
-        raise ModelError(where, f'negative mass {mass:g} kg')
     scale = float(np.max(np.abs(inertia)))
-    if np.max(np.abs(inertia - inertia.T)) > 1e-9 * scale:
-        raise ModelError(where, 'inertia tensor is not symmetric')
-    if mass == 0.0 and scale > 0.0:
-        raise ModelError(where, 'has inertia but no mass')
     a, b, c = np.linalg.eigvalsh(inertia)
-    if a < -_TRIANGLE_SLACK * scale:
-        raise ModelError(
-            where, f'inertia is not positive: principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2'
-        )
-    if c > (a + b) * (1.0 + _TRIANGLE_SLACK):
-        raise ModelError(
-            where,
+    for is_wrong, why in (
+        (mass < 0.0, f'negative mass {mass:g} kg'),
+        (np.max(np.abs(inertia - inertia.T)) > 1e-9 * scale, 'inertia tensor is not symmetric'),
+        (mass == 0.0 and scale > 0.0, 'has inertia but no mass'),
+        (
+            a < -_TRIANGLE_SLACK * scale,
+            f'inertia is not positive: principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2',
+        ),
+        (
+            c > (a + b) * (1.0 + _TRIANGLE_SLACK),
             f'no rigid body has these principal moments: {c:.6g} > {a:.6g} + {b:.6g} kg m^2 '
             '(triangle inequality)',
-        )
+        ),
+    ):
+        if is_wrong:
+            raise ModelError(where, why)
 
 
 def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
@@ -189,33 +189,30 @@ def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
     if parent is None or child is None:
         raise ModelError(where, 'needs <parent> and <child>')
     translation, rotation = _parse_origin(element.find('origin'), where)
-    limit = element.find('limit')
-    effort, low, high = math.inf, -math.inf, math.inf
-    if limit is not None:
-        effort = (
-            _parse_numbers(limit.get('effort', '0'), 1, f'{where} effort limit')[0] or math.inf
-        )
-        if kind != 'continuous' and not {'lower', 'upper'}.isdisjoint(limit.keys()):
-            low = _parse_numbers(limit.get('lower', '0'), 1, f'{where} lower limit')[0]
-            high = _parse_numbers(limit.get('upper', '0'), 1, f'{where} upper limit')[0]
+    effort, position = _parse_limits(element.find('limit'), kind, where)
+    fixed_axis = np.array([1.0, 0.0, 0.0])
+    axis = fixed_axis if kind == 'fixed' else _parse_axis(element.find('axis'), where)
+    ends = parent.get('link', ''), child.get('link', '')
+    return Joint(name, kind, *ends, rotation, translation, axis, effort, position)
+
+
+def _parse_limits(
+    element: ElementTree.Element | None, kind: str, where: str
+) -> tuple[float, tuple[float, float]]:
+    """Limits of effort and position."""
+    given = {} if element is None else element.attrib
+
+    def limit(key: str) -> float:
+        return _parse_numbers(given.get(key, '0'), 1, f'{where} {key} limit')[0]
+
+    effort, low, high = limit('effort') or math.inf, -math.inf, math.inf
+    if kind != 'continuous' and ('lower' in given or 'upper' in given):
+        low, high = limit('lower'), limit('upper')
     if effort < 0.0 or low > high:
         raise ModelError(
             where, f'limits make no sense: effort {effort:g}, range [{low:g}, {high:g}]'
         )
-    axis = (
-        _parse_axis(element.find('axis'), where) if kind != 'fixed' else np.array([1.0, 0.0, 0.0])
-    )
-    return Joint(
-        name,
-        kind,
-        parent.get('link', ''),
-        child.get('link', ''),
-        rotation,
-        translation,
-        axis,
-        effort,
-        (low, high),
-    )
+    return effort, (low, high)
 
 
 def _parse_axis(element: ElementTree.Element | None, where: str) -> Vector3:

@@ -57,61 +57,54 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
                     place, f"the servicer's wheels are on {tree.root!r}, not on {joint.parent!r}"
                 )
             link = tree.links[joint.child]
-            part = Body(
-                link.name,
-                body,
-                rotation,
-                origin,
-                joint.axis,
-                False,
-                link.mass,
-                link.com,
-                link.inertia,
-            )
+            masses = link.mass, link.com, link.inertia
+            part = Body(link.name, body, rotation, origin, joint.axis, False, *masses)
             rotors.append(Rotor(name, joint.parent, section == 'target_wheels', part, rates[i]))
     return tuple(rotors)
 
 
-def servicer_gyrostat(options: RobotSettings, tree: Tree, rotors: tuple[Rotor, ...]) -> Gyrostat:
+def servicer_gyrostat(
+    options: RobotSettings, tree: Tree, frames: Frames, rotors: tuple[Rotor, ...]
+) -> Gyrostat:
     """Gyrostat of the base, in the frame of `base_link`."""
-    wheels = options.servicer_wheels
+    wheels, place = options.servicer_wheels, 'robot.servicer_wheels'
     if wheels.links not in ((), (tree.root,)):
-        raise ConfigurationError(
-            'robot.servicer_wheels.links', f"the servicer's wheels are on {tree.root!r}"
-        )
-    momentum = wheels.momentum or (0.0, 0.0, 0.0)
-    if len(momentum) != 3:
-        raise ConfigurationError(
-            'robot.servicer_wheels.momentum', f'expected 3 numbers, got {len(momentum)}'
-        )
-    spin = sum((r.body_momentum for r in rotors if not r.is_target), np.zeros(3))
-    return Gyrostat(tree.root, 0, np.eye(3), np.array(momentum) + spin)
+        raise ConfigurationError(f'{place}.links', f"the servicer's wheels are on {tree.root!r}")
+    own = [replace(r, link=tree.root) for r in rotors if not r.is_target]
+    return _gyrostats(wheels, (tree.root,), frames, own, place)[0]
 
 
 def target_gyrostats(
     options: RobotSettings, frames: Frames, rotors: tuple[Rotor, ...]
 ) -> tuple[Gyrostat, ...]:
     """Gyrostats of the captured body, one a link: as listed, or as the rotors first name them."""
-    wheels = options.target_wheels
-    links = wheels.links or tuple(dict.fromkeys(r.link for r in rotors if r.is_target))
+    wheels, own = options.target_wheels, [r for r in rotors if r.is_target]
+    links = wheels.links or tuple(dict.fromkeys(r.link for r in own))
+    return _gyrostats(wheels, links, frames, own, 'robot.target_wheels')
+
+
+def _gyrostats(
+    wheels: WheelSettings,
+    links: tuple[str, ...],
+    frames: Frames,
+    rotors: list[Rotor],
+    place: str,
+) -> tuple[Gyrostat, ...]:
     momentum = np.array(wheels.momentum or (0.0,) * (3 * len(links)))
     if len(momentum) != 3 * len(links):
         raise ConfigurationError(
-            'robot.target_wheels.momentum',
-            f'expected three a link ({3 * len(links)}), got {len(momentum)}',
+            f'{place}.momentum', f'expected three a link ({3 * len(links)}), got {len(momentum)}'
         )
     gyrostats = []
     for i, link in enumerate(links):
-        place = f'robot.target_wheels.links[{i}]'
         if link not in frames:
-            raise ConfigurationError(place, f'the URDF has no link {link!r}')
+            raise ConfigurationError(f'{place}.links[{i}]', f'the URDF has no link {link!r}')
         if link in links[:i]:
-            raise ConfigurationError(place, f'{link!r} is named twice')
+            raise ConfigurationError(f'{place}.links[{i}]', f'{link!r} is named twice')
         body, rotation, _ = frames[link]
-        spin = rotation.T @ sum(
-            (r.body_momentum for r in rotors if r.is_target and r.link == link), np.zeros(3)
-        )
-        gyrostats.append(Gyrostat(link, body, rotation, momentum[3 * i : 3 * i + 3] + spin))
+        spin = sum((r.body_momentum for r in rotors if r.link == link), np.zeros(3))
+        own = momentum[3 * i : 3 * i + 3] + rotation.T @ spin
+        gyrostats.append(Gyrostat(link, body, rotation, own))
     return tuple(gyrostats)
 
 

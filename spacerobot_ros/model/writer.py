@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from ..errors import ConfigurationError
-from .files import read_parameters
+from .files import read_parameters, write_parameters, write_text
 from .robot import Body, Robot
-from .urdf import parse_urdf
+from .urdf import INERTIA, parse_urdf
 
 
 def write_robot_file(robot: Robot, template: str | Path, path: str | Path) -> tuple[Path, Path]:
@@ -55,18 +53,10 @@ def write_robot(
         ConfigurationError: the files can't be written.
     """
     path = Path(path)
-    urdf_path = path.with_suffix('.urdf')
     section = {**parameters['robot'], 'urdf': urdf}
     _set_momentum(section, robot)
-    content = {'/**': {'ros__parameters': {**parameters, 'robot': section}}}
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        urdf_path.write_text(urdf_text(robot), encoding='utf-8')
-        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-        path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(str(path), f'can not be written: {error}') from error
-    return path, urdf_path
+    urdf_path = write_text(path.with_suffix('.urdf'), urdf_text(robot))
+    return write_parameters(path, {**parameters, 'robot': section}), urdf_path
 
 
 def parameters_of(settings: Any) -> dict[str, Any]:
@@ -127,15 +117,10 @@ def _inertial(body: Body) -> ElementTree.Element:
     origin = ' '.join(repr(float(x)) for x in body.com)
     ElementTree.SubElement(element, 'origin', xyz=origin, rpy='0 0 0')
     ElementTree.SubElement(element, 'mass', value=repr(float(body.mass)))
-    names = {
-        'ixx': (0, 0),
-        'ixy': (0, 1),
-        'ixz': (0, 2),
-        'iyy': (1, 1),
-        'iyz': (1, 2),
-        'izz': (2, 2),
+    values = {
+        name: repr(float(body.inertia['xyz'.index(name[1]), 'xyz'.index(name[2])]))
+        for name in INERTIA
     }
-    values = {name: repr(float(body.inertia[index])) for name, index in names.items()}
     ElementTree.SubElement(element, 'inertia', values)
     return element
 

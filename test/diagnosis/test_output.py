@@ -86,7 +86,7 @@ def test_json_says_null_where_there_is_no_number():
     [('linear', 0.04), ('reciprocal', 25.0), ('square', 0.2), ('phase', None)],
 )
 def test_thresholds_are_in_the_units_of_the_parameter(role, threshold):
-    parameter = Parameter(name='x', unit='', doc='', relevant=0.04, role=role)
+    parameter = Parameter(name='x', unit='', relevant=0.04, role=role)
     got = relevance(parameter)
     assert got is threshold if threshold is None else got == pytest.approx(threshold, rel=1e-12)
 

@@ -260,7 +260,7 @@ FILES = [
     (
         'servicer momentum',
         TEXT.replace('[25.0, 27.0, 28.0]', '[25.0]'),
-        'robot.servicer_wheels.momentum: expected 3 numbers, got 1',
+        r'robot.servicer_wheels.momentum: expected three a link \(3\), got 1',
     ),
     (
         'servicer link',

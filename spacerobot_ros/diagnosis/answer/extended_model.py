@@ -13,11 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ...effects.effect import Effect
-from ...errors import ConfigurationError
-from ...model.files import read_parameters, read_text
+from ...json_values import plain
+from ...model.files import read_parameters, read_text, write_parameters, write_text
 from ...model.loader import resolve_urdf
 
 NEVER = 1e12
@@ -55,25 +53,15 @@ def write_extended_model(template: str | Path, causes: Iterable[Effect], path: s
         ConfigurationError: the template can't be read or the files can't be written.
     """
     template, path = Path(template), Path(path)
-    values = _plain(read_parameters(template))
+    values = plain(read_parameters(template))
     values['effects'] = {**(values.get('effects') or {}), **effects_section(causes)}
     if not values['effects']:
         del values['effects']
-    text = yaml.safe_dump(
-        {'/**': {'ros__parameters': values}}, sort_keys=False, default_flow_style=None
-    )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        urdf = _copied_urdf(str(values['robot'].get('urdf', '')), template, path)
-        if urdf is not None:
-            values['robot']['urdf'] = urdf
-            text = yaml.safe_dump(
-                {'/**': {'ros__parameters': values}}, sort_keys=False, default_flow_style=None
-            )
-        path.write_text(_head(template) + text, encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(str(path), f'can not be written: {error.strerror}') from error
-    return path
+    url = str(values['robot'].get('urdf', ''))
+    if url and '://' not in url and not Path(url).is_absolute():
+        text = read_text(resolve_urdf(url, beside=template.parent), 'robot.urdf')
+        values['robot']['urdf'] = write_text(path.with_suffix('.urdf'), text).name
+    return write_parameters(path, values, _head(template))
 
 
 def _head(template: Path) -> str:
@@ -81,16 +69,6 @@ def _head(template: Path) -> str:
         f'# {template.name} extended by `spacerobot diagnose` (docs/diagnosis.md): what was found '
         'stands under effects,\n# the rest is unchanged.\n'
     )
-
-
-def _copied_urdf(url: str, template: Path, path: Path) -> str | None:
-    """Name of the URDF's copy beside the new file; None where its place needs no change."""
-    if not url or '://' in url or Path(url).is_absolute():
-        return None
-    source = resolve_urdf(url, beside=template.parent)
-    copy = path.with_suffix('.urdf')
-    copy.write_text(read_text(source, 'robot.urdf'), encoding='utf-8')
-    return copy.name
 
 
 def _free_name(cause: Effect, taken: set[str]) -> str:
@@ -113,12 +91,3 @@ def _finite(values: Mapping[str, float]) -> dict[str, float]:
         name: float(value) if math.isfinite(value) else math.copysign(NEVER, value)
         for name, value in values.items()
     }
-
-
-def _plain(value: Any) -> Any:
-    """Maps and lists that YAML writes without tags."""
-    if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return value
