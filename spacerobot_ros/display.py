@@ -46,14 +46,14 @@ class Curve:
         t: (N,) abscissa.
         y: (N,) ordinate; what is not finite leaves a gap.
         half_band: (N,) half width of a shaded band around it, such as 3 standard deviations.
-        colour: Index into the palette; None takes the curve's place in the panel.
+        color: Index into the palette; None takes the curve's place in the panel.
     """
 
     label: str
     t: Array
     y: Array
     half_band: Array | None = None
-    colour: int | None = None
+    color: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +119,7 @@ class KeyFigure:
         value: The number as text.
         unit: Its unit; empty for none.
         remark: What to compare it with; empty for none.
-        status: Whether it is as it should be; marked by a sign, not by colour alone.
+        status: Whether it is as it should be; marked by a sign, not by color alone.
     """
 
     label: str

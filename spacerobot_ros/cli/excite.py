@@ -69,7 +69,7 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
         metavar='EFFECT[@WHERE]',
         help='design the motion that tells two effects of the diagnosis apart instead',
     )
-    add('--criterion', choices=CRITERIA, help="what to optimise (default: file's)")
+    add('--criterion', choices=CRITERIA, help="what to optimize (default: file's)")
     add('--duration', type=positive_float, metavar='S', help="of the motion (default: the file's)")
     add(
         '--starts', type=whole_number(1), metavar='N', help="starting points (default: the file's)"

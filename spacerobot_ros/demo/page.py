@@ -29,27 +29,20 @@ AXES = 'xyz'
 
 def demo_report(results: Results) -> Report:
     """The page."""
+    tracking = Plot(partial(_tracking, results), 'Reference minus true joint position.')
+    ledger = Plot(
+        partial(_ledger, results.identification),
+        'What a closed system keeps, and what the simulated one did while it was identified.',
+    )
     return Report(
         title='Wheel momentum of a captured satellite: identified and used',
         subtitle=f'robot {results.robot}, seed {results.seed}, simulated on ROS 2 nodes',
         sections=(
             Section('Result', _figures(results)),
-            Section(
-                'Joint error with and without the wheel momentum',
-                [Plot(partial(_tracking, results), 'Reference minus true joint position.')],
-            ),
+            Section('Joint error with and without the wheel momentum', [tracking]),
             Section('Convergence of the estimates', _convergence(results)),
             Section('Estimated parameters', [_parameters(results)]),
-            Section(
-                'Momentum ledger',
-                [
-                    Plot(
-                        partial(_ledger, results.identification),
-                        'What a closed system keeps, and what the simulated one did while it was '
-                        'identified.',
-                    )
-                ],
-            ),
+            Section('Momentum ledger', [ledger]),
         ),
     )
 
@@ -86,32 +79,22 @@ def _places(results: Results) -> list[str]:
 def _figures(results: Results) -> list[Item]:
     aam, ratio, drift = results.aam_error_percent, results.ratio, results.momentum_drift
     without, with_it = results.no_aam.max_error_deg, results.identified.max_error_deg
+    rows = (
+        ('error of the wheel momentum', f'{aam:.3g}', '%', f'aim: below {AIM_AAM_PERCENT:g} %'),
+        ('largest joint error without it', f'{without:.3g}', 'deg', ''),
+        (
+            'largest joint error with it',
+            f'{with_it:.2g}',
+            'deg',
+            f'{ratio:.0f} times smaller; aim: {AIM_RATIO:g} times',
+        ),
+        ('drift of the angular momentum', f'{drift:.1e}', '', f'aim: below {AIM_DRIFT:g}'),
+    )
+    reached = (aam < AIM_AAM_PERCENT, None, ratio > AIM_RATIO, drift < AIM_DRIFT)
+    marks: dict[bool | None, Status] = {True: 'good', False: 'bad', None: ''}
     return [
         KeyFigures(
-            [
-                KeyFigure(
-                    'error of the wheel momentum',
-                    f'{aam:.3g}',
-                    '%',
-                    f'aim: below {AIM_AAM_PERCENT:g} %',
-                    _status(aam < AIM_AAM_PERCENT),
-                ),
-                KeyFigure('largest joint error without it', f'{without:.3g}', 'deg'),
-                KeyFigure(
-                    'largest joint error with it',
-                    f'{with_it:.2g}',
-                    'deg',
-                    f'{ratio:.0f} times smaller; aim: {AIM_RATIO:g} times',
-                    _status(ratio > AIM_RATIO),
-                ),
-                KeyFigure(
-                    'drift of the angular momentum',
-                    f'{drift:.1e}',
-                    '',
-                    f'aim: below {AIM_DRIFT:g}',
-                    _status(drift < AIM_DRIFT),
-                ),
-            ]
+            [KeyFigure(*row, marks[is_so]) for row, is_so in zip(rows, reached, strict=True)]
         ),
         Text(
             'A servicer has captured a satellite whose wheels still spin. First the arm moves '
@@ -120,10 +103,6 @@ def _figures(results: Results) -> list[Item]:
             'and with what was identified.'
         ),
     ]
-
-
-def _status(is_reached: bool) -> Status:
-    return 'good' if is_reached else 'bad'
 
 
 def _tracking(results: Results) -> str:
@@ -165,21 +144,12 @@ def _convergence(results: Results) -> list[Item]:
 
     def late() -> str:
         shown = time > 0.2 * time[-1]
-        return plot(
-            [
-                Panel(
-                    f'{place}: estimate minus truth, and 3 standard deviations',
-                    'N m s',
-                    [
-                        Curve(
-                            '', time[shown], (values[:, i] - truth[i])[shown], 3.0 * std[shown, i]
-                        )
-                    ],
-                    levels=[(0.0, 'truth')],
-                )
-                for i, place in enumerate(places)
-            ]
-        )
+        panels = []
+        for i, place in enumerate(places):
+            errors = Curve('', time[shown], (values[:, i] - truth[i])[shown], 3.0 * std[shown, i])
+            title = f'{place}: estimate minus truth, and 3 standard deviations'
+            panels.append(Panel(title, 'N m s', [errors], levels=[(0.0, 'truth')]))
+        return plot(panels)
 
     return [
         Plot(sizes, f'The estimate is first given out as valid {when}.'),

@@ -1,4 +1,4 @@
-"""Placebo extensions: as many columns of the same size and colour, without any meaning.
+"""Placebo extensions: as many columns of the same size and color, without any meaning.
 
 A candidate's whitened columns are cut into pieces of a second, which are shuffled and reversed in
 time. What such columns explain of data they were not fitted to, any extension of that size would.

@@ -14,7 +14,7 @@ attitude and h_W are eliminated and S the prior's standard deviations,
     gain = 1/2 log2 det(1 + S F S)
 
 is the expected information of the measurement (Lindley 1956), 1 bit for every halving of an
-uncertainty. A change of units changes neither it nor the motion that maximises it, unlike a
+uncertainty. A change of units changes neither it nor the motion that maximizes it, unlike a
 condition number, and a direction that no motion can excite adds nothing instead of spoiling all.
 
 Symbols: B candidates, T times, p constants [h_W; AAM; x], m unknowns besides h_W.

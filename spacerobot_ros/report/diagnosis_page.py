@@ -26,7 +26,7 @@ _SIGNALS, _SPECTRA, _RANKED = 3, 3, 12
 _POINTS = 500  # a curve: a page holds many
 _SEGMENT = 512  # samples, of a spectrum
 _FEWEST = 128  # samples, of the same
-_BEFORE, _AFTER, _MEASURED = 1, 0, 6  # colours
+_BEFORE, _AFTER, _MEASURED = 1, 0, 6  # colors
 
 _PREDICTION = (
     'An error-state filter predicts every sample of every sensor from the model and the measured '
@@ -263,8 +263,8 @@ def _error_panel(series: Series, title: str) -> Panel:
     return Panel(title, series.unit, curves, levels=levels)
 
 
-def _curve(name: str, series: Series, values: Array, colour: int) -> Curve:
-    return Curve(name, *thinned(series.time, values, _POINTS), None, colour)
+def _curve(name: str, series: Series, values: Array, color: int) -> Curve:
+    return Curve(name, *thinned(series.time, values, _POINTS), None, color)
 
 
 def _spectrum_plot(channels: Sequence[Series]) -> str:
@@ -277,13 +277,13 @@ def _spectrum_plot(channels: Sequence[Series]) -> str:
 def _spectrum_panel(series: Series) -> Panel:
     step = float(np.median(np.diff(series.time)))
     curves = []
-    for name, values, colour in (
+    for name, values, color in (
         ('before', series.before, _BEFORE),
         ('after', series.after, _AFTER),
     ):
         size = min(_SEGMENT, len(values))
         frequency, power = welch(values, fs=1.0 / step, nperseg=size, detrend=False)
-        curves.append(Curve(name, frequency[1:], np.sqrt(power[1:]), None, colour))
+        curves.append(Curve(name, frequency[1:], np.sqrt(power[1:]), None, color))
     floor = series.noise_floor * np.sqrt(2.0 * step)
     unit = f'{series.unit}/Hz^0.5'
     return Panel(_title(series), unit, curves, log=True, levels=((floor, 'noise floor'),))

@@ -1,7 +1,7 @@
 """Plots for reports: time series with bands, errors on a log scale; deterministic SVG text.
 
 The same data give the same bytes: no date, fixed identifiers, text kept as text. Curves differ in
-colour (Okabe and Ito's palette, safe for the colour-blind) and in line style (safe in print).
+color (Okabe and Ito's palette, safe for the color-blind) and in line style (safe in print).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from ..display import Matrix, Panel
 from ..types import Array, IntArray
 
-COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
+COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
 STYLES: tuple[Any, ...] = ('-', '--', '-.', (0, (4, 1, 1, 1, 1, 1)), (0, (1, 1)))
 MAX_POINTS = 1500  # a curve; more than a screen shows
 
@@ -82,8 +82,8 @@ def bars(
         ax = figure.subplots()
         places = np.arange(len(labels))
         heights = np.array([value if value > 0.0 else np.nan for value in values])
-        colours = [COLOURS[0] if mark else '#aab4bf' for mark in marked]
-        ax.barh(places, heights, color=colours, height=0.7)
+        colors = [COLORS[0] if mark else '#aab4bf' for mark in marked]
+        ax.barh(places, heights, color=colors, height=0.7)
         ax.set_xscale('log')
         ax.set_yticks(places, labels)
         ax.invert_yaxis()
@@ -133,14 +133,14 @@ def _drawn(size: tuple[float, float], label: str, draw: Callable[[Any], None]) -
 
 def _draw(panel: Panel, ax: Any) -> None:
     for place, curve in enumerate(panel.curves):
-        choice = place if curve.colour is None else curve.colour
-        colour, style = COLOURS[choice % len(COLOURS)], STYLES[place % len(STYLES)]
+        choice = place if curve.color is None else curve.color
+        color, style = COLORS[choice % len(COLORS)], STYLES[place % len(STYLES)]
         t, y = np.asarray(curve.t, dtype=float), np.asarray(curve.y, dtype=float)
         if panel.log:
             y = np.where(y == 0.0, np.nan, np.abs(y))
         if curve.half_band is not None:
-            _band(ax, t, y, np.asarray(curve.half_band), colour, panel.log)
-        ax.plot(*thinned(t, y), color=colour, linestyle=style, label=curve.label or None)
+            _band(ax, t, y, np.asarray(curve.half_band), color, panel.log)
+        ax.plot(*thinned(t, y), color=color, linestyle=style, label=curve.label or None)
     for value, label in panel.levels:
         ax.axhline(
             value, color='#5b626b', linewidth=0.9, linestyle=(0, (5, 3)), label=label or None
@@ -156,13 +156,13 @@ def _draw(panel: Panel, ax: Any) -> None:
         ax.legend(handles, labels, ncols=len(labels), **corner)  # beside the title, off the curves
 
 
-def _band(ax: Any, t: Array, y: Array, half: Array, colour: str, log: bool) -> None:
+def _band(ax: Any, t: Array, y: Array, half: Array, color: str, log: bool) -> None:
     step = max(1, len(t) // MAX_POINTS)
     keep = slice(None, None, step)
     low = y[keep] - half[keep]
     if log:
         low = np.where(low > 0.0, low, np.nan)
-    ax.fill_between(t[keep], low, y[keep] + half[keep], color=colour, alpha=0.18, linewidth=0)
+    ax.fill_between(t[keep], low, y[keep] + half[keep], color=color, alpha=0.18, linewidth=0)
 
 
 def thinned(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:

@@ -155,7 +155,7 @@ def test_identify_prints_a_table_for_people(capsys, bag):
     ):
         assert text in out
     assert 'note: sample times are header stamps' in out
-    assert '\x1b' not in out  # no colours where it is no terminal
+    assert '\x1b' not in out  # no colors where it is no terminal
 
 
 @pytest.mark.parametrize('method', ['ls', 'recursive'])

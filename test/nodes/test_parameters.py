@@ -79,7 +79,7 @@ def test_a_bad_description_on_the_topic_is_refused(rig, servicer):
     ('arguments', 'place'),
     [
         (['-p', 'robot.urdf:=servicer.urdf', '-p', 'robot.joints:=[joint_1]'], 'robot.urdf: '),
-        (['-p', 'robot.colour:=red'], 'robot.colour: unknown parameter'),
+        (['-p', 'robot.color:=red'], 'robot.color: unknown parameter'),
         ([], 'robot.joints: required parameter is missing'),
         (['--params-file', '/no/such.yaml'], 'such.yaml'),
     ],

@@ -95,7 +95,7 @@ def test_content_is_escaped():
     assert '<tag>' not in text
 
 
-def test_status_is_marked_by_a_sign_not_by_colour_alone():
+def test_status_is_marked_by_a_sign_not_by_color_alone():
     text = render(report())
     assert '<i class="good">&#10003;</i>' in text
     assert '<i class="bad">&#10007;</i>' in text
