@@ -18,22 +18,22 @@ from std_srvs.srv import SetBool
 from ..model.robot import Robot
 from ..model.settings import ADAPTIVE_LAWS
 from ..recording import messages
+from ..ros.diagnostics import ERROR, OK, WARN, Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.run_node import run_node
-from ..sensing.faults import SensorFaults
-from ..sensing.sensors import SensorSuite
 from ..simulation.plant import Plant
-from ..simulation.truth import build_plant
+from ..simulation.sample_messages import wheels_of
+from ..simulation.truth import build_plant, build_sensors
 from .base import RobotNode
 from .commands import Answer, HeldCommands
 from .pace import Pace
-from .simulator_status import Progress, command_status, momentum_status, time_status
 from .simulator_topics import SimulatorTopics
 
 LEDGER_PERIOD = 0.1
 POLL_PERIOD = 0.05
 RESEND_PERIOD_NS = 1_000_000_000
 NEWS_DELAY_NS = 200_000_000
+KEPT = 1e-8  # relative momentum drift: far above round-off, far below what matters
 CATCH_UP = 10  # steps in one tick of the real-time timer; beyond, the simulation falls behind
 
 
@@ -94,6 +94,7 @@ class SimulatorNode(RobotNode):
     def reset(self) -> None:
         """Go back to step 0 with the same seed; time jumps back."""
         self._build()
+        self._topics.forget()
         self.get_logger().info('reset: time starts again at zero')
         if self._is_started:
             self._sent_to = self._peers()
@@ -111,59 +112,35 @@ class SimulatorNode(RobotNode):
 
     def on_robot(self, robot: Robot) -> None:
         """Build the plant."""
-        self._robot = robot
+        self._robot, options = robot, self._options
         self._names = list(robot.joints)
-        options = self._options
         self._held = HeldCommands(len(self._names), options.command_timeout / options.period)
         self._answer = Answer(needs_base=self.settings.controller.law in ADAPTIVE_LAWS)
-        self._make_topics()
         self._build()
+        every = max(1, round(LEDGER_PERIOD / options.period))
+        self._topics = SimulatorTopics(self, bool(wheels_of(self.plant)), every)
+        commands = self.listen('/joint_commands', JointState, STATE, self._on_command)
+        self._command_topic = commands.topic_name
+        self.listen('/base_torque', WrenchStamped, STATE, self._on_wrench)
         self.is_open = True
         if self.get_parameter('robot_description').value or self.settings.robot.urdf:
-            self._description_publisher = self.create_publisher(
-                String, '/robot_description', LATCHED
-            )
-            self._description_publisher.publish(String(data=robot.urdf))
-        self.health.watch(
-            lambda: time_status(self._progress(), self._pace.take_slips()),
-            lambda: command_status(self._progress()),
-            lambda: momentum_status(self.plant.ledger()),
-        )
+            self._descriptions = self.create_publisher(String, '/robot_description', LATCHED)
+            self._descriptions.publish(String(data=robot.urdf))
+        self.health.watch(self._time_status, self._command_status, self._momentum_status)
         period = POLL_PERIOD
-        if not self._options.lockstep:
-            period = self._options.period / self._options.real_time_factor
+        if not options.lockstep:
+            period = options.period / options.real_time_factor
         self._timer = self.create_timer(period, self._on_timer, clock=self._pace.clock)
 
     def _build(self) -> None:
         self.plant = build_plant(self._robot, self.settings)
-        self._sensors = SensorSuite(
-            self.settings.sensors,
-            self._options,
-            len(self._names),
-            self._topics.n_wheels,
-            SensorFaults(self.plant.robot, self.plant.effects),
-        )
+        self._sensors = build_sensors(self.plant, self.settings)
         self._held.clear()
         self._answer.clear()
-        self._topics.forget()
         self._waiting_since = 0
         self._is_late = False
         self._is_answered = False
         self._sent_ns, self._sent_to = 0, (0, 0)
-
-    def _make_topics(self) -> None:
-        wheels = [r.joint for r in self._robot.rotors if not r.is_target]
-        self._topics = SimulatorTopics(
-            self,
-            self._names,
-            wheels,
-            self._robot.base_link,
-            self.settings.sensors.gyro_std,
-            ledger_every=max(1, round(LEDGER_PERIOD / self._options.period)),
-        )
-        subscription = self.listen('/joint_commands', JointState, STATE, self._on_command)
-        self._command_topic = subscription.topic_name
-        self.listen('/base_torque', WrenchStamped, STATE, self._on_wrench)
 
     # ------------------------------------------------------------ time
 
@@ -266,18 +243,44 @@ class SimulatorNode(RobotNode):
 
     # ------------------------------------------------------------ health
 
-    def _progress(self) -> Progress:
-        step = self.step_index
-        return Progress(
-            is_lockstep=self._options.lockstep,
-            is_started=self._is_started,
-            is_paused=self._is_paused,
-            step=step,
-            time_ns=self.plant.time_ns,
-            reached=self._pace.reached(step),
-            late_ns=self._answer.stamp_ns if self._is_late else None,
-            is_fresh=self._held.is_fresh(step),
-        )
+    def _time_status(self) -> Status:
+        """Whether the simulation runs, and how fast."""
+        mode = 'lockstep' if self._options.lockstep else 'real time'
+        time = self.plant.time_ns * 1e-9
+        values: dict[str, object] = {'step': self.step_index, 'time [s]': time}
+        slips = self._pace.take_slips()
+        if not self._is_started:
+            return Status('time', WARN, f'{mode}: waiting for a controller', values)
+        if self._is_paused:
+            return Status('time', OK, f'{mode}: paused', values)
+        values['real-time factor'] = self._pace.reached(self.step_index)
+        if slips:
+            values['fell behind [times]'] = slips
+            return Status('time', WARN, f'{mode}: slower than real_time_factor asks for', values)
+        return Status('time', OK, mode, values)
+
+    def _command_status(self) -> Status:
+        """Whether commands arrive."""
+        if self._options.lockstep and self._is_late and self._answer.stamp_ns is not None:
+            values: dict[str, object] = {'awaited stamp [s]': self._answer.stamp_ns * 1e-9}
+            return Status('commands', ERROR, 'no command for the last joint states', values)
+        if self._options.lockstep:
+            return Status('commands', OK, 'in step')
+        if self._held.is_fresh(self.step_index):
+            return Status('commands', OK, 'fresh')
+        return Status('commands', WARN, 'none, or too old: joint torques are zero')
+
+    def _momentum_status(self) -> Status:
+        """Whether the plant keeps its momentum."""
+        ledger = self.plant.ledger()
+        values: dict[str, object] = {
+            'angular momentum drift, relative': ledger.momentum_drift,
+            'energy drift [J]': ledger.energy_drift,
+        }
+        if ledger.momentum_drift < KEPT:
+            return Status('momentum', OK, 'kept', values)
+        message = 'not kept: period or substeps are too coarse'
+        return Status('momentum', WARN, message, values)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -29,7 +29,10 @@ STREAMS = (
     'imu_jitter',
     'attitude_jitter',
 )
-CLOCKS = ('joints', 'imu', 'attitude')
+CHANNELS = ('joint_position', 'joint_velocity', 'joint_effort', 'gyro', 'attitude')
+CLOCKS = {'joints': 'joint', 'imu': 'imu', 'attitude': 'attitude'}
+"""Clocks, and what their settings' names begin with."""
+_TACHOMETER = ('wheel_rate', 'joint_velocity')  # it is as noisy as a joint's rate
 
 
 class Imperfections:
@@ -47,34 +50,16 @@ class Imperfections:
         }
         random = 1.0 if settings.noise else 0.0
         self._std = {
-            'joint_position': random * (sensors.joint_position_std or 0.0),
-            'joint_velocity': random * (sensors.joint_velocity_std or 0.0),
-            'joint_effort': random * (sensors.joint_effort_std or 0.0),
-            'gyro': random * (sensors.gyro_std or 0.0),
-            'attitude': random * (sensors.attitude_std or 0.0),
-            'wheel_rate': random * (sensors.joint_velocity_std or 0.0),
+            channel: random * (getattr(sensors, f'{name}_std') or 0.0)
+            for channel, name in (*zip(CHANNELS, CHANNELS, strict=True), _TACHOMETER)
         }
         self._resolution = {
-            'joint_position': sensors.joint_position_resolution,
-            'joint_velocity': sensors.joint_velocity_resolution,
-            'joint_effort': sensors.joint_effort_resolution,
-            'gyro': sensors.gyro_resolution,
+            channel: getattr(sensors, f'{channel}_resolution', 0.0) for channel in CHANNELS
         }
-        self._lost = {
-            'joints': random * sensors.joint_dropout,
-            'imu': random * sensors.imu_dropout,
-            'attitude': random * sensors.attitude_dropout,
-        }
-        self._jitter = {
-            'joints': random * sensors.joint_jitter,
-            'imu': random * sensors.imu_jitter,
-            'attitude': random * sensors.attitude_jitter,
-        }
-        self._drift = {
-            'joints': sensors.joint_clock_drift,
-            'imu': sensors.imu_clock_drift,
-            'attitude': sensors.attitude_clock_drift,
-        }
+        self._lost, self._jitter, self._drift = (
+            {clock: share * getattr(sensors, f'{name}_{what}') for clock, name in CLOCKS.items()}
+            for what, share in (('dropout', random), ('jitter', random), ('clock_drift', 1.0))
+        )
         self._walk = random * sensors.gyro_bias_walk / math.sqrt(settings.imu_rate)
         self._bias: Vector3 = np.zeros(3)
         self._gyro_range = sensors.gyro_range or math.inf

@@ -80,11 +80,10 @@ class SensorSuite:
         self._n_wheels = n_wheels
         self._period = settings.period
         self._every = {
-            'joints': steps_between(settings.joint_rate, settings.period, 'simulator.joint_rate'),
-            'imu': steps_between(settings.imu_rate, settings.period, 'simulator.imu_rate'),
-            'attitude': steps_between(
-                settings.attitude_rate, settings.period, 'simulator.attitude_rate'
-            ),
+            clock: steps_between(
+                getattr(settings, f'{name}_rate'), settings.period, f'simulator.{name}_rate'
+            )
+            for clock, name in CLOCKS.items()
         }
         self._imperfections = Imperfections(noise, settings)
         self._faults = faults
@@ -106,9 +105,7 @@ class SensorSuite:
         own = np.zeros(0) if hidden is None else hidden
         time = step_index * self._period
         self._history.add(time, state, effort, own, self._span(time))
-        joints = self._seen('joints', step_index)
-        imu = self._seen('imu', step_index)
-        attitude = self._seen('attitude', step_index)
+        joints, imu, attitude = (self._seen(clock, step_index) for clock in CLOCKS)
         return SensorSamples(
             joints=None if joints is None else self._joints(joints),
             omega=None if imu is None else self._rate(imu),

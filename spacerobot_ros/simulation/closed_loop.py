@@ -18,14 +18,13 @@ from ..errors import ConfigurationError
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import Settings
-from ..sensing.faults import SensorFaults
-from ..sensing.sensors import SensorSamples, SensorSuite
+from ..sensing.sensors import SensorSamples
 from ..types import Array
-from .truth import build_plant
+from .truth import build_plant, build_sensors
 
 
 class Listener(Protocol):
-    """Who is told what sensors say, stamp by stamp."""
+    """Who takes what sensors measure, stamp by stamp."""
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array, effort: Array) -> None:
         """Positions [rad], rates [rad/s] and torques [N m] of the joints."""
@@ -54,7 +53,7 @@ class Step:
     command: Command | None
 
     def feed(self, listener: Listener) -> None:
-        """Tell a filter, buffer or monitor what the sensors said."""
+        """Give a filter, buffer or monitor what the sensors measured."""
         joints, omega, attitude = (
             self.measured.joints,
             self.measured.omega,
@@ -87,17 +86,12 @@ class ClosedLoop:
                 'reference.kind', "'topic' needs the nodes: use fourier, set_point or hold"
             )
         self.plant = build_plant(robot, settings)
-        truth, arm = self.plant.robot, self.plant.n_arm
-        self.joints = truth.joints[:arm]
-        self.wheels = tuple(r.joint for r in truth.rotors if not r.is_target)
+        self.joints = self.plant.robot.joints[: self.plant.n_arm]
         self.controller = ControlLoop(robot, settings)
         if estimate is not None:
             self.controller.set_estimate(estimate)
-        faults = SensorFaults(truth, self.plant.effects)
-        self._sensors = SensorSuite(
-            settings.sensors, settings.simulator, arm, len(self.wheels), faults
-        )
-        self._tau = np.zeros(arm)
+        self._sensors = build_sensors(self.plant, settings)
+        self._tau = np.zeros(self.plant.n_arm)
         self._wrench: Array | None = None
 
     def run(self, steps: int) -> Iterator[Step]:

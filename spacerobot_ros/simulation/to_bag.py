@@ -11,6 +11,7 @@ import numpy as np
 from ..control.loop import Command
 from ..recording.bag_writer import BagWriter
 from .closed_loop import ClosedLoop, Step
+from .sample_messages import sample_messages
 
 LEDGER_PERIOD = 0.1  # s
 
@@ -100,22 +101,12 @@ def _joint_error(step: Step, command: Command) -> float:
 
 
 def _write(bag: BagWriter, loop: ClosedLoop, step: Step) -> None:
-    ns, measured, robot = step.stamp_ns, step.measured, loop.plant.robot
-    compose = bag.compose
-    if measured.joints is not None:
-        j = measured.joints
-        joints = compose.joint_state(ns, loop.joints, j.position, j.velocity, j.effort)
-        bag.add('/joint_states', joints)
-    if measured.omega is not None and robot.is_free:
-        gyro = compose.imu(ns, robot.base_link, measured.omega, robot.sensors.gyro_std)
-        bag.add('/imu/data', gyro)
-    if measured.attitude_xyzw is not None:
-        bag.add('/attitude', compose.quaternion(ns, measured.attitude_xyzw))
-    if measured.wheel_rates is not None:
-        wheels = compose.joint_state(ns, loop.wheels, velocity=measured.wheel_rates)
-        bag.add('/wheel_states', wheels)
+    compose, ns = bag.compose, step.stamp_ns
+    for topic, message in sample_messages(compose, loop.plant, step.measured):
+        bag.add(topic, message)
     if step.command is not None:
         command = compose.joint_state(ns, loop.joints, effort=step.command.tau)
         bag.add('/joint_commands', command)
         if step.command.base is not None:
-            bag.add('/base_torque', compose.base_torque(ns, robot.base_link, step.command.base))
+            link = loop.plant.robot.base_link
+            bag.add('/base_torque', compose.base_torque(ns, link, step.command.base))

@@ -11,8 +11,11 @@ from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.settings import Settings, TruthSettings
 from ..model.urdf import check_inertia
+from ..sensing.faults import SensorFaults
+from ..sensing.sensors import SensorSuite
 from ..types import Array
 from .plant import Plant
+from .sample_messages import wheels_of
 
 
 def build_plant(robot: Robot, settings: Settings) -> Plant:
@@ -31,6 +34,17 @@ def build_plant(robot: Robot, settings: Settings) -> Plant:
     plant = Plant(truth, start, options.period, options.substeps)
     at_rest = plant.dynamics.at_rest_centre(start)
     return Plant(truth, at_rest, options.period, options.substeps, effects)
+
+
+def build_sensors(plant: Plant, settings: Settings) -> SensorSuite:
+    """The plant's sensors with their noise and faults, at its start.
+
+    Raises:
+        ConfigurationError: rates that don't fit the period.
+    """
+    faults = SensorFaults(plant.robot, plant.effects)
+    wheels = len(wheels_of(plant))
+    return SensorSuite(settings.sensors, settings.simulator, plant.n_arm, wheels, faults)
 
 
 def true_robot(robot: Robot, settings: Settings) -> Robot:
