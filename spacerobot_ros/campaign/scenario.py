@@ -18,15 +18,15 @@ from ..control.laws import ComputedTorque, Feedback, robot_model
 from ..control.reference import Reference as JointReference
 from ..control.reference import build_reference
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import RK4, Torque, rk_step, simulate_smooth
-from ..dynamics.rotation import quaternion_rate, rotation_matrix
+from ..dynamics.integrate import Torque, simulate_smooth
 from ..dynamics.state import State, initial_state
 from ..errors import ConfigurationError
 from ..estimation.minimal import MinimalSet, minimal_set
 from ..estimation.reference import Kinematics
+from ..excitation.base_response import BaseResponse, BaseStart
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
-from ..types import Array, Vector3
+from ..types import Array
 from . import paper
 from .packaged_robots import packaged
 
@@ -80,9 +80,8 @@ class Scenario:
         if kind == 'wheels':
             omega = np.zeros(3)
         elif kind == 'spin_up':
-            blocks = self.dynamics.inertia_blocks(self.initial.q)
             h0 = self.robot.servicer_wheels.body_momentum
-            omega = np.asarray(-np.linalg.solve(blocks.D, h0), dtype=float)
+            omega = BaseResponse(self.robot).spun_up(self.initial.q, h0)
         return self.dynamics.at_rest_centre(replace(self.initial, omega_WB_B=omega))
 
 
@@ -110,45 +109,11 @@ def scenario(axes: str) -> Scenario:
 
 def momentum_motion(case: Scenario, start: str = 'moving') -> Kinematics:
     """Motion along the exact reference, body rate from the momentum at every sample."""
-    dynamics, state = case.dynamics, case.start(start)
-    total = dynamics.momentum(state)[3:]
-
-    def body_rate(t: float, attitude: Array) -> Vector3:
-        point = case.reference.at(t)
-        still = State(
-            state.p_WB,
-            attitude / np.linalg.norm(attitude),
-            point.q,
-            np.zeros(3),
-            np.zeros(3),
-            point.qd,
-        )
-        missing = rotation_matrix(attitude).T @ (total - dynamics.momentum(still)[3:])
-        D = dynamics.inertia_blocks(point.q).D
-        return np.asarray(np.linalg.solve(D, missing), dtype=float)
-
-    times = case.times
-    attitudes = [state.q_WB_xyzw]
-    for t in times[:-1]:
-        moved = rk_step(
-            lambda s, x: quaternion_rate(x, body_rate(s, x)),
-            float(t),
-            attitudes[-1],
-            paper.SAMPLE_PERIOD,
-            RK4,
-        )
-        attitudes.append(moved / np.linalg.norm(moved))
-    points = [case.reference.at(float(t)) for t in times]
-    omega = np.array(
-        [body_rate(float(t), attitude) for t, attitude in zip(times, attitudes, strict=True)]
-    )
-    return Kinematics(
-        times,
-        np.array([p.q for p in points]),
-        np.array([p.qd for p in points]),
-        omega,
-        Rotation.from_quat(np.array(attitudes)),
-    )
+    state, points = case.start(start), [case.reference.at(float(t)) for t in case.times]
+    q, qd, qdd = (np.array([[getattr(p, name) for p in points]]) for name in ('q', 'qd', 'qdd'))
+    first = BaseStart(state.q_WB_xyzw, state.omega_WB_B)
+    base = BaseResponse(case.robot).move(case.times, q, qd, qdd, first)
+    return Kinematics(case.times, q[0], qd[0], base.omega[0], Rotation.from_matrix(base.R_WB[0]))
 
 
 def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -> Kinematics:
