@@ -12,14 +12,14 @@ import numpy as np
 
 from ..control.adaptive.regressors import parameter_values
 from ..control.adaptive.settings import AdaptiveSettings
-from ..display import Drawing, Table
 from ..types import Array
-from . import adaptive_judge, adaptive_tables
 from .adaptive_identities import identities
-from .adaptive_run import Case, Run, run_case
+from .adaptive_judge import judge as judge
+from .adaptive_run import TIMED, Case, Run, cycle_time, run_case
 from .adaptive_scenario import minisat
-from .adaptive_timing import TIMED, cycle_time
-from .description import Check, Record, Results, key, kinds, without
+from .adaptive_tables import drawings as drawings
+from .adaptive_tables import tables as tables
+from .description import Record, Results, key, kinds, without
 
 LAWS = (
     ('passivity', 'none'),
@@ -197,18 +197,3 @@ def results(records: Sequence[Record]) -> Results:
         'cycle_us': [without(r, 'case') for r in of['cycle']],
         'identities': without(found, 'case'),
     }
-
-
-def judge(results: Results) -> list[Check]:
-    """All figures to reach."""
-    return adaptive_judge.judge(results)
-
-
-def tables(results: Results) -> list[Table]:
-    """Every experiment."""
-    return adaptive_tables.tables(results)
-
-
-def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
-    """Figures 10 to 13."""
-    return adaptive_tables.drawings(records)

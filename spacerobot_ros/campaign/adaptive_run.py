@@ -1,7 +1,8 @@
-"""One closed loop of the adaptive-control experiments: law, plant, sensors."""
+"""One closed loop of the adaptive-control experiments (law, plant, sensors), and its time."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,6 +24,16 @@ from .adaptive_scenario import START, harmonic, minisat, orientation, torque_err
 TASKS = {'orientation': orientation, 'harmonic': harmonic}
 _SUBSTEP = 0.05  # longest Runge-Kutta step [s]
 _DIVERGED = np.deg2rad(170.0)  # an error from which on a run counts as diverged [rad]
+TIMED = (
+    ('passivity', 'none'),
+    ('adaptive_lyapunov', 'none'),
+    ('adaptive_lyapunov', 'natural'),
+    ('adaptive_rls', 'none'),
+    ('adaptive_composite', 'project'),
+    ('adaptive_lyapunov_paper', 'none'),
+    ('adaptive_rls_paper', 'none'),
+)
+_PERIOD, _CYCLES, _BLOCKS = 0.05, 1000, 5  # of a measurement of the time of a cycle
 _NOISY = ('joint_velocity_std', 'gyro_std', 'joint_effort_std')
 
 
@@ -151,3 +162,26 @@ def _measured(case: Case, state: State, rng: np.random.Generator) -> Measured:
         qd = qd + case.noise * _std('joint_velocity_std') * rng.standard_normal(4)
     v = state.v_WB_B if case.measures_velocity else None
     return Measured(state.q_WB_xyzw, omega, state.q, qd, v)
+
+
+def cycle_time(law: str, consistency: str) -> float:
+    """Time of a cycle [us]: of blocks of a thousand, the quickest block's median."""
+    settings = AdaptiveSettings(law=law, physical_consistency=consistency)
+    controller = AdaptiveController(minisat(), settings, _PERIOD)
+    targets = [harmonic(k * _PERIOD) for k in range(_CYCLES)]
+    states = [_on_target(k * _PERIOD) for k in range(_CYCLES)]
+    medians = []
+    for _ in range(1 + _BLOCKS):  # the first block compiles
+        spans = []
+        for state, target in zip(states, targets, strict=True):
+            started = time.perf_counter_ns()
+            controller.step(state, target)
+            spans.append(time.perf_counter_ns() - started)
+        medians.append(float(np.median(spans)))
+    return min(medians[1:]) * 1e-3
+
+
+def _on_target(t: float) -> Measured:
+    """A state that lags the harmonic task by a hundredth of a second."""
+    point = harmonic(t - 0.01)
+    return Measured(point.q_WD_xyzw, point.omega_WD_D, point.q, point.qd, np.zeros(3))

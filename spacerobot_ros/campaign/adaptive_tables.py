@@ -196,7 +196,7 @@ def _periods_and_times(results: Results) -> list[Table]:
     return [periods, times]
 
 
-def drawings(records: Sequence[Record]) -> list[Drawing]:
+def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
     """Figures 10 to 13 and the base's inertia over time, first prior at the largest error."""
     kept = {tuple(r['key']): r['history'] for r in records if 'history' in r}
     first = {key[3:5]: history for key, history in kept.items() if key[0] == 'harmonic'}

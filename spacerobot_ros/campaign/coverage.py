@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..display import Drawing, Table, table_of
+from ..display import Table, table_of
 from ..types import Array
 from .description import Check, Record, Results, key
 from .estimators import bound_std, error_figures, estimate, rms, true_values
@@ -135,8 +135,3 @@ def tables(results: Results) -> list[Table]:
             '{chi2_per_dof:.3f}',
         )
     ]
-
-
-def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
-    """None."""
-    return []

@@ -67,9 +67,6 @@ class Experiment(Protocol):
     def tables(self, results: Results) -> list[Table]:
         """What is shown, in order."""
 
-    def drawings(self, records: Sequence[Record], results: Results) -> list[Drawing]:
-        """What is drawn, in order."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
@@ -104,6 +101,11 @@ class Campaign:
     def load(self) -> Experiment:
         """The campaign's functions; imports what is heavy."""
         return cast(Experiment, import_module(f'.{self.module}', __package__))
+
+    def drawings(self, records: Sequence[Record], results: Results) -> list[Drawing]:
+        """What is drawn, in order; a module that draws has a function of this name."""
+        draw = getattr(self.load(), 'drawings', None)
+        return draw(records, results) if draw else []
 
 
 def key(*parts: Any) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -15,19 +15,20 @@ import numpy as np
 
 from ..diagnosis.answer.result import Cause, Diagnosis
 from ..diagnosis.diagnose import diagnose
-from ..display import Drawing, Table
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..errors import SpaceRobotError
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed
 from ..estimation.refit import Fit, Run
-from . import diagnosis_campaign_tables
-from .description import Check, Record, Results
+from .description import Record
+from .diagnosis_campaign_tables import drawings as drawings
+from .diagnosis_campaign_tables import tables as tables
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED
 from .diagnosis_scenario import DURATION, EXCITATIONS, ROBOTS, robot_file, simulated
-from .diagnosis_score import checks, score
+from .diagnosis_score import judge as judge
+from .diagnosis_score import results as results
 
 MULTIPLES = (1.0, 3.0, 10.0)
 _SEEDS = 2  # of every effect at every strength, on every robot
@@ -199,23 +200,3 @@ def _plain(cause: Cause) -> dict[str, Any]:
             name: [estimated.value, estimated.std] for name, estimated in cause.parameters.items()
         },
     }
-
-
-def results(records: Sequence[Record]) -> Results:
-    """All scores, as `diagnosis`."""
-    return {'diagnosis': score(records)}
-
-
-def judge(results: Results) -> list[Check]:
-    """Right names, true intervals, few false alarms."""
-    return checks(results['diagnosis'])
-
-
-def tables(results: Results) -> list[Table]:
-    """All scores."""
-    return diagnosis_campaign_tables.tables(results['diagnosis'])
-
-
-def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
-    """False alarms against detection, and who is taken for whom."""
-    return diagnosis_campaign_tables.drawings(results['diagnosis'])

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ..display import Curve, Drawing, Matrix, Panel, Table, table_of
+from .description import Record, Results
 from .diagnosis_score import Scores
 from .shares import Share
 
@@ -17,8 +18,9 @@ _MOST_CHARACTERS = 160  # of a message
 _NONE = Share(0, 0)
 
 
-def tables(s: Scores) -> list[Table]:
+def tables(results: Results) -> list[Table]:
     """All scores, in the order of the page."""
+    s = results['diagnosis']
     return [_outcomes(s), _shares(s), _found(s), _limits(s), _confusion(s), _refused(s), _times(s)]
 
 
@@ -112,8 +114,9 @@ def _times(s: Scores) -> Table:
     return Table(['median [s]', 'longest [s]'], [cells], title='Time of a diagnosis')
 
 
-def drawings(s: Scores) -> list[Drawing]:
+def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
     """False alarms against detection, and who is taken for whom."""
+    s = results['diagnosis']
     section, alarms = 'Detection and confusion', np.asarray(s['roc']['false_alarm'])
     curves = [
         Curve(f'{name.removeprefix("found_")} x limit', alarms, np.asarray(shares))

@@ -14,7 +14,7 @@ import numpy as np
 from ..effects.catalogue import CATALOGUE
 from ..estimation.scaling import PROPORTIONAL
 from ..types import Array
-from .description import Check
+from .description import Check, Results
 from .diagnosis_judge import (
     REFUSED,
     Line,
@@ -198,9 +198,14 @@ def _detunings(line: Line) -> Iterator[float]:
             yield math.inf if value is None else abs(value / truth - 1.0)
 
 
-def checks(s: Scores) -> list[Check]:
-    """The figures to reach."""
-    none = Share(0, 0)
+def results(records: Sequence[Line]) -> Results:
+    """All scores, as `diagnosis`."""
+    return {'diagnosis': score(records)}
+
+
+def judge(results: Results) -> list[Check]:
+    """Right names, true intervals, few false alarms."""
+    s, none = results['diagnosis'], Share(0, 0)
     tuned = [share for m, share in s['frequencies'].items() if m >= _AT]
     wanted = [
         (f'first name right at {_AT:g} times the limit', s['top'].get(_AT, none), _NAMED),

@@ -9,10 +9,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ..display import Drawing, Table, table_of
+from ..display import Table, table_of
 from .description import Check, Record, Results, key
-from .monitor_faults import FAULTS, in_flight
-from .monitor_flights import Flight, monitor_of, watch
+from .monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
 
 ROBOTS = ('servicer', 'minisat')
 ONSET, END, DURATION = 30.0, 45.0, 75.0
@@ -204,8 +203,3 @@ def tables(results: Results) -> list[Table]:
             '{cleared:.0f} | {spoke}',
         ),
     ]
-
-
-def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
-    """None."""
-    return []

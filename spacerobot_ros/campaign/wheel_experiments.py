@@ -6,14 +6,15 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from ..display import Drawing, Table
-from . import paper, wheel_tables
+from . import paper
 from .description import Check, Record, Results, key, kinds, without
 from .estimators import bound_std, noisy_run, score, true_values
 from .linear_system import noise_free, relative_errors
 from .noisy_records import SCALES
 from .scenario import STARTS
 from .tracking import soft_bandwidth, track
+from .wheel_tables import drawings as drawings
+from .wheel_tables import tables as tables
 
 AXES = ('zyx', 'xyy')  # with the symmetry of Table I
 PLANTS_AND_LAWS = (
@@ -162,13 +163,3 @@ def _tracking_checks(run: Record) -> list[Check]:
         limits = (1.0 - _UNTRACKED) * value, (1.0 + _UNTRACKED) * value
         return [Check(name, error, *limits, 'deg')]
     return []
-
-
-def tables(results: Results) -> list[Table]:
-    """Every experiment."""
-    return wheel_tables.tables(results)
-
-
-def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
-    """Figures 4 to 7."""
-    return wheel_tables.drawings(kinds(records), list(results['table_iii']))

@@ -10,7 +10,7 @@ import numpy as np
 from ..display import Curve, Drawing, Panel, Table, table_of
 from ..types import Array
 from . import paper
-from .description import Record, Results
+from .description import Record, Results, kinds
 from .estimators import true_values
 
 _METHODS = {
@@ -158,10 +158,10 @@ def _tracking(results: Results) -> list[Table]:
     return [known, soft, identified]
 
 
-def drawings(of: Mapping[str, Sequence[Record]], noisy_axes: Sequence[str]) -> list[Drawing]:
+def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
     """Figures 4 to 7 of the robots of the experiments with noise."""
-    out = []
-    for axes in noisy_axes:
+    out, of = [], kinds(records)
+    for axes in results['table_iii']:
         section = f'Figures 4 to 7, axes {axes}'
         runs = {
             r['law']: {name: np.array(values) for name, values in r['history'].items()}

@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
     data['wall_s'] = round(time.monotonic() - started, 1)
     write_text(folder / 'results.json', json_text(data))
     sections = [Section(table.title, [replace(table, title='')]) for table in tables]
-    drawings = experiment.drawings(records, results)
+    drawings = campaign.drawings(records, results)
     page = _write(campaign, checks, _drawn(drawings, folder), sections, folder)
     if args.json:
         print_json(data)

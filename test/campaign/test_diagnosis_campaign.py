@@ -14,8 +14,7 @@ from spacerobot_ros.campaign.description import DIAGNOSIS
 from spacerobot_ros.campaign.diagnosis_campaign import Case, run, trials
 from spacerobot_ros.campaign.diagnosis_campaign_tables import CONFUSION, ROC
 from spacerobot_ros.campaign.diagnosis_draw import drawn
-from spacerobot_ros.campaign.diagnosis_equivalents import EQUIVALENTS, is_equivalent
-from spacerobot_ros.campaign.diagnosis_judge import outcome
+from spacerobot_ros.campaign.diagnosis_judge import EQUIVALENTS, is_equivalent, outcome
 from spacerobot_ros.campaign.diagnosis_limits import physical_limits
 from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.campaign.diagnosis_score import score

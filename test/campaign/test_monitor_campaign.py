@@ -8,8 +8,7 @@ import pytest
 from spacerobot_ros.campaign import monitor_campaign as campaign
 from spacerobot_ros.campaign.description import MONITOR
 from spacerobot_ros.campaign.monitor_campaign import faulty, judge, nominal, results, trials
-from spacerobot_ros.campaign.monitor_faults import FAULTS, in_flight
-from spacerobot_ros.campaign.monitor_flights import Flight
+from spacerobot_ros.campaign.monitor_flights import FAULTS, Flight, in_flight
 from spacerobot_ros.cli.main import main
 
 

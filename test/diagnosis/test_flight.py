@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.monitor_faults import FAULTS, in_flight
-from spacerobot_ros.campaign.monitor_flights import Flight, monitor_of, watch
+from spacerobot_ros.campaign.monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
 from spacerobot_ros.errors import MessageRejectedError
 
 ONSET = 6.0
