@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 _WIDTH = 160  # columns, where the output is no terminal
 _UPDATES = 200  # of a progress bar
-_NO_NUMBERS = ('never', 'none', 'not tested')  # but said in their place
 
 
 class Advance(Protocol):
@@ -58,22 +57,21 @@ def _print_table(console: Console, table: Table) -> None:
     from rich.table import Table as Grid
     from rich.text import Text as Cell
 
+    from ..report.formats import NO_NUMBERS, is_number
+
     if table.title:
         console.print(table.title, markup=False, style='bold')
     if table.caption:
         console.print(table.caption, markup=False, style='dim')
     grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False)
     for column, name in enumerate(table.head):
-        is_number = column > 0 and all(_is_number(row[column]) for row in table.rows)
-        justify: Any = 'right' if is_number else 'left'
+        cells = [row[column] for row in table.rows] if column else ['first']
+        is_right = all(cell in NO_NUMBERS or is_number(cell) for cell in cells)
+        justify: Any = 'right' if is_right else 'left'
         grid.add_column(Cell(name), justify=justify, overflow='fold')
     for row in table.rows:
         grid.add_row(*(Cell(cell) for cell in row))
     console.print(grid)
-
-
-def _is_number(text: str) -> bool:
-    return not text or text in _NO_NUMBERS or text[0].isdigit() or text[0] in '+-<'
 
 
 @contextmanager

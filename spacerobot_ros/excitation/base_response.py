@@ -25,6 +25,7 @@ from ..dynamics.equations import joint_torques, without_translation
 from ..dynamics.forward_kinematics import forward_kinematics
 from ..dynamics.rotation import cross_rows
 from ..dynamics.tree import tree_of
+from ..estimation.reference import Kinematics
 from ..model.robot import Robot
 from ..types import Array, Matrix3, Vector3
 
@@ -53,6 +54,18 @@ class BaseMotion:
     inverse: Array
     coupling: Array
     h_W: Array
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """The motions one after the other, B T states in all."""
+        n = self.q.shape[-1]
+        return Kinematics(
+            np.tile(self.time, len(self.q)),
+            self.q.reshape(-1, n),
+            self.qd.reshape(-1, n),
+            self.omega.reshape(-1, 3),
+            Rotation.from_matrix(self.R_WB.reshape(-1, 3, 3)),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,11 +25,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..dynamics.rotation import skew
 from ..estimation.momentum_process import MomentumModel
-from ..estimation.reference import Kinematics
 from ..identification.physical import BodyParameters
 from ..model.settings import IdentifierSettings, SensorSettings, SimulatorSettings
 from ..types import Array
@@ -140,16 +138,8 @@ class Information:
 
     def columns(self, motion: BaseMotion) -> Array:
         """(B, T, 3, p) regressor of the momentum equation in base axes."""
-        batch, steps, n = motion.q.shape
-        reference = Kinematics(
-            np.tile(motion.time, batch),
-            motion.q.reshape(-1, n),
-            motion.qd.reshape(-1, n),
-            motion.omega.reshape(-1, 3),
-            Rotation.from_matrix(motion.R_WB.reshape(-1, 3, 3)),
-        )
-        columns, _ = self._model.regressor(reference)
-        return columns.reshape(batch, steps, 3, -1)
+        columns, _ = self._model.regressor(motion.kinematics)
+        return columns.reshape(*motion.q.shape[:2], 3, -1)
 
     def _weights(self, motion: BaseMotion) -> Array:
         """(B, T, 3, 3) square roots of the inverse noise density of the base rate."""

@@ -12,12 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..control.reference import check_reference
 from ..dynamics.state import initial_state
 from ..estimation.momentum_process import MomentumModel
-from ..estimation.reference import Kinematics
 from ..identification.cramer_rao import SensorPlan, cramer_rao_bound
 from ..identification.summary import aam_names
 from ..json_values import json_value
@@ -170,7 +168,7 @@ def _predict(
         rates.imu_rate,
         rates.attitude_rate,
     )
-    model, reference = MomentumModel(robot, problem.minimal), _reference(motion)
+    model, reference = MomentumModel(robot, problem.minimal), motion.kinematics
     factor = cramer_rao_bound(robot, problem.minimal, reference, plan).factor
     if with_rest:
         factor = np.concatenate([factor, _rest_rows(problem, model, motion)])
@@ -206,7 +204,7 @@ def _scale_std(values: Array, root: Array) -> float:
 
 def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Array:
     """(3, p) whitened rows of a rest before the spin-up: R^T h_W - sum_b R_b h_b = 0, eq. (31)."""
-    first = _reference(motion).part(slice(1))
+    first = motion.kinematics.part(slice(1))
     still = replace(first, qd=np.zeros_like(first.qd), omega=np.zeros((1, 3)))
     row = model.regressor(still)[0][0]
     rates = problem.settings.simulator
@@ -216,16 +214,6 @@ def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Ar
     h_B = motion.R_WB[0, 0].T @ motion.h_W[0]
     across = attitude**2 * (h_B @ h_B * np.eye(3) - np.outer(h_B, h_B))
     return np.asarray(np.linalg.solve(np.linalg.cholesky(gyro**2 * D @ D.T + across), row))
-
-
-def _reference(motion: BaseMotion) -> Kinematics:
-    return Kinematics(
-        motion.time,
-        motion.q[0],
-        motion.qd[0],
-        motion.omega[0],
-        Rotation.from_matrix(motion.R_WB[0]),
-    )
 
 
 def _of_finite(function: Callable[[Array], Any], values: Array) -> float:

@@ -6,6 +6,8 @@ import math
 
 SMALLEST = 1e-99  # probability that is worth its digits
 UNTESTED = 'not tested'
+NO_NUMBERS = ('', '-', 'never', 'none', UNTESTED)
+"""What stands in the place of a number."""
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -40,3 +42,12 @@ def decimals(std: float) -> int:
     if not math.isfinite(std) or std <= 0.0:
         return 6
     return min(max(1 - math.floor(math.log10(std)), 0), 12)
+
+
+def is_number(text: str) -> bool:
+    """Whether a text begins as a number does."""
+    try:
+        float(text.replace('±', '').lstrip('<+- ').split(' ')[0].rstrip('%'))
+    except ValueError:
+        return False
+    return True

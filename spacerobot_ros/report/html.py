@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ..display import Item, KeyFigure, KeyFigures, Plot, Report, Section, Table, Text
 from ..model.files import write_text
+from .formats import is_number
 
 
 def write_report(report: Report, path: str | Path) -> Path:
@@ -80,12 +81,8 @@ def _table(table: Table) -> str:
 
 
 def _cell(text: str) -> str:
-    number = text.replace('±', '').strip().split(' ')[0].rstrip('%')
-    try:
-        float(number)
-    except ValueError:
-        return f'<td>{escape(text)}</td>'
-    return f'<td class="number">{escape(text)}</td>'
+    kind = ' class="number"' if is_number(text) else ''
+    return f'<td{kind}>{escape(text)}</td>'
 
 
 _CSS = """
