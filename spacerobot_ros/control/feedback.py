@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..recording.buffer import Stream
 from ..sensing.sensors import turned
 from ..types import Array, Quaternion, Vector3
 
@@ -32,27 +33,29 @@ class Feedback:
     q_WB_xyzw: Quaternion | None = None
 
 
-class RateHistory:
-    """Recent gyro samples, for the rate and its slope at a time.
+class History(Stream):
+    """Recent samples of one sensor, for who can't wait: one that comes late is refused.
 
     Args:
         span: Time over which samples are kept [s].
     """
 
-    def __init__(self, span: float) -> None:
+    def __init__(self, span: float = 2.0) -> None:
+        super().__init__(lateness_ns=0)
         self._span_ns = round(span * 1e9)
-        self._samples: deque[tuple[int, Vector3]] = deque(maxlen=4096)
 
-    @property
-    def newest_ns(self) -> int | None:
-        """Stamp of the newest sample, None before the first."""
-        return self._samples[-1][0] if self._samples else None
+    def add(self, stamp_ns: int, value: Array) -> None:
+        """Take a sample; raise MessageRejectedError if it is not newer than all before."""
+        super().add(stamp_ns, value)
+        self.forget(stamp_ns - self._span_ns)
 
-    def add(self, stamp_ns: int, omega: Vector3) -> None:
-        """Take a sample newer than all before."""
-        self._samples.append((stamp_ns, omega))
-        while stamp_ns - self._samples[0][0] > self._span_ns:
-            self._samples.popleft()
+    def last(self, stamp_ns: int) -> int:
+        """Place of the newest sample not after a stamp, else of the first; there must be one."""
+        return max(bisect_right(self.stamps, stamp_ns) - 1, 0)
+
+
+class RateHistory(History):
+    """Recent gyro samples, for the rate and its slope at a time."""
 
     def at(self, stamp_ns: int, base_ns: int) -> tuple[Vector3, Vector3]:
         """Rate and slope at a stamp.
@@ -60,12 +63,12 @@ class RateHistory:
         From the newest sample not after it and one at least `base_ns` older; the slope is zero
         where there are no two such samples. The rate is extrapolated to the stamp with the slope.
         """
-        past = [s for s in self._samples if s[0] <= stamp_ns] or list(self._samples)[:1]
-        newest_ns, omega = past[-1]
-        older = next((s for s in reversed(past) if newest_ns - s[0] >= max(base_ns, 1)), None)
-        if older is None:
+        new = self.last(stamp_ns)
+        newest_ns, omega = self.stamps[new], self.values[new]
+        old = bisect_right(self.stamps, newest_ns - max(base_ns, 1)) - 1
+        if old < 0:
             return omega, np.zeros(3)
-        slope = (omega - older[1]) / ((newest_ns - older[0]) * NS)
+        slope = (omega - self.values[old]) / ((newest_ns - self.stamps[old]) * NS)
         return omega + slope * ((stamp_ns - newest_ns) * NS), slope
 
     def propagate(self, q_WB_xyzw: Quaternion, start_ns: int, stop_ns: int) -> Quaternion:
@@ -73,14 +76,13 @@ class RateHistory:
 
         Between samples the rate is taken as linear, before the first and after the last as theirs.
         """
-        if start_ns == stop_ns or not self._samples:
+        if start_ns == stop_ns or not self.stamps:
             return q_WB_xyzw
-        stamps = np.array([s[0] - start_ns for s in self._samples]) * NS
-        rates = np.array([s[1] for s in self._samples])
+        stamps = (np.array(self.stamps) - start_ns) * NS
         end = (stop_ns - start_ns) * NS
         low, high = min(0.0, end), max(0.0, end)
-        inside = stamps[(stamps > low) & (stamps < high)]
-        knots = np.array([low, *inside, high])
+        knots = np.array([low, *stamps[(stamps > low) & (stamps < high)], high])
+        rates = np.array(self.values)
         at_knots = np.column_stack([np.interp(knots, stamps, column) for column in rates.T])
         steps = 0.5 * (at_knots[1:] + at_knots[:-1]) * np.diff(knots)[:, None]
         for step in steps if end > 0.0 else -steps[::-1]:
@@ -88,25 +90,16 @@ class RateHistory:
         return q_WB_xyzw
 
 
-class AttitudeHistory:
-    """The newest attitudes, for the attitude at a time."""
+class AttitudeHistory(History):
+    """Recent attitudes, for the attitude at a time."""
 
-    def __init__(self) -> None:
-        self._samples: deque[tuple[int, Quaternion]] = deque(maxlen=16)
-
-    @property
-    def newest_ns(self) -> int | None:
-        """Stamp of the newest sample, None before the first."""
-        return self._samples[-1][0] if self._samples else None
-
-    def add(self, stamp_ns: int, q_WB_xyzw: Quaternion) -> None:
-        """Take a sample newer than all before."""
-        self._samples.append((stamp_ns, turned(q_WB_xyzw, np.zeros(3))))
+    def add(self, stamp_ns: int, value: Quaternion) -> None:
+        """Take q_WB (4,), as `History.add`; it is normalized."""
+        super().add(stamp_ns, turned(value, np.zeros(3)))
 
     def at(self, stamp_ns: int, rates: RateHistory) -> Quaternion | None:
         """Attitude at a stamp: the newest one not after it, propagated with the gyro."""
-        if not self._samples:
+        if not self.stamps:
             return None
-        past = [s for s in self._samples if s[0] <= stamp_ns] or list(self._samples)[:1]
-        start_ns, q_WB_xyzw = past[-1]
-        return rates.propagate(q_WB_xyzw, start_ns, stamp_ns)
+        k = self.last(stamp_ns)
+        return rates.propagate(self.values[k], self.stamps[k], stamp_ns)

@@ -13,6 +13,7 @@ from ..errors import MessageRejectedError, SpaceRobotError
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import ADAPTIVE_LAWS, Settings
+from ..recording.buffer import check_later
 from ..sensing.faults import SensorFaults
 from ..types import Array, Quaternion, Vector3
 from .adaptive.controller import AdaptiveController
@@ -65,8 +66,8 @@ class ControlLoop:
     def reset(self) -> None:
         """Forget the samples, keep the estimate; the motion starts again at the next sample."""
         timeouts = (self._settings.state_timeout, 0.25 * self._settings.attitude_timeout)
-        self._rates = RateHistory(max(0.5, 4.0 * max(timeouts)))
-        self._attitudes = AttitudeHistory()
+        span = max(0.5, 4.0 * max(timeouts))
+        self._rates, self._attitudes = RateHistory(span), AttitudeHistory(span)
         self._motion.reset()
         self._pilot.restart()
         self._last: tuple[int, Array, Array] | None = None
@@ -151,7 +152,6 @@ class ControlLoop:
         Raises:
             MessageRejectedError: stamp not after the last one.
         """
-        _check_stamp(stamp_ns, self._rates.newest_ns)
         self._rates.add(stamp_ns, self._faults.undo_rate(omega_WB_B))
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion) -> None:
@@ -160,7 +160,6 @@ class ControlLoop:
         Raises:
             MessageRejectedError: stamp not after the last one.
         """
-        _check_stamp(stamp_ns, self._attitudes.newest_ns)
         self._attitudes.add(stamp_ns, q_WB_xyzw)
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array) -> Command:
@@ -169,7 +168,7 @@ class ControlLoop:
         Raises:
             MessageRejectedError: stamp not after the last one.
         """
-        _check_stamp(stamp_ns, self.joints_ns)
+        check_later(stamp_ns, self.joints_ns)
         q, qd, _ = self._faults.undo_joints(q, qd, np.zeros(self.n))
         elapsed = stamp_ns - self._last[0] if self._last else 0
         if elapsed:
@@ -271,13 +270,6 @@ class ControlLoop:
             torque.base,
             torque.base_saturated,
             torque.attitude_error,
-        )
-
-
-def _check_stamp(stamp_ns: int, last_ns: int | None) -> None:
-    if last_ns is not None and stamp_ns <= last_ns:
-        raise MessageRejectedError(
-            'duplicate stamp' if stamp_ns == last_ns else 'stamp goes backwards'
         )
 
 

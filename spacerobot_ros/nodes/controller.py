@@ -17,8 +17,8 @@ from spacerobot_msgs.msg import Tracking
 from trajectory_msgs.msg import JointTrajectory
 
 from ..control.loop import Command, ControlLoop
-from ..errors import MessageRejectedError
 from ..model.robot import Robot
+from ..recording.buffer import check_later
 from ..ros import convert
 from ..ros.convert import compose
 from ..ros.diagnostics import Status
@@ -144,8 +144,7 @@ class ControllerNode(SensorNode, LifecycleNode):
             last = self.latest.get('joints')
             if last is not None and stamp_ns <= last[0]:
                 self._repeat(stamp_ns)
-                how = 'duplicate stamp' if stamp_ns == last[0] else 'stamp goes backwards'
-                raise MessageRejectedError(how)
+                check_later(stamp_ns, last[0])
             self.latest['joints'] = (stamp_ns, *content)
             self._arrived_ns = self.now_ns()
             if self._is_active:

@@ -21,6 +21,19 @@ PATIENCE_NS = 1_000_000_000  # for a sensor that is silent, on its stamps and on
 JUMP_NS = 1_000_000_000  # stamps that go back further are another run, not out of order
 
 
+def check_later(stamp_ns: int, newest_ns: int | None, lateness_ns: int | None = 0) -> None:
+    """Refuse a stamp that is the newest again, or further behind it than the lateness [ns].
+
+    Raises:
+        MessageRejectedError: it is.
+    """
+    if stamp_ns == newest_ns:
+        raise MessageRejectedError('duplicate stamp')
+    back = 0 if newest_ns is None else newest_ns - stamp_ns
+    if lateness_ns is not None and back > lateness_ns:
+        raise MessageRejectedError(f'stamp goes backwards by {back * 1e-9:.6g} s')
+
+
 class Stream:
     """Samples of one sensor in the order of their stamps.
 
@@ -45,11 +58,8 @@ class Stream:
         place = len(self.stamps)
         if self.newest_ns is not None and stamp_ns <= self.newest_ns:
             place = bisect_left(self.stamps, stamp_ns)
-            if stamp_ns == self.newest_ns or stamp_ns in self.stamps[place : place + 1]:
-                raise MessageRejectedError('duplicate stamp')
-            back = self.newest_ns - stamp_ns
-            if self._lateness_ns is not None and back > self._lateness_ns:
-                raise MessageRejectedError(f'stamp goes backwards by {back * 1e-9:.6g} s')
+            is_known = stamp_ns in self.stamps[place : place + 1]
+            check_later(stamp_ns, stamp_ns if is_known else self.newest_ns, self._lateness_ns)
         self.stamps.insert(place, stamp_ns)
         self.values.insert(place, value)
         self.newest_ns = max(stamp_ns, stamp_ns if self.newest_ns is None else self.newest_ns)
