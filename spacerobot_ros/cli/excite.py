@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from ..display import Item, Section, Text, table
@@ -24,7 +23,6 @@ from .terminal import print_json, print_sections, progress
 if TYPE_CHECKING:
     from ..effects.robot_file import RobotFile
     from ..excitation.separation import Place, Separated, Trial
-    from ..model.robot import Robot
 
 CRITERIA = ('information', 'condition', 'unit_condition')
 
@@ -129,10 +127,14 @@ def _design(args: argparse.Namespace, file: RobotFile) -> int:
 
 def _separate(args: argparse.Namespace, file: RobotFile) -> int:
     """Design the motion that best tells two effects apart."""
-    from ..excitation.separation import budget, separate
+    from ..effects.catalogue import kind_at
+    from ..excitation.separation import Place, budget, separate
     from ..excitation.trajectory_file import write_trajectory
 
-    first, second = (parse_place(text, file.robot) for text in args.separate)
+    parts = (text.partition('@') for text in args.separate)
+    first, second = (
+        Place(*kind_at(name, where or None, file.robot, '--separate')) for name, _, where in parts
+    )
     if first.name == second.name:
         raise ConfigurationError('--separate', f'{first.name} is given twice')
     with progress() as stage:
@@ -154,30 +156,6 @@ def _separate(args: argparse.Namespace, file: RobotFile) -> int:
         print_sections([_separated(first, second, found)])
         print(f'written: {args.output}')
     return 0
-
-
-def parse_place(text: str, robot: Robot) -> Place:
-    """`effect` or `effect@where`.
-
-    Raises:
-        ConfigurationError: no such effect, or no such place on this robot.
-    """
-    from ..effects.catalogue import CATALOGUE
-    from ..excitation.separation import Place
-
-    name, _, place = text.partition('@')
-    if name not in CATALOGUE:
-        near = get_close_matches(name, CATALOGUE, n=3)
-        hint = f' (did you mean {", ".join(near)}?)' if near else ''
-        raise ConfigurationError('--separate', f'no effect {name!r}{hint}')
-    kind, where = CATALOGUE[name], place or None
-    places = kind.places(robot)
-    if where not in places:
-        known = ', '.join(name if p is None else f'{name}@{p}' for p in places)
-        raise ConfigurationError('--separate', f'{text!r} is not one of {known}')
-    if kind.needs_free_base and not robot.is_free:
-        raise ConfigurationError('--separate', f'{name} is not seen on a fixed base')
-    return Place(kind, where)
 
 
 def _trial_values(trial: Trial) -> dict[str, Any]:

@@ -56,6 +56,27 @@ def bind_effect(
         ConfigurationError: unknown id, place or parameter, or values that make no sense.
     """
     place = f'effects.{name}'
+    kind, where = kind_at(effect_id, where, robot, place)
+    complete = _checked_values(kind, values, place)
+    effect = kind(name=name, where=where, values=complete)
+    effect.check(robot)
+    return effect
+
+
+def kind_at(
+    effect_id: str, where: str | None, robot: Robot, place: str
+) -> tuple[type[Effect], str | None]:
+    """A kind of effect and where this robot has it.
+
+    Args:
+        effect_id: Id in the catalogue.
+        where: Joint, link, or None.
+        robot: The robot it acts on.
+        place: What asks for it, for messages.
+
+    Raises:
+        ConfigurationError: unknown id or place.
+    """
     if effect_id not in CATALOGUE:
         near = get_close_matches(effect_id, CATALOGUE, n=3)
         hint = f' (did you mean {", ".join(near)}?)' if near else ''
@@ -68,10 +89,7 @@ def bind_effect(
         where = None  # what sits on the base may say so
     if where not in places:
         raise ConfigurationError(f'{place}.where', _wrong_place(kind, where, places))
-    complete = _checked_values(kind, values, place)
-    effect = kind(name=name, where=where, values=complete)
-    effect.check(robot)
-    return effect
+    return kind, where
 
 
 def bind_effects(section: Mapping[str, Any], robot: Robot) -> tuple[Effect, ...]:

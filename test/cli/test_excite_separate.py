@@ -74,7 +74,7 @@ def test_smallest_told_is_where_the_gap_in_evidence_is_reached():
     ('effects', 'message'),
     [
         (('joint_viscus_friction@joint_2', COULOMB), 'did you mean joint_viscous_friction'),
-        (('joint_viscous_friction', COULOMB), "'joint_viscous_friction' is not one of"),
+        (('joint_viscous_friction', COULOMB), 'joint_viscous_friction acts at one of joint_1,'),
         ((COULOMB, COULOMB), 'is given twice'),
     ],
 )
