@@ -27,7 +27,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .forward_kinematics import propagate, shifted
 from .rnea import inertia_times
-from .spatial import Triple, add, compiled, cross, dot, get, plus, power, put, rotate, times
+from .spatial import Triple, add, compiled, cross, dot, get, inner, plus, power, put, rotate, times
 from .tree import FREE, LINK, Records, tree_of
 
 Machine = tuple[Records, Records, bool]
@@ -74,7 +74,7 @@ def aba(machine: Machine, x: Array, tau: Array, wrench: Array, out: Array) -> No
             out[s, 12 + n + k] = _accelerate(links[k], links[tree[i].parent])
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _set_inertia(body: Any, own: Any) -> None:
     """Articulated inertia of the body alone; of all symmetric matrices the lower triangle."""
     R, J, phi = own.rotation, own.articulated, body.inertial
@@ -92,7 +92,7 @@ def _set_inertia(body: Any, own: Any) -> None:
     J[5, 0], J[5, 1] = -h[1], h[0]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _set_bias(body: Any, own: Any) -> None:
     """Bias force p of the body alone, without its wheels."""
     J, h, v, w = own.articulated, get(own.moment, 0), get(own.velocity, 0), get(own.velocity, 3)
@@ -106,7 +106,7 @@ def _set_bias(body: Any, own: Any) -> None:
     put(own.bias, 3, plus(cross(w, plus(cross(h, v), spin)), cross(v, p)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _times(J: Array, S: Array, out: Array) -> None:
     """Product with a symmetric matrix of which the lower triangle is kept."""
     for a in range(6):
@@ -116,7 +116,7 @@ def _times(J: Array, S: Array, out: Array) -> None:
         out[a] = total
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _articulate(own: Any, parent: Any, tau: float, motor: float) -> None:
     """Pass a link's articulated inertia and bias force to its parent."""
     J, U, F = own.articulated, own.force, own.acceleration
@@ -136,7 +136,7 @@ def _articulate(own: Any, parent: Any, tau: float, motor: float) -> None:
     add(parent.bias, 3, plus(get(F, 3), cross(d, force)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _shift_inertia(J: Array, d: Triple, out: Array) -> None:
     """Add X^T I X. With J = [[M, L^T], [L, C]]: L' = L + d x M, C' = C + d x L + (d x L')^T."""
     shifts = (
@@ -159,7 +159,7 @@ def _shift_inertia(J: Array, d: Triple, out: Array) -> None:
             out[3 + b, 3 + a] += after[b]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _accelerate(own: Any, parent: Any) -> float:
     """Joint acceleration; leaves the link's own."""
     A = own.acceleration
@@ -172,7 +172,7 @@ def _accelerate(own: Any, parent: Any) -> float:
     return qdd
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _accelerate_base(body: Any, root: Any, x: Array, wrench: Array, out: Array) -> None:
     """Rates of the base; gravity is an acceleration of the frame that the tree moves in."""
     n, g = (len(x) - 13) // 2, get(body.gravity, 0)
@@ -195,13 +195,13 @@ def _accelerate_base(body: Any, root: Any, x: Array, wrench: Array, out: Array) 
     put(out, 10 + n, get(root.acceleration, 3))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _rotated(e: Triple, eta: float, k: float, v: Triple) -> Triple:
     """R v = v + k e x (e x v + eta v) for a quaternion, with k = 2 / (e . e + eta^2)."""
     return plus(v, times(k, cross(e, plus(cross(e, v), times(eta, v)))))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _solve(M: Array, b: Array) -> None:
     """Solve M x = b in place for a symmetric positive definite M, by M = L D L^T."""
     for i in range(6):

@@ -33,7 +33,7 @@ from ..model.robot import Body, Robot
 from ..types import Array, IntArray, Vector3
 from .forward_kinematics import forward_kinematics
 from .rotation import cross_rows, skew
-from .spatial import compiled
+from .spatial import compiled, inner
 from .tree import tree_of
 
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -280,7 +280,7 @@ def _fill_regressor(rotations: Array, w: Array, pairs: IntArray, out: Array) -> 
 
 
 # Whole arrays and indices are passed: views of them would cost more than the arithmetic.
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _fill_body(R: Array, w: Array, s: int, k: int, out: Array) -> None:
     """Columns of J_k: e_a (e_b . w), and e_b (e_a . w) too where a and b differ."""
     x = R[s, k, 0, 0] * w[s, k, 0] + R[s, k, 1, 0] * w[s, k, 1] + R[s, k, 2, 0] * w[s, k, 2]
@@ -295,7 +295,7 @@ def _fill_body(R: Array, w: Array, s: int, k: int, out: Array) -> None:
         out[s, i, 6 * k + 5] = R[s, k, i, 1] * z + R[s, k, i, 2] * y
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _fill_pair(R: Array, w: Array, s: int, k: int, m: int, start: int, out: Array) -> None:
     """Columns of Q_km: e_ka x (w_m x e_mb) + e_mb x (w_k x e_ka), the triple products expanded."""
     for a in range(3):

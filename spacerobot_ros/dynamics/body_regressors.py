@@ -24,6 +24,7 @@ from .spatial import (
     dot,
     force_cross,
     get,
+    inner,
     plus,
     put,
     rotate,
@@ -87,7 +88,7 @@ def fill_slotine_li(
                     set_rows(tree, i, links, column + 3 * m + j, _ZERO, g, Y)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def add_uniform_acceleration(machine: Regression, a: Triple, Y: Array) -> None:
     """Add to Y_SL, just filled, what a further linear acceleration of the base makes of it."""
     tree, _, links, _ = machine
@@ -140,13 +141,13 @@ def fill_momentum(machine: Regression, q: Array, V: Array, Yp: Array, Yc: Array)
                     _set_momentum(tree, i, links, column + 3 * m + j, _ZERO, g, (Yp, Yc))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def in_body(R: Array, motion: Array) -> tuple[Triple, Triple]:
     """A motion (6,) in base coordinates, in those of a body."""
     return rotate_back(R, get(motion, 0)), rotate_back(R, get(motion, 3))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _accelerate(body: Any, parent: Any, own: Any, acceleration: Array) -> None:
     """A link's acceleration, the parent's known."""
     if body.number == 0:
@@ -160,7 +161,7 @@ def _accelerate(body: Any, parent: Any, own: Any, acceleration: Array) -> None:
         own.acceleration[a] += own.subspace[a] * acceleration[5 + body.number]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def momentum_column(j: int, v: Triple, w: Triple) -> tuple[Triple, Triple]:
     """Column j of W: force and moment parts of the momentum by m, m c (3), Ixx, Ixy, Iyy, ..."""
     if j == 0:
@@ -180,7 +181,7 @@ def momentum_column(j: int, v: Triple, w: Triple) -> tuple[Triple, Triple]:
     return _ZERO, (0.0, 0.0, w[2])
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def set_rows(
     tree: Records, i: int, links: Records, column: int, f: Triple, g: Triple, Y: Array
 ) -> None:
@@ -196,7 +197,7 @@ def set_rows(
         Y[a, column], Y[3 + a, column] = f[a], g[a]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _set_momentum(
     tree: Records, i: int, links: Records, column: int, f: Triple, g: Triple, Y: Any
 ) -> None:
@@ -242,7 +243,7 @@ def momentum_map(machine: Regression, q: Array, V: Array, pi: Array, P: Array) -
     return root.mass
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _set_column(P: Array, j: int, a: Triple) -> None:
     P[0, j], P[1, j], P[2, j] = a
 
@@ -304,7 +305,7 @@ def fill_resting_momentum(
             Yp[a, j] = Yc[a, j] = 0.0
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _slope_by_velocity(root: Any, own: Any) -> Triple:
     """Derivative of a joint's row of C^T V by the base's velocity, from composites."""
     s_v, s_w, p = get(own.screw, 0), get(own.screw, 3), get(own.origin, 0)

@@ -14,7 +14,7 @@ import numpy as np
 from ..types import Array
 from .forward_kinematics import BodyKinematics
 from .rnea import inertia_times
-from .spatial import Triple, add, compiled, cross, dot, get, plus, power, put, rotate, times
+from .spatial import Triple, add, compiled, cross, dot, get, inner, plus, power, put, rotate, times
 from .tree import LINK, PRISMATIC, Records
 
 
@@ -36,7 +36,7 @@ def crba(tree: Records, kinematics: BodyKinematics) -> Array:
     return out
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def place_links(rotations: Array, origins: Array, links: Records) -> None:
     """Write one state's rotations (n + 1, 3, 3) and origins (n + 1, 3)."""
     for k in range(len(links)):
@@ -45,7 +45,7 @@ def place_links(rotations: Array, origins: Array, links: Records) -> None:
             put(links[k].rotation[a], 0, get(rotations[k, a], 0))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def place_inertias(tree: Records, links: Records) -> None:
     """Write mass, moment and tensor of every body alone, and the joint's screw S, of placed links.
 
@@ -71,7 +71,7 @@ def place_inertias(tree: Records, links: Records) -> None:
             put(own.screw, 3, (0.0, 0.0, 0.0) if slides else axis)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def compose(tree: Records, links: Records) -> None:
     """Add mass, moment and tensor of every part of the tree to the one that bears it."""
     for i in range(len(tree) - 1, 0, -1):
@@ -83,13 +83,13 @@ def compose(tree: Records, links: Records) -> None:
                 parent.tensor[a, b] += own.tensor[a, b]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def apply_inertia(m: float, r: Triple, J: Array, v: Triple, w: Triple) -> tuple[Triple, Triple]:
     """I [v; w]."""
     return plus(times(m, v), cross(w, r)), plus(cross(r, v), rotate(J, w))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def mass_matrix(tree: Records, links: Records, M: Array) -> None:
     """Write the mass matrix (6 + n, 6 + n), which is zero where joints share no chain."""
     root, held = links[0], np.zeros(6)

@@ -18,7 +18,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..types import Array
-from .spatial import Triple, add, compiled, cross, dot, get, plus, put, rotate, rotate_back, times
+from .spatial import (
+    Triple,
+    add,
+    compiled,
+    cross,
+    dot,
+    get,
+    inner,
+    plus,
+    put,
+    rotate,
+    rotate_back,
+    times,
+)
 from .tree import FREE, LINK, PRISMATIC, Records
 
 
@@ -38,7 +51,7 @@ class BodyKinematics(NamedTuple):
     drifts: Array
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def propagate(tree: Records, q: Array, rates: Array, qd: Array, links: Records) -> None:
     """One state: rotation, origin, offset d, subspace S, velocity V and drift c of every link.
 
@@ -64,7 +77,7 @@ def propagate(tree: Records, q: Array, rates: Array, qd: Array, links: Records) 
         _move(own, parent, rates[5 + body.number], qd[body.number - 1])
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _place(body: Any, own: Any, parent: Any, q: float) -> None:
     slides = body.kind == PRISMATIC
     sine, versine = (0.0, 0.0) if slides else (math.sin(q), 1.0 - math.cos(q))
@@ -89,7 +102,7 @@ def _place(body: Any, own: Any, parent: Any, q: float) -> None:
     put(own.subspace, 3, (0.0, 0.0, 0.0) if slides else axis)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _move(own: Any, parent: Any, rate: float, qd: float) -> None:
     s_v, s_w = get(own.subspace, 0), get(own.subspace, 3)
     v, w = shifted(parent.velocity, own.offset)
@@ -100,7 +113,7 @@ def _move(own: Any, parent: Any, rate: float, qd: float) -> None:
     put(own.drift, 3, times(qd, cross(w, s_w)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def shifted(motion: Array, d: Array) -> tuple[Triple, Triple]:
     """X of a motion (6,): the same motion at an origin further by d (3,)."""
     w = get(motion, 3)
@@ -208,13 +221,13 @@ def generalized_force(
     return out
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def way(origins: Array, body: int, parent: int) -> Triple:
     """From the parent's origin to the body's."""
     return plus(get(origins[body], 0), times(-1.0, get(origins[parent], 0)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def along_axis(body: Any, R: Array, force: Triple, torque: Triple) -> float:
     """What a joint feels of a wrench at its body's origin, base coordinates."""
     return dot(rotate(R, get(body.axis, 0)), force if body.kind == PRISMATIC else torque)

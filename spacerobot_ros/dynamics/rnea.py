@@ -18,7 +18,19 @@ import numpy as np
 
 from ..types import Array
 from .forward_kinematics import BodyKinematics, along_axis, way
-from .spatial import Triple, add, compiled, cross, get, plus, put, rotate, rotate_back, times
+from .spatial import (
+    Triple,
+    add,
+    compiled,
+    cross,
+    get,
+    inner,
+    plus,
+    put,
+    rotate,
+    rotate_back,
+    times,
+)
 from .tree import FREE, Records
 
 
@@ -66,7 +78,7 @@ def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: A
     return out
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def body_wrench(body: Any, twist: Array, acceleration: Array, g: Triple) -> tuple[Triple, Triple]:
     """Force and torque f that a body needs at its origin, in its frame."""
     phi, v, w = body.inertial, get(twist, 0), get(twist, 3)
@@ -79,7 +91,7 @@ def body_wrench(body: Any, twist: Array, acceleration: Array, g: Triple) -> tupl
     return force, plus(torque, plus(cross(w, momentum), cross(v, p)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def inertia_times(phi: Array, w: Triple) -> Triple:
     """Rotational inertia of ten parameters times w."""
     return (

@@ -32,6 +32,7 @@ from .spatial import (
     dot,
     force_cross,
     get,
+    inner,
     plus,
     power,
     put,
@@ -84,7 +85,7 @@ def acceleration_derivatives(
     return by_q, by_v, inverse
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _move(tree: Records, i: int, twists: Array, qd: Array, links: Records) -> None:
     """V, A at zero generalised acceleration, psi' and S' about the base's origin."""
     own = links[tree[i].number]
@@ -104,7 +105,7 @@ def _move(tree: Records, i: int, twists: Array, qd: Array, links: Records) -> No
     add_motion_cross(own.velocity, own.screw, 1.0, own.swept)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _set_bias(body: Any, own: Any) -> None:
     """Momentum, K and f of a body alone, and its own inertia, which composing overwrites."""
     V, J, K, r = own.velocity, own.tensor, own.turning, get(own.moment, 0)
@@ -131,7 +132,7 @@ def _set_bias(body: Any, own: Any) -> None:
         K[b, b] += 2.0 * dot(v, r)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _compose_forces(tree: Records, links: Records) -> None:
     """Add momentum, K and f of every part of the tree to the one that bears it."""
     for i in range(len(tree) - 1, 0, -1):
@@ -143,7 +144,7 @@ def _compose_forces(tree: Records, links: Records) -> None:
             parent.force[a] += own.force[a]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _factor(M: Array, first: int) -> None:
     """M[first:, first:] = L L^T for a symmetric positive definite M; L in its lower triangle."""
     for i in range(first, len(M)):
@@ -154,7 +155,7 @@ def _factor(M: Array, first: int) -> None:
             M[i, j] = np.sqrt(total) if i == j else total / M[j, j]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _invert(M: Array, first: int, out: Array) -> None:
     """Inverse of the symmetric positive definite M[first:, first:], which is lost."""
     n = len(M)
@@ -176,7 +177,7 @@ def _invert(M: Array, first: int, out: Array) -> None:
             out[i, j] = out[j, i] = M[i, j]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _accelerate(
     tree: Records, links: Records, inverse: Array, forces: Array, acceleration: Array
 ) -> None:
@@ -196,7 +197,7 @@ def _accelerate(
         add_motion_cross(parent.velocity, own.psi, 1.0, own.psi_dot)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _propagate(tree: Records, links: Records, acceleration: Array) -> None:
     """The links' accelerations on top of those at zero, and the forces that they need.
 
@@ -220,7 +221,7 @@ def _propagate(tree: Records, links: Records, acceleration: Array) -> None:
                 links[tree[i].parent].bias[a] += own.bias[a]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _weigh(own: Any, motion: Array, twice: Array, out: Array) -> None:
     """Write I motion + 2 B twice of a composite."""
     f, n = apply_inertia(own.mass, get(own.moment, 0), own.tensor, get(motion, 0), get(motion, 3))
@@ -229,7 +230,7 @@ def _weigh(own: Any, motion: Array, twice: Array, out: Array) -> None:
     put(out, 3, plus(n, rotate(own.turning, w)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _gradients(tree: Records, links: Records, Q: Array, D: Array) -> None:
     """Derivatives of the needed forces by joint positions and by generalised rates."""
     Q[:], D[:] = 0.0, 0.0
@@ -261,7 +262,7 @@ def _gradients(tree: Records, links: Records, Q: Array, D: Array) -> None:
         _gradients_of(j, tree, links, Q, D)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _gradients_of(j: int, tree: Records, links: Records, Q: Array, D: Array) -> None:
     """The row of joint j by the joints that bear it and by the base."""
     own, row = links[tree[j].number], 5 + tree[j].number
@@ -282,12 +283,12 @@ def _gradients_of(j: int, tree: Records, links: Records, Q: Array, D: Array) -> 
     put(D[row], 3, plus(turned, times(-1.0, torque)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _along(motion: Array, force: Triple, torque: Triple) -> float:
     return dot(get(motion, 0), force) + dot(get(motion, 3), torque)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _into_accelerations(inverse: Array, gradient: Array, first: int, out: Array) -> None:
     """Write -M^-1 times the gradient of the needed forces."""
     n = len(inverse)

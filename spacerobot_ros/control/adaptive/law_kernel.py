@@ -21,13 +21,13 @@ from ...dynamics.body_regressors import (
     momentum_map,
     rest_centre,
 )
-from ...dynamics.spatial import Triple, compiled, cross, dot, get, plus, put, summed, times
+from ...dynamics.spatial import Triple, compiled, cross, dot, get, inner, plus, put, summed, times
 from ...types import Array
 
 _SMALL = 1e-9  # half angle below which its sine is itself
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def attitude_reference(
     attitude: Array, target: Array, omega: Triple, bandwidth: float
 ) -> tuple[Triple, float, Triple, Triple]:
@@ -60,7 +60,7 @@ def attitude_reference(
     return eps, scalar, rate, plus(feed_rate, times(bandwidth, eps_rate))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _rotated(eps: Triple, eta: float, a: Triple) -> Triple:
     """A vector turned by a unit quaternion."""
     t = times(2.0, cross(eps, a))
@@ -151,7 +151,7 @@ def command(
         Vr[i] += period * Ar[i]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _rate_feedback(K: Array, rate: float, P: Array, V: Array, Vr: Array, u: Array) -> None:
     """Write u = K_D sigma, K_D = K + rate P^T P."""
     a = (0.0, 0.0, 0.0)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...dynamics.spatial import compiled, summed
+from ...dynamics.spatial import compiled, inner, summed
 from ...types import Array
 
 _SAMPLED = 0.2  # part of the stability limit that a gradient step may take
@@ -97,7 +97,7 @@ def _inner(a: Array, b: Array) -> float:
     return total
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _spread(f: Array, G: Array, pi: Array, out: Array) -> float:
     """Write f G (p,); returns f . pi."""
     out[:] = 0.0
@@ -108,7 +108,7 @@ def _spread(f: Array, G: Array, pi: Array, out: Array) -> float:
     return _inner(f, pi)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _shrink(G: Array, B: Array) -> None:
     """G (p, p) <- G - B^T B, symmetric to the last bit."""
     for k in range(len(G)):
@@ -121,7 +121,7 @@ def _shrink(G: Array, B: Array) -> None:
             G[j, k] = G[k, j]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _whiten(S: Array, B: Array, z: Array) -> None:
     """Turn B (N, p) and z (N,) into L^-1 B and L^-1 z, S = L L^T; S keeps L."""
     for i in range(len(z)):

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ...dynamics.spatial import compiled
+from ...dynamics.spatial import compiled, inner
 from ...types import Array
 
 _MARGIN = 1e-6  # smallest eigenvalue of P, in units of the body's own mass and size
@@ -67,7 +67,7 @@ def body_scales(parameters: Array) -> Array:
     return scales
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def fill_pseudo_inertia(pi: Array, body: int, scale: Array, P: Array) -> None:
     """Write d P d (4, 4) of a body's ten entries of pi (p,)."""
     m = pi[10 * body : 10 * body + 10]
@@ -81,7 +81,7 @@ def fill_pseudo_inertia(pi: Array, body: int, scale: Array, P: Array) -> None:
             P[j, i] = P[i, j]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _factor(P: Array, margin: float, C: Array) -> bool:
     """Write C (4, 4), lower, with C C^T = P - margin 1; False where that is not positive."""
     for j in range(4):
@@ -148,7 +148,7 @@ def project(pi: Array, G: Array, scales: Array, anchor: Array) -> bool:
     return True
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _raise_eigenvalues(pi: Array, G: Array, scale: Array, body: int, P: Array) -> None:
     """Raise every eigenvalue of one body's P that lies below the margin."""
     values, vectors = np.linalg.eigh(P)
@@ -212,7 +212,7 @@ def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
         m[5], m[7], m[8] = -P[1, 0], -P[2, 0], -P[2, 1]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _exponentiate(step: float, L: Array, C: Array, P: Array) -> bool:
     """Write P = C exp(step C^T L C) C^T; whether that is still positive definite. Spoils C."""
     exponent, half = np.zeros((4, 4)), np.zeros((4, 4))
@@ -231,7 +231,7 @@ def _exponentiate(step: float, L: Array, C: Array, P: Array) -> bool:
     return _factor(P, 0.0, C)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _add_congruent(scale: float, A: Array, B: Array, out: Array) -> None:
     """Add scale B^T A B."""
     for i in range(4):
