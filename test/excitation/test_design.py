@@ -30,6 +30,13 @@ USABLE = robot_file(
 )
 
 
+@pytest.fixture(scope='module')
+def wide():
+    """The problem within 175 degrees, and its design."""
+    problem = Problem(WIDE)
+    return problem, search(problem)
+
+
 def finest_uses(problem: Problem, design: Design):
     """Uses on a grid that shares few times with the search's, ten times as fine as its nodes."""
     times = np.linspace(0.0, problem.family.duration, 10 * len(problem.family.times) + 7)
@@ -55,9 +62,8 @@ def test_effort_limits_leave_room_for_feedback():
     np.testing.assert_allclose(limits.torque, [150.0, 90.0, 150.0], rtol=1e-15, atol=0)
 
 
-def test_tells_more_than_table_two_within_175_degrees():
-    problem = Problem(WIDE)
-    design = search(problem)
+def test_tells_more_than_table_two_within_175_degrees(wide):
+    problem, design = wide
     assert max(use.fraction for use in finest_uses(problem, design)) <= 1.0 + 1e-6
     ours, table_two = predict_design(problem, design.x), predict_reference(problem)
     assert ours.bits > table_two.bits + 3.0
@@ -151,9 +157,8 @@ def test_own_wheels_at_rest_are_said_to_leave_the_scale_open():
     assert summary.wheels[0].prediction.scale_std < 0.01
 
 
-def test_faster_own_wheels_tell_the_common_scale():
-    problem = Problem(WIDE)
-    scales = [o.prediction.scale_std for o in summarize(problem, search(problem)).wheels]
+def test_faster_own_wheels_tell_the_common_scale(wide):
+    scales = [o.prediction.scale_std for o in summarize(*wide).wheels]
     assert scales[0] > 1.3 * scales[1] > 1.3 * scales[2]
 
 
