@@ -81,6 +81,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         # the interpreter would complain again when it flushes at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except ModuleNotFoundError as error:
+        if not (missing := str(error.name)).startswith(__package__.partition('.')[0]):
+            why = f'{missing} is not installed: make setup, then source env.sh (or your ROS 2)'
+            return _fails(args.command, 2, why)
+        return _fails(args.command, 3, _fault(error, words))
     except Exception as error:  # noqa: BLE001  whatever nobody foresaw is a fault of ours
         return _fails(args.command, 3, _fault(error, words))
     return status

@@ -238,6 +238,12 @@ def test_no_command_and_version(capsys):
     [
         (SpaceRobotError('two\n  lines'), 2, 'spacerobot identify: two lines\n'),
         (KeyboardInterrupt(), 130, 'spacerobot identify: interrupted\n'),
+        (
+            ModuleNotFoundError(name='rclpy'),
+            2,
+            'spacerobot identify: rclpy is not installed: make setup, then source env.sh (or your '
+            'ROS 2)\n',
+        ),
     ],
 )
 def test_errors_become_statuses(capsys, monkeypatch, error, status, message):
