@@ -8,15 +8,10 @@ from dataclasses import replace
 from itertools import product
 from typing import Any
 
-import numpy as np
-
-from ..control.adaptive.regressors import parameter_values
 from ..control.adaptive.settings import AdaptiveSettings
-from ..types import Array
 from .adaptive_identities import identities
 from .adaptive_judge import judge as judge
-from .adaptive_run import TIMED, Case, Run, cycle_time, run_case
-from .adaptive_scenario import minisat
+from .adaptive_run import TIMED, Case, cycle_time, run_case
 from .adaptive_tables import drawings as drawings
 from .adaptive_tables import tables as tables
 from .description import Record, Results, key, kinds, without
@@ -44,7 +39,6 @@ _LAMBDAS = (0.4, 0.8, 1.2, 1.6, 2.0)
 _SAMPLING = ((0.25, 0.4), (0.25, 2.0), (0.5, 1.0), (0.5, 2.0), (1.0, 0.4), (1.0, 0.8))
 _PERIODS = (0.01, 0.02, 0.05, 0.1, 0.25)
 _NOISE = (0.1, 1.0, 5.0)
-_SETTLED = 0.1  # deg
 
 
 def trials(runs: int, is_quick: bool) -> list[str]:
@@ -81,7 +75,7 @@ def run(key: str) -> Record:
     if kind == 'identities':
         return identities()
     is_drawn = kind == 'lambda' or (kind, *of[:2], of[-1]) == ('harmonic', 'iid', _LARGEST, 0)
-    return {'key': [kind, *of], **_figures(run_case(_CASES[kind](*of)), is_drawn)}
+    return {'key': [kind, *of], **run_case(_CASES[kind](*of), is_drawn)}
 
 
 def _settings(law: str, consistency: str = 'none', **values: Any) -> AdaptiveSettings:
@@ -140,52 +134,6 @@ _CASES: dict[str, Callable[..., Case]] = {
     'sampling': _sampled,
     'period': _period,
 }
-
-
-def _figures(run: Run, is_drawn: bool) -> Record:
-    """What is judged and shown of a run; errors in degrees, infinite times as null."""
-    attitude, joints = run.rms_deg()
-    error = np.rad2deg(run.attitude_error)
-    base = base_errors(run)
-    out = {
-        'attitude_rms_deg': attitude,
-        'joint_rms_deg': joints,
-        'settling_s': _settling_time(run.time, error, run.diverged),
-        'rebound_deg': _rebound(error),
-        'last_deg': float(np.max(error[run.time > run.time[-1] - 10.0])),
-        'final_deg': float(error[-1]),
-        'peak_torque': float(np.max(np.abs(run.torque[:, 0]))),
-        'indefinite': run.indefinite,
-        'torque_error': run.torque_error,
-        'prior_torque_error': run.prior_torque_error,
-        'base_errors': base[[0, -1]],
-        'diverged': run.diverged,
-    }
-    if is_drawn:
-        joint_deg = np.rad2deg(np.linalg.norm(run.joint_error, axis=1))
-        drawn = {'time': run.time, 'attitude': error, 'joints': joint_deg}
-        out['history'] = {**drawn, 'Ixx': 100.0 * base[:, 0], 'mass': 100.0 * base[:, 3]}
-    return out
-
-
-def _settling_time(time: Array, error: Array, diverged: bool) -> float:
-    """Time from which on the attitude error stays below a limit [s]; infinite if it does not."""
-    outside = np.flatnonzero(error >= _SETTLED)
-    if diverged or (len(outside) and outside[-1] == len(time) - 1):
-        return float('inf')
-    return float(time[outside[-1] + 1]) if len(outside) else 0.0
-
-
-def _rebound(error: Array) -> float:
-    """Largest attitude error after its first fall below the limit: overshoot."""
-    inside = np.flatnonzero(error < _SETTLED)
-    return float(np.max(error[inside[0] :])) if len(inside) else float(error[-1])
-
-
-def base_errors(run: Run) -> Array:
-    """(N, 4) relative errors of the base's Ixx, Iyy, Izz (about its origin) and mass."""
-    chosen = [4, 6, 9, 0]
-    return np.asarray(np.abs(run.base[:, chosen] / parameter_values(minisat())[chosen] - 1.0))
 
 
 def results(records: Sequence[Record]) -> Results:

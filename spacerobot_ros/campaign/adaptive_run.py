@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,12 @@ from ..errors import SimulationDivergedError
 from ..model.settings import SensorSettings
 from ..types import Array
 from .adaptive_scenario import START, harmonic, minisat, orientation, torque_error, wrong_prior
+from .description import Record
 
 TASKS = {'orientation': orientation, 'harmonic': harmonic}
 _SUBSTEP = 0.05  # longest Runge-Kutta step [s]
+_SETTLED, _LAST = 0.1, 20.0  # deg, s
+_BASE = [4, 6, 9, 0]  # Ixx, Iyy, Izz and mass of the base among all parameters
 _DIVERGED = np.deg2rad(170.0)  # an error from which on a run counts as diverged [rad]
 TIMED = (
     ('passivity', 'none'),
@@ -66,67 +69,75 @@ class Case:
     measures_velocity: bool = True
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Run:
-    """A run.
+def run_case(case: Case, is_drawn: bool = False) -> Record:
+    """Simulate a case.
 
-    Args:
-        time: (N,) of the samples [s].
-        attitude_error: (N,) angle [rad].
-        joint_error: (N, 4) [rad].
-        torque: (N, 7) commands [N m]; zero at a sample from which on the run diverged.
-        base: (N, 10) base's parameters in force.
+    Returns:
+        attitude_rms_deg, joint_rms_deg: Root mean squares of the attitude error and of the joint
+            errors' norm over the last 20 s.
+        settling_s: Time from which on the attitude error stays below 0.1 deg; infinite if it does
+            not. rebound_deg: Largest error after it first fell below: overshoot.
+        last_deg: Largest attitude error of the last 10 s. final_deg: The last one.
+        peak_torque: Largest torque on the base about x [N m].
         indefinite: Part of the steps with parameters of no physical body.
-        torque_error: Relative error of the torques that the final parameters predict.
-        prior_torque_error: The same of the prior's.
+        torque_error: Relative error of the torques that the final parameters predict;
+            prior_torque_error: the same of the prior's.
+        base_errors: (2, 4) relative errors of the base's Ixx, Iyy, Izz (about its origin) and
+            mass, of the prior and at the end.
         diverged: Whether the errors left all bounds.
+        history: Where it is drawn, time [s], errors of attitude and joints [deg], of Ixx and mass
+            [%].
     """
-
-    time: Array
-    attitude_error: Array
-    joint_error: Array
-    torque: Array
-    base: Array
-    indefinite: float
-    torque_error: float
-    prior_torque_error: float
-    diverged: bool
-
-    def rms_deg(self, last: float = 20.0) -> tuple[float, float]:
-        """Root mean squares of the attitude error and of the joint errors' norm [deg]."""
-        keep = self.time > self.time[-1] - last
-        attitude = np.sqrt(np.mean(self.attitude_error[keep] ** 2))
-        joints = np.sqrt(np.mean(np.sum(self.joint_error[keep] ** 2, axis=1)))
-        return float(np.rad2deg(attitude)), float(np.rad2deg(joints))
-
-
-def run_case(case: Case) -> Run:
-    """Simulate a case."""
     prior = wrong_prior(case.prior, case.eta, case.seed)
     noise = {name: case.noise * _std(name) for name in _NOISY} if case.noise else {}
     believed = replace(prior, sensors=SensorSettings(**noise))
     controller = AdaptiveController(believed, case.settings, case.period)
-    samples: list[tuple[Array, ...]] = []
+    samples: list[tuple[Any, ...]] = []
+    diverged = False
     try:
         for sample in _samples(case, controller):
             samples.append(sample)
-            diverged = max(sample[0], np.max(np.abs(sample[1]))) > _DIVERGED
+            diverged = max(np.max(np.abs(x)) for x in sample[:2]) > _DIVERGED
             if diverged:
                 break
     except SimulationDivergedError:
         diverged = True
-    attitude, joints, torque, base, indefinite = map(np.array, zip(*samples, strict=True))
-    return Run(
-        time=case.period * np.arange(len(samples), dtype=float),
-        attitude_error=attitude,
-        joint_error=joints,
-        torque=torque,
-        base=base,
-        indefinite=float(np.mean(indefinite)),
-        torque_error=torque_error(controller.parameters.values),
-        prior_torque_error=torque_error(parameter_values(prior)),
-        diverged=bool(diverged),
-    )
+    attitude, joints, torque, parameters, indefinite = map(np.array, zip(*samples, strict=True))
+    time = case.period * np.arange(len(samples), dtype=float)
+    error, last = np.rad2deg(attitude), time > time[-1] - _LAST
+    base = np.abs(parameters[:, _BASE] / parameter_values(minisat())[_BASE] - 1.0)
+    square = np.sum(joints[last] ** 2, axis=1)
+    out = {
+        'attitude_rms_deg': float(np.rad2deg(np.sqrt(np.mean(attitude[last] ** 2)))),
+        'joint_rms_deg': float(np.rad2deg(np.sqrt(np.mean(square)))),
+        'settling_s': np.inf if diverged else _settling_time(time, error),
+        'rebound_deg': _rebound(error),
+        'last_deg': float(np.max(error[time > time[-1] - 0.5 * _LAST])),
+        'final_deg': float(error[-1]),
+        'peak_torque': float(np.max(np.abs(torque))),
+        'indefinite': float(np.mean(indefinite)),
+        'torque_error': torque_error(controller.parameters.values),
+        'prior_torque_error': torque_error(parameter_values(prior)),
+        'base_errors': base[[0, -1]],
+        'diverged': bool(diverged),
+    }
+    if is_drawn:
+        drawn = {'attitude': error, 'joints': np.rad2deg(np.linalg.norm(joints, axis=1))}
+        shown = {'Ixx': 100.0 * base[:, 0], 'mass': 100.0 * base[:, 3]}
+        out['history'] = {'time': time, **drawn, **shown}
+    return out
+
+
+def _settling_time(time: Array, error: Array) -> float:
+    outside = np.flatnonzero(error >= _SETTLED)
+    if len(outside) and outside[-1] == len(time) - 1:
+        return np.inf
+    return float(time[outside[-1] + 1]) if len(outside) else 0.0
+
+
+def _rebound(error: Array) -> float:
+    inside = np.flatnonzero(error < _SETTLED)
+    return float(np.max(error[inside[0] :])) if len(inside) else float(error[-1])
 
 
 def _std(name: str) -> float:
@@ -134,7 +145,7 @@ def _std(name: str) -> float:
 
 
 def _samples(case: Case, controller: AdaptiveController) -> Iterator[tuple[Any, ...]]:
-    """Attitude and joint errors, torques, base's parameters, whether indefinite, a sample.
+    """Attitude and joint errors, torque about x, parameters, whether indefinite, a sample.
 
     Without the ledger of a `Plant`, whose forces on the base make it six times slower.
     """
@@ -148,7 +159,7 @@ def _samples(case: Case, controller: AdaptiveController) -> Iterator[tuple[Any, 
         yield (
             np.linalg.norm(u.attitude_error),
             u.joint_error,
-            np.concatenate([u.base, u.joints]),
+            u.base[0],
             controller.parameters.values[:10].copy(),
             not controller.health.physical,
         )
@@ -174,9 +185,9 @@ def cycle_time(law: str, consistency: str) -> float:
     for _ in range(1 + _BLOCKS):  # the first block compiles
         spans = []
         for state, target in zip(states, targets, strict=True):
-            started = time.perf_counter_ns()
+            started = perf_counter_ns()
             controller.step(state, target)
-            spans.append(time.perf_counter_ns() - started)
+            spans.append(perf_counter_ns() - started)
         medians.append(float(np.median(spans)))
     return min(medians[1:]) * 1e-3
 

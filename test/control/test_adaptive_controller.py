@@ -74,10 +74,9 @@ def test_wrong_parameters_are_learnt_to_the_floor(law, velocity):
     settings = AdaptiveSettings(law=law)
     case = Case(task='harmonic', settings=settings, prior='iid', eta=0.4, seed=1)
     run = run_case(replace(case, measures_velocity=velocity))
-    attitude, joints = run.rms_deg()
-    assert attitude <= 0.0035
-    assert joints <= 0.012
-    assert run.indefinite == 0.0
+    assert run['attitude_rms_deg'] <= 0.0035
+    assert run['joint_rms_deg'] <= 0.012
+    assert run['indefinite'] == 0.0
 
 
 def test_the_opposite_quaternion_is_the_same_attitude():

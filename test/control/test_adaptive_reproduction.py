@@ -26,7 +26,9 @@ def short():
     """Every run cut short, and no timing: on a shared machine it says nothing."""
     whole = adaptive_control.run_case
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(adaptive_control, 'run_case', lambda case: whole(shortened(case)))
+        patch.setattr(
+            adaptive_control, 'run_case', lambda case, drawn: whole(shortened(case), drawn)
+        )
         patch.setattr(adaptive_control, 'cycle_time', lambda law, consistency: 10.0)
         yield
 
