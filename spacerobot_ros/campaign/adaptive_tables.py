@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import ItemsView, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..display import Curve, Drawing, Panel, Table, table_of
 from .adaptive_judge import mean_base_errors, median, or_infinite, select, worst
-from .description import Record, Results
+from .description import Record, Results, grouped
 
 _PLOTTED = (
     ('adaptive_lyapunov', 'none'),
@@ -40,36 +40,23 @@ def _pair(values: tuple[float, float]) -> str:
     return f'{values[0]:.4f} / {values[1]:.4f}'
 
 
-def _groups(
-    results: Results, kind: str, parts: slice
-) -> list[tuple[tuple[Any, ...], list[Record]]]:
+def _groups(results: Results, kind: str, parts: slice) -> ItemsView[Any, list[Record]]:
     """Runs of an experiment by some parts of their keys, in the order of the trials."""
-    out: dict[tuple[Any, ...], list[Record]] = {}
-    for run in select(results, kind):
-        out.setdefault(tuple(run['key'][parts]), []).append(run)
-    return list(out.items())
+    return grouped(select(results, kind), lambda run: tuple(run['key'][parts])).items()
 
 
 def _orientation(results: Results) -> Table:
     rows = []
     for (kind, eta), runs in _groups(results, 'orientation', slice(1, 3)):
         settling = [or_infinite(run['settling_s']) for run in runs]
-        rows.append(
-            {
-                'kind': kind,
-                'percent': 100 * eta,
-                'runs': len(runs),
-                'times': f'{min(settling):.2f} to {max(settling):.2f}',
-                'last': max(run['final_deg'] for run in runs),
-                'gone': sum(run['diverged'] for run in runs),
-            }
-        )
-    return table_of(
-        'Orientation to a set-point, fixed parameters',
-        'wrong parameters alone do not make the loop diverge',
+        times = f'{min(settling):.2f} to {max(settling):.2f}'
+        last, gone = max(run['final_deg'] for run in runs), sum(run['diverged'] for run in runs)
+        rows.append([kind, f'{100 * eta:.0f}', str(len(runs)), times, f'{last:.1e}', str(gone)])
+    return Table(
+        ['prior', 'error [%]', 'runs', 'below 0.1 deg [s]', 'last error [deg]', 'diverged'],
         rows,
-        'prior | error [%] | runs | below 0.1 deg [s] | last error [deg] | diverged',
-        '{kind} | {percent:.0f} | {runs} | {times} | {last:.1e} | {gone}',
+        'wrong parameters alone do not make the loop diverge',
+        'Orientation to a set-point, fixed parameters',
     )
 
 
@@ -131,44 +118,31 @@ def _inertia(results: Results) -> Table:
 
 
 def _noise(results: Results) -> Table:
-    rows = [
-        {
-            'key': key,
-            'error': 100.0 * np.mean([run['torque_error'] for run in runs]),
-            'prior': 100.0 * runs[0]['prior_torque_error'],
-            'rms': _pair(median(runs)),
-        }
-        for key, runs in _groups(results, 'noise', slice(1, 4))
-    ]
-    return table_of(
-        'Noise',
-        'torque error on motions of their own; x1: gyro 1e-4, joint rates 3.5e-4 rad/s',
+    rows = []
+    for (scale, *law), runs in _groups(results, 'noise', slice(1, 4)):
+        error = 100.0 * np.mean([run['torque_error'] for run in runs])
+        prior = 100.0 * runs[0]['prior_torque_error']
+        rows.append([f'{scale:g}', *law, f'{error:.2f}', f'{prior:.2f}', _pair(median(runs))])
+    return Table(
+        ['noise x', 'law', 'consistency', 'torque error [%]', 'of the prior', 'RMS [deg]'],
         rows,
-        'noise x | law | consistency | torque error [%] | of the prior | RMS [deg]',
-        '{key[0]:g} | {key[1]} | {key[2]} | {error:.2f} | {prior:.2f} | {rms}',
+        'torque error on motions of their own; x1: gyro 1e-4, joint rates 3.5e-4 rad/s',
+        'Noise',
     )
 
 
 def _sampling(results: Results) -> Table:
-    rows = [
-        {
-            'period': period,
-            'rate': rate,
-            'pole': (1.0 + rate) * period,
-            **{
-                kind: _last(select(results, 'sampling', period, rate, kind))
-                for kind in ('true', 'iid')
-            },
-        }
-        for (period, rate), _ in _groups(results, 'sampling', slice(1, 3))
-    ]
+    rows = []
+    for of, _ in _groups(results, 'sampling', slice(1, 3)):
+        cells = {kind: _last(select(results, 'sampling', *of, kind)) for kind in ('true', 'iid')}
+        rows.append({'of': of, 'pole': (1.0 + of[1]) * of[0], **cells})
     return table_of(
         'Sampling limit',
         'largest attitude error of the last 10 s [deg], kappa = 1/s: oscillation and divergence '
         'come from sampling, not from wrong parameters',
         rows,
         'period [s] | Lambda [1/s] | (kappa + Lambda) T | true | 40 % priors',
-        '{period:g} | {rate:g} | {pole:.2f} | {true} | {iid}',
+        '{of[0]:g} | {of[1]:g} | {pole:.2f} | {true} | {iid}',
     )
 
 
@@ -208,27 +182,16 @@ def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
     eta = next(key[2] for key in kept if key[0] == 'harmonic')
     name = f'{100 * eta:.0f} % element-wise prior, first draw'
 
-    def panel(title: str, unit: str, what: str, of: dict[str, Record], log: bool = False) -> Panel:
+    def panel(title: str, unit: str, what: str, of: dict[str, Record]) -> Panel:
         curves = [Curve(n, np.array(h['time']), np.array(h[what])) for n, h in of.items()]
-        return Panel(title, unit, curves, log=log)
+        return Panel(title, unit, curves, log=unit == 'deg')
 
-    return [
-        Drawing(
-            'Figures',
-            f'Harmonic tracking (Figs 11 and 13), {name}.',
-            [
-                panel('attitude error', 'deg', 'attitude', shown, log=True),
-                panel('joints', 'deg', 'joints', shown, log=True),
-            ],
-        ),
-        Drawing(
-            'Figures',
-            f"Relative error of the base's parameters (Fig. 12), {name}.",
-            [panel('base Ixx', '%', 'Ixx', shown), panel('base mass', '%', 'mass', shown)],
-        ),
-        Drawing(
-            'Figures',
-            'Set-point with true parameters and different Lambda (Fig. 10).',
-            [panel('attitude error', 'deg', 'attitude', sweep, log=True)],
-        ),
-    ]
+    attitude, swept = (panel('attitude error', 'deg', 'attitude', of) for of in (shown, sweep))
+    joints = panel('joints', 'deg', 'joints', shown)
+    base = [panel(f'base {name}', '%', name, shown) for name in ('Ixx', 'mass')]
+    captions = {
+        f'Harmonic tracking (Figs 11 and 13), {name}.': [attitude, joints],
+        f"Relative error of the base's parameters (Fig. 12), {name}.": base,
+        'Set-point with true parameters and different Lambda (Fig. 10).': [swept],
+    }
+    return [Drawing('Figures', caption, panels) for caption, panels in captions.items()]

@@ -8,7 +8,7 @@ its record is the same in whatever order, on however many processes.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from operator import itemgetter
@@ -113,12 +113,17 @@ def key(*parts: Any) -> str:
     return json.dumps(parts)
 
 
-def kinds(records: Sequence[Record]) -> dict[str, list[Record]]:
-    """Records by the first part of their key."""
-    out: dict[str, list[Record]] = {}
+def grouped(records: Iterable[Record], of: Callable[[Record], Any]) -> dict[Any, list[Record]]:
+    """Records that have the same of something, in the order of their first ones."""
+    out: dict[Any, list[Record]] = {}
     for record in records:
-        out.setdefault(json.loads(record['case'])[0], []).append(record)
+        out.setdefault(of(record), []).append(record)
     return out
+
+
+def kinds(records: Iterable[Record]) -> dict[str, list[Record]]:
+    """Records by the first part of their key."""
+    return grouped(records, lambda record: json.loads(record['case'])[0])
 
 
 def without(record: Record, *names: str) -> Record:

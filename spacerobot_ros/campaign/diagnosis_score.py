@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby
 from operator import itemgetter
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from ..effects.catalogue import CATALOGUE
 from ..estimation.scaling import PROPORTIONAL
 from ..types import Array
-from .description import Check, Results
+from .description import Check, Results, grouped
 from .diagnosis_judge import (
     REFUSED,
     Line,
@@ -108,7 +107,7 @@ def _by(
     lines: Sequence[Line], of: Callable[[Line], Any] = itemgetter('multiple')
 ) -> list[tuple[Any, list[Line]]]:
     """Cases in groups, sorted; by strength if nothing else is said."""
-    return [(key, list(group)) for key, group in groupby(sorted(lines, key=of), of)]
+    return sorted(grouped(lines, of).items())
 
 
 def _became(lines: Sequence[Line], what: str) -> Share:

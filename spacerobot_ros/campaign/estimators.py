@@ -14,12 +14,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from ..estimation.reference import Kinematics
-from ..identification.batch import identify
+from ..identification.batch import identify, sensor_data
 from ..identification.cramer_rao import cramer_rao_bound
 from ..identification.estimate import Estimate
+from ..identification.least_squares import sampled_reference
 from ..identification.online import OnlineIdentifier
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
@@ -52,7 +51,8 @@ def noisy_run(axes: str, scale: float, seed: int) -> dict[str, Any]:
         method: estimate(record, case, scale, method) for method in METHODS if method != 'paper'
     }
     solutions = {name: np.concatenate([e.aam, e.parameters]) for name, e in found.items()}
-    solutions['paper'] = linear_system(case.robot, case.minimal, _samples(record)).solve()
+    samples = sampled_reference(sensor_data(record)[0])
+    solutions['paper'] = linear_system(case.robot, case.minimal, samples).solve()
     is_tracked = (scale, seed) == (SCALES[0], 0)
     return {
         'axes': axes,
@@ -92,20 +92,6 @@ def _online(record: Record, believed: Robot, settings: IdentifierSettings) -> Es
             identifier.solve()
             next_solve += _SOLVE_PERIOD
     return identifier.solve()
-
-
-def _samples(record: Record) -> Kinematics:
-    """A record whose sensors share their stamps, as plain samples."""
-    joints, rates, attitudes = record.joints, record.rates, record.attitudes
-    if joints is None or rates is None or attitudes is None or joints.velocity is None:
-        raise ValueError('the record lacks a sensor')
-    return Kinematics(
-        np.asarray(joints.stamp_ns * 1e-9, dtype=float),
-        joints.position,
-        joints.velocity,
-        rates.omega,
-        Rotation.from_quat(attitudes.q_xyzw),
-    )
 
 
 def bound_std(axes: str, scale: float = 1.0, attitude_every: int = 1) -> Array:

@@ -6,11 +6,12 @@ import json
 import math
 import time
 from collections.abc import Iterator, Sequence
+from operator import itemgetter
 
 import numpy as np
 
 from ..display import Table, table_of
-from .description import Check, Record, Results, key
+from .description import Check, Record, Results, grouped, key
 from .monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
 
 ROBOTS = ('servicer', 'minisat')
@@ -101,24 +102,13 @@ def faulty(robot: str, seed: int, name: str, size: float) -> Record:
 
 def results(records: Sequence[Record]) -> Results:
     """As `monitor`, by robot what its flights without a fault came to, and of each fault."""
-    quiet: dict[str, list[Record]] = {}
-    loud: dict[tuple[str, str, float], list[Record]] = {}
-    for record in records:
-        if 'fault' in record:
-            of = record['robot'], record['fault'], record['size']
-            loud.setdefault(of, []).append(record)
-        else:
-            quiet.setdefault(record['robot'], []).append(record)
+    quiet = grouped((x for x in records if 'fault' not in x), itemgetter('robot'))
+    loud = grouped((x for x in records if 'fault' in x), itemgetter('robot', 'fault', 'size'))
     nominal = {robot: _nominal_score(own) for robot, own in quiet.items()}
+    names = ('robot', 'fault', 'size', 'unit')
     faults = [
-        {
-            'robot': robot,
-            'fault': name,
-            'size': size,
-            'unit': FAULTS[name].unit,
-            **_fault_score(own),
-        }
-        for (robot, name, size), own in loud.items()
+        {**dict(zip(names, (*of, FAULTS[of[1]].unit), strict=True)), **_fault_score(own)}
+        for of, own in loud.items()
     ]
     return {'monitor': {'nominal': nominal, 'faults': faults}}
 

@@ -170,24 +170,16 @@ def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
         }
         soft = [r for r in of.get('soft', ()) if (r['axes'], r['plant']) == (axes, 'correct')]
         known, unknown = runs['corrected'], runs['no_aam']
-        out += [
-            Drawing(
-                section,
-                'Fig. 4: joint torques and body rate, wheels known (1 rad/s, correct plant).',
-                _motion(known),
+        errors = [_errors(known, 'wheels known'), _errors(unknown, 'wheels unknown')]
+        captions = {
+            'Fig. 4: joint torques and body rate, wheels known (1 rad/s, correct plant).': (
+                _motion(known)
             ),
-            Drawing(section, 'Fig. 5: the same, wheels unknown to the law.', _motion(unknown)),
-            Drawing(
-                section,
-                'Fig. 6: joint errors; what is left with the wheels known is the integrator.',
-                [_errors(known, 'wheels known'), _errors(unknown, 'wheels unknown')],
-            ),
-            Drawing(
-                section,
-                'Fig. 7: end-effector error, base frame.',
-                [_end_effector(runs, soft)],
-            ),
-        ]
+            'Fig. 5: the same, wheels unknown to the law.': _motion(unknown),
+            'Fig. 6: joint errors; what is left with the wheels known is the integrator.': errors,
+            'Fig. 7: end-effector error, base frame.': [_end_effector(runs, soft)],
+        }
+        out += [Drawing(section, caption, panels) for caption, panels in captions.items()]
     return out
 
 
