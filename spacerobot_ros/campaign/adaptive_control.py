@@ -11,7 +11,7 @@ from typing import Any
 from ..control.adaptive.settings import AdaptiveSettings
 from .adaptive_identities import identities
 from .adaptive_judge import judge as judge
-from .adaptive_run import TIMED, Case, cycle_time, run_case
+from .adaptive_run import TIMED, LoopCase, cycle_time, run_case
 from .adaptive_tables import drawings as drawings
 from .adaptive_tables import tables as tables
 from .description import Record, Results, key, kinds, without
@@ -85,21 +85,23 @@ def _settings(law: str, consistency: str = 'none', **values: Any) -> AdaptiveSet
     return AdaptiveSettings(law=law, physical_consistency=consistency, **values)
 
 
-def _harmonic(prior: str, eta: float, law: str, consistency: str, seed: int, **more: Any) -> Case:
+def _harmonic(
+    prior: str, eta: float, law: str, consistency: str, seed: int, **more: Any
+) -> LoopCase:
     settings = _settings(law, consistency, prior_shape=_SHAPES[prior])
-    return Case(task='harmonic', settings=settings, prior=prior, eta=eta, seed=seed, **more)
+    return LoopCase(task='harmonic', settings=settings, prior=prior, eta=eta, seed=seed, **more)
 
 
-def _unmeasured(law: str, consistency: str, seed: int) -> Case:
+def _unmeasured(law: str, consistency: str, seed: int) -> LoopCase:
     return _harmonic('iid', _LARGEST, law, consistency, seed, measures_velocity=False)
 
 
-def _noisy(scale: float, law: str, consistency: str, seed: int) -> Case:
+def _noisy(scale: float, law: str, consistency: str, seed: int) -> LoopCase:
     return _harmonic('iid', _LARGEST, law, consistency, 0, noise=scale, noise_seed=seed)
 
 
-def _set_point(prior: str, eta: float, seed: int, **rates: Any) -> Case:
-    return Case(
+def _set_point(prior: str, eta: float, seed: int, **rates: Any) -> LoopCase:
+    return LoopCase(
         task='orientation',
         settings=_settings('passivity', **rates),
         prior=prior,
@@ -109,23 +111,23 @@ def _set_point(prior: str, eta: float, seed: int, **rates: Any) -> Case:
     )
 
 
-def _lambda(rate: float) -> Case:
+def _lambda(rate: float) -> LoopCase:
     return _set_point('true', 0.0, 0, attitude_bandwidth=rate, joint_bandwidth=rate)
 
 
-def _sampled(period: float, rate: float, prior: str, seed: int) -> Case:
+def _sampled(period: float, rate: float, prior: str, seed: int) -> LoopCase:
     rates: Any = {'kappa': 1.0, 'attitude_bandwidth': rate, 'joint_bandwidth': rate}
     settings = _settings('passivity', sampling_check='warn', **rates)
     still = _set_point(prior, 0.0 if prior == 'true' else _LARGEST, seed)
     return replace(still, settings=settings, period=period, duration=60.0)
 
 
-def _period(period: float) -> Case:
+def _period(period: float) -> LoopCase:
     settings = _settings('passivity', sampling_check='warn')
-    return Case(task='harmonic', settings=settings, period=period)
+    return LoopCase(task='harmonic', settings=settings, period=period)
 
 
-_CASES: dict[str, Callable[..., Case]] = {
+_CASES: dict[str, Callable[..., LoopCase]] = {
     'harmonic': _harmonic,
     'unmeasured': _unmeasured,
     'orientation': _set_point,

@@ -41,7 +41,7 @@ _NOISY = ('joint_velocity_std', 'gyro_std', 'joint_effort_std')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class LoopCase:
     """What to run.
 
     Args:
@@ -69,7 +69,7 @@ class Case:
     measures_velocity: bool = True
 
 
-def run_case(case: Case, is_drawn: bool = False) -> Record:
+def run_case(case: LoopCase, is_drawn: bool = False) -> Record:
     """Simulate a case.
 
     Returns:
@@ -144,7 +144,7 @@ def _std(name: str) -> float:
     return getattr(minisat().sensors, name) or 0.0
 
 
-def _samples(case: Case, controller: AdaptiveController) -> Iterator[tuple[Any, ...]]:
+def _samples(case: LoopCase, controller: AdaptiveController) -> Iterator[tuple[Any, ...]]:
     """Attitude and joint errors, torque about x, parameters, whether indefinite, a sample.
 
     Without the ledger of a `Plant`, whose forces on the base make it six times slower.
@@ -166,7 +166,7 @@ def _samples(case: Case, controller: AdaptiveController) -> Iterator[tuple[Any, 
         x = hold_step(dynamics, x, u.joints, period, substeps, np.concatenate([zeros, u.base]))
 
 
-def _measured(case: Case, state: State, rng: np.random.Generator) -> Measured:
+def _measured(case: LoopCase, state: State, rng: np.random.Generator) -> Measured:
     omega, qd = state.omega_WB_B, state.qd
     if case.noise:
         omega = omega + case.noise * _std('gyro_std') * rng.standard_normal(3)
@@ -194,5 +194,5 @@ def cycle_time(law: str, consistency: str) -> float:
 
 def _on_target(t: float) -> Measured:
     """A state that lags the harmonic task by a hundredth of a second."""
-    point = harmonic(t - 0.01)
-    return Measured(point.q_WD_xyzw, point.omega_WD_D, point.q, point.qd, np.zeros(3))
+    late = harmonic(t - 0.01)
+    return Measured(late.q_WD_xyzw, late.omega_WD_D, late.q, late.qd, np.zeros(3))

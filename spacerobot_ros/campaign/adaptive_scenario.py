@@ -20,7 +20,7 @@ MASS = 36.9  # of the robot [kg]
 AMPLITUDE, PULSE = np.deg2rad(10.0), 2.0 * np.pi / 20.0
 
 Task = Callable[[float], Target]
-"""Time [s] to the point of the motion."""
+"""Time [s] to the target of the motion."""
 
 
 def minisat() -> Robot:

@@ -42,7 +42,7 @@ _URGENCY = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class HiddenCase:
     """One record to diagnose.
 
     Args:
@@ -86,7 +86,7 @@ def _fitted() -> list[str]:
     return [effect.id for effect in CATALOGUE.values() if effect.is_fitted]
 
 
-def _hidden() -> Iterator[Case]:
+def _hidden() -> Iterator[HiddenCase]:
     """Each effect at all strengths, and the strongest again without its name in the catalogue."""
     for number, effect in enumerate(_fitted()):
         for k in range(_SEEDS * len(ROBOTS)):
@@ -96,13 +96,13 @@ def _hidden() -> Iterator[Case]:
             yield _case('left_out', k, seed, (effect,), MULTIPLES[-1])
 
 
-def _quick() -> Iterator[Case]:
+def _quick() -> Iterator[HiddenCase]:
     for number, effect in enumerate(_fitted()):
         k = number % len(ROBOTS)
         yield _case('single', k, 10_000 + 100 * number + k, (effect,), MULTIPLES[1])
 
 
-def _pairs(count: int) -> Iterator[Case]:
+def _pairs(count: int) -> Iterator[HiddenCase]:
     ids = _fitted()
     rng = np.random.default_rng(1)
     for k in range(count):
@@ -113,9 +113,9 @@ def _pairs(count: int) -> Iterator[Case]:
 
 def _case(
     kind: str, turn: int, seed: int, effects: tuple[str, ...] = (), multiple: float = 0.0
-) -> Case:
+) -> HiddenCase:
     robots, excitations = len(ROBOTS), tuple(EXCITATIONS)
-    return Case(
+    return HiddenCase(
         kind=kind,
         robot=ROBOTS[turn % robots],
         excitation=excitations[turn // robots % len(excitations)],
@@ -127,7 +127,7 @@ def _case(
 
 def run(key: str) -> Record:
     """Hide, simulate, diagnose."""
-    case = Case(**json.loads(key))
+    case = HiddenCase(**json.loads(key))
     rng = np.random.default_rng([case.seed, 11])
     hidden: list[Effect] = []
     strength = wall = 0.0
@@ -149,13 +149,13 @@ def run(key: str) -> Record:
     }
 
 
-def _known(case: Case) -> list[type[Effect]]:
+def _known(case: HiddenCase) -> list[type[Effect]]:
     """The catalogue, without what is hidden where it is left out."""
     out = case.effects if case.kind == 'left_out' else ()
     return [effect for effect in CATALOGUE.values() if effect.id not in out]
 
 
-def _hide(case: Case, rng: np.random.Generator) -> tuple[list[Effect], float]:
+def _hide(case: HiddenCase, rng: np.random.Generator) -> tuple[list[Effect], float]:
     """The effects of a case, and the weakest one's strength by the detection limit.
 
     It is 0 where the robot has no place for one.

@@ -37,7 +37,6 @@ CIRCLES_OF_ROOMS = {('control', 'diagnosis', 'estimation', 'identification', 'si
 UPWARDS = {('estimation.balance', 'diagnosis.search')}
 OUTSIDE: set[str] = set()
 CLASSES = {
-    'Case',
     'Motion',
     'Run',
     'Start',

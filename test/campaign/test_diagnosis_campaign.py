@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import binomtest
 
 from spacerobot_ros.campaign.description import DIAGNOSIS
-from spacerobot_ros.campaign.diagnosis_campaign import Case, run, trials
+from spacerobot_ros.campaign.diagnosis_campaign import HiddenCase, run, trials
 from spacerobot_ros.campaign.diagnosis_campaign_tables import CONFUSION, ROC
 from spacerobot_ros.campaign.diagnosis_draw import drawn
 from spacerobot_ros.campaign.diagnosis_judge import EQUIVALENTS, is_equivalent, outcome
@@ -249,7 +249,7 @@ def test_cases_are_the_same_every_time_and_all_different():
 
 
 def test_a_hidden_effect_is_found():
-    case = Case(
+    case = HiddenCase(
         kind='single',
         robot='servicer',
         excitation='default',

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign.adaptive_identities import identities
-from spacerobot_ros.campaign.adaptive_run import Case, run_case
+from spacerobot_ros.campaign.adaptive_run import LoopCase, run_case
 from spacerobot_ros.campaign.adaptive_scenario import START, harmonic, minisat, wrong_prior
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.pseudo_inertia import (
@@ -72,7 +72,7 @@ def test_nothing_pushes_the_base(law):
 @pytest.mark.parametrize('velocity', [True, False])
 def test_wrong_parameters_are_learnt_to_the_floor(law, velocity):
     settings = AdaptiveSettings(law=law)
-    case = Case(task='harmonic', settings=settings, prior='iid', eta=0.4, seed=1)
+    case = LoopCase(task='harmonic', settings=settings, prior='iid', eta=0.4, seed=1)
     run = run_case(replace(case, measures_velocity=velocity))
     assert run['attitude_rms_deg'] <= 0.0035
     assert run['joint_rms_deg'] <= 0.012
