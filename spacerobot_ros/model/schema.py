@@ -88,6 +88,11 @@ def param(default: Any = MISSING, unit: str = '', **limits: Any) -> Any:
     return field(default=default, metadata={'allowed': Allowed(unit=unit, **limits)})
 
 
+def entry(parse: Callable[[Any, str], Any], default: Any = MISSING) -> Any:
+    """A field that is read by a function of the value and its place; see `param`."""
+    return field(default=default, metadata={'parse': parse})
+
+
 def meanings(cls: type) -> dict[str, str]:
     """What every field means: its entry under `Args:`, in the class or in what it derives from."""
     found = {}
@@ -145,6 +150,8 @@ def parse_number(value: Any, place: str, kind: type = float) -> Any:
 
 
 def _parse_value(f: Field[Any], kind: Any, value: Any, place: str) -> Any:
+    if 'parse' in f.metadata:
+        return f.metadata['parse'](value, place)
     if hasattr(kind, '__dataclass_fields__'):
         return parse_section(kind, value, place)
     if kind == FreeMaps:
@@ -158,17 +165,21 @@ def _parse_value(f: Field[Any], kind: Any, value: Any, place: str) -> Any:
     return parsed
 
 
+def parse_text(value: Any, place: str, kind: type = str) -> Any:
+    """A text, or true or false where `kind` is bool.
+
+    Raises:
+        ConfigurationError: anything else.
+    """
+    if not isinstance(value, kind):
+        word = {bool: 'true or false', str: 'text'}[kind]
+        raise ConfigurationError(place, f'expected {word}, got {value!r}')
+    return value
+
+
 def _parser(kind: type) -> Callable[[Any, str], Any]:
-    if kind in (float, int):
-        return lambda value, place: parse_number(value, place, kind)
-    word = {bool: 'true or false', str: 'text'}[kind]
-
-    def parse(value: Any, place: str) -> Any:
-        if not isinstance(value, kind):
-            raise ConfigurationError(place, f'expected {word}, got {value!r}')
-        return value
-
-    return parse
+    parse = parse_number if kind in (float, int) else parse_text
+    return lambda value, place: parse(value, place, kind)
 
 
 def _free_maps(value: Any, place: str) -> dict[str, dict[str, float | str]]:

@@ -95,13 +95,13 @@ def _order(names: Sequence[str], wanted: tuple[str, ...], place: str) -> list[in
 
 def _derived(table: SampleTable, mapping: ColumnMapping) -> SampleTable:
     """The table with its rows selected, its integers signed and its derived columns added."""
-    for name, wanted in mapping.select.items():
+    for name, wanted in mapping.select:
         table = table.where(name, wanted)
-    for name, bits in mapping.twos_complement.items():
+    for name, bits in mapping.twos_complement:
         half = 2.0 ** (bits - 1)
         values = (table.numbers(name) + half) % (2.0 * half) - half
         table = table.with_column(name, values)
-    for name, terms in mapping.derived.items():
+    for name, terms in mapping.derived:
         total: Array | float = 0.0
         for term in terms:
             factor = table.numbers(term.times) if term.times else 1.0
