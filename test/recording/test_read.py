@@ -272,9 +272,11 @@ POSITION = MAPPING['joints']['position']
 FAULTY_MAPPINGS = {
     'unknown unit': ({'gyro__unit': 'deg/sec'}, r"unknown unit 'deg/sec' .*'deg/s'\?"),
     'wrong unit': ({'joints__velocity__unit': 'rad'}, r"'rad' is a unit of angle, expected"),
-    'no unit': ({'gyro__unit': None}, r'gyro.unit: required parameter is missing \(To be written down'),
+    'no unit': ({'gyro__unit': None},
+                r'gyro.unit: required parameter is missing \(To be written down'),
     'unit of a quaternion': ({'attitude__unit': 'rad'}, 'a quaternion has no unit'),
-    'no order': ({'attitude__order': None}, r'attitude.order: required parameter is missing \(One of xyzw, wxyz'),
+    'no order': ({'attitude__order': None},
+                 r'attitude.order: required parameter is missing \(One of xyzw, wxyz'),
     'wrong order': ({'attitude__order': 'xywz'}, r"'xywz' is not one of xyzw, wxyz"),
     'wrong direction': ({'attitude__maps': 'up'}, r"'up' is not one of base_to_inertial"),
     'no time': ({'time': None}, r'time: is missing'),
