@@ -44,7 +44,6 @@ LONG = {
 }
 CLASSES = {
     'Motion',
-    'Run',
 }
 FILES = {
     'controller',
