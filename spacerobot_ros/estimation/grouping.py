@@ -10,6 +10,7 @@ from ..types import Array
 from .minimal import MinimalSet
 
 STANDARD = ('m', 'cx', 'cy', 'cz', 'Ixx', 'Iyy', 'Izz', 'Ixy', 'Ixz', 'Iyz')
+_PAIRS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])  # of an inertia's numbers
 _STEP = 1e-3  # relative; the parameters are at most cubic in each number
 _SEED = 3  # of a general place; any serves
 _VISIBLE = 1e-7  # of a parameter's largest derivative; rounding stays below 1e-9
@@ -39,37 +40,29 @@ def standard_parameters(robot: Robot, minimal: MinimalSet, structure: str) -> tu
 
 def _derivatives(robot: Robot, minimal: MinimalSet, structure: str) -> Array:
     """(k, bodies, 10) derivatives by the standard parameters, each in units of its body's size."""
-    tree = BlockTree(robot)
     mass = np.array([b.mass for b in robot.bodies])
     inertia = np.array([b.inertia for b in robot.bodies])
     com = np.array([b.com for b in robot.bodies])
-    length = np.sqrt(np.trace(inertia, axis1=1, axis2=2) / np.where(mass > 0.0, mass, 1.0))
+    massive = np.where(mass > 0.0, mass, 1.0)
+    length = np.sqrt(np.trace(inertia, axis1=1, axis2=2) / massive)
     # Beside the robot file's values: where they are zero, products of two have no derivative.
     free = np.ones(com.shape, dtype=bool) if structure == 'generic' else com != 0.0
     free[0] = True
-    com += (
-        np.where(free, np.random.default_rng(_SEED).normal(size=com.shape), 0.0) * length[:, None]
+    beside = np.random.default_rng(_SEED).normal(size=com.shape) * length[:, None]
+    values = np.column_stack(
+        [mass, com + np.where(free, beside, 0.0), inertia[:, _PAIRS[0], _PAIRS[1]]]
     )
-    out = np.zeros((len(minimal), len(mass), len(STANDARD)))
-    for body in np.flatnonzero(mass > 0.0):
-        sizes = [mass[body], *(3 * [length[body]]), *(6 * [mass[body] * length[body] ** 2])]
-        for place, size in enumerate(sizes):
-            ends = []
-            for sign in (1.0, -1.0):
-                m, c, moments = mass.copy(), com.copy(), inertia.copy()
-                _change(m, c, moments, int(body), place, sign * _STEP * size)
-                ends.append(minimal.grouping @ tree.block_parameters(m, c, moments))
-            out[:, body, place] = (ends[0] - ends[1]) / (2.0 * _STEP)
-    return out
+    powers = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    sizes = length[:, None] ** powers * np.where(powers == 1, 1.0, massive[:, None])
+    steps = _STEP * np.eye(values.size).reshape(-1, *values.shape) * sizes
+    tree = BlockTree(robot)
+    ends = [tree.block_parameters(*_bodies(values + sign * steps)) for sign in (1.0, -1.0)]
+    slopes = (ends[0] - ends[1]) @ minimal.grouping.T / (2.0 * _STEP)
+    return np.where(mass[:, None] > 0.0, slopes.T.reshape(-1, *values.shape), 0.0)
 
 
-def _change(mass: Array, com: Array, inertia: Array, body: int, place: int, change: float) -> None:
-    """Add to one of the ten numbers of a body, in the order of `STANDARD`."""
-    if place == 0:
-        mass[body] += change
-    elif place < 4:
-        com[body, place - 1] += change
-    else:
-        a, b = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))[place - 4]
-        inertia[body, a, b] += change
-        inertia[body, b, a] = inertia[body, a, b]
+def _bodies(values: Array) -> tuple[Array, Array, Array]:
+    """Masses (..., bodies), centres and inertias of their numbers in the order of `STANDARD`."""
+    inertia = np.zeros((*values.shape[:-1], 3, 3))
+    inertia[..., _PAIRS[0], _PAIRS[1]] = inertia[..., _PAIRS[1], _PAIRS[0]] = values[..., 4:]
+    return values[..., 0], values[..., 1:4], inertia

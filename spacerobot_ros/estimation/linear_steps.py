@@ -37,12 +37,12 @@ class Steps:
     def _inverse(self) -> Array:
         """D^-1."""
         z = self._z
-        return np.asarray(np.linalg.inv(np.eye(2 * self._m) - 0.5 * z + (z @ z) / 12.0))
+        return np.asarray(np.linalg.inv(np.eye(z.shape[1]) - 0.5 * z + (z @ z) / 12.0))
 
     @property
     def transitions(self) -> Array:
         """(N-1, 2 m, 2 m) exp(z)."""
-        return np.asarray(np.eye(2 * self._m) + self._inverse @ self._z)
+        return np.asarray(np.eye(self._z.shape[1]) + self._inverse @ self._z)
 
     def driven(self, a0: Array, a1: Array | None = None, a2: Array | None = None) -> Array:
         """(N-1, 2 m, K) change of the state by accelerations a0 + a1 s + a2 s^2 along each step.

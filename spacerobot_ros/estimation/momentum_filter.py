@@ -1,64 +1,95 @@
-r"""Error-state filter in momentum mode, with every unknown constant as a column.
+r"""Rows by prediction from momentum: whitened innovations with every unknown constant a column.
 
-State z = [dphi; q, q', q'', q''' a joint]: the attitude error about the reference moves with the
-rate error of the momentum equation (`linearize`), needs no torque and no process noise; each joint
-follows a quartic driven by white snap. The constants [h_W; AAM; x] are not states: the filter's
-mean is an affine function m + C t of their errors t, and so is every innovation. Whitened
-innovations are therefore rows of a linear least-squares problem in t, collected in square-root
-form by QR: recursive, with bounded memory, and equal to the Kalman filter with augmented state
-(Friedland 1969; Bierman 1977).
+State: deviations [dphi; dq, dq', dq'', dq'''] from the reference. The attitude error moves with
+the rate error of the momentum equation (`MomentumModel.linearize`), needs no torque and no process
+noise; each joint follows a quartic driven by white snap. The constants [h_W; AAM; x] are not
+states: every innovation is an affine function of their errors. Whitened innovations are therefore
+rows of a linear least-squares problem, collected in square-root form by QR: recursive, with
+bounded memory, and equal to the Kalman filter with augmented state (Friedland 1969; Bierman 1977).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
+from ..dynamics.rotation import skew
+from ..recording.record import Record
 from ..types import Array
-from .momentum_process import RateErrorModel
-from .momentum_recursions import forward
-from .nuisances import SensorColumns
-from .reference import Kinematics
+from .kalman import StateSpace, gains_of, whiten
+from .linear_steps import Steps
+from .momentum_process import MomentumModel, RateErrorModel
+from .reference import NoiseLevels, ReferenceTrajectory
+from .sampled_motion import SampledMotion
+from .time_base import CHANNELS, channel_stamps, measured_rows
+from .torque_hold import Holds
 
-_ATTITUDE_START_STD = (
-    0.05  # rad; the reference starts aligned with the tracker far better than this
-)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Noise:
-    """Standard deviations of one sample, and the joints' smoothness.
-
-    Args:
-        joint_position: [rad]. joint_velocity: [rad/s]. gyro: [rad/s]. attitude: [rad].
-        snap: (n,) power spectral density of the joints' snap [rad^2/s^7].
-    """
-
-    joint_position: float
-    joint_velocity: float
-    gyro: float
-    attitude: float
-    snap: Array
+_ATTITUDE_START_STD = 0.05  # rad; the reference starts far closer to the tracker than this
+# The spline's snap, seen as white noise over its knots' spacing, overstates what the filter needs:
+# with this share the innovations of smooth motions have unit variance. Estimates do not depend on
+# it (factors of 1000 change no digit).
+_SNAP_SHARE = 0.3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Measurements:
-    """What was measured at each of N times; NaN where nothing was.
+class Stretch(SampledMotion):
+    """A stretch of a record, made ready for the filter.
 
     Args:
-        q: (N, n). qd: (N, n). gyro: (N, 3) deviation from the reference rate. attitude: (N, 3)
-            deviation log(R_ref^T R_measured).
+        record: Samples within the reference's times.
+        noise: Noise levels.
+        reference: Through the samples and, perhaps, some beyond.
+        holds: When torques were set; None where that is of no interest.
     """
 
-    q: Array
-    qd: Array
-    gyro: Array
-    attitude: Array
-    columns: SensorColumns | None = None
+    def __init__(
+        self,
+        record: Record,
+        noise: NoiseLevels,
+        reference: ReferenceTrajectory,
+        holds: Holds | None = None,
+    ) -> None:
+        n = record.q.shape[1]
+        states = {
+            'joint_position': 3 + np.arange(n),
+            'joint_velocity': 3 + n + np.arange(n),
+            'gyro': 3 + 4 * n + np.arange(3),  # of the first time, each later one three further
+            'attitude': np.arange(3),
+        }
+        rows = measured_rows(reference.times, channel_stamps(record), states)
+        super().__init__(record, noise, reference, rows)
+        self.holds = holds
+
+    def joint_states(self) -> Array:
+        """(N, 4 n) positions, rates, accelerations and jerks of the reference."""
+        return np.hstack([self.reference.joints(self.reference.times, k) for k in range(4)])
+
+    def snap_density(self) -> Array:
+        """(n,) power spectral density of a white snap that follows the joints as the spline."""
+        joints = self.reference.joints
+        snap = joints(self.reference.times, 4)
+        return np.asarray(_SNAP_SHARE * np.mean(snap**2, axis=0) * joints.spacing + 1e-12)
+
+    def misreadings(self, model: MomentumModel, constants: Array) -> tuple[Array, Array]:
+        """(R,) what nuisances add to the samples, and (R, m) its derivatives by them."""
+        nuisances = model.nuisances
+        is_held = self.holds is not None and nuisances.torque_hold is not None
+        jerk = model.held_jerk(self.reference, constants) if is_held else None
+        held_parts = {'gyro': slice(0, 3), 'joint_velocity': slice(3, None)}
+        totals, columns = {}, {}
+        for channel, stamps in channel_stamps(self.record).items():
+            if len(stamps):
+                at, held = self.at_samples(channel), None
+                if jerk is not None and self.holds is not None and channel in held_parts:
+                    shape = self.holds.shape(at.time)[:, None]
+                    held = shape * jerk(at.time)[:, held_parts[channel]]
+                total, columns[channel] = nuisances.misreadings(
+                    constants[model.other], channel, at, held
+                )
+                totals[channel] = total[..., None]
+        return self.rows.of(totals)[:, 0], self.rows.of(columns)
 
 
 class SquareRootInformation:
@@ -100,11 +131,7 @@ class SquareRootInformation:
         scale = np.linalg.norm(R, axis=0)
         scale[scale == 0.0] = 1.0
         left, singular, right = np.linalg.svd(R / scale)
-        known = (
-            singular > 1e-13 * singular[0]
-            if singular[0] > 0.0
-            else np.zeros(len(singular), dtype=bool)
-        )
+        known = singular > 1e-13 * singular[0]
         inverse = right[known].T / singular[known]
         estimate = inverse @ (left[:, known].T @ z) / scale
         covariance = (inverse @ inverse.T) / np.outer(scale, scale)
@@ -112,131 +139,133 @@ class SquareRootInformation:
 
 
 class MomentumFilter:
-    """Advances the filter block by block.
+    """Advances the filter stretch by stretch.
 
     Args:
-        size: Number of constants p.
-        noise: Noise levels.
-        joint_start: (4, n) joint positions, rates, accelerations and jerks at the first time.
-        joint_start_std: (4, n) their standard deviations: wide against the noise, but no wider
-            than the motion, since a covariance that spans twenty decades loses its sign.
+        model: The constants and the momentum equation.
+
+    Attributes:
+        information: Of the constants' errors. placebo: What the reference's own error makes of it.
     """
 
-    def __init__(
-        self, size: int, noise: Noise, joint_start: Array, joint_start_std: Array
-    ) -> None:
-        self.n = joint_start.shape[1]
-        self.noise = noise
-        self.information = SquareRootInformation(size)
-        start = np.concatenate([np.full(3, _ATTITUDE_START_STD), joint_start_std.ravel()])
-        self.covariance = np.diag(start**2)
-        self.placebo = SquareRootInformation(size)
-        self.affine = np.zeros((3 + 4 * self.n, 1 + 2 * size))
-        self.affine[3:, 0] = joint_start.ravel()
-        self.last: tuple[Kinematics, RateErrorModel] | None = None
+    def __init__(self, model: MomentumModel) -> None:
+        self._model = model
+        self.information = SquareRootInformation(model.size)
+        self.placebo = SquareRootInformation(model.size)
+        self._last: tuple[float, Rotation] | None = None
+        self._covariance = np.zeros((0, 0))
+        # Mean by 1, placebo and constants; joints count from zero between stretches.
+        self._mean = np.zeros((3 + 4 * model.n, 1 + 2 * model.size))
 
-    def run(self, reference: Kinematics, model: RateErrorModel, measured: Measurements) -> None:
-        """Process N times in order; the first continues where the last block ended.
-
-        Args:
-            reference: At the N times, in one piece with that of the last block.
-            model: Rate error about the current constants at the N times.
-            measured: Measurements at the N times.
-        """
-        if self.last is not None:
-            reference, model = _join(self.last[0], reference), model.after(self.last[1])
-        drives = model.with_absolute_joints(reference)
-        levels = self.noise
-        columns = measured.columns or SensorColumns.none(len(measured.q), self.n)
-        self.affine, self.covariance, rows = forward(
-            transitions(reference, model.state, drives, levels.snap),
-            model.state,
-            drives,
-            (measured.q, measured.qd, measured.attitude, measured.gyro),
-            (columns.q, columns.qd, columns.attitude, columns.gyro),
-            np.array([levels.joint_position, levels.joint_velocity, levels.attitude, levels.gyro]),
-            0 if self.last is None else 1,
-            self.affine,
-            self.covariance,
-        )
+    def run(self, stretch: Stretch, constants: Array) -> None:
+        """Process a stretch, linearized about constants; a later one begins at the last's end."""
+        p, joints = self._model.size, stretch.joint_states()
+        if self._last is None:
+            self._covariance = _start_covariance(joints)
+        else:
+            self._mean[3:, 0] -= joints[0]
+        disturbed = stretch.reference.disturbed()
+        rate = self._model.linearize(stretch.kinematics, constants, disturbed)
+        space, defects = state_space(stretch, rate, joints)
+        misread, sensors = stretch.misreadings(self._model, constants)
+        drives = np.concatenate([rate.offset[..., None], rate.placebo, rate.constants], axis=2)
+        measured = -_at_gyro(stretch, drives)
+        measured[:, 0] += stretch.deviations - misread
+        measured[:, measured.shape[1] - sensors.shape[1] :] -= sensors
+        gains = gains_of(space, self._covariance)
+        rows = whiten(space, gains, self._mean, drives, defects, measured)
+        self._mean[3:, 0] += joints[-1]
+        self._covariance = gains.end
         if len(rows):
-            p = self.information.size
             self.information.add(-rows[:, 1 + p :], rows[:, 0])
             self.placebo.add(rows[:, 1 : 1 + p], np.zeros(len(rows)))
-        self.last = (reference.part(slice(-1, None)), model.tail())
+        self._last = float(stretch.reference.times[-1]), stretch.kinematics.rotation[-1]
+
+    def take_end(self) -> tuple[float, Rotation]:
+        """Time at which the last stretch ended, and the attitude from which the next one starts.
+
+        That is the best known: what was known of the deviation is taken into the reference.
+        """
+        if self._last is None:
+            raise ValueError('no stretch was run yet')
+        time, rotation = self._last
+        correction, self._mean[:3, 0] = Rotation.from_rotvec(self._mean[:3, 0].copy()), 0.0
+        return time, rotation * correction
 
     def shift_constants(self, change: Array) -> None:
         """Count the constants' errors from a new origin."""
         self.information.shift(change)
-        self.affine[:, 0] += self.affine[:, 1 + len(change) :] @ change
-
-    def take_attitude(self) -> Array:
-        """Return the mean attitude error (3,) at the end and set it to zero."""
-        error = self.affine[:3, 0].copy()
-        self.affine[:3, 0] = 0.0
-        return error
+        self._mean[:, 0] += self._mean[:, 1 + len(change) :] @ change
 
 
-def _join(first: Kinematics, second: Kinematics) -> Kinematics:
-    """Two references in a row."""
-    return Kinematics(
-        np.concatenate([first.time, second.time]),
-        np.concatenate([first.q, second.q]),
-        np.concatenate([first.qd, second.qd]),
-        np.concatenate([first.omega, second.omega]),
-        Rotation.concatenate([first.rotation, second.rotation]),
-    )
-
-
-def transitions(
-    reference: Kinematics, rate_by_state: Array, drives: Array, snap: Array
-) -> tuple[Array, Array, Array]:
-    """Steps between N times: transition, drive of the attitude error, and noise.
-
-    Shapes (N-1, d, d), (N-1, 3, 1+p) and (N-1, d, d) with d = 3 + 4 n.
-
-    The attitude error obeys dphi' = -w x dphi + dw, carried over exactly by the reference's own
-    rotation and driven by
-    the trapezoid of dw, whose end depends on the new state: solved for it.
+def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[StateSpace, Array]:
+    """The model of the deviations, and what the joints' quartic misses of the reference.
 
     Args:
-        reference: N times.
-        rate_by_state: (N, 3, 3 + 2 n) dw by dphi, q and q'.
-        drives: (N, 3, 1 + p) dw by 1 and by the constants.
-        snap: (n,) power spectral density of the joints' snap.
+        stretch: N times, R rows.
+        rate: Rate error at the times.
+        joints: (N, 4 n) of the reference.
+
+    Returns:
+        The model of d = 3 + 4 n states, and (N-1, d) changes by each step.
     """
-    n = len(snap)
-    half = 0.5 * np.diff(reference.time)[:, None, None]
-    joint, joint_noise = _joint_steps(np.diff(reference.time), snap)
-    back = (reference.rotation[1:].inv() * reference.rotation[:-1]).as_matrix()
-    implicit = np.linalg.inv(np.eye(3) - half * rate_by_state[1:, :, :3])
-    transition = np.zeros((len(half), 3 + 4 * n, 3 + 4 * n))
-    transition[:, 3:, 3:] = joint
-    ahead = half * rate_by_state[1:, :, 3:] @ joint[:, : 2 * n]
-    ahead[:, :, : 2 * n] += half * back @ rate_by_state[:-1, :, 3:]
-    transition[:, :3, 3:] = implicit @ ahead
-    transition[:, :3, :3] = implicit @ (back + half * back @ rate_by_state[:-1, :, :3])
-    drive = implicit @ (half * (back @ drives[:-1] + drives[1:]))
-    spread = np.zeros((len(half), 3 + 4 * n, 4 * n))
+    n = joints.shape[1] // 4
+    size, durations = 3 + 4 * n, np.diff(stretch.reference.times)
+    matrices = np.zeros((len(joints), size, size))
+    matrices[:, :3, : 3 + 2 * n] = rate.state
+    matrices[:, :3, :3] -= skew(stretch.kinematics.omega)
+    matrices[:, 3:, 3:] = np.kron(np.diag(np.ones(3), 1), np.eye(n))
+    transitions = Steps(durations, matrices).transitions
+    # What joints do within a step moves the attitude by the trapezoid of the rate error's end.
+    spread = np.zeros((len(durations), size, 4 * n))
     spread[:, 3:] = np.eye(4 * n)
-    spread[:, :3, : 2 * n] = implicit @ (half * rate_by_state[1:, :, 3:])
-    return transition, drive, spread @ joint_noise @ np.swapaxes(spread, 1, 2)
+    spread[:, :3, : 2 * n] = 0.5 * durations[:, None, None] * rate.state[1:, :, 3:]
+    noise = spread @ _snap_noise(durations, stretch.snap_density()) @ np.swapaxes(spread, 1, 2)
+    missed = np.einsum('nij,nj->ni', transitions[:, 3:, 3:], joints[:-1]) - joints[1:]
+    rows = stretch.rows
+    is_gyro = rows.channel == CHANNELS.index('gyro')
+    at = np.repeat(np.arange(len(joints)), np.diff(rows.first))
+    by_gyro = np.zeros((3 * len(joints), size))
+    by_gyro[:, : 3 + 2 * n] = rate.state.reshape(-1, 3 + 2 * n)
+    space = StateSpace(
+        durations,
+        transitions,
+        noise,
+        0,
+        rows.first,
+        rows.state + np.where(is_gyro, 3 * at, 0),
+        by_gyro,
+        stretch.row_variance,
+    )
+    return space, np.einsum('nij,nj->ni', spread, missed)
 
 
-def _joint_steps(dt: Array, snap: Array) -> tuple[Array, Array]:
-    """(M, 4n, 4n) transition and noise of joint position to jerk, driven by white snap."""
-    step, noise = np.zeros((len(dt), 4, 4)), np.zeros((len(dt), 4, 4))
+def _at_gyro(stretch: Stretch, drives: Array) -> Array:
+    """(R, c) of what drives the rate, (N, 3, c), at the gyro's rows; zero at others."""
+    rows = stretch.rows
+    at = np.repeat(np.arange(len(drives)), np.diff(rows.first))
+    is_gyro = (rows.channel == CHANNELS.index('gyro'))[:, None]
+    return np.where(is_gyro, drives[at, np.minimum(rows.axis, 2)], 0.0)
+
+
+def _start_covariance(joints: Array) -> Array:
+    """(d, d) wide against the noise, but no wider than the motion.
+
+    A covariance that spans twenty decades would lose its sign.
+    """
+    n = joints.shape[1] // 4
+    spread = np.concatenate(
+        [np.std(joints[:, :n], axis=0), np.sqrt(np.mean(joints[:, n:] ** 2, axis=0))]
+    )
+    return np.diag(np.concatenate([np.full(3, _ATTITUDE_START_STD), spread + 1e-6]) ** 2)
+
+
+def _snap_noise(dt: Array, snap: Array) -> Array:
+    """(M, 4n, 4n) noise of joint position to jerk over steps (M,), driven by white snap."""
+    noise = np.zeros((len(dt), 4, 4))
     for i in range(4):
-        for j in range(i, 4):
-            step[:, i, j] = dt ** (j - i) / math.factorial(j - i)
         for j in range(4):
-            noise[:, i, j] = dt ** (7 - i - j) / (
-                math.factorial(3 - i) * math.factorial(3 - j) * (7 - i - j)
-            )
-    return _kron(step, np.eye(len(snap))), _kron(noise, np.diag(snap))
-
-
-def _kron(stack: Array, matrix: Array) -> Array:
-    """(M, ab, ab) Kronecker products of each of (M, a, a) with (b, b)."""
-    size = stack.shape[1] * len(matrix)
-    return np.einsum('mij,kl->mikjl', stack, matrix).reshape(len(stack), size, size)
+            factorials = math.factorial(3 - i) * math.factorial(3 - j)
+            noise[:, i, j] = dt ** (7 - i - j) / (factorials * (7 - i - j))
+    size = 4 * len(snap)
+    return np.einsum('mij,kl->mikjl', noise, np.diag(snap)).reshape(len(dt), size, size)

@@ -14,9 +14,10 @@ Symbols: N times, n joints, p = 3 + 3 n_links + k constants.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ..dynamics.blocks import BlockTree
 from ..dynamics.rotation import skew
@@ -49,32 +50,6 @@ class RateErrorModel:
     constants: Array
     placebo: Array
 
-    def tail(self) -> RateErrorModel:
-        """The last time alone."""
-        return RateErrorModel(
-            self.offset[-1:], self.state[-1:], self.constants[-1:], self.placebo[-1:]
-        )
-
-    def after(self, first: RateErrorModel) -> RateErrorModel:
-        """This model behind another."""
-        return join_models([first, self])
-
-    def with_absolute_joints(self, reference: Kinematics) -> Array:
-        """(N, 3, 1 + 2 p) of dw by 1, placebo and constants, with absolute joint states."""
-        joints = np.concatenate([reference.q, reference.qd], axis=1)
-        offset = self.offset - np.einsum('nab,nb->na', self.state[..., 3:], joints)
-        return np.concatenate([offset[..., None], self.placebo, self.constants], axis=2)
-
-
-def join_models(models: list[RateErrorModel]) -> RateErrorModel:
-    """Models of consecutive times as one."""
-    return RateErrorModel(
-        np.concatenate([model.offset for model in models]),
-        np.concatenate([model.state for model in models]),
-        np.concatenate([model.constants for model in models]),
-        np.concatenate([model.placebo for model in models]),
-    )
-
 
 class MomentumModel:
     """The constants to estimate and the momentum equation of one robot.
@@ -95,7 +70,7 @@ class MomentumModel:
         self.minimal = minimal
         self.robot = robot
         self.n = robot.n_joints
-        self.nuisances = Nuisances(nuisances, self.n)
+        self.nuisances = Nuisances(nuisances, robot)
         self._wheels = [(g.body, g.rotation) for g in robot.target_wheels]
         self._h0 = robot.servicer_wheels.body_momentum
         self.n_aam = 3 * len(self._wheels)
@@ -103,6 +78,12 @@ class MomentumModel:
         self.x = slice(self.aam.stop, self.aam.stop + len(minimal))
         self.size = self.x.stop + self.nuisances.size
         self.other = slice(self.x.stop, self.size)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Readable names of [AAM; x]."""
+        links = (g.link for g in self.robot.target_wheels)
+        return tuple(f'h_{link}_{axis}' for link in links for axis in 'xyz') + self.minimal.names
 
     def prior(self) -> Array:
         """(p,) constants that the robot file believes in; the total momentum is left zero."""
@@ -118,15 +99,25 @@ class MomentumModel:
             side h0.
         """
         moving = _Moving(self.tree, reference)
-        h0 = np.broadcast_to(self._h0, (len(reference.time), 3))
-        return self._coefficients(moving, np.ones((len(h0), 1, 1))), h0
+        return self._coefficients(moving), np.broadcast_to(self._h0, reference.omega.shape)
 
-    def held_jerk(self, trajectory: ReferenceTrajectory, time: Array, constants: Array) -> Array:
-        """(N, 3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
+    def total_momentum(self, motion: Kinematics, constants: Array) -> Array:
+        """(3,) mean of h_W along a motion that all other constants imply [N m s]."""
+        columns, h0 = self.regressor(motion)
+        momentum = h0 - columns[..., 3:] @ constants[3:]
+        return np.asarray(np.mean(motion.rotation.apply(momentum), axis=0))
+
+    def inertia(self, q: Array, constants: Array) -> Array:
+        """(N, 3 + n, 3 + n) inertia of [omega_WB_B; q'] at joint positions (N, n) [kg m^2]."""
+        rotations = self.tree.rotations(q)
+        pi = self.minimal.lift @ constants[self.x]
+        return self.tree.inertia(rotations, self.tree.rate_maps(rotations), pi)
+
+    def held_jerk(self, trajectory: ReferenceTrajectory, constants: Array) -> CubicSpline:
+        """(3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
         aam = constants[self.aam].reshape(-1, 3)
         wheels = [(b, R @ h) for (b, R), h in zip(self._wheels, aam, strict=True)]
-        pi = self.minimal.lift @ constants[self.x]
-        return held_jerk(self.tree, pi, wheels, trajectory, time)
+        return held_jerk(self.tree, self.minimal.lift @ constants[self.x], wheels, trajectory)
 
     def linearize(
         self, reference: Kinematics, constants: Array, disturbed: Kinematics | None = None
@@ -144,36 +135,34 @@ class MomentumModel:
             chunk = slice(start, start + _CHUNK)
             other = None if disturbed is None else disturbed.part(chunk)
             parts.append(self._linearize(reference.part(chunk), constants, other))
-        return join_models(parts)
+        names = [each.name for each in fields(RateErrorModel)]
+        return RateErrorModel(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
 
     def _linearize(
         self, reference: Kinematics, constants: Array, disturbed: Kinematics | None
     ) -> RateErrorModel:
         moving = _Moving(self.tree, reference)
-        time, others = reference.time, constants[self.other]
-        left = self.nuisances.decay('target_wheel_drag', others, time)
-        h0 = self._h0 * self.nuisances.decay('servicer_wheel_drag', others, time)[:, None]
-        columns = self._coefficients(moving, left[:, None, None])
-        wheels = -columns[..., self.aam] @ constants[self.aam]
-        own = self.nuisances.momentum_columns(time, moving.attitudes, wheels, h0)
-        torque = own[..., self.nuisances.linear] @ others[self.nuisances.linear]
-        offset = columns[..., : self.x.stop] @ constants[: self.x.stop] - h0 + torque
-        columns[..., self.other] = own
+        columns = self._coefficients(moving)
+        added, by_aam = self._imbalance(reference, constants, columns)
+        columns[..., self.aam] += by_aam
+        known = columns[..., : self.x.stop] @ constants[: self.x.stop]
+        offset = known - self._h0 + added
+        external = self.other.start + np.flatnonzero(self.nuisances.is_external)
+        total = columns[..., :3] @ constants[:3] + columns[..., external] @ constants[external]
         inertia, gradient = self.tree.inertia_gradient(
             moving.rotations, moving.maps, self.minimal.lift @ constants[self.x]
         )
         inverse = np.linalg.inv(inertia[:, :3, :3])
-        state = np.empty((len(time), 3, 3 + 2 * self.n))
+        state = np.empty((len(offset), 3, 3 + 2 * self.n))
         # R^T h_W turns with the attitude, the wheels with their links, the rest with D and Dq.
-        state[..., :3] = skew(
-            offset + h0 + wheels + np.einsum('nab,nb->na', inertia[:, :3], moving.u)
-        )
+        state[..., :3] = skew(total)
         state[..., 3 : 3 + self.n] = -np.einsum('njab,nb->naj', gradient[:, :, :3], moving.u)
         state[..., 3 : 3 + self.n] -= self._turned_wheels(moving, columns, constants)
         state[..., 3 + self.n :] = -inertia[:, :3, 3:]
         placebo = np.zeros_like(columns)
         if disturbed is not None:
-            shifted = self._coefficients(_Moving(self.tree, disturbed), left[:, None, None])
+            shifted = self._coefficients(_Moving(self.tree, disturbed))
+            shifted[..., self.aam] += by_aam
             part = slice(0, self.x.stop)
             placebo[..., part] = inverse @ (shifted - columns)[..., part]
         return RateErrorModel(
@@ -182,6 +171,28 @@ class MomentumModel:
             inverse @ columns,
             placebo,
         )
+
+    def _imbalance(
+        self, reference: Kinematics, constants: Array, columns: Array
+    ) -> tuple[Array, Array]:
+        """What nuisances add to the balance beside the wheels, and by the wheels' momentum.
+
+        Sets the nuisances' own `columns`. What effects take of the wheels' momentum is linear in
+        it: unit momenta tell it.
+
+        Returns:
+            (N, 3) and (N, 3, 3 n_links).
+        """
+        nuisances, values = self.nuisances, constants[self.other]
+        by_aam = np.zeros((len(columns), 3, self.n_aam))
+        if not nuisances.acts_on_momentum:
+            return np.zeros((len(columns), 3)), by_aam
+        aam = constants[self.aam]
+        columns[..., self.other] = nuisances.imbalance(values, reference, aam)[1]
+        rest = nuisances.imbalance(values, reference, np.zeros(self.n_aam))[0]
+        for i, unit in enumerate(np.eye(self.n_aam)):
+            by_aam[..., i] = nuisances.imbalance(values, reference, unit)[0] - rest
+        return rest, by_aam
 
     def _turned_wheels(self, moving: _Moving, columns: Array, constants: Array) -> Array:
         """(N, 3, n) derivative of the captured wheels' momentum by the joint positions."""
@@ -193,12 +204,12 @@ class MomentumModel:
             out += np.cross(axes, momentum[:, :, None], axisa=1, axisb=1, axisc=1)
         return out
 
-    def _coefficients(self, moving: _Moving, left: Array) -> Array:
-        """(N, 3, p) by the constants, with the share `left` (N, 1, 1) of the wheels' momentum."""
+    def _coefficients(self, moving: _Moving) -> Array:
+        """(N, 3, p) by the constants; zero by the nuisances."""
         out = np.zeros((len(moving.u), 3, self.size))
         out[..., :3] = np.swapaxes(moving.attitudes, 1, 2)
         for i, (body, rotation) in enumerate(self._wheels):
-            out[..., 3 + 3 * i : 6 + 3 * i] = -left * (moving.rotations[:, body] @ rotation)
+            out[..., 3 + 3 * i : 6 + 3 * i] = -moving.rotations[:, body] @ rotation
         regressor = self.tree.regressor(moving.rotations, moving.maps, moving.u)
         out[..., self.x] = -regressor @ self.minimal.lift
         return out

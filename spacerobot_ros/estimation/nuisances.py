@@ -1,181 +1,210 @@
-r"""Unknowns that are estimated beside the momentum and the inertial parameters, each as columns.
+r"""Unknowns that are estimated beside the momentum and the inertial parameters.
 
-Every one is an effect of the catalogue (docs/effects.md, the same ids) seen as a small, constant
-unknown:
+Each is an effect of the catalogue (docs/effects.md, the same ids) with a prior about zero. What it
+does to the sensors is its `sense` and `delay`; what it does to the balance of momentum is its own
+`momentum`, or its torque, which is constant in the inertial frame, times the time; wheels of which
+an effect takes momentum are those of the present estimate. Columns are differences of these.
 
-    gyro_bias                 y = w + b
-    encoder_offset            y = q + o, one a joint
-    imu_delay                 y(t) = w(t - d)              ~ w - w' d
-    attitude_delay            R_measured(t) = R(t - d)     ~ R exp(-w d)
-    torque_hold               y(t) = w(t) - k s(t) j, likewise the joint rates (torque_hold.py)
-    external_torque_inertial  h_W(t) = h_W + T t
-    target_wheel_drag         h_b(t) = h_b exp(-t/tau), unknown 1/tau
-    servicer_wheel_drag       h_0(t) = h_0 exp(-t/tau), unknown 1/tau
-
-The first five act in a measurement, the others in the momentum equation. Times count from the
-first sample of a run; delays count against the joint states.
+`torque_hold` is no effect but the filter's own correction of sampled control (`torque_hold.py`).
+Drags are unknown as 1/tau. Times count from the first sample of a run; delays count against the
+joint states.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..effects.catalogue import CATALOGUE
+from ..effects.effect import Effect
+from ..effects.motion import Motion
 from ..errors import ConfigurationError
+from ..model.robot import Robot
 from ..types import Array
+from .reference import Kinematics
+from .sampled_motion import misreading
 from .torque_hold import Holds
 
-_KINDS: dict[str, tuple[str, float]] = {  # unit, prior standard deviation
-    'gyro_bias': ('rad/s', 1e-3),
-    'encoder_offset': ('rad', 1e-2),
-    'imu_delay': ('s', 0.1),
-    'attitude_delay': ('s', 0.5),
-    'torque_hold': ('s^2', 1e-4),
-    'external_torque_inertial': ('N m', 1.0),
-    'target_wheel_drag': ('1/s', 1e-2),
-    'servicer_wheel_drag': ('1/s', 1e-2),
+TORQUE_HOLD = 'torque_hold'
+_PRIOR_STD = {  # larger than any is in practice
+    'gyro_bias': 1e-3,  # rad/s
+    'encoder_offset': 1e-2,  # rad
+    'imu_delay': 0.1,  # s
+    'attitude_delay': 0.5,  # s
+    TORQUE_HOLD: 1e-4,  # s^2
+    'external_torque_inertial': 1.0,  # N m
+    'target_wheel_drag': 1e-2,  # 1/s
+    'servicer_wheel_drag': 1e-2,  # 1/s
 }
-NUISANCES = tuple(_KINDS)
+_STEP = 1e-5  # of the prior's standard deviation; actions are linear, or nearly, in that
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensorColumns:
-    """Derivatives of the measurements by the m nuisances at N times.
+@dataclass(frozen=True, slots=True)
+class _Unknown:
+    """One number of an effect, at one or several places at once; no effect for `torque_hold`."""
 
-    Args:
-        q: (N, n, m) of joint positions.
-        qd: (N, n, m) of joint rates.
-        gyro: (N, 3, m) of the body rate.
-        attitude: (N, 3, m) of the rotation vector.
-    """
+    name: str
+    unit: str
+    std: float
+    kind: type[Effect] | None = None
+    parameter: str = ''
+    places: tuple[str | None, ...] = ()
+    is_inverse: bool = False
 
-    q: Array
-    qd: Array
-    gyro: Array
-    attitude: Array
+    def acts(self, *actions: str) -> bool:
+        return self.kind is not None and any(self.kind.acts(action) for action in actions)
 
-    @classmethod
-    def none(cls, count: int, n: int) -> SensorColumns:
-        """No nuisance at all."""
-        joints, axes = np.zeros((count, n, 0)), np.zeros((count, 3, 0))
-        return cls(joints, joints, axes, axes)
+    def bound(self, value: float) -> tuple[Effect, ...]:
+        if self.kind is None:
+            return ()
+        if self.is_inverse:
+            value = 1.0 / value if value else np.inf
+        values = {**self.kind.nominal(), self.parameter: value}
+        return tuple(self.kind(name=self.name, where=at, values=values) for at in self.places)
+
+    def slope(self, action: Callable[[tuple[Effect, ...]], Array], value: float) -> Array:
+        """Derivative by the unknown of what its effects do."""
+        step = _STEP * self.std
+        ahead, behind = (action(self.bound(value + s)) for s in (step, -step))
+        return (ahead - behind) / (2.0 * step)
 
 
 class Nuisances:
     """The nuisances of one estimate, in a row.
 
     Args:
-        kinds: Effect ids.
-        n: Number of joints.
+        ids: Of effects.
+        robot: The robot.
+
+    Attributes:
+        size: Number m of unknowns. names: Of each, such as `gyro_bias_x`. units: Of each.
+        is_external: (m,) which add momentum from outside.
 
     Raises:
         ConfigurationError: an id that can not be estimated beside the momentum.
     """
 
-    def __init__(self, kinds: tuple[str, ...], n: int) -> None:
-        for i, kind in enumerate(kinds):
-            if kind not in _KINDS or kind in kinds[:i]:
-                known = ', '.join(NUISANCES)
+    def __init__(self, ids: tuple[str, ...], robot: Robot) -> None:
+        for i, kind in enumerate(ids):
+            if kind not in _PRIOR_STD or kind in ids[:i]:
+                known = ', '.join(_PRIOR_STD)
                 raise ConfigurationError(
                     f'identifier.nuisances[{i}]', f'{kind!r} is not one of {known}, each once'
                 )
-        self.kinds = kinds
-        self._n = n
-        self.parts: dict[str, slice] = {}
-        start = 0
-        for kind in kinds:
-            self.parts[kind] = slice(start, start + self._width(kind))
-            start += self._width(kind)
-        self.size = start
-        # Where the momentum equation is linear in a nuisance, its value acts through its column.
-        self.linear = self.parts.get('external_torque_inertial', slice(0, 0))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each unknown, such as `gyro_bias_x`."""
-        return tuple(
-            name for kind in self.kinds for name in _names(kind, self._width(kind), self._n)
+        self._robot = robot
+        self._unknowns = [unknown for kind in ids for unknown in _unknowns(kind, robot)]
+        self.size = len(self._unknowns)
+        self.names = tuple(unknown.name for unknown in self._unknowns)
+        self.units = tuple(unknown.unit for unknown in self._unknowns)
+        self.is_external = np.array(
+            [u.kind is not None and u.kind.is_external for u in self._unknowns], dtype=bool
         )
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each unknown."""
-        return tuple(_KINDS[kind][0] for kind in self.kinds for _ in range(self._width(kind)))
+        self.acts_on_momentum = any(u.acts('force', 'momentum') for u in self._unknowns)
+        self.torque_hold = self.names.index(TORQUE_HOLD) if TORQUE_HOLD in ids else None
 
     def prior(self, holds: Holds | None = None) -> tuple[Array, Array]:
-        """(m,) means and standard deviations: zero, and larger than any is in practice.
-
-        Args:
-            holds: When torques were set: a known period tells `torque_hold`.
-        """
-        mean = np.zeros(self.size)
-        std = np.array([_KINDS[k][1] for k in self.kinds for _ in range(self._width(k))])
-        told = None if holds is None else holds.prior()
-        if told is not None and 'torque_hold' in self.parts:
-            part = self.parts['torque_hold']
-            mean[part], std[part] = told
+        """(m,) means and standard deviations; a known period of holds tells `torque_hold`."""
+        mean, std = np.zeros(self.size), np.array([unknown.std for unknown in self._unknowns])
+        known = None if holds is None else holds.prior()
+        if known is not None and self.torque_hold is not None:
+            mean[self.torque_hold], std[self.torque_hold] = known
         return mean, std
 
-    def sensor_columns(self, time: Array, omega: Array, held: Array | None) -> SensorColumns:
-        """Derivatives of the measurements at N times.
+    def misreadings(
+        self, values: Array, channel: str, at: Kinematics, held: Array | None = None
+    ) -> tuple[Array, Array]:
+        """By how much a channel reads more than the truth.
 
         Args:
-            time: (N,) [s].
-            omega: (N, 3) body rate [rad/s].
-            held: (N, 3 + n) what holding torques takes off [omega_WB_B; q'], a unit of k
-                [rad/s^3]; None where `torque_hold` is not estimated.
+            values: (m,) of the nuisances.
+            channel: Name.
+            at: The truth at N samples.
+            held: (N, width) what holding torques takes off the channel, a unit of k; None where
+                it takes nothing, or is not estimated.
+
+        Returns:
+            (N, width), and (N, width, m) its derivatives.
         """
-        count = len(time)
-        q, qd_columns, gyro, attitude = (
-            np.zeros((count, rows, self.size)) for rows in (self._n, self._n, 3, 3)
+        motion = self._motion(at, self._robot.target_momentum)
+        nothing = np.zeros_like(at.q if channel.startswith('joint') else at.omega)
+
+        def read(effects: Iterable[Effect]) -> Array:
+            return sum((misreading(effect, channel, at, motion) for effect in effects), nothing)
+
+        total, columns = self._act(('sense', 'delay'), read, values, nothing)
+        if held is not None and self.torque_hold is not None:
+            total -= values[self.torque_hold] * held
+            columns[..., self.torque_hold] = -held
+        return total, columns
+
+    def imbalance(self, values: Array, at: Kinematics, aam: Array) -> tuple[Array, Array]:
+        """What the effects add to R^T h_W - sum R_b h_b - Y x - h0, in the base frame.
+
+        Args:
+            values: (m,) of the nuisances.
+            at: N times.
+            aam: (3 n_links,) momentum of the captured wheels [N m s].
+
+        Returns:
+            (N, 3), and (N, 3, m) its derivatives.
+        """
+        motion, nothing = self._motion(at, aam), np.zeros_like(at.omega)
+
+        def added(effects: Iterable[Effect]) -> Array:
+            return sum((_added_momentum(effect, motion) for effect in effects), nothing)
+
+        return self._act(('force', 'momentum'), added, values, nothing)
+
+    def _act(
+        self,
+        actions: tuple[str, ...],
+        what: Callable[[tuple[Effect, ...]], Array],
+        values: Array,
+        nothing: Array,
+    ) -> tuple[Array, Array]:
+        """What the effects that have some action do in all, and its derivatives."""
+        total, columns = nothing.copy(), np.zeros((*nothing.shape, self.size))
+        for j, unknown in enumerate(self._unknowns):
+            if unknown.acts(*actions):
+                total += what(unknown.bound(values[j]))
+                columns[..., j] = unknown.slope(what, values[j])
+        return total, columns
+
+    def _motion(self, at: Kinematics, aam: Array) -> Motion:
+        robot = self._robot.with_target_momentum(aam)
+        zeros = np.zeros_like(at.q)
+        return Motion(robot, at.time, at.q, at.qd, zeros, rotation=at.matrices, omega=at.omega)
+
+
+def _added_momentum(effect: Effect, motion: Motion) -> Array:
+    """(N, 3) that an effect adds to the balance, in the base frame [N m s]."""
+    none = np.zeros((len(motion), 0))
+    if effect.is_external:
+        return effect.force(motion, none)[:, 3:6] * motion.time[:, None]
+    return -effect.momentum(motion, none)[:, 3:]
+
+
+def _unknowns(kind_id: str, robot: Robot) -> list[_Unknown]:
+    """Every number of a nuisance: one a joint, one an axis, or one for all its places."""
+    std = _PRIOR_STD[kind_id]
+    if kind_id == TORQUE_HOLD:
+        return [_Unknown(kind_id, 's^2', std)]
+    kind = CATALOGUE[kind_id]
+    places, parameters = kind.places(robot), kind.parameters
+    named = [(f'_{p.name}' * (len(parameters) > 1), p, places) for p in parameters]
+    if kind_id == 'encoder_offset':
+        named = [(f'_{i + 1}', parameters[0], places[i : i + 1]) for i in range(len(places))]
+    return [
+        _Unknown(
+            f'{kind_id}{suffix}',
+            f'1/{p.unit}' if p.role == 'reciprocal' else p.unit,
+            std,
+            kind,
+            p.name,
+            at,
+            p.role == 'reciprocal',
         )
-        if 'encoder_offset' in self.parts:
-            q[..., self.parts['encoder_offset']] = np.eye(self._n)
-        if 'gyro_bias' in self.parts:
-            gyro[..., self.parts['gyro_bias']] = np.eye(3)
-        if 'torque_hold' in self.parts and held is not None:
-            part = self.parts['torque_hold']
-            gyro[..., part] = -held[:, :3, None]
-            qd_columns[..., part] = -held[:, 3:, None]
-        if 'imu_delay' in self.parts and count > 2:
-            gyro[..., self.parts['imu_delay']] = -np.gradient(omega, time, axis=0)[..., None]
-        if 'attitude_delay' in self.parts:
-            attitude[..., self.parts['attitude_delay']] = -omega[..., None]
-        return SensorColumns(q, qd_columns, gyro, attitude)
-
-    def momentum_columns(self, time: Array, R_WB: Array, wheels: Array, h0: Array) -> Array:
-        """(N, 3, m) derivatives of R^T h_W - sum R_b h_b - h0 (base frame) by the nuisances.
-
-        Args:
-            time: (N,) [s].
-            R_WB: (N, 3, 3) attitudes.
-            wheels: (N, 3) momentum of the captured wheels in the base frame [N m s].
-            h0: (N, 3) momentum of the servicer's wheels [N m s].
-        """
-        out = np.zeros((len(time), 3, self.size))
-        if 'external_torque_inertial' in self.parts:
-            back = np.swapaxes(R_WB, 1, 2)
-            out[..., self.parts['external_torque_inertial']] = back * time[:, None, None]
-        if 'target_wheel_drag' in self.parts:
-            out[..., self.parts['target_wheel_drag']] = (wheels * time[:, None])[..., None]
-        if 'servicer_wheel_drag' in self.parts:
-            out[..., self.parts['servicer_wheel_drag']] = (h0 * time[:, None])[..., None]
-        return out
-
-    def decay(self, kind: str, values: Array, time: Array) -> Array:
-        """(N,) share of the wheels' momentum that is left, one where drag is not estimated."""
-        if kind not in self.parts:
-            return np.ones(len(time))
-        return np.exp(-values[self.parts[kind]][0] * time)
-
-    def _width(self, kind: str) -> int:
-        if kind == 'encoder_offset':
-            return self._n
-        return 3 if kind in ('gyro_bias', 'external_torque_inertial') else 1
-
-
-def _names(kind: str, width: int, n: int) -> list[str]:
-    if kind == 'encoder_offset':
-        return [f'{kind}_{i + 1}' for i in range(n)]
-    return [f'{kind}_{axis}' for axis in 'xyz'] if width == 3 else [kind]
+        for suffix, p, at in named
+    ]

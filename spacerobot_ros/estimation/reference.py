@@ -186,8 +186,9 @@ def _drawn_to_tracker(
         if np.max(np.abs(deviation)) < _CLOSE * noise.attitude:
             break
         std = noise.attitude / float(np.median(np.diff(at)))
-        drift = Samples(at, np.gradient(deviation, at, axis=0), std)
-        rate = BaseRate((*rate.fits, fit_spline([drift], *ends)))
+        # the deviation turns with the base: d' = -w x d + drift
+        drift = np.gradient(deviation, at, axis=0) + np.cross(rate(at), deviation)
+        rate = BaseRate((*rate.fits, fit_spline([Samples(at, drift, std)], *ends)))
     return rate
 
 

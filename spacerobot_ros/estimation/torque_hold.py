@@ -24,6 +24,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..dynamics.blocks import BlockTree
+from ..recording.record import Record
 from ..types import Array
 from .reference import ReferenceTrajectory
 
@@ -60,9 +61,7 @@ class Holds:
         return (k, _KNOWN_TO * k) if self.is_known else None
 
 
-def find_holds(
-    joint_time: Array, effort: Array | None, period: float, effort_delay: float = 0.0
-) -> Holds:
+def find_holds(record: Record, period: float, first: float | None = None) -> Holds:
     """Holds of a stretch of data.
 
     A stated period counts from the first joint sample. Efforts that stay the same to the last bit
@@ -70,21 +69,23 @@ def find_holds(
     which controllers answer, and how long they really are is left to the estimate.
 
     Args:
-        joint_time: (N,) stamps of the joint samples [s].
-        effort: (N, n) torque over the step that ended at each stamp; None where not recorded.
+        record: Joint samples; an effort is the torque over the step that ended at its time.
         period: As stated; zero where it is not [s].
-        effort_delay: Time by which the efforts are older than their stamps [s].
+        first: First joint sample of the run, where the record begins later [s].
     """
-    if period > 0.0 and len(joint_time):
-        count = int((joint_time[-1] - joint_time[0]) / period) + 1
-        return Holds(joint_time[0] + period * np.arange(count), period, is_known=True)
+    time, effort = record.joint_time, record.effort
+    if period > 0.0 and len(time):
+        start = float(time[0]) if first is None else first
+        count = int((time[-1] - start) / period) + 1
+        starts = np.asarray(start + period * np.arange(count), dtype=float)
+        return Holds(starts, period, is_known=True)
     if effort is not None:
         changes = np.flatnonzero(np.any(np.diff(effort, axis=0) != 0.0, axis=1))
         if len(changes) > 2 and np.median(np.diff(changes)) >= 2.0:
-            starts = joint_time[changes] - effort_delay
+            starts = record.effort_time[changes]
             return Holds(starts, float(np.median(np.diff(starts))), is_known=True)
-    guess = float(np.median(np.diff(joint_time))) if len(joint_time) > 1 else 0.0
-    return Holds(joint_time, guess, is_known=False)
+    guess = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    return Holds(time, guess, is_known=False)
 
 
 def held_jerk(
@@ -92,9 +93,8 @@ def held_jerk(
     pi: Array,
     wheels: list[tuple[int, Array]],
     trajectory: ReferenceTrajectory,
-    time: Array,
-) -> Array:
-    """(N, 3 + n) jerk M^-1 [0; tau'] that held torques make of [omega_WB_B; q'].
+) -> CubicSpline:
+    """(3 + n) jerk M^-1 [0; tau'] that held torques make of [omega_WB_B; q'], over time.
 
     Args:
         tree: The robot's tree.
@@ -102,10 +102,8 @@ def held_jerk(
         wheels: Bodies beside the base that carry wheels, each with their momentum (3,) in its
             axes [N m s].
         trajectory: The motion.
-        time: (N,) increasing, within the motion [s].
     """
-    if len(time) < 2:
-        return np.zeros((len(time), 3 + tree.n))
+    time = trajectory.times
     joints, rate = trajectory.joints, trajectory.rate
     spacing = min(joints.spacing, rate.spacing) / _SAMPLES_A_KNOT
     count = int((time[-1] - time[0]) / float(np.clip(spacing, *_STEPS)))
@@ -117,4 +115,4 @@ def held_jerk(
     slope = np.zeros_like(u)
     slope[:, 3:] = CubicSpline(dense, tau)(dense, 1)
     jerk = np.linalg.solve(inertia, slope[..., None])[..., 0]
-    return np.asarray(CubicSpline(dense, jerk)(time))
+    return CubicSpline(dense, jerk)

@@ -17,7 +17,6 @@ from ..control.reference import check_reference
 from ..dynamics.state import initial_state
 from ..estimation.momentum_process import MomentumModel
 from ..identification.cramer_rao import SensorPlan, cramer_rao_bound
-from ..identification.summary import aam_names
 from ..json_values import json_value
 from ..model.robot import Robot
 from ..types import Array
@@ -187,7 +186,7 @@ def _predict(
         n_observable=unknowns.observable,
         condition=float(raw[0]),
         unit_condition=float(unit[0]),
-        names=aam_names(model) + model.minimal.names,
+        names=model.names,
         values=values,
         covariance=root @ root.T,
         n_aam=model.n_aam,

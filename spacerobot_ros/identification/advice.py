@@ -26,7 +26,6 @@ from ..estimation.reference import Kinematics
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
-from .summary import aam_names
 
 _TIMES = np.linspace(0.0, 40.0, 161)  # s
 _SWING = 1.0  # rad, halved where two or more joints move
@@ -86,7 +85,7 @@ def advise(model: MomentumModel, unknowns: Array, weak: Array, rest: Array) -> t
     """
     scale = _scale(model, unknowns)
     left = scipy.linalg.orth((weak / scale).T).T if len(weak) else weak
-    names = aam_names(model) + model.minimal.names
+    names = model.names
     constants = _playable(model, unknowns, rest)
     advice = []
     if not np.any(model.robot.servicer_wheels.body_momentum):
@@ -214,7 +213,7 @@ def _base(
     model: MomentumModel, constants: Array, probe: _Probe, q: Array, qd: Array, wheels: Array
 ) -> tuple[Array, Rotation]:
     """Body rates (N, 3) and attitudes by which the total momentum stays what it was at first."""
-    inertia = _base_inertia(model, constants, q)
+    inertia = model.inertia(q, constants)[:, :3, :3]
     omega = np.zeros((len(q), 3))
     still = Kinematics(_TIMES, q, qd, omega, Rotation.identity(len(q)))
     known = wheels - model.regressor(still)[0] @ constants  # its h_W is zero
@@ -229,19 +228,12 @@ def _base(
     return omega, Rotation.concatenate(attitudes)
 
 
-def _base_inertia(model: MomentumModel, constants: Array, q: Array) -> Array:
-    """(N, 3, 3) inertia D of the whole about its centre of mass."""
-    rotations = model.tree.rotations(q)
-    pi = model.minimal.lift @ constants[model.x]
-    return model.tree.inertia(rotations, model.tree.rate_maps(rotations), pi)[:, :3, :3]
-
-
 def _playable(model: MomentumModel, unknowns: Array, rest: Array) -> Array:
     """(p,) constants to play motions on: the estimate, or the robot file's where it is no body."""
     rotating = _swing(_Probe(tuple(range(model.n))), rest)[0]
     others = np.zeros(model.nuisances.size)
     constants = np.concatenate([np.zeros(3), unknowns, others])
-    positive = np.linalg.eigvalsh(_base_inertia(model, constants, rotating)) > 0.0
+    positive = np.linalg.eigvalsh(model.inertia(rotating, constants)[:, :3, :3]) > 0.0
     return constants if np.all(positive) else model.prior()
 
 

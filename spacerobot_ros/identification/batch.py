@@ -2,45 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import replace
 
 from ..errors import IdentificationError
 from ..estimation.minimal import minimal_set
 from ..estimation.momentum_process import MomentumModel
-from ..estimation.smoothing import SensorData
+from ..estimation.noise_levels import noise_levels
 from ..estimation.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.faults.kinematics import contradictions
 from ..recording.record import Record
-from ..types import Array
 from .estimate import Estimate
-from .least_squares import sampled_reference, solve_least_squares
-from .manifold import on_bodies
-from .maximum_likelihood import estimate_constants, prepare
-from .noise import noise_levels
+from .least_squares import sampled_motion, solve_least_squares
+from .maximum_likelihood import MaximumLikelihood, prepare
 from .plausibility import swapped_joints
-from .prior import weak_prior
-from .summary import LARGEST_CHI2, summarize
+from .summary import LARGEST_CHI2, Identification, Source, conclude
 
 METHODS = ('ml', 'recursive', 'ls')
 _SHORTEST = 2.0  # s
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Identification:
-    """Result of `identify_robot`.
-
-    Args:
-        estimate: Wheel momentum and minimal parameters.
-        robot: The robot with the bodies and the wheel momentum found; None where no bodies
-            were sought (`ls`, `recursive`, a linear manifold) or found.
-    """
-
-    estimate: Estimate
-    robot: Robot | None
 
 
 def identify(
@@ -68,88 +48,43 @@ def identify_robot(
     """
     if method not in METHODS:
         raise IdentificationError(f'method {method!r} is not one of {", ".join(METHODS)}')
-    data, origin_ns = sensor_data(record, settings.torque_hold_period)
-    nuisances = settings.nuisances if method == 'ml' else ()
+    refuse_incomplete(record)
+    is_likelihood = method == 'ml'
+    nuisances = settings.nuisances if is_likelihood else ()
     model = MomentumModel(robot, minimal_set(robot, settings.structure), nuisances)
-    levels, notes = noise_levels(robot.sensors, data)
-    notes = (*record.notes, *notes)
-    if method == 'ml':
-        stretch = prepare(data, levels)
-        prior = weak_prior(model, stretch.reference, settings, data.holds)
-        constants, engine, converged = estimate_constants(model, stretch, prior)
-        information, placebo = engine.information, engine.placebo
-    else:
-        reference, placebo = sampled_reference(data), None
-        prior = weak_prior(model, reference, settings)
-        constants, information = solve_least_squares(
-            model, reference, levels, recursive=method == 'recursive'
-        )
-        converged = True
-    stamp_ns = origin_ns + round(float(data.joint_time[-1]) * 1e9)
-    linear = summarize(
-        method,
-        model,
-        settings,
-        constants,
-        information,
-        prior,
-        len(data.joint_time),
-        stamp_ns,
-        notes,
-        placebo,
-    )
-    if linear.valid and not converged:
-        linear = replace(linear, valid=False, reason='the iteration has not converged')
-    joints = robot.joints[: data.q.shape[1]]
+    noise, notes = noise_levels(robot.sensors, record, is_checked=False)
+    joints = robot.joints[: model.n]
     faults = contradictions(record)
-    if method == 'ml' and linear.chi2_per_dof > LARGEST_CHI2:
-        faults += swapped_joints(model, stretch.reference, joints)
-    if faults:
-        return Identification(replace(linear, valid=False, reason='; '.join(faults)), None)
-    if method != 'ml':
-        return Identification(linear, None)
-    change, _ = information.solve()
-    estimate, bodies = on_bodies(
-        model, settings, linear, constants + change, information.factor[:, :-1]
-    )
-    return Identification(
-        estimate, None if bodies is None else bodies.robot.with_target_momentum(estimate.aam)
-    )
+    if is_likelihood:
+        holds = find_holds(record, settings.torque_hold_period)
+        stretch = prepare(record, noise, holds)
+        likelihood = MaximumLikelihood(model, settings)
+        likelihood.solve(stretch)
+        solution = likelihood.solution(method)
+        if not likelihood.is_converged:
+            solution = replace(solution, doubt='the iteration has not converged')
+        if solution.chi2_per_dof > LARGEST_CHI2:
+            faults += swapped_joints(model, stretch.kinematics, joints)
+    else:
+        motion = sampled_motion(record)
+        solution = solve_least_squares(model, settings, motion, noise, method)
+    stamp_ns = record.origin_ns + round(record.span[1] * 1e9)
+    source = Source(len(record.q), stamp_ns, (*record.notes, *notes), faults)
+    return conclude(model, settings, solution, source)
 
 
-def sensor_data(record: Record, torque_hold_period: float = 0.0) -> tuple[SensorData, int]:
-    """Samples of a record in seconds from its first stamp, and that stamp [ns].
-
-    Args:
-        record: Joint states, gyro and attitude.
-        torque_hold_period: Period over which torques are held; zero where not stated [s].
+def refuse_incomplete(record: Record) -> None:
+    """Refuse a record that is no run of a free-floating robot.
 
     Raises:
         IdentificationError: a sensor is missing, or the record is too short.
     """
-    if record.joints is None or record.rates is None or record.attitudes is None:
-        missing = [
-            name
-            for name, series in (
-                ('/joint_states', record.joints),
-                ('/imu/data', record.rates),
-                ('/attitude', record.attitudes),
-            )
-            if series is None
-        ]
+    topics = {'joints': '/joint_states', 'rates': '/imu/data', 'attitudes': '/attitude'}
+    missing = [topic for name, topic in topics.items() if getattr(record, name) is None]
+    if missing:
         raise IdentificationError(f'{record.source}: has no {", no ".join(missing)}')
-    joints, rates, attitudes = record.joints, record.rates, record.attitudes
-    origin = int(min(joints.stamp_ns[0], rates.stamp_ns[0], attitudes.stamp_ns[0]))
-    times: list[Array] = [
-        np.asarray((series.stamp_ns - origin) * 1e-9, dtype=float)
-        for series in (joints, rates, attitudes)
-    ]
-    if times[0][-1] - times[0][0] < _SHORTEST:
+    start, end = record.span
+    if end - start < _SHORTEST:
         raise IdentificationError(
-            f'{record.source}: {times[0][-1] - times[0][0]:.2f} s is too short to identify from'
+            f'{record.source}: {end - start:.2f} s is too short to identify from'
         )
-    qd = joints.velocity if joints.velocity is not None else np.full_like(joints.position, np.nan)
-    holds = find_holds(times[0], joints.effort, torque_hold_period, joints.effort_delay)
-    return SensorData(
-        times[0], joints.position, qd, times[1], rates.omega, times[2], attitudes.q_xyzw, holds
-    ), origin

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IdentificationError
+from ..estimation.momentum_process import MomentumModel
 from ..types import Array, Matrix3, Vector3
 
 
@@ -134,3 +135,22 @@ class Estimate:
             'samples': self.samples,
             'notes': list(self.notes),
         }
+
+
+def estimated_values(model: MomentumModel, constants: Array, covariance: Array) -> dict[str, Any]:
+    """The fields of an `Estimate` that constants (p,) and their covariance (p, p) make."""
+    wanted = slice(3, model.x.stop)
+    values, std = constants[model.other], np.sqrt(np.diag(covariance))[model.other]
+    nuisances = zip(
+        model.nuisances.names, values.tolist(), std.tolist(), model.nuisances.units, strict=True
+    )
+    return {
+        'aam_links': tuple(g.link for g in model.robot.target_wheels),
+        'aam': constants[model.aam],
+        'parameter_names': model.minimal.names,
+        'parameters': constants[model.x],
+        'covariance': covariance[wanted, wanted],
+        'total_momentum': constants[:3],
+        'total_momentum_covariance': covariance[:3, :3],
+        'nuisances': tuple(NamedValue(*each) for each in nuisances),
+    }

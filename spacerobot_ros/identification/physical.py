@@ -25,7 +25,9 @@ from scipy.stats import chi2 as chi2_distribution
 
 from ..estimation.momentum_process import MomentumModel
 from ..model.robot import Body, Robot
+from ..model.settings import IdentifierSettings
 from ..types import Array
+from .estimate import Estimate, estimated_values
 
 _STEP = 1e-6  # of the numerical Jacobian; the unknowns are of order one
 _EVALUATIONS = 500  # a millisecond or two each; trust regions need some thirty in narrow valleys
@@ -56,6 +58,49 @@ class PhysicalEstimate:
     dof: int
     contradiction: str
     coordinates: Array
+
+
+def on_bodies(
+    model: MomentumModel,
+    settings: IdentifierSettings,
+    linear: Estimate,
+    constants: Array,
+    factor: Array,
+    start: Array | None = None,
+) -> tuple[Estimate, PhysicalEstimate | None]:
+    """Project a linear estimate onto physical bodies where that is asked for and possible.
+
+    Below full rank it is not: bodies would turn what the prior says into what the data seem to
+    say. Where no bodies fit, the linear estimate stands and a note says which body is at fault.
+
+    Args:
+        model: Robot and minimal set.
+        settings: Structure, manifold, prior.
+        linear: The linear estimate.
+        constants: (p,) what it is made of.
+        factor: (p, p) square root of its information.
+        start: Coordinates of an earlier projection, to start from.
+
+    Returns:
+        The estimate, and the bodies; None where there are none.
+    """
+    if settings.manifold == 'linear' or linear.unexcited:
+        return linear, None
+    found = project(model, settings, constants, factor, start)
+    if found.contradiction:
+        notes = (*linear.notes, f'{found.contradiction}; the linear estimate stands')
+        return replace(linear, notes=notes), None
+    dimension = found.dimension - 3 - model.nuisances.size
+    note = (
+        f'estimated over physical bodies: {dimension} dimensions for {linear.unknowns} numbers; '
+        f'misfit {found.misfit:.3g} for {found.dof} degrees of freedom'
+    )
+    estimate = replace(
+        linear,
+        notes=(*linear.notes, note),
+        **estimated_values(model, found.constants, found.covariance),
+    )
+    return estimate, found
 
 
 class BodyParameters:
@@ -137,7 +182,7 @@ class _Problem:
         prior_std: float,
         beside: Array | None = None,
     ) -> None:
-        self._model, self._bodies, self._constants = model, bodies, constants
+        self.model, self._bodies, self._constants = model, bodies, constants
         self._factor, self._prior_std = factor, prior_std
         self._free = np.ones(model.size, dtype=bool)
         self._free[model.x] = False
@@ -148,14 +193,24 @@ class _Problem:
         self.coordinates = slice(head, head + bodies.size)
         self.size = self.coordinates.stop + self._beside.shape[1]
 
+    def freed(self, index: int) -> _Problem:
+        """The same with the inertia of a body freed of being that of a mass distribution."""
+        own = slice(6 * index, 6 * index + 6)  # its inertia among the block parameters
+        directions = self.model.minimal.grouping[:, own]
+        sizes = np.linalg.norm(self._factor[:, self.model.x] @ directions, axis=0)
+        beside = directions[:, sizes > 0.0] / sizes[sizes > 0.0]
+        return _Problem(
+            self.model, self._bodies, self._constants, self._factor, self._prior_std, beside
+        )
+
     def constants_at(self, unknowns: Array) -> Array:
         """(..., p) constants."""
         free, part = self._free, self.coordinates
-        out = np.empty((*unknowns.shape[:-1], self._model.size))
-        pi = self._model.tree.block_parameters(*self._bodies.bodies(unknowns[..., part]))
+        out = np.empty((*unknowns.shape[:-1], self.model.size))
+        pi = self.model.tree.block_parameters(*self._bodies.bodies(unknowns[..., part]))
         out[..., free] = self._constants[free] + self._scale * unknowns[..., : part.start]
-        out[..., self._model.x] = pi @ self._model.minimal.grouping.T
-        out[..., self._model.x] += unknowns[..., part.stop :] @ self._beside.T
+        out[..., self.model.x] = pi @ self.model.minimal.grouping.T
+        out[..., self.model.x] += unknowns[..., part.stop :] @ self._beside.T
         return out
 
     def misfit(self, unknowns: Array) -> float:
@@ -186,25 +241,23 @@ class _Problem:
 
 def project(
     model: MomentumModel,
-    structure: str,
+    settings: IdentifierSettings,
     constants: Array,
     factor: Array,
-    prior_std: float,
     start: Array | None = None,
 ) -> PhysicalEstimate:
     """Project a linear estimate onto the physical manifold.
 
     Args:
         model: Robot and minimal set.
-        structure: `symmetric` or `generic`, as the minimal set's.
+        settings: Structure of the minimal set; the prior on the coordinates about the robot file's
+            values only decides between bodies that the data cannot tell apart.
         constants: (p,) linear estimate [h_W; AAM; x].
         factor: (p, p) square root of its information.
-        prior_std: Standard deviation of the coordinates about the robot file's values; it only
-            decides between bodies that the data cannot tell apart.
         start: Coordinates to start from, of an earlier projection; the robot file's by default.
     """
-    bodies = BodyParameters(model.robot, structure)
-    problem = _Problem(model, bodies, constants, factor, prior_std)
+    bodies = BodyParameters(model.robot, settings.structure)
+    problem = _Problem(model, bodies, constants, factor, settings.prior_std)
     first = np.zeros(problem.size)
     if start is not None:
         first[problem.coordinates] = start
@@ -217,10 +270,10 @@ def project(
     if _is_unlikely(misfit, dof) and not is_settled:
         contradiction = 'the search for physical bodies has not settled'
     elif _is_unlikely(misfit, dof):
-        names = _explaining_bodies(model, bodies, constants, factor, prior_std, unknowns, dof)
         contradiction = (
-            f'no physical bodies of this {structure} structure explain the linear estimate: '
-            f'chi-square {misfit:.4g} for {dof} degrees of freedom; {names}'
+            f'no physical bodies of this {settings.structure} structure explain the linear '
+            f'estimate: chi-square {misfit:.4g} for {dof} degrees of freedom; '
+            f'{_explaining_bodies(problem, unknowns, dof)}'
         )
     return PhysicalEstimate(
         bodies.robot(unknowns[problem.coordinates]),
@@ -234,31 +287,17 @@ def project(
     )
 
 
-def _explaining_bodies(
-    model: MomentumModel,
-    bodies: BodyParameters,
-    constants: Array,
-    factor: Array,
-    prior_std: float,
-    unknowns: Array,
-    dof: int,
-) -> str:
+def _explaining_bodies(problem: _Problem, unknowns: Array, dof: int) -> str:
     """Which bodies would have to be unphysical, in words.
 
     Each body's own inertia is freed of being that of a mass distribution, and the bodies are
     sought again: whichever bodies alone remove the contradiction are named.
     """
     misfits = {}
-    for index, body in enumerate(model.robot.bodies):
-        own = slice(6 * index, 6 * index + 6)  # its inertia among the block parameters
-        directions = model.minimal.grouping[:, own]
-        sizes = np.linalg.norm(factor[:, model.x] @ directions, axis=0)
-        kept = sizes > 0.0
-        problem = _Problem(
-            model, bodies, constants, factor, prior_std, directions[:, kept] / sizes[kept]
-        )
-        first = np.concatenate([unknowns, np.zeros(int(np.sum(kept)))])
-        misfits[body.name] = problem.misfit(problem.solve(first, _FREED_EVALUATIONS)[0])
+    for index, body in enumerate(problem.model.robot.bodies):
+        freed = problem.freed(index)
+        first = np.concatenate([unknowns, np.zeros(freed.size - problem.size)])
+        misfits[body.name] = freed.misfit(freed.solve(first, _FREED_EVALUATIONS)[0])
     explaining = [n for n, m in misfits.items() if not _is_unlikely(m, max(dof - 6, 1))]
     if explaining:
         return f'{" or ".join(explaining)} alone, with an inertia that no body has, would'

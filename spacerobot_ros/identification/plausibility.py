@@ -18,14 +18,7 @@ def swapped_joints(
     model: MomentumModel, reference: Kinematics, joints: tuple[str, ...]
 ) -> tuple[str, ...]:
     """The pair of joints whose exchange makes momentum hold, in a line; empty where none does."""
-    step = max(1, len(reference.time) // _ROWS)
-    sparse = Kinematics(
-        reference.time[::step],
-        reference.q[::step],
-        reference.qd[::step],
-        reference.omega[::step],
-        reference.rotation[::step],
-    )
+    sparse = reference.part(slice(None, None, max(1, len(reference.time) // _ROWS)))
     as_given = _momentum_misfit(model, sparse)
     misfits = {}
     for a, b in combinations(range(model.n), 2):

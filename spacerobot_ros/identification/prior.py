@@ -13,6 +13,7 @@ from ..model.settings import IdentifierSettings
 from ..types import Array
 
 _PROBES = 20  # states of the reference at which a proposed inertia must be positive
+_SMALLEST = 0.05  # of the prior's smallest inertia: where linearizing about it still makes sense
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,14 +32,14 @@ class Prior:
     ) -> Array:
         """The proposed constants, or some between them and the current ones.
 
-        Before the data suffice, the inertia proposed may be indefinite, and no linearisation about
+        Before the data suffice, the inertia proposed may be indefinite, and no linearization about
         it would hold.
         """
         probes = reference.q[:: max(1, len(reference.q) // _PROBES)]
-        smallest = _smallest_inertia(model, probes, self.mean)
+        least = _SMALLEST * _smallest_inertia(model, probes, self.mean)
         for fraction in (1.0, 0.5, 0.25, 0.1):
             constants = current + fraction * (proposed - current)
-            if _smallest_inertia(model, probes, constants) > 0.05 * smallest:
+            if _smallest_inertia(model, probes, constants) > least:
                 return constants
         return current
 
@@ -56,20 +57,13 @@ def weak_prior(
     free.
     """
     mean = model.prior()
-    columns, h0 = model.regressor(reference)
-    rest = h0 - columns[..., 3:] @ mean[3:]
-    mean[:3] = np.mean(reference.rotation.apply(rest), axis=0)
-    inertia = settings.prior_std * np.max(np.abs(mean[model.x]))
-    free = 10.0 * (settings.momentum_prior_std + np.linalg.norm(mean[:3]))
-    std = np.full(len(mean), inertia)
-    std[:3] = free
+    mean[:3] = model.total_momentum(reference, mean)
+    std = np.full(len(mean), settings.prior_std * np.max(np.abs(mean[model.x])))
+    std[:3] = 10.0 * (settings.momentum_prior_std + np.linalg.norm(mean[:3]))
     std[model.aam] = settings.momentum_prior_std
     mean[model.other], std[model.other] = model.nuisances.prior(holds)
     return Prior(mean, std)
 
 
 def _smallest_inertia(model: MomentumModel, q: Array, constants: Array) -> float:
-    rotations = model.tree.rotations(q)
-    pi = model.minimal.lift @ constants[model.x]
-    inertia = model.tree.inertia(rotations, model.tree.rate_maps(rotations), pi)
-    return float(np.min(np.linalg.eigvalsh(inertia)))
+    return float(np.min(np.linalg.eigvalsh(model.inertia(q, constants))))

@@ -22,15 +22,6 @@ ORDER = 6  # coefficients that a quintic spline has on each interval
 _LONGEST_STEP = 0.05  # s; Runge-Kutta of the smooth, linear attitude error
 
 
-def true_constants(model: MomentumModel, motion: Kinematics) -> Array:
-    """(p,) [h_W; AAM; x] of the model's robot along a motion of its own."""
-    constants = model.prior()
-    columns, h0 = model.regressor(motion)
-    h_B = h0 - columns[..., 3:] @ constants[3:]
-    constants[:3] = np.mean(motion.rotation.apply(h_B), axis=0)
-    return constants
-
-
 class MotionCurve:
     """A sampled motion at any time within its span."""
 
@@ -73,7 +64,8 @@ class Intervals:
 
     def __init__(self, model: MomentumModel, motion: MotionCurve, knot_spacing: float) -> None:
         self._model, self._motion = model, motion
-        self._constants = true_constants(model, motion.reference)
+        self._constants = model.prior()
+        self._constants[:3] = model.total_momentum(motion.reference, self._constants)
         span = motion.end - motion.start
         self.n, self.p = model.n, model.size
         self.count = max(1, round(span / knot_spacing))

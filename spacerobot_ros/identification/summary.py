@@ -1,15 +1,19 @@
-"""From constants and information to an `Estimate`: rank, unexcited directions, validity."""
+"""From constants and information to an `Estimate`: rank, open directions, validity, bodies."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 
 from ..estimation.momentum_filter import SquareRootInformation
 from ..estimation.momentum_process import MomentumModel
+from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array
-from .estimate import Estimate, NamedValue
+from .estimate import Estimate, estimated_values
+from .physical import on_bodies
 from .prior import Prior
 
 # A direction counts as excited once the data know it this many times better than the prior, and
@@ -20,101 +24,141 @@ _BETTER_THAN_PLACEBO = 100.0
 LARGEST_CHI2 = 2.0
 
 
-def summarize(
-    method: str,
-    model: MomentumModel,
-    settings: IdentifierSettings,
-    constants: Array,
-    information: SquareRootInformation,
-    prior: Prior,
-    samples: int,
-    stamp_ns: int,
-    notes: tuple[str, ...] = (),
-    placebo: SquareRootInformation | None = None,
-) -> Estimate:
-    """Build the estimate.
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """What a method found.
 
     Args:
-        method: Name of the method.
-        model: Robot and minimal set.
-        settings: Limits of validity.
-        constants: (p,) [h_W; AAM; x].
-        information: Square-root information of their errors, the prior included.
+        method: Its name.
+        constants: (p,) [h_W; AAM; x; nuisances].
+        information: Square-root information of the errors of what it is solved about, the prior
+            included.
         prior: That prior.
-        samples: Number of samples used.
+        placebo: Information that the reference's own error makes up, where it is known.
+        doubt: Why it is not valid, whatever the data say; empty where nothing is.
+    """
+
+    method: str
+    constants: Array
+    information: SquareRootInformation
+    prior: Prior
+    placebo: SquareRootInformation | None = None
+    doubt: str = ''
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Residual chi-square per degree of freedom."""
+        return self.information.residual / max(self.information.rows - len(self.constants), 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """What a solution came from.
+
+    Args:
+        samples: Number of joint samples.
         stamp_ns: Time of the last one.
         notes: Remarks for the user.
-        placebo: Information that the reference's own error makes up, where it is known.
+        faults: What is wrong with the sensors.
     """
-    _, covariance = information.solve()
-    told = slice(3, model.x.stop)
-    factor = _marginal(information.factor[:, :-1], told)
-    made_up = np.zeros_like(factor) if placebo is None else placebo.factor[:, told]
-    scale = prior.std[told]
-    norms = np.linalg.norm(factor, axis=0)
-    singular = np.linalg.svd(factor / norms, compute_uv=False)
+
+    samples: int
+    stamp_ns: int
+    notes: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """An estimate with the bodies behind it.
+
+    Args:
+        estimate: Wheel momentum and minimal parameters.
+        robot: The robot with the bodies and the wheel momentum found; None where no bodies
+            were sought (`ls`, `recursive`, a linear manifold) or found.
+        coordinates: Of the bodies, to start the next search from.
+    """
+
+    estimate: Estimate
+    robot: Robot | None = None
+    coordinates: Array | None = None
+
+
+def conclude(
+    model: MomentumModel,
+    settings: IdentifierSettings,
+    solution: Solution,
+    source: Source,
+    start: Array | None = None,
+) -> Identification:
+    """The estimate, over physical bodies where the method is likelihood and no fault is seen.
+
+    Args:
+        model: Robot and minimal set.
+        settings: Limits of validity, manifold.
+        solution: What was found.
+        source: From what.
+        start: Coordinates of bodies found earlier.
+    """
+    linear = summarize(model, settings, solution, source)
+    if solution.placebo is None or source.faults:
+        return Identification(linear)
+    factor = solution.information.factor[:, :-1]
+    estimate, bodies = on_bodies(model, settings, linear, solution.constants, factor, start)
+    if bodies is None:
+        return Identification(estimate)
+    robot = bodies.robot.with_target_momentum(estimate.aam)
+    return Identification(estimate, robot, bodies.coordinates)
+
+
+def summarize(
+    model: MomentumModel, settings: IdentifierSettings, solution: Solution, source: Source
+) -> Estimate:
+    """The estimate over the linear minimal set."""
+    constants, prior = solution.constants, solution.prior
+    _, covariance = solution.information.solve()
+    wanted = slice(3, model.x.stop)
+    factor = _marginal(solution.information.factor[:, :-1], wanted)
+    made_up = np.zeros_like(factor)
+    if solution.placebo is not None:
+        made_up = solution.placebo.factor[:, wanted]
+    scale = prior.std[wanted]
+    singular = np.linalg.svd(factor / np.linalg.norm(factor, axis=0), compute_uv=False)
     weak = _weak_directions(factor * scale, made_up * scale)
     if weak:
         # The unexcited directions are not straight (everything may scale together), so no linear
         # covariance tells how far along them the truth may lie: only the prior does.
         covariance = covariance + np.diag(prior.std**2)
-    names = aam_names(model) + model.minimal.names
-    unexcited = tuple(_describe(direction, names) for direction in weak)
-    dof = max(information.rows - len(constants), 1)
-    chi2 = information.residual / dof
-    aam = constants[model.aam]
-    aam_std = np.sqrt(np.diag(covariance)[model.aam])
-    reason = _reason(settings, model, unexcited, aam, aam_std, chi2)
+    unexcited = tuple(_describe(direction, model.names) for direction in weak)
+    notes = source.notes
     if not np.any(model.robot.servicer_wheels.body_momentum):
-        notes = (*notes, _ratios(names, constants[told]))
-    return Estimate(
-        method=method,
-        valid=not reason,
-        reason=reason,
-        aam_links=tuple(g.link for g in model.robot.target_wheels),
-        aam=aam,
-        parameter_names=model.minimal.names,
-        parameters=constants[model.x],
-        covariance=covariance[told, told],
-        rank=len(names) - len(weak),
+        notes = (*notes, _ratios(model.names, constants[wanted]))
+    estimate = Estimate(
+        method=solution.method,
+        valid=True,
+        reason='',
+        rank=len(model.names) - len(weak),
         condition=float(singular[0] / singular[-1]),
         unexcited=unexcited,
-        total_momentum=constants[:3],
-        total_momentum_covariance=covariance[:3, :3],
-        chi2_per_dof=chi2,
-        samples=samples,
-        stamp_ns=stamp_ns,
+        chi2_per_dof=solution.chi2_per_dof,
+        samples=source.samples,
+        stamp_ns=source.stamp_ns,
         notes=notes,
-        nuisances=nuisance_values(model, constants, covariance),
-        weak=np.array(weak).reshape(len(weak), len(names)),
+        weak=np.array(weak).reshape(len(weak), len(model.names)),
+        **estimated_values(model, constants, covariance),
     )
+    reason = '; '.join(source.faults) or _doubt(estimate, settings.valid_std) or solution.doubt
+    return replace(estimate, valid=not reason, reason=reason)
 
 
-def nuisance_values(
-    model: MomentumModel, constants: Array, covariance: Array
-) -> tuple[NamedValue, ...]:
-    """The nuisances with their standard deviations."""
-    names, units = model.nuisances.names, model.nuisances.units
-    std = np.sqrt(np.diag(covariance))[model.other]
-    return tuple(
-        NamedValue(name, float(value), float(sigma), unit)
-        for name, value, sigma, unit in zip(names, constants[model.other], std, units, strict=True)
-    )
-
-
-def _marginal(factor: Array, told: slice) -> Array:
+def _marginal(factor: Array, wanted: slice) -> Array:
     """Square-root information of some constants, the others eliminated."""
     others = np.ones(factor.shape[1], dtype=bool)
-    others[told] = False
-    ordered = np.column_stack([factor[:, others], factor[:, told]])
+    others[wanted] = False
+    ordered = np.column_stack([factor[:, others], factor[:, wanted]])
     count = int(np.sum(others))
     (triangle,) = scipy.linalg.qr(ordered, mode='r')
     return np.asarray(triangle[count:, count:])
-
-
-def aam_names(model: MomentumModel) -> tuple[str, ...]:
-    """Readable names of the wheel-momentum unknowns."""
-    return tuple(f'h_{g.link}_{axis}' for g in model.robot.target_wheels for axis in 'xyz')
 
 
 def _weak_directions(factor: Array, made_up: Array) -> list[Array]:
@@ -153,21 +197,16 @@ def _ratios(names: tuple[str, ...], values: Array) -> str:
     )
 
 
-def _reason(
-    settings: IdentifierSettings,
-    model: MomentumModel,
-    unexcited: tuple[str, ...],
-    aam: Array,
-    aam_std: Array,
-    chi2: float,
-) -> str:
-    if unexcited:
-        total = model.n_aam + len(model.minimal)
-        return f'{len(unexcited)} of {total} directions are not excited yet'
-    limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
-    if len(aam) and np.max(aam_std) > limit:
-        known = f'{np.max(aam_std):.3g} N m s'
-        return f'wheel momentum is known to {known} only, the limit is {limit:.3g}'
-    if chi2 > LARGEST_CHI2:
-        return f'the model does not explain the data: chi2 per degree of freedom is {chi2:.3g}'
+def _doubt(estimate: Estimate, valid_std: float) -> str:
+    """Why the data do not suffice; empty where they do."""
+    if estimate.unexcited:
+        open_ones = f'{len(estimate.unexcited)} of {estimate.unknowns}'
+        return f'{open_ones} directions are not excited yet'
+    aam = estimate.aam
+    limit = valid_std * max(float(np.linalg.norm(aam)), 1e-9)
+    if len(aam) and (largest := np.max(estimate.std[: len(aam)])) > limit:
+        return f'wheel momentum is known to {largest:.3g} N m s only, the limit is {limit:.3g}'
+    if estimate.chi2_per_dof > LARGEST_CHI2:
+        chi2 = f'{estimate.chi2_per_dof:.3g}'
+        return f'the model does not explain the data: chi2 per degree of freedom is {chi2}'
     return ''

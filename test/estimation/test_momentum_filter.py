@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,197 +12,210 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.estimation.momentum_filter import (
-    Measurements,
     MomentumFilter,
-    Noise,
     SquareRootInformation,
-    transitions,
+    state_space,
 )
 from spacerobot_ros.estimation.momentum_process import RateErrorModel
-from spacerobot_ros.estimation.reference import Kinematics
+from spacerobot_ros.estimation.time_base import CHANNELS, measured_rows
 
 N, JOINTS, P = 60, 2, 3  # times, joints, constants
-NOISE = Noise(1e-2, 3e-2, 2e-2, 5e-2, np.array([0.5, 2.0]))
+SIZE = 3 + 4 * JOINTS
+STDS = {'joint_position': 1e-2, 'joint_velocity': 3e-2, 'gyro': 2e-2, 'attitude': 5e-2}
+SEEN = {'joint_position': 0.8, 'joint_velocity': 0.5, 'gyro': 0.7, 'attitude': 0.2}
+SNAP = np.array([0.5, 2.0])
+STATES = {
+    'joint_position': 3 + np.arange(JOINTS),
+    'joint_velocity': 3 + JOINTS + np.arange(JOINTS),
+    'gyro': SIZE + np.arange(3),
+    'attitude': np.arange(3),
+}
 
 
 class Problem:
     """A small linear problem with arbitrary coefficients and patchy measurements."""
 
-    def __init__(self, seed=0):
+    def __init__(self, seed=0, seen=SEEN):
         rng = np.random.default_rng(seed)
-        time = np.cumsum(rng.uniform(0.02, 0.08, N))
-        self.reference = Kinematics(
-            time,
-            np.column_stack([np.sin(time), np.cos(time)]),
-            np.column_stack([np.cos(time), -np.sin(time)]),
-            rng.standard_normal((N, 3)),
-            Rotation.from_rotvec(np.column_stack([np.sin(time), 0.3 * time, np.cos(time)])),
+        self.time = time = np.cumsum(rng.uniform(0.02, 0.08, N))
+        self.joints = np.hstack(
+            [np.column_stack([np.sin(time + k * 1.6), np.cos(time + k * 1.6)]) for k in range(4)]
         )
-        self.model = RateErrorModel(
+        self.omega = rng.standard_normal((N, 3))
+        self.rate = RateErrorModel(
             0.1 * rng.standard_normal((N, 3)),
             0.5 * rng.standard_normal((N, 3, 3 + 2 * JOINTS)),
             rng.standard_normal((N, 3, P)),
             rng.standard_normal((N, 3, P)),  # placebo: no part of the estimate
         )
-        self.measured = Measurements(
-            rng.standard_normal((N, JOINTS)),
-            rng.standard_normal((N, JOINTS)),
-            0.3 * rng.standard_normal((N, 3)),
-            0.3 * rng.standard_normal((N, 3)),
-        )
-        for values, share in zip(vars_of(self.measured), (0.2, 0.5, 0.3, 0.8), strict=True):
-            values[rng.random(N) < share] = np.nan
-        self.start = rng.standard_normal((4, JOINTS))
-        self.start_std = np.full((4, JOINTS), 2.0)
+        self.stamps = {name: time[rng.random(N) < share] for name, share in seen.items()}
+        self.deviations = {
+            name: 0.3 * rng.standard_normal((N, len(STATES[name]))) for name in CHANNELS
+        }
         self.mean, self.std = rng.standard_normal(P), np.array([1.0, 2.0, 0.5])
 
     def filter(self):
-        engine = MomentumFilter(P, NOISE, self.start, self.start_std)
+        model = SimpleNamespace(
+            size=P, n=JOINTS, linearize=lambda kinematics, _, __: kinematics.rate
+        )
+        engine = MomentumFilter(model)
         engine.information.add(np.diag(1.0 / self.std), self.mean / self.std)
         return engine
 
     def part(self, start, stop):
-        """Kinematics, model and measurements of some of the times."""
+        """Some of the times; what was measured at the first belongs to the part before."""
         cut = slice(start, stop)
-        return (
-            Kinematics(
-                self.reference.time[cut],
-                self.reference.q[cut],
-                self.reference.qd[cut],
-                self.reference.omega[cut],
-                self.reference.rotation[cut],
+        time = self.time[cut]
+        since = time[0] if start else -np.inf
+        stamps = {c: t[(t > since) & (t <= time[-1])] for c, t in self.stamps.items()}
+        rows = measured_rows(time, stamps, STATES)
+        at = start + np.repeat(np.arange(len(time)), np.diff(rows.first))
+        channels = [CHANNELS[c] for c in rows.channel]
+        names = ('offset', 'state', 'constants', 'placebo')
+        rate = RateErrorModel(*(getattr(self.rate, name)[cut] for name in names))
+        measured = zip(channels, at, rows.axis, strict=True)
+        return SimpleNamespace(
+            reference=SimpleNamespace(times=time, disturbed=lambda: None),
+            kinematics=SimpleNamespace(
+                rate=rate, omega=self.omega[cut], rotation=Rotation.identity(len(time))
             ),
-            RateErrorModel(
-                self.model.offset[cut],
-                self.model.state[cut],
-                self.model.constants[cut],
-                self.model.placebo[cut],
-            ),
-            Measurements(*(values[cut] for values in vars_of(self.measured))),
+            rows=rows,
+            deviations=np.array([self.deviations[c][k, axis] for c, k, axis in measured]),
+            row_variance=np.array([STDS[c] ** 2 for c in channels]),
+            joint_states=lambda: self.joints[cut],
+            snap_density=lambda: SNAP,
+            misreadings=lambda *_: (np.zeros(len(channels)), np.zeros((len(channels), 0))),
         )
 
+    def start_covariance(self):
+        """Wide against the noise, but no wider than the motion."""
+        q, others = self.joints[:, :JOINTS], self.joints[:, JOINTS:]
+        spread = [np.std(q, axis=0), np.sqrt(np.mean(others**2, axis=0))]
+        return np.diag(np.concatenate([np.full(3, 0.05), np.concatenate(spread) + 1e-6]) ** 2)
 
-def vars_of(measured):
-    return measured.q, measured.qd, measured.gyro, measured.attitude
+
+def run(engine, *stretches):
+    for stretch in stretches:
+        engine.run(stretch, np.zeros(P))
+
+
+def state_of(engine, constants):
+    """Mean of the state, joints counted from zero."""
+    return engine._mean[:, 0] + engine._mean[:, 1 + P :] @ constants
 
 
 def augmented_kalman(problem):
     """Plain Kalman filter with the constants as states: mean, covariance and sum of squares."""
-    d = 3 + 4 * JOINTS
-    ref, model = problem.reference, problem.model
-    drives = np.delete(model.with_absolute_joints(ref), np.s_[1 : 1 + P], axis=2)  # no placebo
-    transition, drive, noise = transitions(ref, model.state, drives, NOISE.snap)
-    mean = np.concatenate([np.zeros(3), problem.start.ravel(), problem.mean])
-    start_std = np.concatenate([np.full(3, 0.05), problem.start_std.ravel(), problem.std])
-    cov = np.diag(start_std**2)
-    squares, rows = 0.0, 0
+    d = SIZE
+    whole, rate = problem.part(0, N), problem.rate
+    space, defects = state_space(whole, rate, problem.joints)
+    mean = np.concatenate([np.zeros(d), problem.mean])
+    cov = np.diag(np.concatenate([np.zeros(d), problem.std**2]))
+    cov[:d, :d] = problem.start_covariance()
+    squares = 0.0
     for k in range(N):
         if k:
-            F = np.eye(d + P)
-            F[:d, :d] = transition[k - 1]
-            F[:3, d:] = drive[k - 1][:, 1:]
+            half, F = 0.5 * space.durations[k - 1], np.eye(d + P)
+            F[:d, :d] = space.transitions[k - 1]
+            F[:d, d:] = half * F[:d, :3] @ rate.constants[k - 1]
+            F[:3, d:] += half * rate.constants[k]
             mean = F @ mean
-            mean[:3] += drive[k - 1][:, 0]
+            mean[:d] += half * F[:d, :3] @ rate.offset[k - 1] + defects[k - 1]
+            mean[:3] += half * rate.offset[k]
             cov = F @ cov @ F.T
-            cov[:d, :d] += noise[k - 1]
-        blocks, values, variances = [], [], []
-        for name, first, std in (('q', 3, 1e-2), ('qd', 3 + JOINTS, 3e-2), ('attitude', 0, 5e-2)):
-            value = getattr(problem.measured, name)[k]
-            if np.isfinite(value[0]):
-                H = np.zeros((len(value), d + P))
-                H[:, first : first + len(value)] = np.eye(len(value))
-                blocks.append(H)
-                values.append(value)
-                variances.append(np.full(len(value), std**2))
-        if np.isfinite(problem.measured.gyro[k, 0]):
-            H = np.zeros((3, d + P))
-            H[:, : 3 + 2 * JOINTS], H[:, d:] = model.state[k], model.constants[k]
-            # deviation of the gyro = offset + S [dphi; q - q_ref; q' - q'_ref] + V t
-            known = model.state[k][:, 3:] @ np.concatenate([ref.q[k], ref.qd[k]])
-            blocks.append(H)
-            values.append(problem.measured.gyro[k] - model.offset[k] + known)
-            variances.append(np.full(3, 2e-2**2))
-        if not blocks:
+            cov[:d, :d] += space.noise[k - 1]
+        rows = range(whole.rows.first[k], whole.rows.first[k + 1])
+        if not rows:
             continue
-        H, y, R = np.vstack(blocks), np.concatenate(values), np.diag(np.concatenate(variances))
+        H, y = np.zeros((len(rows), d + P)), whole.deviations[list(rows)]
+        for i, r in enumerate(rows):
+            axis = whole.rows.axis[r]
+            if CHANNELS[whole.rows.channel[r]] == 'gyro':
+                # deviation of the gyro = offset + S [dphi; dq; dq'] + V t
+                H[i, : 3 + 2 * JOINTS] = rate.state[k, axis]
+                H[i, d:] = rate.constants[k, axis]
+                y[i] -= rate.offset[k, axis]
+            else:
+                H[i, whole.rows.state[r]] = 1.0
+        R = np.diag(whole.row_variance[list(rows)])
         S = H @ cov @ H.T + R
         gap = y - H @ mean
         gain = np.linalg.solve(S, H @ cov).T
         squares += gap @ np.linalg.solve(S, gap)
-        rows += len(y)
         mean = mean + gain @ gap
         rest = np.eye(d + P) - gain @ H
         cov = rest @ cov @ rest.T + gain @ R @ gain.T
-    return mean, cov, squares, rows
+    return mean, cov, squares
 
 
 @pytest.mark.parametrize('seed', [0, 1, 2])
 def test_equals_the_augmented_kalman_filter(seed):
     problem = Problem(seed)
-    mean, cov, squares, rows = augmented_kalman(problem)
+    mean, cov, squares = augmented_kalman(problem)
     engine = problem.filter()
     engine.information.reset_residual()
-    engine.run(*problem.part(0, N))
+    run(engine, problem.part(0, N))
     estimate, covariance = engine.information.solve()
-    d = 3 + 4 * JOINTS
+    d = SIZE
     # two algorithms of 60 updates, condition of the covariances about 1e6
     np.testing.assert_allclose(estimate, mean[d:], rtol=0, atol=1e-8)
     np.testing.assert_allclose(covariance, cov[d:, d:], rtol=0, atol=1e-8 * np.max(cov[d:, d:]))
-    state = engine.affine[:, 0] + engine.affine[:, 1 + P :] @ estimate
+    state = state_of(engine, estimate)
+    state[3:] -= problem.joints[-1]
     np.testing.assert_allclose(state, mean[:d], rtol=0, atol=1e-8 * np.max(np.abs(mean[:d])))
-    marginal = (
-        engine.covariance + engine.affine[:, 1 + P :] @ covariance @ engine.affine[:, 1 + P :].T
-    )
+    columns = engine._mean[:, 1 + P :]
+    marginal = engine._covariance + columns @ covariance @ columns.T
     np.testing.assert_allclose(marginal, cov[:d, :d], rtol=0, atol=1e-8 * np.max(cov))
     assert engine.information.residual == pytest.approx(squares, rel=1e-9)
-    assert engine.information.rows == rows
+    assert engine.information.rows == len(problem.part(0, N).deviations)
 
 
-@pytest.mark.parametrize('cuts', [(1,), (20, 21, 45), (59,)])
+@pytest.mark.parametrize('cuts', [(1,), (20, 21, 45), (58,)])
 def test_blocks_equal_one_run(cuts):
     problem = Problem()
     whole, parts = problem.filter(), problem.filter()
-    whole.run(*problem.part(0, N))
-    edges = [0, *cuts, N]
-    for start, stop in pairwise(edges):
-        parts.run(*problem.part(start, stop))
+    run(whole, problem.part(0, N))
+    # the start's covariance is that of the whole motion
+    parts._last = problem.time[0], Rotation.identity()
+    parts._covariance = problem.start_covariance()
+    parts._mean[3:, 0] = problem.joints[0]
+    edges = [0, *cuts, N - 1]
+    run(parts, *(problem.part(start, stop + 1) for start, stop in pairwise(edges)))
     for got, want in zip(parts.information.solve(), whole.information.solve(), strict=True):
         np.testing.assert_allclose(got, want, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(parts.affine, whole.affine, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(parts._mean, whole._mean, rtol=0, atol=1e-11)
     assert parts.information.residual == pytest.approx(whole.information.residual, rel=1e-11)
 
 
 def test_shift_of_the_constants_changes_no_prediction():
     problem = Problem()
     engine = problem.filter()
-    engine.run(*problem.part(0, N))
+    run(engine, problem.part(0, N))
     before, covariance = engine.information.solve()
-    state = engine.affine[:, 0] + engine.affine[:, 1 + P :] @ before
+    state = state_of(engine, before)
     change = np.array([0.3, -2.0, 5.0])
     engine.shift_constants(change)
     after, same = engine.information.solve()
     np.testing.assert_allclose(after, before - change, rtol=0, atol=1e-12)
     np.testing.assert_allclose(same, covariance, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(
-        engine.affine[:, 0] + engine.affine[:, 1 + P :] @ after, state, rtol=0, atol=1e-12
-    )
+    np.testing.assert_allclose(state_of(engine, after), state, rtol=0, atol=1e-12)
 
 
 def test_attitude_error_is_taken_once():
     problem = Problem()
     engine = problem.filter()
-    engine.run(*problem.part(0, N))
-    error = engine.affine[:3, 0].copy()
-    np.testing.assert_array_equal(engine.take_attitude(), error)
-    np.testing.assert_array_equal(engine.take_attitude(), 0.0)
+    run(engine, problem.part(0, N))
+    error = engine._mean[:3, 0].copy()
+    time, first = engine.take_end()
+    assert time == problem.time[-1]
+    np.testing.assert_allclose(first.as_rotvec(), error, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(engine.take_end()[1].as_rotvec(), 0.0)
 
 
 def test_no_measurement_adds_no_information():
-    problem = Problem()
-    for values in vars_of(problem.measured):
-        values[:] = np.nan
+    problem = Problem(seen=dict.fromkeys(SEEN, 0.0))
     engine = problem.filter()
-    engine.run(*problem.part(0, N))
+    run(engine, problem.part(0, N))
     estimate, covariance = engine.information.solve()
     np.testing.assert_allclose(estimate, problem.mean, rtol=0, atol=1e-14)
     np.testing.assert_allclose(covariance, np.diag(problem.std**2), rtol=0, atol=1e-14)
@@ -211,9 +225,10 @@ def test_no_measurement_adds_no_information():
 def test_covariance_stays_symmetric_and_positive():
     problem = Problem()
     engine = problem.filter()
-    engine.run(*problem.part(0, N))
-    np.testing.assert_allclose(engine.covariance, engine.covariance.T, rtol=0, atol=1e-12)
-    assert np.linalg.eigvalsh(engine.covariance)[0] > 0.0
+    run(engine, problem.part(0, N))
+    covariance = engine._covariance
+    np.testing.assert_allclose(covariance, covariance.T, rtol=0, atol=1e-12)
+    assert np.linalg.eigvalsh(covariance)[0] > 0.0
 
 
 # --- square-root information
@@ -272,84 +287,75 @@ def test_shift_and_reset_of_the_residual(rng):
     assert (information.residual, information.rows) == (0.0, 0)
 
 
-# --- transitions
-
-
-def constant_reference(dt, rotation_rate):
-    """Two times, the reference turning at a constant rate in body axes."""
-    turn = Rotation.from_rotvec(dt * rotation_rate)
-    zeros = np.zeros((2, JOINTS))
-    return Kinematics(
-        np.array([0.0, dt]),
-        zeros,
-        zeros,
-        np.tile(rotation_rate, (2, 1)),
-        Rotation.concatenate([Rotation.identity(), turn]),
-    )
+# --- the model of the deviations
 
 
 def chain():
-    """Generator of the joints' quartic: q' = q', ..., q'''' = white noise."""
+    """Generator of the joints: position to jerk, the fourth derivative is white noise."""
     return np.kron(np.diag(np.ones(3), 1), np.eye(JOINTS))
+
+
+def space_of(dt, omega, state):
+    """State space of one step with given (2, 3) rates and (2, 3, 3 + 2 n) coefficients."""
+    rows = measured_rows(np.array([0.0, dt]), dict.fromkeys(CHANNELS, np.zeros(0)), STATES)
+    stretch = SimpleNamespace(
+        reference=SimpleNamespace(times=np.array([0.0, dt])),
+        kinematics=SimpleNamespace(omega=omega),
+        rows=rows,
+        row_variance=np.zeros(0),
+        snap_density=lambda: SNAP,
+    )
+    rate = RateErrorModel(np.zeros((2, 3)), state, np.zeros((2, 3, P)), np.zeros((2, 3, P)))
+    return state_space(stretch, rate, np.zeros((2, 4 * JOINTS)))[0]
 
 
 def test_joint_steps_are_exact():
     dt = 0.037
-    reference = constant_reference(dt, np.zeros(3))
-    state, drives = np.zeros((2, 3, 3 + 2 * JOINTS)), np.zeros((2, 3, 1 + P))
-    transition, drive, noise = transitions(reference, state, drives, NOISE.snap)
-    np.testing.assert_allclose(transition[0, 3:, 3:], expm(dt * chain()), rtol=0, atol=1e-15)
+    space = space_of(dt, np.zeros((2, 3)), np.zeros((2, 3, 3 + 2 * JOINTS)))
+    np.testing.assert_allclose(
+        space.transitions[0, 3:, 3:], expm(dt * chain()), rtol=0, atol=1e-15
+    )
     shock = np.zeros((4 * JOINTS, 4 * JOINTS))
-    shock[-JOINTS:, -JOINTS:] = np.diag(NOISE.snap)
+    shock[-JOINTS:, -JOINTS:] = np.diag(SNAP)
     want, _ = quad_vec(
         lambda s: expm(s * chain()) @ shock @ expm(s * chain()).T, 0.0, dt, epsabs=0, epsrel=1e-12
     )
-    np.testing.assert_allclose(noise[0, 3:, 3:], want, rtol=1e-10, atol=0)
-    np.testing.assert_array_equal(noise[0, :3, :3], 0.0)
-    np.testing.assert_array_equal(drive, 0.0)
+    np.testing.assert_allclose(space.noise[0, 3:, 3:], want, rtol=1e-10, atol=0)
+    np.testing.assert_array_equal(space.noise[0, :3, :3], 0.0)
 
 
-def numerical_step(dt, rotation_rate, S, V):
-    """Transition and drive of dphi' = -w x dphi + S [dphi; q; q'] + V [1; t], by small steps."""
-    d = 3 + 4 * JOINTS
-    w = rotation_rate
+def numerical_step(dt, w, S):
+    """Transition of dphi' = -w x dphi + S [dphi; q; q'], by small steps."""
     skew = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-    total = np.eye(d + 1 + P)
-    count = 400
+    total, count = np.eye(SIZE), 400
     for i in range(count):
         s = (i + 0.5) / count
-        A = np.zeros((d + 1 + P, d + 1 + P))
-        A[3:d, 3:d] = chain()
+        A = np.zeros((SIZE, SIZE))
+        A[3:, 3:] = chain()
         A[:3, : 3 + 2 * JOINTS] = (1.0 - s) * S[0] + s * S[1]
         A[:3, :3] -= skew
-        A[:3, d:] = (1.0 - s) * V[0] + s * V[1]
         total = expm(A * dt / count) @ total
-    return total[:d, :d], total[:3, d:]
+    return total
 
 
 def test_transitions_against_numerical_integration(rng):
     w = np.array([0.5, -0.8, 0.3])
-    S, V = (np.tile(rng.standard_normal((3, k)), (2, 1, 1)) for k in (3 + 2 * JOINTS, 1 + P))
+    S = np.tile(rng.standard_normal((3, 3 + 2 * JOINTS)), (2, 1, 1))
     S[1] += 0.04 * rng.standard_normal(S[1].shape)
-    V[1] += 0.04 * rng.standard_normal(V[1].shape)
     errors = []
-    for dt in (0.04, 0.02, 0.01):
-        middle = S[0] + (S[1] - S[0]) * dt / 0.04, V[0] + (V[1] - V[0]) * dt / 0.04
-        ends = np.array([S[0], middle[0]]), np.array([V[0], middle[1]])
-        got = transitions(constant_reference(dt, w), *ends, NOISE.snap)
-        want = numerical_step(dt, w, *ends)
-        errors.append([np.max(np.abs(got[0][0] - want[0])), np.max(np.abs(got[1][0] - want[1]))])
-    errors = np.array(errors)
-    assert errors[0].max() < 3e-4  # dt^3 / 12 times second derivatives of about 30
-    # trapezoid: a local error of third order, an eighth at half the step
-    np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 3.0, rtol=0, atol=0.2)
+    for dt in (0.16, 0.08):
+        ends = np.array([S[0], S[0] + (S[1] - S[0]) * dt / 0.16])
+        got = space_of(dt, np.tile(w, (2, 1)), ends).transitions[0]
+        errors.append(np.max(np.abs(got - numerical_step(dt, w, ends))))
+    assert errors[0] < 1e-5
+    # a local error of fifth order
+    assert np.log2(errors[0] / errors[1]) > 4.0
 
 
 def test_noise_of_the_attitude_follows_the_joints(rng):
-    dt, w = 0.02, np.zeros(3)
+    dt = 0.02
     S = np.tile(rng.standard_normal((3, 3 + 2 * JOINTS)), (2, 1, 1))
-    S[:, :, :3] = 0.0
-    _, _, noise = transitions(constant_reference(dt, w), S, np.zeros((2, 3, 1 + P)), NOISE.snap)
+    noise = space_of(dt, np.zeros((2, 3)), S).noise
     # the joints' noise at the end of the step, times half of it
     lever = 0.5 * dt * S[0][:, 3:]
     joints = noise[0, 3 : 3 + 2 * JOINTS, 3 : 3 + 2 * JOINTS]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,14 +51,19 @@ TIMES = np.arange(40) / 100.0
 STEPPED = np.repeat(np.arange(10.0), 4)[:, None]
 
 
+def samples(effort, start=0.0):
+    time = TIMES + start
+    return SimpleNamespace(joint_time=time, effort=effort, effort_time=time)
+
+
 def test_stated_period_counts_from_the_first_joint_sample():
-    holds = find_holds(TIMES + 5.0, STEPPED, 0.03)
+    holds = find_holds(samples(STEPPED, 5.0), 0.03)
     assert (holds.starts[0], holds.period, holds.is_known) == (5.0, 0.03, True)
     np.testing.assert_allclose(holds.prior(), (0.03**2 / 12, 0.03**2 / 120), rtol=1e-12, atol=0)
 
 
 def test_efforts_show_their_holds():
-    holds = find_holds(TIMES, STEPPED, 0.0)
+    holds = find_holds(samples(STEPPED), 0.0)
     assert holds.is_known
     np.testing.assert_allclose(holds.period, 0.04, rtol=1e-9, atol=0)
     # efforts are those of the step that ended at a stamp
@@ -66,7 +72,7 @@ def test_efforts_show_their_holds():
 
 @pytest.mark.parametrize('effort', [None, np.zeros((40, 1)), np.sin(TIMES)[:, None]])
 def test_otherwise_holds_meet_at_the_joint_samples(effort):
-    holds = find_holds(TIMES, effort, 0.0)
+    holds = find_holds(samples(effort), 0.0)
     assert not holds.is_known
     assert holds.prior() is None
     np.testing.assert_allclose(holds.shape(TIMES), 1.0, rtol=0, atol=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.excitation import robot_file
-from support.identification import Run, measure, record_of
+from support.identification import Run, measure
 
 from spacerobot_ros.excitation.precision import Prediction, predict_design
 from spacerobot_ros.excitation.problem import Problem
@@ -45,7 +45,7 @@ def test_monte_carlo_confirms_the_prediction(manifold):
     believed = file.robot.with_target_momentum(np.zeros(3))
     errors = []
     for seed in SEEDS:
-        estimate = identify(record_of(measure(run, seed)), believed, file.settings.identifier)
+        estimate = identify(measure(run, seed), believed, file.settings.identifier)
         found = np.concatenate([estimate.aam, estimate.parameters])
         errors.append(found - prediction.values)
     rms = np.sqrt(np.mean(np.square(whitened(np.array(errors), prediction))))

@@ -9,7 +9,6 @@ import pytest
 from support.identification import (
     H_TARGET,
     measure,
-    record_of,
     servicer,
     simulate,
     truth_of,
@@ -30,7 +29,7 @@ def model_of(axes='zyx'):
 @lru_cache
 def with_joint_locked(joint):
     """Estimate from a run in which one joint stays where it is, and the advice on it."""
-    record = record_of(measure(simulate('zyx', 20.0, f'locked_{joint}'), 1))
+    record = measure(simulate('zyx', 20.0, f'locked_{joint}'), 1)
     model = model_of()
     estimate = identify(record, model.robot, IdentifierSettings())
     return estimate, advise_on(record, model, estimate)

@@ -10,7 +10,6 @@ from support.identification import (
     SILENT,
     errors_of,
     measure,
-    record_of,
     servicer,
     simulate,
     truth_of,
@@ -18,7 +17,7 @@ from support.identification import (
 from support.models import random_tree, robot_of
 
 from spacerobot_ros.errors import ConfigurationError, IdentificationError
-from spacerobot_ros.identification.batch import METHODS, identify, sensor_data
+from spacerobot_ros.identification.batch import METHODS, identify
 from spacerobot_ros.model.settings import IdentifierSettings
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries
 
@@ -32,7 +31,7 @@ def run():
 
 @pytest.fixture(scope='module')
 def record(run):
-    return record_of(measure(run, 3, attitude_every=1), 'somewhere/bag')
+    return replace(measure(run, 3, attitude_every=1), source='somewhere/bag')
 
 
 @pytest.mark.parametrize('method', METHODS)
@@ -67,7 +66,7 @@ def test_the_default_is_maximum_likelihood(record):
 
 @pytest.mark.parametrize('method', METHODS)
 def test_data_without_noise(method, run):
-    record = record_of(measure(run, 0, scale=0.0, attitude_every=1))
+    record = measure(run, 0, scale=0.0, attitude_every=1)
     estimate = identify(record, servicer(sensors=SILENT), SETTINGS, method)
     error, _ = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error[3:6])) < 1e-4
@@ -83,16 +82,6 @@ def test_same_record_same_bits(record):
 def test_notes_of_the_record_are_handed_on(record):
     estimate = identify(replace(record, notes=('two messages dropped',)), servicer(), SETTINGS)
     assert 'two messages dropped' in estimate.notes
-
-
-def test_samples_in_seconds_from_the_first_stamp(run, record):
-    data, origin = sensor_data(record)
-    assert origin == 10**18
-    np.testing.assert_allclose(data.joint_time, run.time, rtol=0, atol=1e-12)
-    joints = record.joints
-    encoders = JointSeries(joints.names, joints.stamp_ns, joints.position)
-    unmeasured = replace(record, joints=encoders)
-    assert np.all(np.isnan(sensor_data(unmeasured)[0].qd))
 
 
 def without(record, *names):

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.identification import (
-    STDS,
+    NOISE,
+    changed,
     errors_of,
     measure,
-    record_of,
     servicer,
     simulate,
     truth_of,
@@ -23,7 +21,7 @@ from spacerobot_ros.estimation.momentum_process import MomentumModel
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.identification.least_squares import (
     momentum_rows,
-    sampled_reference,
+    sampled_motion,
     solve_least_squares,
 )
 from spacerobot_ros.model.settings import IdentifierSettings
@@ -36,6 +34,10 @@ def model_of(axes, structure='symmetric'):
     return MomentumModel(robot, minimal_set(robot, structure))
 
 
+def solve(model, motion, method):
+    return solve_least_squares(model, SETTINGS, motion, NOISE, method)
+
+
 def exact(axes, every=1):
     """Noise-free samples, the tracker at the joints' stamps."""
     return measure(simulate(axes, 20.0), 0, scale=0.0, attitude_every=every)
@@ -45,7 +47,7 @@ def exact(axes, every=1):
 @pytest.mark.parametrize('axes', ['zyx', 'xyy'])
 def test_exact_without_noise(axes, structure):
     model = model_of(axes, structure)
-    constants, _ = solve_least_squares(model, sampled_reference(exact(axes)), STDS, False)
+    constants = solve(model, sampled_motion(exact(axes)), 'ls').constants
     truth = truth_of(simulate(axes, 20.0), structure)
     # momentum-integrated data: rounding times a condition number of 1e3 to 1e4
     np.testing.assert_allclose(constants, truth, rtol=0, atol=1e-9 * np.max(np.abs(truth)))
@@ -54,19 +56,21 @@ def test_exact_without_noise(axes, structure):
 @pytest.mark.parametrize('axes', ['zyx', 'xyy'])
 def test_recursive_equals_batch(axes):
     model = model_of(axes)
-    reference = sampled_reference(measure(simulate(axes, 20.0), 1, attitude_every=1))
-    batch, whole = solve_least_squares(model, reference, STDS, recursive=False)
-    steps, parts = solve_least_squares(model, reference, STDS, recursive=True)
+    reference = sampled_motion(measure(simulate(axes, 20.0), 1, attitude_every=1))
+    at_once, in_blocks = (solve(model, reference, method) for method in ('ls', 'recursive'))
+    batch, whole = at_once.constants, at_once.information
+    steps, parts = in_blocks.constants, in_blocks.information
     np.testing.assert_allclose(steps, batch, rtol=1e-10, atol=0)
     np.testing.assert_allclose(parts.solve()[1], whole.solve()[1], rtol=1e-8, atol=1e-12)
 
 
 def test_batch_equals_plain_least_squares():
     model = model_of('zyx')
-    reference = sampled_reference(measure(simulate('zyx', 20.0), 1, attitude_every=1))
+    reference = sampled_motion(measure(simulate('zyx', 20.0), 1, attitude_every=1))
     columns, values = momentum_rows(model, reference)
     want, squares, _, _ = np.linalg.lstsq(columns, values, rcond=None)
-    got, information = solve_least_squares(model, reference, STDS, recursive=False)
+    solution = solve(model, reference, 'ls')
+    got, information = solution.constants, solution.information
     np.testing.assert_allclose(got, want, rtol=1e-9, atol=0)
     variance = squares[0] / (len(values) - model.size)
     _, covariance = information.solve()
@@ -78,15 +82,7 @@ def test_batch_equals_plain_least_squares():
 def test_condition_is_that_of_the_reference_study():
     # 1000 samples at 20 ms, raw columns of [AAM; x] with the momentum of the first sample known.
     for axes, want in (('zyx', 801.0), ('xyy', 928.0)):
-        reference = sampled_reference(exact(axes)).between(0, 2000)
-        reference = replace(
-            reference,
-            time=reference.time[::2],
-            q=reference.q[::2],
-            qd=reference.qd[::2],
-            omega=reference.omega[::2],
-            rotation=reference.rotation[::2],
-        )
+        reference = sampled_motion(exact(axes)).part(slice(0, 2000, 2))
         model = model_of(axes)
         columns, _ = momentum_rows(model, reference)
         rows = columns.reshape(-1, 3, model.size)[:, :, 3:]
@@ -102,7 +98,7 @@ def test_noise_biases_the_estimate_and_maximum_likelihood_is_free_of_it():
     scale = 5.0
     errors = {'ls': [], 'ml': []}
     for seed in range(12):
-        record = record_of(measure(run, seed, scale, attitude_every=1))
+        record = measure(run, seed, scale, attitude_every=1)
         for method, found in errors.items():
             found.append(errors_of(identify(record, robot, SETTINGS, method), truth)[0][3:])
     for method, found in errors.items():
@@ -121,17 +117,17 @@ def test_noise_biases_the_estimate_and_maximum_likelihood_is_free_of_it():
 @pytest.mark.parametrize('method', ['ls', 'recursive'])
 def test_residual_beyond_the_noise_shows(method):
     run = simulate('zyx', 20.0)
-    record = record_of(measure(run, 1, attitude_every=1))
+    record = measure(run, 1, attitude_every=1)
     good = identify(record, servicer('zyx'), SETTINGS, method)
     assert good.chi2_per_dof == pytest.approx(1.0, abs=0.25)
-    noisy = record_of(measure(run, 1, scale=3.0, attitude_every=1))
+    noisy = measure(run, 1, scale=3.0, attitude_every=1)
     bad = identify(noisy, servicer('zyx'), SETTINGS, method)
     assert bad.chi2_per_dof > 5.0
 
 
 def test_sampling_interpolates_at_the_joints_stamps():
     data = measure(simulate('zyx', 20.0), 0, scale=0.0, joint_every=7, attitude_every=2)
-    reference = sampled_reference(data)
+    reference = sampled_motion(data)
     np.testing.assert_array_equal(reference.time, data.joint_time)
     np.testing.assert_array_equal(reference.omega, simulate('zyx', 20.0).omega[::7])
     true = Rotation.from_quat(simulate('zyx', 20.0).attitude_xyzw[::7])
@@ -141,19 +137,19 @@ def test_sampling_interpolates_at_the_joints_stamps():
 
 def test_only_what_all_sensors_cover_is_used():
     data = measure(simulate('zyx', 20.0), 0).between(-1.0, 20.0)
-    late = replace(
+    late = changed(
         data, attitude_time=data.attitude_time[50:], attitude_xyzw=data.attitude_xyzw[50:]
     )
-    assert sampled_reference(late).time[0] == pytest.approx(5.0, abs=1e-9)
+    assert sampled_motion(late).time[0] == pytest.approx(5.0, abs=1e-9)
 
 
 def test_refusals():
     data = measure(simulate('zyx', 20.0), 0)
-    one = replace(data, attitude_time=data.attitude_time[:1], attitude_xyzw=data.attitude_xyzw[:1])
+    one = changed(data, attitude_time=data.attitude_time[:1], attitude_xyzw=data.attitude_xyzw[:1])
     with pytest.raises(IdentificationError, match='at least two'):
-        sampled_reference(one)
+        sampled_motion(one)
     with pytest.raises(IdentificationError, match='positions and rates'):
-        sampled_reference(replace(data, qd=np.full_like(data.qd, np.nan)))
-    apart = replace(data, joint_time=data.joint_time + 100.0)
+        sampled_motion(changed(data, qd=None))
+    apart = changed(data, joint_time=data.joint_time + 100.0)
     with pytest.raises(IdentificationError, match='while gyro and attitude are measured'):
-        sampled_reference(apart)
+        sampled_motion(apart)

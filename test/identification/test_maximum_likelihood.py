@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from support.identification import (
+    NOISE,
     SILENT,
     STDS,
+    changed,
     errors_of,
     measure,
-    record_of,
     servicer,
     simulate,
     truth_of,
@@ -22,14 +21,8 @@ from support.models import H_TARGET
 
 from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.momentum_process import MomentumModel
-from spacerobot_ros.estimation.nuisances import SensorColumns
 from spacerobot_ros.identification.batch import identify
-from spacerobot_ros.identification.maximum_likelihood import (
-    estimate_constants,
-    measurements,
-    prepare,
-)
-from spacerobot_ros.identification.prior import weak_prior
+from spacerobot_ros.identification.maximum_likelihood import MaximumLikelihood, prepare
 from spacerobot_ros.model.settings import IdentifierSettings, SensorSettings
 
 SEEDS = range(12)
@@ -42,15 +35,14 @@ def linear_estimate(axes, seed):
     """The core's estimate and covariance of [h_W; AAM; x], all columns free."""
     robot = servicer(axes, prior=WRONG)
     model = MomentumModel(robot, minimal_set(robot, 'symmetric'))
-    stretch = prepare(measure(simulate(axes, 20.0), seed), STDS)
-    prior = weak_prior(model, stretch.reference, SETTINGS)
-    constants, engine, converged = estimate_constants(model, stretch, prior)
-    _, covariance = engine.information.solve()
+    likelihood = MaximumLikelihood(model, SETTINGS)
+    likelihood.solve(prepare(measure(simulate(axes, 20.0), seed), NOISE))
+    solution = likelihood.solution('ml')
     return SimpleNamespace(
-        error=constants - truth_of(simulate(axes, 20.0)),
-        covariance=covariance,
-        chi2=engine.information.residual / (engine.information.rows - model.size),
-        converged=converged,
+        error=solution.constants - truth_of(simulate(axes, 20.0)),
+        covariance=solution.information.solve()[1],
+        chi2=solution.chi2_per_dof,
+        converged=likelihood.is_converged,
     )
 
 
@@ -68,7 +60,7 @@ def runs():
         axes = ('zyx', 'xyy')[seed % 2]
         run = simulate(axes, 20.0)
         robot = servicer(axes, prior=WRONG)
-        estimate = identify(record_of(measure(run, seed)), robot, SETTINGS)
+        estimate = identify(measure(run, seed), robot, SETTINGS)
         out.append((*errors_of(estimate, truth_of(run)), estimate))
     return out
 
@@ -123,7 +115,7 @@ def test_estimates_are_valid_complete_and_self_consistent(runs):
 @pytest.mark.parametrize('axes', ['zyx', 'xyy'])
 def test_a_minute_of_data(axes):
     run = simulate(axes, 60.0)
-    estimate = identify(record_of(measure(run, 100)), servicer(axes, prior=WRONG), SETTINGS)
+    estimate = identify(measure(run, 100), servicer(axes, prior=WRONG), SETTINGS)
     error, std = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
     assert np.max(np.abs(error[3:6])) <= 4e-4 * H
@@ -134,7 +126,7 @@ def test_a_minute_of_data(axes):
 def test_data_without_noise_are_recovered(axes):
     run = simulate(axes, 20.0)
     robot = servicer(axes, SILENT, prior=WRONG)
-    estimate = identify(record_of(measure(run, 0, scale=0.0)), robot, SETTINGS)
+    estimate = identify(measure(run, 0, scale=0.0), robot, SETTINGS)
     error, _ = errors_of(estimate, truth_of(run))
     truth = truth_of(run)
     for part in (slice(0, 3), slice(3, 6), slice(6, None)):
@@ -144,7 +136,7 @@ def test_data_without_noise_are_recovered(axes):
 
 def test_noise_levels_that_are_not_stated_are_estimated_and_said():
     run = simulate('zyx', 20.0)
-    record = record_of(measure(run, 1))
+    record = measure(run, 1)
     stated = identify(record, servicer('zyx', prior=WRONG), SETTINGS)
     silent = identify(record, servicer('zyx', SILENT, prior=WRONG), SETTINGS)
     said = [note for note in silent.notes if 'is not stated' in note]
@@ -159,7 +151,7 @@ def test_noise_levels_that_are_not_stated_are_estimated_and_said():
 def test_prior_does_not_matter():
     # Right, too heavy and too light priors give the same to a small part of a sigma.
     run = simulate('zyx', 20.0)
-    record = record_of(measure(run, 2))
+    record = measure(run, 2)
     right, heavy, light = (
         identify(record, servicer('zyx', prior=prior), SETTINGS) for prior in (1.0, 1.5, 1.0 / 1.5)
     )
@@ -180,9 +172,7 @@ def test_prior_does_not_matter():
 )
 def test_sensors_at_other_rates(rates):
     run = simulate('zyx', 20.0)
-    estimate = identify(
-        record_of(measure(run, 4, **rates)), servicer('zyx', prior=WRONG), SETTINGS
-    )
+    estimate = identify(measure(run, 4, **rates), servicer('zyx', prior=WRONG), SETTINGS)
     error, std = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
     assert np.max(np.abs(error[3:6])) <= 1.5e-3 * H
@@ -192,12 +182,12 @@ def test_sensors_at_other_rates(rates):
 def test_joint_rates_need_not_be_measured():
     run = simulate('xyy', 20.0)
     data = measure(run, 5)
-    encoders = replace(data, qd=np.full_like(data.qd, np.nan))
-    estimate = identify(record_of(encoders), servicer('xyy', prior=WRONG), SETTINGS)
+    encoders = changed(data, qd=None)
+    estimate = identify(encoders, servicer('xyy', prior=WRONG), SETTINGS)
     error, std = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
     # no more than a tenth worse than with them
-    with_rates = identify(record_of(data), servicer('xyy', prior=WRONG), SETTINGS)
+    with_rates = identify(data, servicer('xyy', prior=WRONG), SETTINGS)
     assert np.max(std[3:6]) <= 1.1 * np.max(with_rates.std[:3])
 
 
@@ -206,59 +196,25 @@ def test_errors_scale_with_the_noise(scale):
     run = simulate('zyx', 20.0)
     sensors = SensorSettings(**{name: scale * std for name, std in STDS.items()})
     robot = servicer('zyx', sensors, prior=WRONG)
-    estimate = identify(record_of(measure(run, 6, scale)), robot, SETTINGS)
+    estimate = identify(measure(run, 6, scale), robot, SETTINGS)
     error, std = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
-    nominal = identify(record_of(measure(run, 6)), servicer('zyx', prior=WRONG), SETTINGS)
+    nominal = identify(measure(run, 6), servicer('zyx', prior=WRONG), SETTINGS)
     np.testing.assert_allclose(estimate.std[:3], scale * nominal.std[:3], rtol=0.25, atol=0)
 
 
 def test_noise_that_is_larger_than_stated_shows():
     run = simulate('zyx', 20.0)
-    estimate = identify(record_of(measure(run, 7, scale=3.0)), servicer('zyx'), SETTINGS)
+    estimate = identify(measure(run, 7, scale=3.0), servicer('zyx'), SETTINGS)
     assert estimate.chi2_per_dof == pytest.approx(9.0, rel=0.15)
 
 
 def test_generic_structure():
     run = simulate('zyx', 60.0)
     settings = IdentifierSettings(structure='generic')
-    estimate = identify(record_of(measure(run, 8)), servicer('zyx', prior=WRONG), settings)
+    estimate = identify(measure(run, 8), servicer('zyx', prior=WRONG), settings)
     error, std = errors_of(estimate, truth_of(run, 'generic'))
     assert estimate.valid
     assert estimate.rank == estimate.unknowns == 48
     assert np.max(np.abs(error / std)) <= 4.0
     assert np.max(np.abs(error[3:6])) <= 1.5e-3 * H
-
-
-def test_measurements_are_deviations_from_the_reference_at_their_own_times():
-    data = measure(simulate('zyx', 20.0), 9, joint_every=3, rate_every=2, attitude_every=10)
-    stretch = prepare(data, STDS)
-    data = stretch.data  # what all sensors cover
-    reference, measured = (
-        stretch.reference,
-        measurements(
-            data,
-            stretch.reference,
-            SensorColumns.none(len(stretch.reference.time), 3),
-            np.zeros(0),
-        ),
-    )
-    times = reference.time
-    for values, stamps in (
-        (measured.q, data.joint_time),
-        (measured.qd, data.joint_time),
-        (measured.gyro, data.rate_time),
-        (measured.attitude, data.attitude_time),
-    ):
-        np.testing.assert_array_equal(times[np.isfinite(values[:, 0])], stamps)
-    np.testing.assert_array_equal(measured.q[np.isin(times, data.joint_time)], data.q)
-    rates = np.isin(times, data.rate_time)
-    np.testing.assert_allclose(
-        measured.gyro[rates] + reference.omega[rates], data.omega, rtol=0, atol=1e-15
-    )
-    seen = np.isin(times, data.attitude_time)
-    rebuilt = reference.rotation[seen] * Rotation.from_rotvec(measured.attitude[seen])
-    difference = rebuilt.inv() * Rotation.from_quat(data.attitude_xyzw)
-    np.testing.assert_allclose(difference.magnitude(), 0.0, rtol=0, atol=1e-14)
-    # aligned with the tracker to its own noise
-    assert np.sqrt(np.nanmean(measured.attitude**2)) < 3.0 * STDS['attitude_std']

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from support.identification import (
     SILENT,
+    changed,
     errors_of,
     measure,
-    record_of,
     servicer,
     simulate,
     truth_of,
@@ -39,7 +38,9 @@ def events(data):
     """Samples of all sensors in order of time: (stamp_ns, method, values)."""
     out = [
         (ORIGIN + round(t * 1e9), 'add_joints', (q, qd))
-        for t, q, qd in zip(data.joint_time, data.q, data.qd, strict=True)
+        for t, q, qd in zip(
+            data.joint_time, data.q, data.q if data.qd is None else data.qd, strict=True
+        )
     ]
     out += [
         (ORIGIN + round(t * 1e9), 'add_rate', (w,))
@@ -98,7 +99,7 @@ def same(a, b):
 
 def test_ends_where_the_batch_ends(fed):
     run, data, estimates = fed
-    batch = identify(record_of(data), servicer('zyx', prior=WRONG), IdentifierSettings())
+    batch = identify(data, servicer('zyx', prior=WRONG), IdentifierSettings())
     online = estimates[-1]
     assert online.valid
     # the batch uses the last half second and its own splines, and projects onto physical bodies
@@ -236,7 +237,7 @@ def test_rates_that_differ(rates):
 
 def shifted(data, joint=0.0, rate=0.0, attitude=0.0):
     """The same samples, said to be taken a little later."""
-    return replace(
+    return changed(
         data,
         joint_time=data.joint_time + joint,
         rate_time=data.rate_time + rate,
@@ -254,7 +255,7 @@ def test_stamps_between_those_of_other_sensors():
     later += 0.5 * 3e-3**2 * acceleration
     q = data.q - run.q[mid] + later
     qd = data.qd + 3e-3 * acceleration
-    estimates = feed(identifier(), shifted(replace(data, q=q, qd=qd), joint=3e-3))
+    estimates = feed(identifier(), shifted(changed(data, q=q, qd=qd), joint=3e-3))
     assert_never_confidently_wrong(estimates, run)
     assert estimates[-1].valid
 
@@ -268,7 +269,7 @@ def cut(data, sensor, start, end):
     }[sensor]
     time = getattr(data, fields[0])
     kept = (time < start) | (time > end)
-    return replace(data, **{name: getattr(data, name)[kept] for name in fields})
+    return changed(data, **{name: getattr(data, name)[kept] for name in fields})
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.identification import errors_of, measure, record_of, servicer, simulate, truth_of
+from support.identification import changed, errors_of, measure, servicer, simulate, truth_of
 from support.models import H_TARGET
 
 from spacerobot_ros.dynamics.equations import Dynamics
@@ -35,11 +35,11 @@ def believed():
 
 @pytest.fixture(scope='module')
 def found(run, believed):
-    return identify_robot(record_of(measure(run, 3)), believed, GENERIC)
+    return identify_robot(measure(run, 3), believed, GENERIC)
 
 
 def test_bodies_sharpen_the_estimate_and_stay_honest(run, believed, found):
-    linear = identify(record_of(measure(run, 3)), believed, replace(GENERIC, manifold='linear'))
+    linear = identify(measure(run, 3), believed, replace(GENERIC, manifold='linear'))
     truth = truth_of(run, 'generic')
     error, std = errors_of(found.estimate, truth)
     # 45 numbers of a generic arm come from bodies of 30 dimensions: the worst AAM gains twice.
@@ -57,12 +57,12 @@ def test_a_body_that_can_not_be_is_named():
     pi[[place, place + 3, place + 5]] += impossible - np.diag(robot.bodies[3].inertia)
     constants = np.concatenate([np.ones(3), H_TARGET, model.minimal.grouping @ pi])
     factor = np.diag(1.0 / np.maximum(1e-3 * np.abs(constants), 1e-2))
-    found = project(model, 'symmetric', constants, factor, 1.0)
+    found = project(model, IdentifierSettings(), constants, factor)
     assert 'link_3' in found.contradiction
     assert 'base_link' not in found.contradiction
     fits = model.minimal.grouping @ model.tree.parameters()
     constants[model.x] = fits
-    assert not project(model, 'symmetric', constants, factor, 1.0).contradiction
+    assert not project(model, IdentifierSettings(), constants, factor).contradiction
 
 
 def test_bodies_are_physical(found):
@@ -85,8 +85,8 @@ def test_wrong_structure_is_reported_not_averaged_away():
     # Encoders of joints 2 and 3 swapped: no robot of the file's tree moves like that.
     symmetric = replace(GENERIC, structure='symmetric')
     data = measure(simulate('zyx', 20.0), 3)
-    rolled = replace(data, q=data.q[:, [0, 2, 1]], qd=data.qd[:, [0, 2, 1]])
-    estimate = identify(record_of(rolled), servicer('zyx'), symmetric)
+    rolled = changed(data, q=data.q[:, [0, 2, 1]], qd=data.qd[:, [0, 2, 1]])
+    estimate = identify(rolled, servicer('zyx'), symmetric)
     assert not estimate.valid
 
 

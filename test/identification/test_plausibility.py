@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.identification import measure, record_of, servicer, simulate
+from support.identification import changed, measure, servicer, simulate
 
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.model.settings import IdentifierSettings
@@ -22,43 +22,43 @@ def good():
 
 
 def inertial_gyro(data):
-    turned = Rotation.from_quat(simulate('zyx', 20.0).attitude_xyzw).apply(data.omega)
-    return replace(data, omega=turned)
+    turned = Rotation.from_quat(simulate('zyx', 20.0).attitude_xyzw).apply(np.array(data.omega))
+    return changed(data, omega=turned)
 
 
 FAULTS = {
     'scalar first': (
-        lambda d: replace(d, attitude_xyzw=d.attitude_xyzw[:, [3, 0, 1, 2]]),
+        lambda d: changed(d, attitude_xyzw=d.attitude_xyzw[:, [3, 0, 1, 2]]),
         'scalar first',
     ),
     'inverse': (
-        lambda d: replace(d, attitude_xyzw=d.attitude_xyzw * INVERSE),
+        lambda d: changed(d, attitude_xyzw=d.attitude_xyzw * INVERSE),
         'attitude: it takes inertial to base coordinates',
     ),
     'gyro in deg/s': (
-        lambda d: replace(d, omega=d.omega / DEGREE),
+        lambda d: changed(d, omega=d.omega / DEGREE),
         'gyro: rates against the attitude are degrees instead of radians',
     ),
     'gyro in the inertial frame': (inertial_gyro, 'inertial coordinates'),
     'joint rates in deg/s': (
-        lambda d: replace(d, qd=d.qd / DEGREE),
+        lambda d: changed(d, qd=d.qd / DEGREE),
         'degrees instead of radians',
     ),
     'swapped joint rates': (
-        lambda d: replace(d, qd=d.qd[:, [0, 2, 1]]),
+        lambda d: changed(d, qd=d.qd[:, [0, 2, 1]]),
         'columns of j_link_2 and j_link_3 are exchanged',
     ),
     'scalar first and inverse': (
-        lambda d: replace(d, attitude_xyzw=(d.attitude_xyzw * INVERSE)[:, [3, 0, 1, 2]]),
+        lambda d: changed(d, attitude_xyzw=(d.attitude_xyzw * INVERSE)[:, [3, 0, 1, 2]]),
         'scalar first, expected xyzw; and it takes inertial to base',
     ),
-    'gyro axes': (lambda d: replace(d, omega=d.omega[:, ::-1]), 'its (z, y, x) are the base'),
+    'gyro axes': (lambda d: changed(d, omega=d.omega[:, ::-1]), 'its (z, y, x) are the base'),
     'foreign gyro': (
-        lambda d: replace(d, omega=np.roll(d.omega, 700, axis=0)),
+        lambda d: changed(d, omega=np.roll(d.omega, 700, axis=0)),
         'gyro and attitude: they do not belong together',
     ),
     'foreign rates': (
-        lambda d: replace(d, qd=np.roll(d.qd, 700, axis=0)),
+        lambda d: changed(d, qd=np.roll(d.qd, 700, axis=0)),
         'joint positions and rates: they do not belong together',
     ),
 }
@@ -66,19 +66,19 @@ FAULTS = {
 
 @pytest.mark.parametrize(('change', 'named'), FAULTS.values(), ids=FAULTS.keys())
 def test_faults_are_named(change, named):
-    (fault,) = contradictions(record_of(change(good())))
+    (fault,) = contradictions(change(good()))
     assert named in fault
 
 
 def test_good_and_resting_data_have_none():
-    assert contradictions(record_of(good())) == ()
-    assert contradictions(record_of(measure(simulate('zyx', 20.0, 'still'), 1))) == ()
+    assert contradictions(good()) == ()
+    assert contradictions(measure(simulate('zyx', 20.0, 'still'), 1)) == ()
 
 
 def test_swapped_columns_are_found_by_momentum():
     data = good()
-    swapped = replace(data, q=data.q[:, [2, 1, 0]], qd=data.qd[:, [2, 1, 0]])
-    estimate = identify(record_of(swapped), servicer('zyx'), IdentifierSettings())
+    swapped = changed(data, q=data.q[:, [2, 1, 0]], qd=data.qd[:, [2, 1, 0]])
+    estimate = identify(swapped, servicer('zyx'), IdentifierSettings())
     assert not estimate.valid
     assert 'j_link_1 and j_link_3 seem to be swapped' in estimate.reason
 
@@ -86,7 +86,7 @@ def test_swapped_columns_are_found_by_momentum():
 def test_a_fault_is_the_verdict():
     data = good()
     estimate = identify(
-        record_of(replace(data, omega=data.omega / DEGREE)), servicer('zyx'), IdentifierSettings()
+        changed(data, omega=data.omega / DEGREE), servicer('zyx'), IdentifierSettings()
     )
     assert not estimate.valid
     assert 'degrees instead of radians' in estimate.reason
@@ -95,6 +95,6 @@ def test_a_fault_is_the_verdict():
 def test_own_wheels_at_rest_leave_ratios():
     robot = servicer('zyx')
     robot = replace(robot, servicer_wheels=replace(robot.servicer_wheels, momentum=np.zeros(3)))
-    estimate = identify(record_of(good()), robot, IdentifierSettings())
+    estimate = identify(good(), robot, IdentifierSettings())
     assert not estimate.valid
     assert any('ratios to J' in note for note in estimate.notes)

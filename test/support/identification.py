@@ -17,11 +17,17 @@ from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.smoothing import SensorData
+from spacerobot_ros.estimation.reference import NoiseLevels
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.model.settings import SensorSettings
-from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
+from spacerobot_ros.recording.record import (
+    AttitudeSeries,
+    JointSeries,
+    RateSeries,
+    Record,
+    to_stamps,
+)
 from support.models import (
     ATTITUDE_XYZW,
     H_BASE,
@@ -41,8 +47,12 @@ STDS = {
     'gyro_std': 2.0e-5,
     'attitude_std': 3.0e-5,
 }
+NOISE = NoiseLevels(
+    **{name.removesuffix('_std'): std for name, std in STDS.items()}, joint_effort=0.05
+)
 SENSORS = SensorSettings(**STDS)
 SILENT = SensorSettings()
+ORIGIN_NS = 10**18  # as on a real clock
 PERIOD = 20.0  # s, of the motion of Table II
 _SINE = [[0.1234, -0.1867, 0.0005], [0.1306, -0.1222, -0.3760], [0.15486, -0.1269, 0.4030]]
 _COSINE = [[0.1600, -0.3808, 0.0513], [-0.1179, 0.1787, -0.1333], [-0.0458, 0.1346, 0.1389]]
@@ -267,7 +277,7 @@ def measure(
     joint_every: int = 1,
     rate_every: int = 1,
     attitude_every: int = 10,
-) -> SensorData:
+) -> Record:
     """Sample a run, noise `STDS` times a scale, each sensor at its own divisor of 100 Hz."""
     rng = np.random.default_rng(seed)
     j, g, a = (np.arange(0, len(run.time), k) for k in (joint_every, rate_every, attitude_every))
@@ -277,7 +287,32 @@ def measure(
     omega = run.omega[g] + s['gyro_std'] * rng.standard_normal((len(g), 3))
     small = Rotation.from_rotvec(s['attitude_std'] * rng.standard_normal((len(a), 3)))
     attitude = (Rotation.from_quat(run.attitude_xyzw[a]) * small).as_quat()
-    return SensorData(run.time[j], q, qd, run.time[g], omega, run.time[a], attitude)
+    return _record(
+        joint_time=run.time[j],
+        q=q,
+        qd=qd,
+        rate_time=run.time[g],
+        omega=omega,
+        attitude_time=run.time[a],
+        attitude_xyzw=attitude,
+    )
+
+
+def changed(record: Record, **views) -> Record:
+    """The record with other values of its flat views, such as `omega`."""
+    names = ('joint_time', 'q', 'qd', 'rate_time', 'omega', 'attitude_time', 'attitude_xyzw')
+    return _record(**{**{name: getattr(record, name) for name in names}, **views})
+
+
+def _record(joint_time, q, qd, rate_time, omega, attitude_time, attitude_xyzw) -> Record:
+    stamps = [to_stamps(time, ORIGIN_NS) for time in (joint_time, rate_time, attitude_time)]
+    return Record(
+        JointSeries(('j_link_1', 'j_link_2', 'j_link_3'), stamps[0], q, qd) if len(q) else None,
+        RateSeries(stamps[1], omega) if len(omega) else None,
+        AttitudeSeries(stamps[2], attitude_xyzw) if len(attitude_time) else None,
+        source='test',
+        zero_ns=ORIGIN_NS,
+    )
 
 
 def truth_of(run: Run, structure: str = 'symmetric') -> np.ndarray:
@@ -285,22 +320,6 @@ def truth_of(run: Run, structure: str = 'symmetric') -> np.ndarray:
     robot = robot_of(run.parts)
     x = minimal_set(robot, structure).grouping @ BlockTree(robot).parameters()
     return np.concatenate([run.momentum, H_TARGET, x])
-
-
-def record_of(data: SensorData, source: str = 'test', offset_ns: int = 10**18) -> Record:
-    """A record of samples, stamps counted from an origin as on a real clock."""
-    joints, rates, attitudes = (
-        offset_ns + np.round(time * 1e9).astype(np.int64)
-        for time in (data.joint_time, data.rate_time, data.attitude_time)
-    )
-    names = ('j_link_1', 'j_link_2', 'j_link_3')
-    velocity = data.qd if np.all(np.isfinite(data.qd)) else None
-    return Record(
-        JointSeries(names, joints, data.q, velocity),
-        RateSeries(rates, data.omega),
-        AttitudeSeries(attitudes, data.attitude_xyzw) if len(attitudes) else None,
-        source=source,
-    )
 
 
 def errors_of(estimate: Estimate, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.identification import SENSORS, SILENT, STDS, measure, simulate
+from support.identification import SENSORS, SILENT, STDS, changed, measure, simulate
 
-from spacerobot_ros.identification.noise import fourth_difference_std, noise_levels
+from spacerobot_ros.estimation.noise_levels import fourth_difference_std, noise_levels
 from spacerobot_ros.model.settings import SensorSettings
+
+
+def of(levels):
+    return {f'{name}_std': value for name, value in asdict(levels).items()}
 
 
 @pytest.mark.parametrize('std', [1e-6, 1e-4, 1e-2])
@@ -25,11 +29,11 @@ def test_noise_of_a_smooth_signal(std, rng):
 @pytest.mark.parametrize('scale', [0.3, 1.0, 10.0])
 @pytest.mark.parametrize('axes', ['zyx', 'xyy'])
 def test_noise_of_a_run(axes, scale):
-    levels, notes = noise_levels(SILENT, measure(simulate(axes, 60.0), 3, scale))
+    levels, notes = noise_levels(SILENT, measure(simulate(axes, 60.0), 3, scale), is_checked=False)
     for name, std in STDS.items():
         # The tracker has 600 samples (4 %), and at 10 Hz the motion itself shows below 2e-5 rad.
         tolerance = (0.12 if scale >= 1.0 else 0.25) if name == 'attitude_std' else 0.05
-        assert levels[name] == pytest.approx(scale * std, rel=tolerance), name
+        assert of(levels)[name] == pytest.approx(scale * std, rel=tolerance), name
     assert len(notes) == 4
 
 
@@ -41,37 +45,45 @@ def test_outliers_do_not_count(rng):
 
 def test_stated_levels_are_kept_and_only_missing_ones_estimated():
     data = measure(simulate('zyx', 20.0), 1)
-    levels, notes = noise_levels(SENSORS, data)
-    assert levels == STDS
+    levels, notes = noise_levels(SENSORS, data, is_checked=False)
+    assert {name: of(levels)[name] for name in STDS} == STDS
     assert notes == ()
-    levels, notes = noise_levels(replace(SENSORS, gyro_std=None), data)
-    assert levels['joint_position_std'] == STDS['joint_position_std']
-    assert levels['gyro_std'] == pytest.approx(STDS['gyro_std'], rel=0.05)
+    levels, notes = noise_levels(replace(SENSORS, gyro_std=None), data, is_checked=False)
+    assert levels.joint_position == STDS['joint_position_std']
+    assert levels.gyro == pytest.approx(STDS['gyro_std'], rel=0.05)
     assert len(notes) == 1
     assert notes[0].startswith('gyro_std is not stated; estimated from the data: ')
+
+
+def test_data_that_are_noisier_than_stated_count_where_they_are_checked():
+    data = measure(simulate('zyx', 20.0), 1, scale=3.0)
+    levels, notes = noise_levels(SENSORS, data)
+    assert levels.gyro == pytest.approx(3.0 * STDS['gyro_std'], rel=0.1)
+    assert any(note.startswith('gyro: the data are noisier than stated') for note in notes)
+    assert noise_levels(SENSORS, data, is_checked=False)[0].gyro == STDS['gyro_std']
 
 
 def test_levels_stay_above_rounding():
     data = measure(simulate('zyx', 20.0), 1, scale=0.0)
     levels, _ = noise_levels(SILENT, data)
-    assert min(levels.values()) >= 1e-8
+    assert min(of(levels).values()) >= 1e-8
     stated = SensorSettings(**dict.fromkeys(STDS, 1e-15))
-    assert min(noise_levels(stated, data)[0].values()) >= 1e-8
+    assert min(of(noise_levels(stated, data)[0]).values()) >= 1e-8
 
 
 def test_too_few_or_unmeasured_samples_give_the_floor():
     assert fourth_difference_std(np.zeros((4, 3))) == 0.0
     assert fourth_difference_std(np.full((100, 3), np.nan)) == 0.0
     data = measure(simulate('zyx', 20.0), 1)
-    empty = replace(data, attitude_time=np.zeros(0), attitude_xyzw=np.zeros((0, 4)))
-    assert noise_levels(SILENT, empty)[0]['attitude_std'] == 1e-8
+    empty = changed(data, attitude_time=np.zeros(0), attitude_xyzw=np.zeros((0, 4)))
+    assert noise_levels(SILENT, empty)[0].attitude == 1e-8
 
 
 def test_sign_of_the_quaternions_does_not_matter(rng):
     data = measure(simulate('zyx', 20.0), 1)
     signs = rng.choice([-1.0, 1.0], len(data.attitude_xyzw))
-    flipped = replace(data, attitude_xyzw=data.attitude_xyzw * signs[:, None])
-    got, want = (noise_levels(SILENT, d)[0]['attitude_std'] for d in (flipped, data))
+    flipped = changed(data, attitude_xyzw=data.attitude_xyzw * signs[:, None])
+    got, want = (noise_levels(SILENT, d)[0].attitude for d in (flipped, data))
     assert got == pytest.approx(want, rel=1e-9)
 
 
@@ -79,7 +91,11 @@ def test_attitude_noise_while_turning_fast(rng):
     t = np.arange(0.0, 60.0, 0.1)
     still = Rotation.from_rotvec(np.outer(t, [0.3, 0.2, -0.5]))
     noise = Rotation.from_rotvec(3e-5 * rng.standard_normal((len(t), 3)))
-    data = replace(
-        measure(simulate('zyx', 20.0), 1), attitude_time=t, attitude_xyzw=(still * noise).as_quat()
+    data = changed(
+        measure(simulate('zyx', 20.0), 1),
+        rate_time=np.arange(0.0, 60.0, 0.01),
+        omega=np.tile([0.3, 0.2, -0.5], (6000, 1)),
+        attitude_time=t,
+        attitude_xyzw=(still * noise).as_quat(),
     )
-    assert noise_levels(SILENT, data)[0]['attitude_std'] == pytest.approx(3e-5, rel=0.1)
+    assert noise_levels(SILENT, data)[0].attitude == pytest.approx(3e-5, rel=0.1)
