@@ -24,6 +24,7 @@ FINE = 10  # times as many nodes for the final check of the limits
 _SMOOTHING = 60.0  # of the maximum over time: it overstates by some log(5) / 60
 _ROOM = 0.999  # of a limit that a base with resting joints may use
 _AMPLE = 0.8  # the same, where the start is ours to choose
+_WORST = 1e15  # condition number; beyond, it says no more
 _FIRST_USE = 0.6  # of the limits, by a random starting motion
 
 
@@ -156,12 +157,8 @@ def condition_numbers(columns: Array, R_WB: Array) -> tuple[Array, Array]:
     A = (A - A[:, :1])[:, 1:].reshape(len(A), -1, A.shape[-1])
     norms = np.linalg.norm(A, axis=1, keepdims=True)
     unit = A / np.where(norms > 0.0, norms, 1.0)
-    return _condition(A), _condition(unit)
-
-
-def _condition(A: Array) -> Array:
-    singular = np.linalg.svd(A, compute_uv=False)
-    return singular[:, 0] / np.maximum(singular[:, -1], 1e-15 * singular[:, 0])
+    raw, scaled = (np.minimum(np.linalg.cond(matrix), _WORST) for matrix in (A, unit))
+    return raw, scaled
 
 
 def _off_momenta(momentum: Array, uncertainty: float) -> list[Array]:
