@@ -10,7 +10,7 @@ import numpy as np
 import servicer
 
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import simulate_smooth
+from spacerobot_ros.dynamics.integrate import DOP853, RK4, Tableau, simulate_smooth
 from spacerobot_ros.dynamics.rotation import rotation_matrix
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.model.loader import build_robot
@@ -66,9 +66,9 @@ def smooth(rtol: float) -> harness.Outcome:
     return harness.Outcome(seconds, momenta, attitude, q[:3])
 
 
-def held(substeps: int) -> harness.Outcome:
+def held(substeps: int, tableau: Tableau = DOP853) -> harness.Outcome:
     """Torques held over control periods, one call of `Plant.step` each."""
-    plant = Plant(ROBOT, START, servicer.PERIOD, substeps)
+    plant = Plant(ROBOT, START, servicer.PERIOD, substeps, tableau=tableau)
     torques = np.zeros((round(servicer.DURATION / servicer.PERIOD), ROBOT.n_joints))
     torques[:, :3] = harness.held_torques()
     periods = round(1.0 / servicer.PERIOD)
@@ -84,6 +84,7 @@ def settings() -> list[harness.Setting]:
     """Tolerances and steps from coarse to fine."""
     return [
         *(('smooth', f'rtol {r:g}', lambda r=r: smooth(r)) for r in (1e-7, 1e-9, 1e-11, 1e-13)),
+        ('held', 'order 4, 10 ms', lambda: held(1, RK4)),
         *(('held', f'order 8, {10 / n:g} ms', lambda n=n: held(n)) for n in (1, 2)),
     ]
 

@@ -6,7 +6,7 @@ record at once; an effect does not see the difference.
 
 from __future__ import annotations
 
-import copy
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,8 +24,9 @@ from ..model.robot import Robot
 from ..types import Array
 
 
+@dataclass(eq=False)
 class Motion:
-    """BodyKinematics of N states.
+    """Kinematics of N states.
 
     Generalized vectors are (N, 6 + n): base [linear; angular] in base coordinates, then the
     joints, for a fixed base too, whose first six entries are zero.
@@ -33,48 +34,41 @@ class Motion:
     Args:
         robot: The robot as all effects have made it.
         time: (N,) time since the start [s].
-        q: (N, n) joint positions [rad]. qd: (N, n) joint rates [rad/s].
+        q: (N, n) joint positions [rad].
+        qd: (N, n) joint rates [rad/s].
         effort: (N, n) motor torques [N m].
-        rotation: (N, 3, 3) R_WB; None: base and inertial frame aligned.
-        omega: (N, 3) omega_WB_B [rad/s]; None: zero.
-        velocity: (N, 3) v_WB_B [m/s]; None: zero.
+        rotation: (N, 3, 3) R_WB; without it base and inertial frame are aligned.
+        omega: (N, 3) omega_WB_B [rad/s].
+        velocity: (N, 3) v_WB_B [m/s].
         acceleration: (N, 6 + n) time derivative of [v_WB_B; omega_WB_B; qd]; None where it is not
             known yet.
         coasts: Whether the base's linear acceleration is that of a robot on which no force acts,
             so that what an effect does to the whole comes on top: nobody measures translations.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        time: Array,
-        q: Array,
-        qd: Array,
-        effort: Array,
-        *,
-        rotation: Array | None = None,
-        omega: Array | None = None,
-        velocity: Array | None = None,
-        acceleration: Array | None = None,
-        coasts: bool = False,
-    ) -> None:
-        self.robot = robot
-        self.coasts = coasts
-        self.time = time
-        self.q, self.qd, self.effort = q, qd, effort
-        zeros = np.zeros((len(time), 3))
-        self.rotation = np.tile(np.eye(3), (len(time), 1, 1)) if rotation is None else rotation
-        self.omega = zeros if omega is None else omega
-        self.velocity = zeros if velocity is None else velocity
-        self.acceleration = acceleration
-        self._accelerated: tuple[Array, Array] | None = None
+    robot: Robot
+    time: Array
+    q: Array
+    qd: Array
+    effort: Array
+    _: KW_ONLY
+    rotation: Array = field(default_factory=lambda: np.eye(3)[None])
+    omega: Array = field(default_factory=lambda: np.zeros((1, 3)))
+    velocity: Array = field(default_factory=lambda: np.zeros((1, 3)))
+    acceleration: Array | None = None
+    coasts: bool = False
+    _accelerated: tuple[Array, Array] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        """Repeat what is the same for all states."""
+        for name in ('rotation', 'omega', 'velocity'):
+            value = getattr(self, name)
+            if len(value) != len(self):
+                setattr(self, name, np.repeat(value, len(self), axis=0))
 
     def of(self, robot: Robot) -> Motion:
         """The same motion of another robot with the same joints; shares what both move alike."""
-        other = copy.copy(self)
-        other.robot, other._accelerated = robot, None
-        for cached in ('tree', 'kinematics'):
-            other.__dict__.pop(cached, None)
+        other = replace(self, robot=robot)
         if _moves_alike(robot, self.robot):
             other.__dict__.update(tree=self.tree, kinematics=self.kinematics)
             if self.acceleration is not None:

@@ -8,7 +8,7 @@ matter to the rest. Generalised forces are (N, 6 + n) as in `effects.motion`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -123,14 +123,4 @@ def _moved(
         q, qd = q.copy(), qd.copy()
         q[:, column - 6] += position
         qd[:, column - 6] += rate
-    return Motion(
-        motion.robot,
-        motion.time,
-        q,
-        qd,
-        motion.effort,
-        rotation=motion.rotation,
-        omega=omega,
-        velocity=motion.velocity,
-        acceleration=motion.acceleration,
-    )
+    return replace(motion, q=q, qd=qd, omega=omega, coasts=False)

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..diagnosis.search import EQUIVALENT
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
@@ -34,8 +35,6 @@ from ..types import Array
 from .information import with_typical
 from .motions import SAFE, Motions
 
-GAP = 6.0
-"""Gap in log evidence from which the diagnosis names one effect rather than the other."""
 _OWN, _REFINED = 'robot file', ', refined'
 _LEVELS = (1.0, 0.4)  # of the limits, by the motions to compare
 _PACES = (1.0, 0.5, 2.0)  # of the duration
@@ -74,7 +73,7 @@ class Contrast(NamedTuple):
     @property
     def smallest(self) -> float:
         """Smallest share of its plausible size that is told from the other effect."""
-        return math.sqrt(2.0 * GAP) / self.apart if self.apart > 0.0 else math.inf
+        return math.sqrt(2.0 * EQUIVALENT) / self.apart if self.apart > 0.0 else math.inf
 
     @classmethod
     def of(cls, own: Array, other: Array) -> Contrast:

@@ -21,7 +21,6 @@ from .formats import number, probability
 from .plots import bars, plot, thinned
 
 _SHORT = 20  # characters of a cell that stays on one line
-_NEAR_NOISE = 1.05  # held-out error from which on something is left
 _SIGNALS, _SPECTRA, _RANKED = 3, 3, 12
 _POINTS = 500  # a curve: a page holds many
 _SEGMENT = 512  # samples, of a spectrum
@@ -95,7 +94,7 @@ def _verdict(answer: Findings) -> Iterator[Item]:
             number(gain.after, 3),
             'noise std',
             f'1 is perfect; {tables.placebo_words(gain.placebo)}',
-            'good' if gain.after < _NEAR_NOISE else 'bad',
+            'good' if gain.after < tables.ABOVE_NOISE else 'bad',
         ),
         KeyFigure(
             'a right model fits as badly',

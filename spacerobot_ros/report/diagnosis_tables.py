@@ -21,7 +21,8 @@ from .formats import UNTESTED, number, percent, probability, value_with
 
 _RANKED = 10  # rows
 _CLEAR = 0.5  # correlation from which it is worth a word
-_ABOVE_NOISE = 1.05  # of the noise floor: what a residual may have and still be called noise
+ABOVE_NOISE = 1.05
+"""Of the noise floor: what an error may have and still be called noise."""
 _SCATTER = 4.0  # standard deviations
 _IMPROBABLE = 1e-3  # of whiteness, over all channels
 
@@ -250,7 +251,7 @@ def _is_above_noise(residual: Residual, count: int) -> bool:
     """Whether its rms is more than noise and the scatter of an rms of so many samples allow."""
     if not count:
         return False
-    allowed = max(_ABOVE_NOISE, 1.0 + _SCATTER / math.sqrt(2.0 * count))
+    allowed = max(ABOVE_NOISE, 1.0 + _SCATTER / math.sqrt(2.0 * count))
     return residual.rms_after > allowed * residual.noise_floor
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import rk_step
+from ..dynamics.integrate import DOP853, Tableau, rk_step
 from ..dynamics.rotation import cross, rotation_matrix
 from ..dynamics.state import State
 from ..effects.effect import Effect, own_states
@@ -27,8 +27,9 @@ from ..errors import ConfigurationError, SimulationDivergedError
 from ..model.robot import Robot
 from ..types import Array, Vector3, Vector6
 
-_ANGLE_PER_STEP = 1.0
-"""Largest product of step and natural frequency: order 8 is then right to about 1e-7 a step."""
+_ANGLE_PER_STEP = {13: 1.0, 5: 0.1}
+"""Largest product of step and natural frequency by rows of the tableau: the error of DOP853 and of
+RK4 is then about 1e-7 a step."""
 _MOST_STEPS = 200
 
 
@@ -67,13 +68,19 @@ class ForcedMotion:
         effects: Physical effects.
         period: Control period [s].
         substeps: Fewest Runge-Kutta steps in a period; a fast effect makes it more.
+        tableau: Runge-Kutta method.
 
     Raises:
         ConfigurationError: an effect that is too fast for the period.
     """
 
     def __init__(
-        self, dynamics: Dynamics, effects: Sequence[Effect], period: float, substeps: int
+        self,
+        dynamics: Dynamics,
+        effects: Sequence[Effect],
+        period: float,
+        substeps: int,
+        tableau: Tableau = DOP853,
     ) -> None:
         self._dynamics = dynamics
         self._robot = dynamics.robot
@@ -87,7 +94,8 @@ class ForcedMotion:
             e.hidden and holds for e, holds in zip(self._forces, self._holders, strict=True)
         )
         self.hidden: Array = np.zeros(sum(e.hidden for e in effects))
-        self.substeps = max([substeps, *(_steps(e, self._robot, period) for e in effects)])
+        self._tableau, angle = tableau, _ANGLE_PER_STEP[len(tableau[1])]
+        self.substeps = max([substeps, *(_steps(e, self._robot, period, angle) for e in effects)])
         self._period = period
         self._size = 13 + 2 * self._robot.n_joints
 
@@ -119,7 +127,7 @@ class ForcedMotion:
         y = np.concatenate([x, self.hidden, np.zeros(8)])
         dt = self._period / self.substeps
         for k in range(self.substeps):
-            y = rk_step(rate, t + k * dt, y, dt)
+            y = rk_step(rate, t + k * dt, y, dt, self._tableau)
             y[3:7] /= np.linalg.norm(y[3:7])
         if not np.all(np.isfinite(y)):
             raise SimulationDivergedError(
@@ -202,16 +210,16 @@ class ForcedMotion:
         return c, M[:3] @ rates / mass, mass
 
 
-def _steps(effect: Effect, robot: Robot, period: float) -> int:
+def _steps(effect: Effect, robot: Robot, period: float, angle: float) -> int:
     """Runge-Kutta steps that an effect needs in a period."""
     fastest = effect.fastest(robot)
-    steps = max(1, math.ceil(fastest * period / _ANGLE_PER_STEP))
+    steps = max(1, math.ceil(fastest * period / angle))
     if steps > _MOST_STEPS:
         raise ConfigurationError(
             f'effects.{effect.name}',
             f'moves at {fastest:.3g} rad/s: needs integration steps of '
-            f'{_ANGLE_PER_STEP / fastest:.2g} s, {steps} in a simulator.period of {period:g} s '
+            f'{angle / fastest:.2g} s, {steps} in a simulator.period of {period:g} s '
             f'(at most {_MOST_STEPS}): give a period of at most '
-            f'{_MOST_STEPS * _ANGLE_PER_STEP / fastest:.2g} s',
+            f'{_MOST_STEPS * angle / fastest:.2g} s',
         )
     return steps

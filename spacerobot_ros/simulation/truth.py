@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from ..dynamics.equations import Dynamics
+from ..dynamics.integrate import TABLEAUS
 from ..dynamics.state import initial_state
 from ..effects.catalogue import bind_effects, changed_robot
 from ..errors import ConfigurationError
@@ -31,9 +33,8 @@ def build_plant(robot: Robot, settings: Settings) -> Plant:
     options = settings.simulator
     truth, effects = true_robot(robot, settings), bind_effects(settings.effects, robot)
     start = initial_state(truth, settings.initial)
-    plant = Plant(truth, start, options.period, options.substeps)
-    at_rest = plant.dynamics.at_rest_centre(start)
-    return Plant(truth, at_rest, options.period, options.substeps, effects)
+    at_rest, method = Dynamics(truth).at_rest_centre(start), TABLEAUS[options.integrator]
+    return Plant(truth, at_rest, options.period, options.substeps, effects, method)
 
 
 def build_sensors(plant: Plant, settings: Settings) -> SensorSuite:

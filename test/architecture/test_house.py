@@ -36,11 +36,14 @@ CIRCLES_OF_FILES: set[tuple[str, ...]] = set()
 CIRCLES_OF_ROOMS = {('control', 'diagnosis', 'estimation', 'identification', 'simulation')}
 UPWARDS = {('estimation.balance', 'diagnosis.search')}
 OUTSIDE: set[str] = set()
+LONG = {
+    'campaign.adaptive_identities._lyapunov_residual',
+    'estimation.momentum_recursions._direct',
+    'estimation.momentum_recursions.forward',
+    'identification.summary.summarize',
+}
 CLASSES = {
     'Motion',
-    'Run',
-    'Start',
-    'Tree',
 }
 FILES = {
     'controller',
@@ -49,9 +52,7 @@ FILES = {
     'motion',
     'prior',
     'reference',
-    'spatial',
     'state',
-    'tree',
     'types',
 }
 
@@ -191,6 +192,21 @@ def test_only_the_command_line_prints():
         and node.func.id == 'print'
     }
     assert not printing - OUTSIDE
+
+
+def test_no_function_has_eight_parameters():
+    def count(function):
+        a = function.args
+        names = [arg.arg for arg in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
+        return len([name for name in names if name not in ('self', 'cls')])
+
+    long = {
+        f'{short((name,))[0]}.{node.name}'
+        for name, tree in sources().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and count(node) >= 8
+    }
+    assert not long - LONG
 
 
 def test_no_file_of_the_product_looks_like_a_test():

@@ -18,6 +18,7 @@ from support.models import (
 )
 from support.states import motion_of, random_state
 
+from spacerobot_ros.dynamics.integrate import RK4
 from spacerobot_ros.errors import (
     ConfigurationError,
     MessageRejectedError,
@@ -209,3 +210,17 @@ def test_period_and_state_must_fit(parts, rng):
         Plant(robot, random_state(rng, 3), 1e-10, 1)
     with pytest.raises(ConfigurationError, match='expected 3 joints, rotors included, got 2'):
         Plant(robot, random_state(rng, 2), PERIOD, 1)
+
+
+def test_four_evaluations_a_period_are_right_to_a_millionth(parts, rng):
+    # A second against DOP853, which is right to rounding: the error of RK4 is of order dt^4.
+    exact = plant_of(parts, rng, substeps=1)
+    coarse = Plant(exact.robot, exact.state, PERIOD, 1, tableau=RK4)
+    tau = rng.standard_normal(exact.n_arm)
+    for plant in (exact, coarse):
+        for _ in range(round(1.0 / PERIOD)):
+            plant.step(tau)
+    got, expected = coarse.state.to_vector(), exact.state.to_vector()
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-6)
+    assert np.max(np.abs(got - expected)) > 1e-15  # it is another method
+    assert coarse.ledger().momentum_drift < 1e-6

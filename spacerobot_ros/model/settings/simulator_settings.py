@@ -52,7 +52,9 @@ class SimulatorSettings:
 
     Args:
         period: Control period; torques are held over it.
-        substeps: Runge-Kutta steps (order 8) in one control period.
+        substeps: Runge-Kutta steps in one control period.
+        integrator: Method of a step. dop853: order 8, twelve evaluations, keeps momentum to
+            rounding; rk4: order 4, four evaluations, right to 1e-6 at 10 ms and twice as fast.
         joint_rate: Rate of /joint_states; divides 1/period.
         imu_rate: Rate of /imu/data; divides 1/period.
         attitude_rate: Rate of /attitude; divides 1/period.
@@ -66,6 +68,7 @@ class SimulatorSettings:
 
     period: float = param(0.01, 's', above=0.0, maximum=1.0)
     substeps: int = param(1, minimum=1, maximum=1000)
+    integrator: str = param('dop853', choices=('dop853', 'rk4'))
     joint_rate: float = param(100.0, 'Hz', above=0.0)
     imu_rate: float = param(100.0, 'Hz', above=0.0)
     attitude_rate: float = param(10.0, 'Hz', above=0.0)
