@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from ..identification.batch import identify, sensor_data
+from ..identification.batch import identify
 from ..identification.cramer_rao import cramer_rao_bound
 from ..identification.estimate import Estimate
-from ..identification.least_squares import sampled_reference
+from ..identification.least_squares import sampled_motion
 from ..identification.online import OnlineIdentifier
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
@@ -51,7 +51,7 @@ def noisy_run(axes: str, scale: float, seed: int) -> dict[str, Any]:
         method: estimate(record, case, scale, method) for method in METHODS if method != 'paper'
     }
     solutions = {name: np.concatenate([e.aam, e.parameters]) for name, e in found.items()}
-    samples = sampled_reference(sensor_data(record)[0])
+    samples = sampled_motion(record)
     solutions['paper'] = linear_system(case.robot, case.minimal, samples).solve()
     is_tracked = (scale, seed) == (SCALES[0], 0)
     return {
