@@ -20,7 +20,7 @@ METHODS = ('ml', 'recursive', 'ls')
 
 _DESCRIPTION = """\
 Estimate the momentum of the captured satellite's wheels and the minimal inertial parameters from
-a recording (rosbag2: mcap or sqlite3; or an npz record). ROS is not needed.
+a recording (rosbag2: mcap or sqlite3; an npz record; CSV or JSON). ROS is not needed.
 
 methods: ml        maximum likelihood; the most accurate, with standard deviations of its own
          recursive least squares row by row in square-root form, as it can run on board
@@ -40,7 +40,7 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
     add = add_command(subparsers, 'identify', _DESCRIPTION, _EPILOG).add_argument
-    add('bag', metavar='BAG', help='rosbag2 folder, one mcap or db3 file, or npz')
+    add('bag', metavar='BAG', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON')
     add('--robot', required=True, metavar='YAML', help='robot file')
     add('--method', choices=METHODS, default='ml', help='estimator')
     add(
@@ -48,6 +48,7 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
         choices=('physical', 'linear'),
         help='ml only: over physical bodies, or over the free minimal set (default: robot file)',
     )
+    add('--map', metavar='YAML', help='column mapping of the data (docs/data.md)')
     add('--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF')
     add('--force', action='store_true', help='overwrite what --write names')
     add('--json', action='store_true', help='print JSON, and nothing else')
@@ -62,14 +63,13 @@ def run(args: argparse.Namespace) -> int:
     from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
     from ..model.writer import write_robot_file
-    from ..recording.bag import read_bag
-    from ..recording.npz import load_npz
+    from ..recording.read import read_record
     from ..sensing.correction import corrected_record
 
     if args.write:
         check_file(args.write, args.force)
     file = load_robot_file(args.robot)
-    record = load_npz(args.bag) if args.bag.endswith('.npz') else read_bag(args.bag, file.robot)
+    record = read_record(args.bag, file.robot, args.map)
     record = corrected_record(record, file.robot, file.effects)
     robot, settings = file.believed, file.settings.identifier
     if args.manifold:
