@@ -11,8 +11,8 @@ class SpaceRobotError(Exception):
     """Base of every error raised on purpose by this project."""
 
 
-class ConfigurationError(SpaceRobotError, ValueError):
-    """A robot file, parameter or option that can't be used.
+class PlacedError(SpaceRobotError, ValueError):
+    """Something that can't be used, with its place.
 
     Args:
         place: Where: file, parameter name, link or joint, such as `robot.joints[1]`.
@@ -25,17 +25,16 @@ class ConfigurationError(SpaceRobotError, ValueError):
         self.reason = reason
 
 
+class ConfigurationError(PlacedError):
+    """A robot file, parameter or option that can't be used."""
+
+
 class ModelError(ConfigurationError):
     """A URDF that doesn't describe a physical robot that this project can handle."""
 
 
-class RecordingError(SpaceRobotError, ValueError):
+class RecordingError(PlacedError):
     """A recording that can't be read, or that lacks what the task needs."""
-
-    def __init__(self, place: str, reason: str) -> None:
-        super().__init__(f'{place}: {reason}')
-        self.place = place
-        self.reason = reason
 
 
 class MessageRejectedError(SpaceRobotError, ValueError):

@@ -9,15 +9,7 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from rosbags.interfaces import (
-    Connection,
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags import interfaces as bags
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
 from rosbags.serde import SerdeError
@@ -33,7 +25,7 @@ _REORDER_NS = 1_000_000_000
 _NAME = (
     'recording'  # of the file inside the folder: the content must not depend on the folder's name
 )
-_FOREVER = QosTime(9223372036, 854775807)
+_FOREVER = bags.QosTime(9223372036, 854775807)
 
 
 def check_target(path: str | Path, overwrite: bool) -> Path:
@@ -81,7 +73,7 @@ class BagWriter:
         self._queue: list[tuple[int, str, int, str, bytes, bool]] = []
         self._count = 0
         self._newest_ns = -(2**63)
-        self._connections: dict[str, tuple[str, Connection]] = {}
+        self._connections: dict[str, tuple[str, bags.Connection]] = {}
 
     def __enter__(self) -> BagWriter:
         """Start the recording beside its final place."""
@@ -184,15 +176,15 @@ def _doubles(values: Array) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def _qos(latched: bool) -> Qos:
-    return Qos(
-        QosHistory.KEEP_LAST,
+def _qos(latched: bool) -> bags.Qos:
+    return bags.Qos(
+        bags.QosHistory.KEEP_LAST,
         1 if latched else 10,
-        QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        bags.QosReliability.RELIABLE,
+        bags.QosDurability.TRANSIENT_LOCAL if latched else bags.QosDurability.VOLATILE,
         _FOREVER,
         _FOREVER,
-        QosLiveliness.AUTOMATIC,
+        bags.QosLiveliness.AUTOMATIC,
         _FOREVER,
         False,
     )

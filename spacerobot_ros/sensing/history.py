@@ -23,9 +23,7 @@ class StateHistory:
 
     def __init__(self) -> None:
         self._times: list[float] = []
-        self._states: list[State] = []
-        self._efforts: list[Array] = []
-        self._hidden: list[Array] = []
+        self._moments: list[tuple[State, Array, Array]] = []  # with effort and hidden states
 
     def __len__(self) -> int:
         """Number of steps that are remembered."""
@@ -42,39 +40,43 @@ class StateHistory:
             span: Time that may be asked for, back from now [s].
         """
         self._times.append(time)
-        self._states.append(state)
-        self._efforts.append(effort)
-        self._hidden.append(hidden)
+        self._moments.append((state, effort, hidden))
         old = bisect_left(self._times, time - span) - 1  # the step that spans the oldest time
         if old > 0:
-            del self._times[:old], self._states[:old], self._efforts[:old], self._hidden[:old]
+            del self._times[:old], self._moments[:old]
 
     def state(self, time: float) -> State:
         """State at a time not after the newest [s]."""
-        k = bisect_left(self._times, time - _SAME)
-        if k == 0:
-            if abs(self._times[0] - time) <= _SAME:
-                return self._states[0]
-            return _coasted(self._states[0], time - self._times[0])
-        before, after = self._states[k - 1], self._states[k]
-        if abs(self._times[k] - time) <= _SAME:
+        k, share = self._place(time)
+        after = self._moments[k][0]
+        if share == 1.0:
             return after
-        return _between(
-            before, after, time - self._times[k - 1], self._times[k] - self._times[k - 1]
-        )
+        if k == 0:
+            return _coasted(after, time - self._times[0])
+        step = self._times[k] - self._times[k - 1]
+        return _between(self._moments[k - 1][0], after, time - self._times[k - 1], step)
 
     def effort(self, time: float) -> Array:
         """(n,) torque over the step that ends at or after a time [N m]; zero before the first."""
-        k = bisect_left(self._times, time - _SAME)
-        return self._efforts[k]
+        return self._moments[self._place(time)[0]][1]
 
     def hidden(self, time: float) -> Array:
         """Own states of all effects at a time, linear between steps; at rest before the first."""
+        k, share = self._place(time)
+        after = self._moments[k][2]
+        if k == 0 or share == 1.0:
+            return after
+        before = self._moments[k - 1][2]
+        return before + share * (after - before)
+
+    def _place(self, time: float) -> tuple[int, float]:
+        """The step that ends at or after a time, and the share of it that is over by then."""
         k = bisect_left(self._times, time - _SAME)
-        if k == 0 or abs(self._times[k] - time) <= _SAME:
-            return self._hidden[k]
-        share = (time - self._times[k - 1]) / (self._times[k] - self._times[k - 1])
-        return self._hidden[k - 1] + share * (self._hidden[k] - self._hidden[k - 1])
+        if abs(self._times[k] - time) <= _SAME:
+            return k, 1.0
+        if k == 0:
+            return 0, 0.0
+        return k, (time - self._times[k - 1]) / (self._times[k] - self._times[k - 1])
 
 
 def _coasted(state: State, dt: float) -> State:
