@@ -30,12 +30,12 @@ EQUIVALENTS: tuple[tuple[str, str, str], ...] = (
     ('inertial_parameters', 'flexible_appendage', 'no spring: the panel taken from the body'),
     ('inertial_parameters', 'grasp_compliance', 'no spring: the share taken from the last body'),
 )
-"""(narrower, wider, what of the wider one the narrower one is): effects that no
-record tells apart, so that naming one where the other was hidden is no error. Only what follows
-from the equations counts, at the same place: one effect is a special or limiting case of the
-other. Confusions of single motions are not in the list: there the diagnosis must name the rival
-itself. Late clocks are not among them:
-joints late by t look like gyro and tracker early by t, which no delay is."""
+"""(narrower, wider, what of the wider one the narrower one is): effects that no record tells
+apart, so that naming one where the other was hidden is no error. Only what follows from the
+equations counts, at the same place: one effect is a special or limiting case of the other.
+Confusions of single motions are not in the list: there the diagnosis must name the rival itself.
+Late clocks are not, either: joints late by t look like gyro and tracker early by t, which no delay
+is."""
 
 _PAIRS = {frozenset(entry[:2]) for entry in EQUIVALENTS}
 

@@ -64,7 +64,7 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
         '--minutes',
         type=positive_float,
         metavar='M',
-        help='diagnosis: begin nothing new after that time (default: none)',
+        help='where it goes on: begin nothing new after that time (default: none)',
     )
     add('--quick', action='store_true', help='a fifth of the work')
     add(
@@ -108,7 +108,8 @@ def run(args: argparse.Namespace) -> int:
     keys = experiment.trials(runs, args.quick)
     with progress() as stage:
         done = stage('reproducing', len(keys))
-        records = finish(campaign, keys, folder, workers, done, args.minutes or math.inf)
+        minutes = (campaign.file and args.minutes) or math.inf  # others are judged as a whole
+        records = finish(campaign, keys, folder, workers, done, minutes)
     results = experiment.results(records)
     checks, tables = experiment.judge(results), experiment.tables(results)
     data = {'schema': 1, 'experiment': campaign.name, **results, 'checks': checks}
