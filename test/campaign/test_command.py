@@ -19,6 +19,7 @@ SMALL = [
     key('noise_free', 'zyx', 'moving', ['symmetric']),
     *TRACKED,
     *(key('bound', 'zyx', scale) for scale in (1.0, 0.1)),
+    key('soft', 'xyy', 'paper', 8.0),
 ]
 COMMAND = ['reproduce', 'wheel-momentum', '--jobs', '1', '--out']
 
@@ -79,9 +80,8 @@ def test_files_are_written(outcome):
     assert json.loads((folder / 'results.json').read_text()) == json.loads(text)
 
 
-def test_tables_for_people(tmp_path, capsys, monkeypatch):
-    few = [*TRACKED, key('soft', 'xyy', 'paper', 8.0)]
-    monkeypatch.setattr(wheel_experiments, 'trials', lambda *_: few)
+def test_tables_for_people(outcome, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr('spacerobot_ros.campaign.runner.finish', lambda *_: outcome[3])
     assert main([*COMMAND, str(tmp_path)]) == 0
     text = capsys.readouterr().out
     assert 'joint [deg]' in text
