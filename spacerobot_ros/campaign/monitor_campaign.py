@@ -21,9 +21,7 @@ _LENGTH, _QUICK_LENGTH = 900.0, 150.0  # s, of a flight without one
 _SIZES, _QUICK_SIZES = 4, 1  # largest sizes of a fault that are flown
 _LEARNT = 15.0  # s, after which processor time is counted
 _TIMED = 60.0  # s of flight whose processor time is counted
-_WITHIN = (
-    5.0  # s, until the largest size is raised: 1.3 s of a block's lateness, and a drag's growth
-)
+_WITHIN = 5.0  # s, until the largest size is raised: an alarm is 1.3 s late, and a drag grows
 
 
 def trials(runs: int, is_quick: bool) -> list[str]:
