@@ -14,14 +14,14 @@ from ..errors import ConfigurationError
 from ..model.settings import ReferenceSettings
 from ..sensing.sensors import turned
 from ..types import Quaternion, Vector3
-from .reference import Harmonic, Hold, Reference, SetPoint
+from .reference import Harmonic, Hold, PointToPoint, Reference
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 _UNIT = 1e-3  # largest difference of a quaternion's norm from one
 
 
-class AttitudePoint(NamedTuple):
-    """A point of an attitude motion; D is the wanted base frame.
+class AttitudeSetpoint(NamedTuple):
+    """Where an attitude motion is at one time; D is the wanted base frame.
 
     Args:
         q_WD_xyzw: (4,) wanted attitude.
@@ -41,8 +41,8 @@ class AttitudeReference(Protocol):
     def duration(self) -> float:
         """Time from which on the motion rests [s]."""
 
-    def at(self, t: float) -> AttitudePoint:
-        """The point at time t [s] since the start of the motion."""
+    def at(self, t: float) -> AttitudeSetpoint:
+        """The setpoint at time t [s] since the start of the motion."""
 
 
 class Turn:
@@ -60,10 +60,10 @@ class Turn:
         self._profile = profile
         self.duration = profile.duration
 
-    def at(self, t: float) -> AttitudePoint:
-        """The point at time t [s]."""
+    def at(self, t: float) -> AttitudeSetpoint:
+        """The setpoint at time t [s]."""
         phi, (s, sd, sdd) = self._rotation, self._profile.at(t)
-        return AttitudePoint(turned(self._start, s[0] * phi), sd[0] * phi, sdd[0] * phi)
+        return AttitudeSetpoint(turned(self._start, s[0] * phi), sd[0] * phi, sdd[0] * phi)
 
 
 class AttitudeBlend:
@@ -87,21 +87,21 @@ class AttitudeBlend:
     ) -> None:
         self._reference, self._t_start, self._blend = reference, t_start, duration
         self._offset = rotation_between(reference.at(t_start).q_WD_xyzw, start_xyzw)
-        self._profile = SetPoint(np.ones(1), np.zeros(1), duration)
+        self._profile = PointToPoint(np.ones(1), np.zeros(1), duration)
         self.duration = max(reference.duration, t_start + duration)
 
-    def at(self, t: float) -> AttitudePoint:
-        """The point at time t [s]."""
-        point, since = self._reference.at(t), t - self._t_start
+    def at(self, t: float) -> AttitudeSetpoint:
+        """The setpoint at time t [s]."""
+        setpoint, since = self._reference.at(t), t - self._t_start
         if since >= self._blend:
-            return point
+            return setpoint
         phi, (s, sd, sdd) = self._offset, self._profile.at(since)
         back = rotation_matrix(turned(_IDENTITY, s[0] * phi)).T
-        omega = back @ point.omega_WD_D
-        return AttitudePoint(
-            turned(point.q_WD_xyzw, s[0] * phi),
+        omega = back @ setpoint.omega_WD_D
+        return AttitudeSetpoint(
+            turned(setpoint.q_WD_xyzw, s[0] * phi),
             omega + sd[0] * phi,
-            back @ point.omega_dot_D - sd[0] * cross(phi, omega) + sdd[0] * phi,
+            back @ setpoint.omega_dot_D - sd[0] * cross(phi, omega) + sdd[0] * phi,
         )
 
 
@@ -153,6 +153,8 @@ def build_attitude(settings: ReferenceSettings, start_xyzw: Quaternion) -> Attit
     if settings.kind in ('set_point', 'step') and settings.attitude_xyzw:
         goal = np.array(settings.attitude_xyzw)
         rotation = rotation_between(start_xyzw, goal / np.linalg.norm(goal))
-        profile = Hold(one) if settings.kind == 'step' else SetPoint(zero, one, settings.duration)
+        profile = (
+            Hold(one) if settings.kind == 'step' else PointToPoint(zero, one, settings.duration)
+        )
         return Turn(start_xyzw, rotation, profile)
     return Turn(start_xyzw, none, Hold(zero))

@@ -18,7 +18,7 @@ from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array, Vector3
-from .reference import Point
+from .reference import Setpoint
 
 _PASSES = 3  # of the fixed point for forces in proportion to the torque itself
 
@@ -36,29 +36,29 @@ class FeedForward:
         self._effects = tuple(effect for effect in effects if _is_internal(effect))
         self._dynamics = Dynamics(robot)
 
-    def __call__(self, point: Point, omega_WB_B: Vector3, tau: Array) -> Array:
+    def __call__(self, setpoint: Setpoint, omega_WB_B: Vector3, tau: Array) -> Array:
         """(n,) torque under which the effects leave of `tau` (n,) what it was meant to do.
 
         Args:
-            point: The reference.
+            setpoint: The reference.
             omega_WB_B: (3,) base rate.
             tau: (n,) torque of a law that knows of no effects [N m].
         """
         if not self._effects:
             return tau
-        wanted, base_share = tau, self._base_share(point.q)
+        wanted, base_share = tau, self._base_share(setpoint.q)
         for _ in range(_PASSES):
-            force = self._force(point, omega_WB_B, tau)
+            force = self._force(setpoint, omega_WB_B, tau)
             tau = wanted - (force[6:] - base_share @ force[:6])
         return tau
 
-    def _force(self, point: Point, omega_WB_B: Vector3, tau: Array) -> Array:
+    def _force(self, setpoint: Setpoint, omega_WB_B: Vector3, tau: Array) -> Array:
         """(6 + n,) generalised force of all effects."""
         motion = Motion(
             self._robot,
             np.zeros(1),
-            point.q[None],
-            point.qd[None],
+            setpoint.q[None],
+            setpoint.qd[None],
             tau[None],
             omega=omega_WB_B[None],
         )

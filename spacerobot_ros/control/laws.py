@@ -17,7 +17,6 @@ measured slope.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,35 +28,15 @@ from ..identification.reduced import EstimatedDynamics
 from ..model.robot import Robot
 from ..model.settings import COMPUTED_TORQUE_LAWS
 from ..types import Array, Vector3
+from .command import Torque
 from .compensation import FeedForward
 from .feedback import Feedback
-from .reference import Point, Reference
+from .reference import Reference, Setpoint
 
 Model = Callable[[Array, Array, Vector3], ReducedEquation]
 """Arm positions (n,), rates (n,) and omega_WB_B (3,) to the arm's reduced equation."""
 
 LAWS = COMPUTED_TORQUE_LAWS
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Torque:
-    """A torque command.
-
-    Args:
-        tau: (n,) torque within the limits [N m].
-        saturated: (n,) bool, where a limit cut it.
-        base: (3,) torque on the base within the limits, in base coordinates [N m]; None where the
-            law leaves the base free.
-        base_saturated: Whether a limit cut that.
-        attitude_error: (3,) rotation vector from the base to where it should point, in base
-            coordinates [rad]; None where the law leaves the base free.
-    """
-
-    tau: Array
-    saturated: np.ndarray
-    base: Vector3 | None = None
-    base_saturated: bool = False
-    attitude_error: Vector3 | None = None
 
 
 def robot_model(robot: Robot, *, joint_reaction: bool = True) -> Model:
@@ -139,9 +118,9 @@ class ComputedTorque:
         self._limits = np.array(limits, dtype=float)
         self._damping = damping
 
-    def acceleration(self, point: Point, q: Array, qd: Array) -> Array:
+    def acceleration(self, setpoint: Setpoint, q: Array, qd: Array) -> Array:
         """(n,) joint acceleration that the law asks for [rad/s^2]."""
-        return point.qdd + self._kd * (point.qd - qd) + self._kp * (point.q - q)
+        return setpoint.qdd + self._kd * (setpoint.qd - qd) + self._kp * (setpoint.q - q)
 
     def track(self, reference: Reference, t: float, sample: Feedback, hold: float = 0.0) -> Torque:
         """Torque that follows the reference.
@@ -156,13 +135,13 @@ class ComputedTorque:
         v = self.acceleration(reference.at(t), sample.q, sample.qd)
         q = sample.q + half * sample.qd + 0.5 * half**2 * v
         qd = sample.qd + half * v
-        point = reference.at(t + half)
+        setpoint = reference.at(t + half)
         if hold:
-            v = self.acceleration(point, q, qd)
+            v = self.acceleration(setpoint, q, qd)
         omega = sample.omega_WB_B + half * sample.omega_slope
         tau = self._torque(q, qd, omega, v)
         if self._feed_forward is not None:
-            tau = self._feed_forward(point, omega, tau)
+            tau = self._feed_forward(setpoint, omega, tau)
         return self._limit(tau)
 
     def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:

@@ -6,6 +6,8 @@ the joint states, in nanoseconds; the motion starts at the first one.
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from ..effects.catalogue import bind_effects, changed_robot
@@ -18,13 +20,11 @@ from ..sensing.faults import SensorFaults
 from ..types import Array, Quaternion, Vector3
 from .adaptive.controller import AdaptiveController
 from .attitude import check_attitude
-from .command import Command, Mode
+from .command import Command, Mode, Torque
+from .controllers import Controller, FreeFlyingController, JointController
 from .feedback import NS, AttitudeHistory, Feedback, RateHistory
-from .free_flyer import FreeFlyingPilot
-from .laws import Torque
-from .motion import Motion
-from .pilot import JointPilot, Pilot
-from .reference import Point, Reference, check_reference, rest
+from .reference import Reference, Setpoint, check_reference, rest
+from .reference_motion import ReferenceMotion
 
 
 class ControlLoop:
@@ -52,12 +52,12 @@ class ControlLoop:
         check_reference(settings.reference, self.n)
         check_attitude(settings.reference)
         is_adaptive = self._settings.law in ADAPTIVE_LAWS
-        self._pilot: Pilot = (
-            FreeFlyingPilot(robot, settings)
+        self.controller: Controller = (
+            FreeFlyingController(robot, settings)
             if is_adaptive
-            else JointPilot(robot, settings, effects)
+            else JointController(robot, settings, effects)
         )
-        self._motion = Motion(settings.reference, self._pilot.joining)
+        self._motion = ReferenceMotion(settings.reference, self.controller.joining)
         self._timeout_ns = round(self._settings.state_timeout * 1e9)
         self._attitude_timeout_ns = round(self._settings.attitude_timeout * 1e9)
         self._first_hold_ns = round(settings.simulator.period * 1e9)
@@ -69,7 +69,7 @@ class ControlLoop:
         span = max(0.5, 4.0 * max(timeouts))
         self._rates, self._attitudes = RateHistory(span), AttitudeHistory(span)
         self._motion.reset()
-        self._pilot.restart()
+        self.controller.restart()
         self._last: tuple[int, Array, Array] | None = None
         self._hold_ns = self._first_hold_ns
         self._mode: Mode = 'hold'
@@ -80,24 +80,14 @@ class ControlLoop:
         return self._mode
 
     @property
-    def takes_estimates(self) -> bool:
-        """Whether the law makes use of estimates."""
-        return self._pilot.takes_estimates
-
-    @property
-    def controls_attitude(self) -> bool:
-        """Whether the law controls the base's attitude, too."""
-        return self._pilot.needs_attitude
-
-    @property
     def estimate(self) -> Estimate | None:
         """The estimate in use; None: the robot file's model."""
-        return self._pilot.estimate
+        return self.controller.estimate
 
     @property
     def adaptive(self) -> AdaptiveController | None:
         """The adaptive law in force; None under computed torque."""
-        return self._pilot.adaptive if isinstance(self._pilot, FreeFlyingPilot) else None
+        return self.controller.adaptive
 
     @property
     def joints_ns(self) -> int | None:
@@ -123,13 +113,13 @@ class ControlLoop:
         """
         q = self._last[1] if self._last else np.zeros(self.n)
         if estimate is None:
-            self._pilot.use(None, q)
+            self.controller.use(None, q)
             return
         if not estimate.valid:
             raise MessageRejectedError(f'estimate not valid: {estimate.reason}')
         try:
             estimate.check()
-            self._pilot.use(estimate, q)
+            self.controller.use(estimate, q)
         except SpaceRobotError as error:
             raise MessageRejectedError(str(error)) from error
 
@@ -142,9 +132,9 @@ class ControlLoop:
         """
         self._motion.follow(reference, start_ns)
 
-    def reference_point(self) -> Point | None:
+    def setpoint(self) -> Setpoint | None:
         """Where the present motion is at the last joint sample; None before the first."""
-        return self._motion.point(self._last[0]) if self._last else None
+        return self._motion.setpoint(self._last[0]) if self._last else None
 
     def add_rate(self, stamp_ns: int, omega_WB_B: Vector3) -> None:
         """Take a gyro sample.
@@ -179,11 +169,11 @@ class ControlLoop:
         self._last = (stamp_ns, q, qd)
         if reason:
             self._mode = 'damping'
-            torque = self._pilot.damp(sample)
+            torque = self.controller.damp(sample)
         else:
             self._mode = 'hold' if self._motion.rests(stamp_ns) else 'tracking'
-            torque = self._pilot.track(self._motion, stamp_ns, sample, self._hold_ns)
-        return self._command(stamp_ns, torque, self._motion.point(stamp_ns), sample, reason)
+            torque = self.controller.track(self._motion, stamp_ns, sample, self._hold_ns)
+        return self._command(stamp_ns, torque, self._motion.setpoint(stamp_ns), sample, reason)
 
     def blind(self, elapsed_ns: int) -> Command | None:
         """Command for when no joint states arrive any more; None while the last is fresh.
@@ -205,9 +195,11 @@ class ControlLoop:
         seen = self._timeout_ns * NS
         omega = self._sample(stamp_ns, q, qd).omega_WB_B
         now = Feedback(q + qd * (seen + (1.0 - decay) / rate), qd * decay, omega, np.zeros(3))
-        point = self._motion.point(stamp_ns) if self._motion.has_begun else rest(q)
-        torque = self._pilot.damp(now, trust=decay**0.1)
-        return self._command(stamp_ns + elapsed_ns, torque, point, now, 'joint states are stale')
+        setpoint = self._motion.setpoint(stamp_ns) if self._motion.has_begun else rest(q)
+        torque = self.controller.damp(now, trust=decay**0.1)
+        return self._command(
+            stamp_ns + elapsed_ns, torque, setpoint, now, 'joint states are stale'
+        )
 
     def _stale(self, stamp_ns: int) -> str:
         """Which sensor is missing or too old at a joint sample; empty where none is."""
@@ -218,7 +210,7 @@ class ControlLoop:
             return 'no gyro sample yet'
         if stamp_ns - newest > self._timeout_ns:
             return 'gyro is stale'
-        if not self._pilot.needs_attitude:
+        if not self.controller.controls_attitude:
             return ''
         newest = self._attitudes.newest_ns
         if newest is None:
@@ -233,7 +225,7 @@ class ControlLoop:
             seen_ns = self._rates.newest_ns
         omega, slope = self._rates.at(seen_ns, self._hold_ns)
         attitude = None
-        if self._pilot.needs_attitude:
+        if self.controller.controls_attitude:
             attitude = self._attitudes.at(stamp_ns, self._rates)
         return Feedback(q, qd, omega, slope, attitude)
 
@@ -247,7 +239,7 @@ class ControlLoop:
             motion.begin(stamp_ns, sample.q)
         elif not stale and (is_lost or self._mode == 'damping'):
             motion.rejoin(stamp_ns, sample)
-            self._pilot.restart()
+            self.controller.restart()
         if stale:
             return
         if sample.q_WB_xyzw is not None:
@@ -255,21 +247,18 @@ class ControlLoop:
         motion.take_pending(stamp_ns)
 
     def _command(
-        self, stamp_ns: int, torque: Torque, point: Point, sample: Feedback, reason: str
+        self, stamp_ns: int, torque: Torque, setpoint: Setpoint, sample: Feedback, reason: str
     ) -> Command:
+        asked = {field.name: getattr(torque, field.name) for field in fields(torque)}
         return Command(
-            stamp_ns,
-            torque.tau,
-            torque.saturated,
-            point,
-            point.q - sample.q,
-            point.qd - sample.qd,
-            self._mode,
-            reason,
-            self.estimate is not None and self.takes_estimates,
-            torque.base,
-            torque.base_saturated,
-            torque.attitude_error,
+            **asked,
+            stamp_ns=stamp_ns,
+            setpoint=setpoint,
+            error=setpoint.q - sample.q,
+            error_rate=setpoint.qd - sample.qd,
+            mode=self._mode,
+            reason=reason,
+            uses_estimate=self.estimate is not None and self.controller.takes_estimates,
         )
 
 

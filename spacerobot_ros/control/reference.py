@@ -1,17 +1,78 @@
 """Motions that a controller follows: each gives joint position, rate and acceleration at any time.
 
-Every reference holds its first point before t = 0 and its last one, at rest, after its end.
+Every reference holds its first setpoint before t = 0 and its last one, at rest, after its end.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple, Protocol
+
 import numpy as np
+from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from ..errors import ConfigurationError
 from ..model.settings import ReferenceSettings
 from ..types import Array
-from .point import Point, Reference, evaluate_quintic, quintic_coefficients, rest
-from .sampled import Sampled
+
+
+class Setpoint(NamedTuple):
+    """Where a motion is at one time.
+
+    Args:
+        q: (n,) joint positions [rad].
+        qd: (n,) joint rates [rad/s].
+        qdd: (n,) joint accelerations [rad/s^2].
+    """
+
+    q: Array
+    qd: Array
+    qdd: Array
+
+
+class Reference(Protocol):
+    """A motion of n joints."""
+
+    @property
+    def duration(self) -> float:
+        """Time from which on the motion rests [s]: 0 for a hold, infinite for one that repeats."""
+
+    def at(self, t: float) -> Setpoint:
+        """The setpoint at time t [s] since the start of the motion."""
+
+
+def quintic_coefficients(duration: float, start: Setpoint, end: Setpoint) -> Array:
+    """Fifth-order polynomial between two setpoints.
+
+    Args:
+        duration: Time between them [s].
+        start: At t = 0.
+        end: At t = duration.
+
+    Returns:
+        (6, n) coefficients of 1, s, ..., s^5 with s = t / duration.
+    """
+    T = duration
+    c0, c1, c2 = start.q, start.qd * T, 0.5 * start.qdd * T**2
+    p, v, a = end.q - c0 - c1 - c2, end.qd * T - c1 - 2.0 * c2, end.qdd * T**2 - 2.0 * c2
+    c3 = 10.0 * p - 4.0 * v + 0.5 * a
+    c4 = -15.0 * p + 7.0 * v - a
+    c5 = 6.0 * p - 3.0 * v + 0.5 * a
+    return np.array([c0, c1, c2, c3, c4, c5])
+
+
+def evaluate_quintic(coefficients: Array, duration: float, t: float) -> Setpoint:
+    """The setpoint at time t [s] of a polynomial from `quintic_coefficients`."""
+    s = t / duration
+    c = coefficients
+    q = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
+    qd = c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5])))
+    qdd = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]))
+    return Setpoint(q, qd / duration, qdd / duration**2)
+
+
+def rest(q: Array) -> Setpoint:
+    """The position q at rest."""
+    return Setpoint(np.array(q, dtype=float), np.zeros(len(q)), np.zeros(len(q)))
 
 
 class Hold:
@@ -24,14 +85,14 @@ class Hold:
     duration = 0.0
 
     def __init__(self, q: Array) -> None:
-        self._point = rest(q)
+        self._setpoint = rest(q)
 
-    def at(self, t: float) -> Point:
-        """The held point, whatever the time."""
-        return self._point
+    def at(self, t: float) -> Setpoint:
+        """The held setpoint, whatever the time."""
+        return self._setpoint
 
 
-class SetPoint:
+class PointToPoint:
     """A quintic move at rest to rest, then a hold.
 
     Args:
@@ -45,8 +106,8 @@ class SetPoint:
         self._ends = (rest(start), rest(goal))
         self._coefficients = quintic_coefficients(duration, *self._ends)
 
-    def at(self, t: float) -> Point:
-        """The point at time t [s]."""
+    def at(self, t: float) -> Setpoint:
+        """The setpoint at time t [s]."""
         if t <= 0.0:
             return self._ends[0]
         if t >= self.duration:
@@ -81,23 +142,23 @@ class Fourier:
         self._repeat = repeat
         self._start = rest(start)
         series = self._series(0.0)
-        end = Point(self._start.q - series.q, -series.qd, -series.qdd)
+        end = Setpoint(self._start.q - series.q, -series.qd, -series.qdd)
         self._quintic = quintic_coefficients(duration, end, end)
 
-    def at(self, t: float) -> Point:
-        """The point at time t [s]."""
+    def at(self, t: float) -> Setpoint:
+        """The setpoint at time t [s]."""
         if self._repeat and t > 0.0:
             t %= self._period
         if t <= 0.0 or t >= self._period:
             return self._start
         series = self._series(t)
         quintic = evaluate_quintic(self._quintic, self._period, t)
-        return Point(series.q + quintic.q, series.qd + quintic.qd, series.qdd + quintic.qdd)
+        return Setpoint(series.q + quintic.q, series.qd + quintic.qd, series.qdd + quintic.qdd)
 
-    def _series(self, t: float) -> Point:
+    def _series(self, t: float) -> Setpoint:
         w, s, c = self._w, np.sin(self._w * t), np.cos(self._w * t)
         q = self._a @ (s / w) - self._b @ (c / w)
-        return Point(q, self._a @ c + self._b @ s, self._b @ (w * c) - self._a @ (w * s))
+        return Setpoint(q, self._a @ c + self._b @ s, self._b @ (w * c) - self._a @ (w * s))
 
 
 class Harmonic:
@@ -118,13 +179,13 @@ class Harmonic:
         self._amplitude = np.array(amplitude, dtype=float)
         self._w = 2.0 * np.pi / period
 
-    def at(self, t: float) -> Point:
-        """The point at time t [s]."""
+    def at(self, t: float) -> Setpoint:
+        """The setpoint at time t [s]."""
         if t < 0.0:
             return self._start
         w, s, c = self._w, np.sin(self._w * t), np.cos(self._w * t)
         a = self._amplitude
-        return Point(self._start.q + a * s, a * (w * c), a * (-(w**2) * s))
+        return Setpoint(self._start.q + a * s, a * (w * c), a * (-(w**2) * s))
 
 
 class Blend:
@@ -138,22 +199,72 @@ class Blend:
     """
 
     def __init__(
-        self, reference: Reference, t_start: float, start: Point, duration: float
+        self, reference: Reference, t_start: float, start: Setpoint, duration: float
     ) -> None:
         wanted = reference.at(t_start)
-        offset = Point(start.q - wanted.q, start.qd - wanted.qd, start.qdd - wanted.qdd)
+        offset = Setpoint(start.q - wanted.q, start.qd - wanted.qd, start.qdd - wanted.qdd)
         self._reference, self._t_start, self._blend = reference, t_start, duration
         self._offset = quintic_coefficients(duration, offset, rest(np.zeros(len(start.q))))
         self.duration = max(reference.duration, t_start + duration)
 
-    def at(self, t: float) -> Point:
-        """The point at time t [s]."""
+    def at(self, t: float) -> Setpoint:
+        """The setpoint at time t [s]."""
         point = self._reference.at(t)
         since = t - self._t_start
         if since >= self._blend:
             return point
         offset = evaluate_quintic(self._offset, self._blend, max(since, 0.0))
-        return Point(point.q + offset.q, point.qd + offset.qd, point.qdd + offset.qdd)
+        return Setpoint(point.q + offset.q, point.qd + offset.qd, point.qdd + offset.qdd)
+
+
+class Waypoints:
+    """A motion through given setpoints.
+
+    Quintic between setpoints with accelerations, cubic Hermite between those with rates only;
+    with positions alone a cubic spline at rest at both ends, so that the rate has no jumps.
+
+    Args:
+        times: (m,) increasing times since the start, not negative [s].
+        q: (m, n) joint positions [rad].
+        qd: (m, n) joint rates [rad/s], or None.
+        qdd: (m, n) joint accelerations [rad/s^2], or None; needs rates.
+        start: Setpoint at t = 0 to come from, used where `times[0]` > 0.
+
+    Raises:
+        ConfigurationError: wrong shapes, times that do not increase, or non-finite numbers.
+    """
+
+    def __init__(
+        self,
+        times: Array,
+        q: Array,
+        qd: Array | None = None,
+        qdd: Array | None = None,
+        start: Setpoint | None = None,
+    ) -> None:
+        times = np.asarray(times, dtype=float)
+        columns = [
+            np.asarray(values, dtype=float) for values in (q, qd, qdd) if values is not None
+        ]
+        _check_samples(times, columns)
+        if qd is None:
+            columns = columns[:1]
+        if times[0] > 0.0 and start is not None:
+            times = np.concatenate([[0.0], times])
+            columns = [np.vstack([s, c]) for s, c in zip(start, columns, strict=False)]
+        self._first = rest(columns[0][0])
+        self._last = rest(columns[0][-1])
+        self._start_time = float(times[0])
+        self.duration = float(times[-1])
+        self._curves = _curves(times, columns) if len(times) > 1 else ()
+
+    def at(self, t: float) -> Setpoint:
+        """The setpoint at time t [s]."""
+        if t >= self.duration:
+            return self._last
+        if t < self._start_time:
+            return self._first
+        return Setpoint(*(np.asarray(curve(t)) for curve in self._curves))
 
 
 def check_reference(settings: ReferenceSettings, n_joints: int) -> None:
@@ -195,7 +306,7 @@ def build_reference(settings: ReferenceSettings, start: Array) -> Reference:
     n = len(start)
     check_reference(settings, n)
     if settings.kind == 'set_point':
-        return SetPoint(start, np.array(settings.set_point), settings.duration)
+        return PointToPoint(start, np.array(settings.set_point), settings.duration)
     if settings.kind == 'step':
         return Hold(np.array(settings.set_point))
     if settings.kind == 'harmonic':
@@ -207,17 +318,20 @@ def build_reference(settings: ReferenceSettings, start: Array) -> Reference:
     return Hold(start)
 
 
-__all__ = [
-    'Blend',
-    'Fourier',
-    'Harmonic',
-    'Hold',
-    'Point',
-    'Reference',
-    'Sampled',
-    'SetPoint',
-    'build_reference',
-    'check_reference',
-    'quintic_coefficients',
-    'rest',
-]
+def _curves(times: Array, columns: list[Array]) -> tuple[PPoly | BPoly, ...]:
+    if len(columns) == 1:
+        curve = CubicSpline(times, columns[0], bc_type='clamped')
+    else:
+        curve = BPoly.from_derivatives(times, np.stack(columns, axis=1))
+    return (curve, curve.derivative(1), curve.derivative(2))
+
+
+def _check_samples(times: Array, columns: list[Array]) -> None:
+    if times.ndim != 1 or len(times) == 0:
+        raise ConfigurationError('reference', 'has no points')
+    if any(c.shape != columns[0].shape or c.ndim != 2 or len(c) != len(times) for c in columns):
+        raise ConfigurationError('reference', 'every point needs one number a joint and kind')
+    if not all(np.all(np.isfinite(values)) for values in (times, *columns)):
+        raise ConfigurationError('reference', 'is not finite')
+    if times[0] < 0.0 or np.any(np.diff(times) <= 0.0):
+        raise ConfigurationError('reference', 'times must start at zero or later and increase')

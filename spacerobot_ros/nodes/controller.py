@@ -103,7 +103,7 @@ class ControllerNode(SensorNode, LifecycleNode):
         if self._is_active and self.last_command is not None:
             self._is_active = False
             stamp = self.last_command.stamp_ns
-            free = np.zeros(3) if self.loop.controls_attitude else None
+            free = np.zeros(3) if self.loop.controller.controls_attitude else None
             self._send(stamp, np.zeros(len(self._names)), free)
         self._is_active = False
         if self.is_open:
@@ -133,7 +133,7 @@ class ControllerNode(SensorNode, LifecycleNode):
     def _subscribe(self, robot: Robot) -> None:
         self.listen('/estimate', EstimateMessage, LATCHED, self._on_estimate)
         self.listen('/reference', JointTrajectory, STATE, self._on_reference)
-        tracker = ('attitude',) if self.loop.controls_attitude else ()
+        tracker = ('attitude',) if self.loop.controller.controls_attitude else ()
         self.follow(robot, ('imu', *tracker, 'joints'), STATE)
 
     # ------------------------------------------------------------ inputs
@@ -160,12 +160,12 @@ class ControllerNode(SensorNode, LifecycleNode):
             self._estimate_note = f'last one not valid: {message.reason}'
             return
         estimate = convert.estimate(message)
-        if self.loop.takes_estimates:
+        if self.loop.controller.takes_estimates:
             self.loop.set_estimate(estimate)
         self._estimate_note = f'valid, stamped {estimate.stamp_ns * 1e-9:.3f} s'
 
     def _on_reference(self, message: JointTrajectory) -> None:
-        start = self.loop.reference_point()
+        start = self.loop.setpoint()
         self.loop.set_reference(*convert.trajectory(message, self._names, start))
 
     def restart(self, why: str) -> None:

@@ -53,7 +53,7 @@ def control_status(is_active: bool, command: Command | None, law: str) -> Status
 
 def estimate_status(loop: ControlLoop, note: str) -> Status:
     """What the law runs on."""
-    if not loop.takes_estimates:
+    if not loop.controller.takes_estimates:
         return Status('estimate', OK, 'not used by this law')
     is_used = loop.estimate is not None
     source = 'an estimate' if is_used else "the robot file's model"

@@ -50,7 +50,7 @@ class Pairing:
 
     def _is_complete(self, stamp: int) -> bool:
         streams = [(self._loop.rate_ns, self._gyro_ns)]
-        if self._loop.controls_attitude:
+        if self._loop.controller.controls_attitude:
             streams.append((self._loop.attitude_ns, self._attitude_ns))
         return all(
             newest is not None and newest >= stamp // period * period for newest, period in streams

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..control.adaptive.controller import AdaptiveController
 from ..control.command import Command
-from ..control.reference import Point, Sampled
+from ..control.reference import Setpoint, Waypoints
 from ..errors import ConfigurationError, IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..recording.compose import PACKAGE, Composer
@@ -95,9 +95,9 @@ def tracking_message(command: Command, names: list[str], law: str) -> Any:
     attitude = np.zeros(0) if command.attitude_error is None else command.attitude_error
     base = np.zeros(0) if command.base is None else command.base
     columns: dict[str, Array] = {
-        'reference_position': command.point.q,
-        'reference_velocity': command.point.qd,
-        'reference_acceleration': command.point.qdd,
+        'reference_position': command.setpoint.q,
+        'reference_velocity': command.setpoint.qd,
+        'reference_acceleration': command.setpoint.qdd,
         'position_error': command.error,
         'velocity_error': command.error_rate,
         'effort': command.tau,
@@ -138,7 +138,9 @@ def parameters_message(ns: int, adaptive: AdaptiveController, from_estimate: boo
     )
 
 
-def trajectory(message: Any, names: list[str], start: Point | None) -> tuple[Sampled, int | None]:
+def trajectory(
+    message: Any, names: list[str], start: Setpoint | None
+) -> tuple[Waypoints, int | None]:
     """A reference and the stamp of its t = 0 [ns] (None: now, as a zero stamp says).
 
     Raises:
@@ -159,7 +161,7 @@ def trajectory(message: Any, names: list[str], start: Point | None) -> tuple[Sam
     if kinds[0] is None:
         raise MessageRejectedError('has no positions')
     try:
-        reference = Sampled(np.array(times), kinds[0], kinds[1], kinds[2], start)
+        reference = Waypoints(np.array(times), kinds[0], kinds[1], kinds[2], start)
     except ConfigurationError as error:
         raise MessageRejectedError(error.reason) from error
     return reference, stamp_ns(message.header.stamp) or None

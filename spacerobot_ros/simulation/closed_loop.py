@@ -114,7 +114,7 @@ class ClosedLoop:
         measured = self._sensors.sample(plant.step_index, state, plant.effort, plant.hidden)
         if measured.omega is not None and plant.robot.is_free:
             self.controller.add_rate(stamp, measured.omega)
-        if measured.attitude_xyzw is not None and self.controller.controls_attitude:
+        if measured.attitude_xyzw is not None and self.controller.controller.controls_attitude:
             self.controller.add_attitude(stamp, measured.attitude_xyzw)
         command = None
         if measured.joints is not None:

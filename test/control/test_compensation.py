@@ -28,7 +28,7 @@ def tracking_error(file, plant, believed, seconds=4.0):
     loop = ClosedLoop(file.robot, replace(settings, effects=plant))
     loop.controller = ControlLoop(file.robot, replace(settings, effects=believed))
     errors = [
-        step.command.point.q - step.state.q
+        step.command.setpoint.q - step.state.q
         for step in loop.run(round(seconds / settings.simulator.period))
     ]
     return float(np.sqrt(np.mean(np.square(errors))))

@@ -13,7 +13,7 @@ from spacerobot_ros.control.laws import (
     robot_model,
     torque_limits,
 )
-from spacerobot_ros.control.reference import Point, build_reference
+from spacerobot_ros.control.reference import Setpoint, build_reference
 from spacerobot_ros.dynamics.equations import Dynamics, ReducedEquation
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -85,7 +85,7 @@ def test_torque_cancels_the_dynamics(truth, rng):
         duration = 1.0
 
         def at(self, t):
-            return Point(q, qd, qdd)
+            return Setpoint(q, qd, qdd)
 
     tau = law.track(Through(), 0.0, Feedback(q, qd, omega, np.zeros(3))).tau
     zeros = np.zeros(3)

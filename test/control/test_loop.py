@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from spacerobot_ros.control.loop import ControlLoop, RateHistory
-from spacerobot_ros.control.reference import SetPoint
+from spacerobot_ros.control.reference import PointToPoint
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State, initial_state
@@ -120,7 +120,7 @@ def test_a_new_reference_is_joined_without_a_step(file, truth, loop):
     machine = Machine(file, truth, loop)
     machine.run(300)
     goal = np.array([0.1, 0.2, 0.3])
-    loop.set_reference(SetPoint(np.zeros(3), goal, 3.0))
+    loop.set_reference(PointToPoint(np.zeros(3), goal, 3.0))
     commands = machine.run(900)
     assert np.degrees(np.abs([c.error for c in commands]).max()) < 0.05
     assert commands[-1].mode == 'hold'

@@ -10,9 +10,9 @@ from spacerobot_ros.control.reference import (
     Blend,
     Fourier,
     Hold,
-    Point,
-    Sampled,
-    SetPoint,
+    PointToPoint,
+    Setpoint,
+    Waypoints,
     build_reference,
     rest,
 )
@@ -28,7 +28,7 @@ def fourier(rng, **options):
 
 def sampled(rng, kinds):
     times = np.array([0.5, 1.5, 3.0, 4.0])
-    return Sampled(times, *rng.normal(size=(kinds, 4, 3)), start=rest(START))
+    return Waypoints(times, *rng.normal(size=(kinds, 4, 3)), start=rest(START))
 
 
 @pytest.fixture(params=['fourier', 'set_point', 'cubic', 'quintic', 'spline', 'blend'])
@@ -36,9 +36,9 @@ def motion(request, rng):
     if request.param == 'fourier':
         return fourier(rng)
     if request.param == 'set_point':
-        return SetPoint(START, rng.normal(size=3), 5.0)
+        return PointToPoint(START, rng.normal(size=3), 5.0)
     if request.param == 'blend':
-        return Blend(fourier(rng), 1.0, Point(*rng.normal(size=(3, 3))), 3.0)
+        return Blend(fourier(rng), 1.0, Setpoint(*rng.normal(size=(3, 3))), 3.0)
     return sampled(rng, {'spline': 1, 'cubic': 2, 'quintic': 3}[request.param])
 
 
@@ -76,7 +76,7 @@ def test_fourier_is_at_rest_at_both_ends_and_the_paper_s_series_between(rng):
 
 
 def test_holds_before_and_after(rng):
-    motion = SetPoint(START, np.ones(3), 2.0)
+    motion = PointToPoint(START, np.ones(3), 2.0)
     for t, q in ((-1.0, START), (2.0, np.ones(3)), (99.0, np.ones(3))):
         point = motion.at(t)
         assert np.array_equal(point.q, q)
@@ -95,7 +95,7 @@ def test_repeats_where_asked(rng):
 
 def test_sampled_passes_through_its_points_from_the_start(rng):
     values = rng.normal(size=(3, 4, 3))
-    motion = Sampled(np.array([0.5, 1.5, 3.0, 4.0]), *values, start=rest(START))
+    motion = Waypoints(np.array([0.5, 1.5, 3.0, 4.0]), *values, start=rest(START))
     assert_allclose(motion.at(0.0).q, START, atol=1e-14)
     for i, t in enumerate((0.5, 1.5, 3.0)):
         for got, want in zip(motion.at(t), values[:, i], strict=True):
@@ -104,7 +104,7 @@ def test_sampled_passes_through_its_points_from_the_start(rng):
 
 
 def test_one_point_is_a_hold():
-    motion = Sampled(np.array([0.0]), np.ones((1, 3)))
+    motion = Waypoints(np.array([0.0]), np.ones((1, 3)))
     assert np.array_equal(motion.at(0.0).q, np.ones(3))
 
 
@@ -120,12 +120,12 @@ def test_one_point_is_a_hold():
 )
 def test_sampled_refuses(times, q, message):
     with pytest.raises(ConfigurationError, match=message):
-        Sampled(np.array(times), q)
+        Waypoints(np.array(times), q)
 
 
 def test_blend_starts_where_told_and_ends_on_the_motion(rng):
     inner = fourier(rng)
-    start = Point(*rng.normal(size=(3, 3)))
+    start = Setpoint(*rng.normal(size=(3, 3)))
     motion = Blend(inner, 1.0, start, 2.0)
     for got, want in zip(motion.at(1.0), start, strict=True):
         assert_allclose(got, want, atol=1e-13)

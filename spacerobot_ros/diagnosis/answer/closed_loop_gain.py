@@ -105,7 +105,7 @@ def _errors(file: RobotFile, plant: Settings, believed: Settings) -> Array:
     steps = max(1, round(_duration(plant.reference) / plant.simulator.period))
     n = file.robot.n_joints
     errors = [
-        step.command.point.q - step.state.q[:n]
+        step.command.setpoint.q - step.state.q[:n]
         for step in loop.run(steps)
         if step.command is not None
     ]

@@ -6,12 +6,12 @@ import numpy as np
 
 from ..model.settings import ReferenceSettings
 from ..types import Array, Quaternion
-from .attitude import AttitudeBlend, AttitudePoint, AttitudeReference, build_attitude
+from .attitude import AttitudeBlend, AttitudeReference, AttitudeSetpoint, build_attitude
 from .feedback import NS, Feedback
-from .reference import Blend, Point, Reference, build_reference
+from .reference import Blend, Reference, Setpoint, build_reference
 
 
-class Motion:
+class ReferenceMotion:
     """Joint motion and, where it is controlled, attitude, on the clock of the joint samples.
 
     Args:
@@ -49,12 +49,12 @@ class Motion:
         """Time of the joint motion at a stamp [s]."""
         return (stamp_ns - self._start_ns) * NS
 
-    def point(self, stamp_ns: int) -> Point:
-        """Point of the joints at a stamp."""
+    def setpoint(self, stamp_ns: int) -> Setpoint:
+        """Setpoint of the joints at a stamp."""
         return self.joints.at(self.time(stamp_ns))
 
-    def attitude(self, stamp_ns: int) -> AttitudePoint:
-        """Point of the attitude at a stamp."""
+    def attitude(self, stamp_ns: int) -> AttitudeSetpoint:
+        """Setpoint of the attitude at a stamp."""
         if self._attitude is None:
             raise RuntimeError('the attitude is not known')
         return self._attitude.at((stamp_ns - self._attitude_start_ns) * NS)
@@ -89,7 +89,7 @@ class Motion:
     def rejoin(self, stamp_ns: int, sample: Feedback) -> None:
         """Join the motion from where the robot is."""
         if self._asked is not None:
-            here = Point(sample.q, sample.qd, np.zeros(len(sample.q)))
+            here = Setpoint(sample.q, sample.qd, np.zeros(len(sample.q)))
             self._joints = Blend(self._asked, self.time(stamp_ns), here, self._joining)
         if self._asked_attitude is not None and sample.q_WB_xyzw is not None:
             t = (stamp_ns - self._attitude_start_ns) * NS
@@ -100,11 +100,11 @@ class Motion:
         """Join the motion that was asked for, if its time has come."""
         if self._pending is None or (self._pending[1] or stamp_ns) > stamp_ns:
             return
-        here = self.point(stamp_ns)
+        here = self.setpoint(stamp_ns)
         self._asked, start_ns = self._pending
         self._start_ns = stamp_ns if start_ns is None else start_ns
         t = self.time(stamp_ns)
         # its acceleration may begin with a step, as that of every cubic does
-        start = Point(here.q, here.qd, self._asked.at(t).qdd)
+        start = Setpoint(here.q, here.qd, self._asked.at(t).qdd)
         self._joints = Blend(self._asked, t, start, self._joining)
         self._pending = None
