@@ -80,7 +80,7 @@ def linear_system(
 def true_solution(robot: Robot, minimal: MinimalSet) -> Array:
     """(3 + k,) [AAM; minimal parameters] of a robot."""
     return np.concatenate(
-        [robot.target_momentum, minimal.grouping @ BlockTree(robot).parameters()]
+        [robot.target_momentum, minimal.regrouping @ BlockTree(robot).parameters()]
     )
 
 

@@ -57,9 +57,9 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
     from ..effects.robot_file import load_robot_file
-    from ..estimation.grouping import standard_parameters
     from ..estimation.minimal import minimal_set
     from ..estimation.momentum_process import MomentumModel
+    from ..estimation.standard_parameters import standard_parameters
     from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
     from ..model.writer import write_robot_file

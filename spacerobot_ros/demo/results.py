@@ -147,7 +147,7 @@ def truth_of(robot: Robot, plant: Robot, structure: str) -> Truth:
     minimal = minimal_set(robot, structure)
     locked = robot.with_inertial_parameters(plant.inertial_parameters[: len(robot.bodies)])
     source = robot if plant.rotor_count else locked
-    return Truth(plant.target_momentum, minimal.grouping @ BlockTree(source).parameters(source))
+    return Truth(plant.target_momentum, minimal.regrouping @ BlockTree(source).parameters(source))
 
 
 def _error_percent(value: Array, truth: Array) -> float:

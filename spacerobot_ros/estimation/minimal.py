@@ -32,15 +32,15 @@ class MinimalSet:
 
     Args:
         names: (k,) name of the block parameter that each kept column stands for.
-        lift: (K, k) block parameters pi = lift @ x that give the same dynamics.
-        grouping: (k, K) x = grouping @ pi for every pi that has the assumed structure.
+        expansion: (K, k) block parameters pi = expansion @ x that give the same dynamics.
+        regrouping: (k, K) x = regrouping @ pi for every pi that has the assumed structure.
         rank_gap: Smallest kept over largest dropped singular value of the unit-column regressor.
         unit: Unit of every entry of x.
     """
 
     names: tuple[str, ...]
-    lift: Array
-    grouping: Array
+    expansion: Array
+    regrouping: Array
     rank_gap: float
     unit: str = 'kg m^2'
 
@@ -71,13 +71,13 @@ def minimal_set(robot: Robot, structure: str) -> MinimalSet:
     kept = independent_columns(unit)
     singular = np.linalg.svd(unit, compute_uv=False)
     gap = singular[len(kept) - 1] / singular[len(kept)] if len(kept) < len(singular) else np.inf
-    regroup = np.linalg.lstsq(regressor[:, kept], regressor, rcond=None)[0]
-    regroup[np.abs(regroup) < _RANK_TOLERANCE] = 0.0
-    regroup[:, kept] = np.eye(len(kept))
-    grouping = np.zeros((len(kept), len(tree.names)))
-    grouping[:, chosen] = regroup
+    combined = np.linalg.lstsq(regressor[:, kept], regressor, rcond=None)[0]
+    combined[np.abs(combined) < _RANK_TOLERANCE] = 0.0
+    combined[:, kept] = np.eye(len(kept))
+    regrouping = np.zeros((len(kept), len(tree.names)))
+    regrouping[:, chosen] = combined
     names = tuple(tree.names[chosen[i]] for i in kept)
-    return MinimalSet(names, span[:, kept], grouping, float(gap))
+    return MinimalSet(names, span[:, kept], regrouping, float(gap))
 
 
 def independent_columns(matrix: Array) -> list[int]:

@@ -87,7 +87,7 @@ class MomentumModel:
 
     def prior(self) -> Array:
         """(p,) constants that the robot file believes in; the total momentum is left zero."""
-        x = self.minimal.grouping @ self.tree.parameters()
+        x = self.minimal.regrouping @ self.tree.parameters()
         others = np.zeros(self.nuisances.size)
         return np.concatenate([np.zeros(3), self.robot.target_momentum, x, others])
 
@@ -110,14 +110,14 @@ class MomentumModel:
     def inertia(self, q: Array, constants: Array) -> Array:
         """(N, 3 + n, 3 + n) inertia of [omega_WB_B; q'] at joint positions (N, n) [kg m^2]."""
         rotations = self.tree.rotations(q)
-        pi = self.minimal.lift @ constants[self.x]
+        pi = self.minimal.expansion @ constants[self.x]
         return self.tree.inertia(rotations, self.tree.rate_maps(rotations), pi)
 
     def held_jerk(self, trajectory: ReferenceTrajectory, constants: Array) -> CubicSpline:
         """(3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
         aam = constants[self.aam].reshape(-1, 3)
         wheels = [(b, R @ h) for (b, R), h in zip(self._wheels, aam, strict=True)]
-        return held_jerk(self.tree, self.minimal.lift @ constants[self.x], wheels, trajectory)
+        return held_jerk(self.tree, self.minimal.expansion @ constants[self.x], wheels, trajectory)
 
     def linearize(
         self, reference: Kinematics, constants: Array, disturbed: Kinematics | None = None
@@ -150,7 +150,7 @@ class MomentumModel:
         external = self.other.start + np.flatnonzero(self.nuisances.is_external)
         total = columns[..., :3] @ constants[:3] + columns[..., external] @ constants[external]
         inertia, gradient = self.tree.inertia_gradient(
-            moving.rotations, moving.maps, self.minimal.lift @ constants[self.x]
+            moving.rotations, moving.maps, self.minimal.expansion @ constants[self.x]
         )
         inverse = np.linalg.inv(inertia[:, :3, :3])
         state = np.empty((len(offset), 3, 3 + 2 * self.n))
@@ -211,7 +211,7 @@ class MomentumModel:
         for i, (body, rotation) in enumerate(self._wheels):
             out[..., 3 + 3 * i : 6 + 3 * i] = -moving.rotations[:, body] @ rotation
         regressor = self.tree.regressor(moving.rotations, moving.maps, moving.u)
-        out[..., self.x] = -regressor @ self.minimal.lift
+        out[..., self.x] = -regressor @ self.minimal.expansion
         return out
 
 

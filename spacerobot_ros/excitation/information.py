@@ -77,7 +77,7 @@ class Unknowns:
         bodies = BodyParameters(model.robot, settings.structure)
         steps = _STEP * np.eye(bodies.size)
         ahead, behind = (
-            model.tree.block_parameters(*bodies.bodies(x)) @ model.minimal.grouping.T
+            model.tree.block_parameters(*bodies.bodies(x)) @ model.minimal.regrouping.T
             for x in (steps, -steps)
         )
         jacobian = np.eye(model.size, head + bodies.size)

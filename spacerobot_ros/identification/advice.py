@@ -95,14 +95,14 @@ def advise(model: MomentumModel, unknowns: Array, weak: Array, rest: Array) -> t
     for tier in _family(model.n):
         seen = {probe: _play(model, constants, probe, rest) * scale for probe in tier}
         while len(left):
-            told = {probe: _split(rows, left) for probe, rows in seen.items()}
-            best = max(told, key=lambda probe: len(told[probe][0]))
-            found, rest_of_them = told[best]
+            split = {probe: _split(rows, left) for probe, rows in seen.items()}
+            best = max(split, key=lambda probe: len(split[probe][0]))
+            found, others = split[best]
             if not len(found):
                 break
             words = best.words(model.robot.joints)
             advice.append(Advice(words, directions_in_words(found * scale, names)))
-            left = rest_of_them
+            left = others
         if not len(left):
             return tuple(advice)
     return (*advice, Advice('', directions_in_words(left * scale, names)))
@@ -184,9 +184,9 @@ def _play(model: MomentumModel, constants: Array, probe: _Probe, rest: Array) ->
     omega, rotation = _base(model, constants, probe, q, qd, wheels)
     columns, _ = model.regressor(Kinematics(_TIMES, q, qd, omega, rotation))
     rows = columns[..., : model.x.stop].reshape(-1, model.x.stop)
-    free, told = rows[:, :3], rows[:, 3:]
+    free, wanted = rows[:, :3], rows[:, 3:]
     basis = np.linalg.qr(free)[0]
-    return np.asarray(told - basis @ (basis.T @ told))
+    return np.asarray(wanted - basis @ (basis.T @ wanted))
 
 
 def _swing(probe: _Probe, rest: Array) -> tuple[Array, Array]:
@@ -241,6 +241,6 @@ def _split(rows: Array, left: Array) -> tuple[Array, Array]:
     """Orthonormal rows of `left`, turned into those that a motion tells and the others."""
     best = np.linalg.norm(rows, ord=2)
     _, singular, right = np.linalg.svd(rows @ left.T, full_matrices=True)
-    told = int(np.sum(singular > _SEEN * best)) if best > 0.0 else 0
+    count = int(np.sum(singular > _SEEN * best)) if best > 0.0 else 0
     turned = right @ left
-    return turned[:told], turned[told:]
+    return turned[:count], turned[count:]

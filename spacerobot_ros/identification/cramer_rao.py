@@ -195,23 +195,23 @@ def _joint_rows(intervals: Intervals, plan: SensorPlan) -> list[Array]:
 def _chain(intervals: Intervals, rows: list[list[Array]]) -> Array:
     """(p, p) square-root information of t, everything else eliminated interval by interval.
 
-    A coefficient is eliminated when its last interval has been added; psi is carried from the
+    A coefficient is eliminated when its last interval has been added; psi is taken from the
     start to the end of each.
     """
     n, width, joints = intervals.n, intervals.width, ORDER * intervals.n
-    carried = np.zeros((3 + joints, width))
-    carried[:, : 3 + joints] = _FREE * np.eye(3 + joints)
+    pending = np.zeros((3 + joints, width))
+    pending[:, : 3 + joints] = _FREE * np.eye(3 + joints)
     for interval in range(intervals.count):
-        stacked = np.concatenate([carried, *rows[interval]])
+        stacked = np.concatenate([pending, *rows[interval]])
         end = intervals.psi[interval, -1]
         by_end = np.linalg.solve(end[:, :3].T, stacked[:, :3].T).T
         rest = stacked[:, 3:] - by_end @ end[:, 3:]
         triangle = _triangle(np.concatenate([rest[:, :n], by_end, rest[:, n:]], axis=1))[n:]
-        carried = np.zeros((len(triangle) + n, width))
-        carried[n:, : 3 + joints - n] = triangle[:, n : 3 + joints]
-        carried[n:, 3 + joints :] = triangle[:, 3 + joints :]
-        carried[:n, 3 + joints - n : 3 + joints] = _FREE * np.eye(n)
-    triangle = _triangle(carried)[3 + joints :, 3 + joints :]
+        pending = np.zeros((len(triangle) + n, width))
+        pending[n:, : 3 + joints - n] = triangle[:, n : 3 + joints]
+        pending[n:, 3 + joints :] = triangle[:, 3 + joints :]
+        pending[:n, 3 + joints - n : 3 + joints] = _FREE * np.eye(n)
+    triangle = _triangle(pending)[3 + joints :, 3 + joints :]
     factor = np.zeros((intervals.p, intervals.p))
     factor[: len(triangle)] = triangle
     return factor

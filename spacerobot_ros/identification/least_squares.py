@@ -20,8 +20,8 @@ from ..estimation.reference import Kinematics, NoiseLevels
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
-from .prior import weak_prior
 from .summary import Solution
+from .weak_prior import weak_prior
 
 _BLOCK = 50  # rows added at once by the recursive form
 

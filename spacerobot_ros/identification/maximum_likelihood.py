@@ -12,8 +12,8 @@ from ..estimation.torque_hold import Holds
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
-from .prior import Prior, weak_prior
 from .summary import Solution
+from .weak_prior import Prior, weak_prior
 
 _PASSES = 5
 _CONVERGED = 0.01  # shift of the constants in standard deviations

@@ -196,7 +196,7 @@ class _Problem:
     def freed(self, index: int) -> _Problem:
         """The same with the inertia of a body freed of being that of a mass distribution."""
         own = slice(6 * index, 6 * index + 6)  # its inertia among the block parameters
-        directions = self.model.minimal.grouping[:, own]
+        directions = self.model.minimal.regrouping[:, own]
         sizes = np.linalg.norm(self._factor[:, self.model.x] @ directions, axis=0)
         beside = directions[:, sizes > 0.0] / sizes[sizes > 0.0]
         return _Problem(
@@ -209,7 +209,7 @@ class _Problem:
         out = np.empty((*unknowns.shape[:-1], self.model.size))
         pi = self.model.tree.block_parameters(*self._bodies.bodies(unknowns[..., part]))
         out[..., free] = self._constants[free] + self._scale * unknowns[..., : part.start]
-        out[..., self.model.x] = pi @ self.model.minimal.grouping.T
+        out[..., self.model.x] = pi @ self.model.minimal.regrouping.T
         out[..., self.model.x] += unknowns[..., part.stop :] @ self._beside.T
         return out
 

@@ -29,7 +29,7 @@ class EstimatedDynamics:
 
     def __init__(self, robot: Robot, minimal: MinimalSet, parameters: Array, aam: Array) -> None:
         self._tree = BlockTree(robot)
-        self._pi = minimal.lift @ parameters
+        self._pi = minimal.expansion @ parameters
         believed = robot.with_target_momentum(aam)
         self._wheels = [(g.body, g.body_momentum) for g in believed.gyrostats]
 

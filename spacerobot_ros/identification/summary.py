@@ -14,7 +14,7 @@ from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate, estimated_values
 from .physical import on_bodies
-from .prior import Prior
+from .weak_prior import Prior
 
 # A direction counts as excited once the data know it this many times better than the prior, and
 # have this many times the information that the reference's own error makes up.

@@ -47,7 +47,6 @@ CLASSES = {
 }
 FILES = {
     'motion',
-    'prior',
     'reference',
     'state',
     'types',

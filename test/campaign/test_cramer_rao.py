@@ -38,7 +38,7 @@ class Oracle:
         self.knots = KNOT * np.arange(-5, count + 6)
         self.coefficients = rng.normal(0.0, 0.6, (count + 5, self.n))
         self.start = Rotation.random(random_state=4)
-        x = minimal.grouping @ self.tree.parameters()
+        x = minimal.regrouping @ self.tree.parameters()
         # a body rate of its own at the start fixes the total momentum
         moving = self.momentum(*self.joints(self.coefficients, GRID[:1]), [0.1, 0.12, 0.08], x)
         link = self.tree.rotations(self.joints(self.coefficients, GRID[:1])[0])[0, self.body]
@@ -55,7 +55,7 @@ class Oracle:
         rotations = self.tree.rotations(q)
         u = np.column_stack([np.broadcast_to(omega, (len(q), 3)), qd])
         maps = self.tree.rate_maps(rotations)
-        return self.tree.regressor(rotations, maps, u) @ (self.minimal.lift @ x)
+        return self.tree.regressor(rotations, maps, u) @ (self.minimal.expansion @ x)
 
     def simulate(self, unknowns):
         c = unknowns[: self.coefficients.size].reshape(self.coefficients.shape)
@@ -192,7 +192,7 @@ def test_joints_at_rest_tell_nothing_of_what_they_would_move():
         Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(motion.time), 1))),
     )
     bound = cramer_rao_bound(case.robot, case.minimal, rest, plan_of(rest, 1.0))
-    assert bound.rank < case.minimal.lift.shape[1] + 3
+    assert bound.rank < case.minimal.expansion.shape[1] + 3
     assert np.any(np.isinf(bound.std))
 
 

@@ -31,7 +31,7 @@ def believed():
 
 def estimate(std=1e-3):
     minimal = minimal_set(TRUE, 'symmetric')
-    parameters = minimal.grouping @ BlockTree(TRUE).parameters()
+    parameters = minimal.regrouping @ BlockTree(TRUE).parameters()
     size = 3 + len(parameters)
     return Estimate(
         method='ml',
@@ -63,7 +63,7 @@ def test_the_estimate_becomes_the_mean():
     found = law.parameters
     np.testing.assert_allclose(found.values[-3:], H_TARGET, rtol=0.0, atol=1e-2)  # ten std
     minimal = minimal_set(TRUE, 'symmetric')
-    reached = minimal.grouping @ BlockTree(TRUE).parameters(with_parameters(TRUE, found.values))
+    reached = minimal.regrouping @ BlockTree(TRUE).parameters(with_parameters(TRUE, found.values))
     np.testing.assert_allclose(reached, given.parameters, rtol=0.0, atol=1e-2)  # ten std
     assert law.health.physical
 

@@ -131,7 +131,7 @@ def estimate_of(robot, truth, **changes):
     minimal = minimal_set(robot, 'symmetric')
     from spacerobot_ros.dynamics.blocks import BlockTree
 
-    parameters = minimal.grouping @ BlockTree(truth).parameters(truth)
+    parameters = minimal.regrouping @ BlockTree(truth).parameters(truth)
     size = 3 + len(parameters)
     estimate = Estimate(
         'ml', True, '', ('link_3',), truth.target_momentum, minimal.names, parameters,

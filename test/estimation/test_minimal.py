@@ -83,11 +83,11 @@ def test_a_robot_without_zeros_has_nothing_to_assume(rng):
 
 @pytest.mark.parametrize('structure', ['symmetric', 'generic'])
 @pytest.mark.parametrize('axes', ['zyx', 'xyy', 'zyy'])
-def test_lifted_parameters_have_the_true_momentum_and_inertia(axes, structure, rng):
+def test_expanded_parameters_have_the_true_momentum_and_inertia(axes, structure, rng):
     parts = table_one(axes)
     robot = robot_of(parts)
     tree, found = BlockTree(robot), minimal_set(robot, structure)
-    pi = found.lift @ (found.grouping @ tree.parameters())
+    pi = found.expansion @ (found.regrouping @ tree.parameters())
     q = rng.uniform(-3.0, 3.0, (20, 3))
     rotations = tree.rotations(q)
     got = tree.inertia(rotations, tree.rate_maps(rotations), pi)
@@ -97,11 +97,11 @@ def test_lifted_parameters_have_the_true_momentum_and_inertia(axes, structure, r
 
 
 @pytest.mark.parametrize('parents', TREES.values(), ids=TREES.keys())
-def test_lifted_parameters_of_a_generic_tree(parents, rng):
+def test_expanded_parameters_of_a_generic_tree(parents, rng):
     parts = random_tree(rng, parents)
     robot = robot_of(parts)
     tree, found = BlockTree(robot), minimal_set(robot, 'generic')
-    pi = found.lift @ (found.grouping @ tree.parameters())
+    pi = found.expansion @ (found.regrouping @ tree.parameters())
     q = rng.uniform(-3.0, 3.0, (10, len(parents)))
     rotations = tree.rotations(q)
     got = tree.inertia(rotations, tree.rate_maps(rotations), pi)
@@ -110,15 +110,17 @@ def test_lifted_parameters_of_a_generic_tree(parents, rng):
 
 
 @pytest.mark.parametrize('structure', ['symmetric', 'generic'])
-def test_grouping_inverts_lift(structure):
+def test_regrouping_inverts_the_expansion(structure):
     found = minimal_set(robot_of(table_one('zyx')), structure)
-    np.testing.assert_allclose(found.grouping @ found.lift, np.eye(len(found)), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        found.regrouping @ found.expansion, np.eye(len(found)), rtol=0, atol=1e-12
+    )
 
 
 def test_values_of_the_reference_study():
     robot = robot_of(table_one('xyy'))
     found = minimal_set(robot, 'symmetric')
-    values = found.grouping @ BlockTree(robot).parameters()
+    values = found.regrouping @ BlockTree(robot).parameters()
     assert found.names == tuple(XYY)
     # printed with one decimal, two entries with two
     np.testing.assert_allclose(values, list(XYY.values()), rtol=0, atol=0.0501)
@@ -130,8 +132,8 @@ def test_dependence_on_the_structure_only():
     scaled = robot.with_inertial_parameters(robot.inertial_parameters * 3.0)
     one, two = minimal_set(robot, 'symmetric'), minimal_set(scaled, 'symmetric')
     assert one.names == two.names
-    np.testing.assert_array_equal(one.lift, two.lift)
-    np.testing.assert_array_equal(one.grouping, two.grouping)
+    np.testing.assert_array_equal(one.expansion, two.expansion)
+    np.testing.assert_array_equal(one.regrouping, two.regrouping)
 
 
 def test_only_independent_columns_are_kept(rng):

@@ -55,12 +55,12 @@ def test_a_body_that_can_not_be_is_named():
     place = model.tree.names.index('J3xx')
     impossible = np.array([5.0, 100.0, 300.0])  # of link 3: 300 > 5 + 100
     pi[[place, place + 3, place + 5]] += impossible - np.diag(robot.bodies[3].inertia)
-    constants = np.concatenate([np.ones(3), H_TARGET, model.minimal.grouping @ pi])
+    constants = np.concatenate([np.ones(3), H_TARGET, model.minimal.regrouping @ pi])
     factor = np.diag(1.0 / np.maximum(1e-3 * np.abs(constants), 1e-2))
     found = project(model, IdentifierSettings(), constants, factor)
     assert 'link_3' in found.contradiction
     assert 'base_link' not in found.contradiction
-    fits = model.minimal.grouping @ model.tree.parameters()
+    fits = model.minimal.regrouping @ model.tree.parameters()
     constants[model.x] = fits
     assert not project(model, IdentifierSettings(), constants, factor).contradiction
 

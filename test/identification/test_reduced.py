@@ -30,7 +30,7 @@ RELATIVE = 1e-11  # the requirement
 def perfect_estimate(robot, structure, aam):
     """Return the estimate that knows the truth."""
     minimal = minimal_set(robot, structure)
-    x = minimal.grouping @ BlockTree(robot).parameters()
+    x = minimal.regrouping @ BlockTree(robot).parameters()
     return Estimate(
         method='ml',
         valid=True,

@@ -177,7 +177,7 @@ def estimate(bench, **changes):
 
     robot = bench.node.loop.robot
     minimal = minimal_set(robot, 'symmetric')
-    parameters = minimal.grouping @ BlockTree(robot).parameters(robot)
+    parameters = minimal.regrouping @ BlockTree(robot).parameters(robot)
     size = 3 + len(parameters)
     message = convert.estimate_message(
         Estimate(

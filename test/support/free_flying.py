@@ -113,7 +113,7 @@ def estimate_of(file: RobotFile, std: float = 1e-3) -> Estimate:
     """What an identifier would say of the true robot, with a relative standard deviation."""
     truth = true_robot(file.robot, file.settings)
     minimal = minimal_set(file.robot, file.settings.identifier.structure)
-    values = minimal.grouping @ BlockTree(truth).parameters(truth)
+    values = minimal.regrouping @ BlockTree(truth).parameters(truth)
     size = len(values)
     return Estimate(
         method='online',

@@ -318,7 +318,7 @@ def _record(joint_time, q, qd, rate_time, omega, attitude_time, attitude_xyzw) -
 def truth_of(run: Run, structure: str = 'symmetric') -> np.ndarray:
     """The constants [h_W; AAM; x] of a run; x by the grouping of the product's minimal set."""
     robot = robot_of(run.parts)
-    x = minimal_set(robot, structure).grouping @ BlockTree(robot).parameters()
+    x = minimal_set(robot, structure).regrouping @ BlockTree(robot).parameters()
     return np.concatenate([run.momentum, H_TARGET, x])
 
 

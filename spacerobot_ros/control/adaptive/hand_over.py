@@ -48,7 +48,7 @@ def standard_parameters(
 
     def predicted(pi: Array) -> Array:
         blocks = tree.parameters(with_parameters(robot, pi))
-        return np.concatenate([pi[size + own :], minimal.grouping @ blocks])
+        return np.concatenate([pi[size + own :], minimal.regrouping @ blocks])
 
     measured = np.concatenate([estimate.aam, estimate.parameters])
     # the wheels' momentum is told by the estimate alone

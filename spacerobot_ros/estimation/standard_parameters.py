@@ -57,7 +57,7 @@ def _derivatives(robot: Robot, minimal: MinimalSet, structure: str) -> Array:
     steps = _STEP * np.eye(values.size).reshape(-1, *values.shape) * sizes
     tree = BlockTree(robot)
     ends = [tree.block_parameters(*_bodies(values + sign * steps)) for sign in (1.0, -1.0)]
-    slopes = (ends[0] - ends[1]) @ minimal.grouping.T / (2.0 * _STEP)
+    slopes = (ends[0] - ends[1]) @ minimal.regrouping.T / (2.0 * _STEP)
     return np.where(mass[:, None] > 0.0, slopes.T.reshape(-1, *values.shape), 0.0)
 
 
