@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pinocchio as pin
-
 from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
-from .motion import Motion
+from .motion import Motion, inverse_mass
 
 
 class JointEffect(Effect):
@@ -23,10 +20,8 @@ class JointEffect(Effect):
 
     def mobility(self, robot: Robot) -> float:
         """Acceleration of the joint by its own torque, all joints at zero [1/(kg m^2)]."""
-        model = robot.pin_model
-        inverse = pin.computeMinverse(model, model.createData(), pin.neutral(model))
-        column = model.joints[model.getJointId(str(self.where))].idx_v
-        return float(np.asarray(inverse)[column, column])
+        column = 6 + robot.joints.index(str(self.where))
+        return float(inverse_mass(robot)[column, column])
 
 
 class JointTorque(JointEffect):

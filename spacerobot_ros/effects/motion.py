@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..dynamics.equations import Dynamics
 from ..dynamics.forward_kinematics import (
     BodyKinematics,
     body_accelerations,
@@ -191,6 +192,14 @@ def motion_at(robot: Robot, time: float, state: State, torque: Array) -> Motion:
 def body_index(robot: Robot, link: str | None) -> int:
     """Number of a body."""
     return [body.name for body in robot.bodies].index(str(link))
+
+
+def inverse_mass(robot: Robot) -> Array:
+    """(6 + n, 6 + n) inverse mass matrix, all joints at zero; zero for the base of a fixed one."""
+    out = np.zeros((6 + robot.n_joints, 6 + robot.n_joints))
+    first = 0 if robot.is_free else 6
+    out[first:, first:] = np.linalg.inv(Dynamics(robot).mass_matrix(np.zeros(robot.n_joints)))
+    return out
 
 
 def _moves_alike(a: Robot, b: Robot) -> bool:

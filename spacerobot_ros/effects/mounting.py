@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from ..dynamics.rotation import cross_rows
 from ..model.robot import Robot
 from ..types import Array
 from .bodies import MovingBodyEffect
-from .motion import Motion, body_index
+from .motion import Motion, inverse_mass
 from .parameter import Parameter, searched
 
 FREQUENCIES = tuple(0.5 * 1.8**k for k in range(8))
@@ -54,14 +53,10 @@ class Sprung(MovingBodyEffect):
             S: (6, k) its directions.
             G: (k, k) its inertia along them.
         """
-        model = robot.pin_model
-        data, q = model.createData(), pin.neutral(model)
-        joint = robot.pin_joint_ids[body_index(robot, self.where)]
-        inverse = np.triu(pin.computeMinverse(model, data, q))
-        inverse = inverse + np.triu(inverse, 1).T
-        pin.computeJointJacobians(model, data, q)
-        J = S.T @ pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
-        ratio = np.linalg.eigvals(G @ J @ inverse @ J.T).real.max()
+        still, unit = np.zeros((6, robot.n_joints)), np.eye(6)
+        motion = Motion(robot, np.zeros(6), still, still, still)
+        J = S.T @ motion.wrench(self.where, unit[:, :3], unit[:, 3:])
+        ratio = np.linalg.eigvals(G @ J @ inverse_mass(robot) @ J.T).real.max()
         return float(max(1.0, self['damping']) * self['frequency'] * np.sqrt(1.0 + ratio))
 
 
