@@ -16,9 +16,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from ..dynamics.spatial import compiled, inner
 from ..types import Array, IntArray
 
 
@@ -60,7 +60,7 @@ class Gains(NamedTuple):
     end: Array
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def gains_of(model: StateSpace, start: Array) -> Gains:
     """The covariance recursion.
 
@@ -73,19 +73,14 @@ def gains_of(model: StateSpace, start: Array) -> Gains:
     gains, stds, column = np.empty((count, d)), np.empty(count), np.empty(d)
     for k in range(len(model.first_row) - 1):
         if k > 0:
-            f = model.transitions[k - 1]
-            p = f @ p @ f.T + model.noise[k - 1]
+            f, noise = model.transitions[k - 1], model.noise[k - 1]
+            moved = np.dot(np.dot(f, p), f.T)
             for i in range(d):
-                for j in range(i):
-                    p[i, j] = p[j, i] = 0.5 * (p[i, j] + p[j, i])
+                for j in range(i + 1):
+                    total = moved[i, j] + moved[j, i] + noise[i, j] + noise[j, i]
+                    p[i, j] = p[j, i] = 0.5 * total
         for r in range(model.first_row[k], model.first_row[k + 1]):
-            s = model.row_state[r]
-            if s < d:
-                column[:] = p[s]
-                variance = column[s] + model.row_variance[r]
-            else:
-                column[:] = p @ model.row_matrix[s - d]
-                variance = column @ model.row_matrix[s - d] + model.row_variance[r]
+            variance = model.row_variance[r] + _measure(model, r, p, column)
             stds[r] = np.sqrt(variance)
             for i in range(d):
                 gain = column[i] / variance
@@ -95,7 +90,24 @@ def gains_of(model: StateSpace, start: Array) -> Gains:
     return Gains(gains, stds, p)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
+def _measure(model: StateSpace, r: int, p: Array, column: Array) -> float:
+    """Write p h (d,) of a row; returns h p h."""
+    d, s, total = len(p), model.row_state[r], 0.0
+    if s < d:
+        for i in range(d):
+            column[i] = p[s, i]
+        return float(p[s, s])
+    h = model.row_matrix[s - d]
+    for i in range(d):
+        column[i] = 0.0
+        for j in range(d):
+            column[i] += p[i, j] * h[j]
+        total += column[i] * h[i]
+    return total
+
+
+@compiled  # type: ignore[untyped-decorator]
 def whiten(
     model: StateSpace, gains: Gains, mean: Array, rates: Array, jumps: Array, measured: Array
 ) -> Array:
@@ -114,26 +126,23 @@ def whiten(
         (R, C).
     """
     d, count = mean.shape
-    first, last = model.driven, model.driven + rates.shape[1]
-    out = np.empty((len(model.row_state), count))
+    first, out = model.driven, np.empty((len(model.row_state), count))
     innovation = np.empty(count)
     for k in range(len(model.first_row) - 1):
         if k > 0:
             half = 0.5 * model.durations[k - 1]
-            mean[first:last] += half * rates[k - 1]
-            mean[:] = model.transitions[k - 1] @ mean
-            mean[first:last] += half * rates[k]
+            _add(half, rates[k - 1], first, mean)
+            moved = np.dot(model.transitions[k - 1], mean)
+            for i in range(d):
+                for c in range(count):
+                    mean[i, c] = moved[i, c]
+            _add(half, rates[k], first, mean)
             for i in range(jumps.shape[1]):
                 mean[i, 0] += jumps[k - 1, i]
         for r in range(model.first_row[k], model.first_row[k + 1]):
-            s = model.row_state[r]
-            if s < d:
-                innovation[:] = -mean[s]
-            else:
-                innovation[:] = -(model.row_matrix[s - d] @ mean)
-            if len(measured):
-                innovation += measured[r]
-            out[r] = innovation / gains.std[r]
+            _innovate(model, r, mean, measured, innovation)
+            for c in range(count):
+                out[r, c] = innovation[c] / gains.std[r]
             for i in range(d):
                 gain = gains.gain[r, i]
                 for c in range(count):
@@ -141,7 +150,28 @@ def whiten(
     return out
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
+def _add(scale: float, rows: Array, first: int, out: Array) -> None:
+    """Add rows (a, C) times a number to those of a matrix from `first` on."""
+    for i in range(len(rows)):
+        for c in range(rows.shape[1]):
+            out[first + i, c] += scale * rows[i, c]
+
+
+@inner  # type: ignore[untyped-decorator]
+def _innovate(model: StateSpace, r: int, mean: Array, measured: Array, out: Array) -> None:
+    """Write the innovations (C,) of a row."""
+    d, s = len(mean), model.row_state[r]
+    for c in range(len(out)):
+        out[c] = measured[r, c] if len(measured) else 0.0
+        if s < d:
+            out[c] -= mean[s, c]
+        else:
+            for i in range(d):
+                out[c] -= model.row_matrix[s - d, i] * mean[i, c]
+
+
+@compiled  # type: ignore[untyped-decorator]
 def correlate(model: StateSpace, gains: Gains, weights: Array, width: int) -> Array:
     """Transpose of `whiten` by the rates: one pass backwards instead of one a column.
 
