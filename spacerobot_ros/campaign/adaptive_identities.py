@@ -8,6 +8,7 @@ import pinocchio as pin
 from ..control.adaptive.regressors import Regressors, parameter_values
 from ..types import Array
 from .adaptive_scenario import minisat
+from .pinocchio_peer import peer
 
 _STATES = 100
 
@@ -34,7 +35,7 @@ def identities(seed: int = 0) -> dict[str, float]:
         rank_without_force: With the paper's seven.
     """
     robot = minisat()
-    model, regressors, pi = robot.pin_model, Regressors(robot), parameter_values(robot)
+    model, regressors, pi = peer(robot).model, Regressors(robot), parameter_values(robot)
     data, rng = model.createData(), np.random.default_rng(seed)
     worst, rows = np.zeros(4), []
     for _ in range(_STATES):

@@ -99,25 +99,6 @@ class Robot:
         """(n + 1, 10) of every body about its own frame, in the order of `toDynamicParameters`."""
         return np.array([b.spatial_inertia.toDynamicParameters() for b in self.bodies])
 
-    @cached_property
-    def pin_model(self) -> pin.Model:
-        """Pinocchio model, its joints in `tree_order`; read-only by convention."""
-        return _build_pin_model(self)
-
-    @cached_property
-    def pin_joint_ids(self) -> tuple[int, ...]:
-        """Pinocchio joint of every body, base first (0, the universe, for a fixed base)."""
-        base = 1 if self.is_free else 0
-        return (base, *(self.pin_model.getJointId(name) for name in self.joints))
-
-    @cached_property
-    def velocity_indices(self) -> np.ndarray:
-        """(n,) place of each joint's rate in Pinocchio's velocity, after the base's six."""
-        offset = 6 if self.is_free else 0
-        return np.array(
-            [self.pin_model.joints[i].idx_v - offset for i in self.pin_joint_ids[1:]], dtype=int
-        )
-
     def with_target_momentum(self, momentum: Array, place: str = 'target wheel momentum') -> Robot:
         """The same robot believing another wheel momentum of the captured body.
 
@@ -222,31 +203,6 @@ def _finite(values: Array, shape: tuple[int, ...], what: str) -> Array:
     if not np.all(np.isfinite(array)):
         raise ConfigurationError(what, 'is not finite')
     return array
-
-
-def _build_pin_model(robot: Robot) -> pin.Model:
-    model = pin.Model()
-    model.name = robot.name
-    model.gravity.linear = robot.gravity
-    ids = [0]
-    if robot.is_free:
-        ids[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
-        model.appendBodyToJoint(ids[0], robot.bodies[0].spatial_inertia, pin.SE3.Identity())
-    ids += [-1] * robot.n_joints
-    for index in tree_order(robot.bodies):
-        body = robot.bodies[index]
-        kind = (
-            pin.JointModelPrismaticUnaligned
-            if body.is_prismatic
-            else pin.JointModelRevoluteUnaligned
-        )
-        placement = pin.SE3(body.rotation, body.translation)
-        ids[index] = model.addJoint(
-            ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]
-        )
-        model.appendBodyToJoint(ids[index], body.spatial_inertia, pin.SE3.Identity())
-        model.armature[model.joints[ids[index]].idx_v] = body.motor_inertia
-    return model
 
 
 __all__ = ['Body', 'Gyrostat', 'Robot', 'Rotor', 'tree_order']

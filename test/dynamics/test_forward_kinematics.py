@@ -9,6 +9,7 @@ from support.effects import motion_of
 from support.models import DUAL_ARM, random_tree, robot_of
 from support.pinocchio_states import pin_acceleration, pin_columns, pin_states, wheel_torques
 
+from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.tree import difference, is_empty, tree_of
 from spacerobot_ros.estimation.response import InverseDynamics, needed
 
@@ -58,9 +59,9 @@ def close(got, expected):
 
 def test_kinematics_equal_pinocchio(robot, rng):
     motion = moving(robot, rng)
-    model, data = robot.pin_model, robot.pin_model.createData()
+    model, data = peer(robot).model, peer(robot).model.createData()
     wrenches = rng.standard_normal((2, COUNT, 3))
-    for body, joint in zip(robot.bodies, robot.pin_joint_ids, strict=True):
+    for body, joint in zip(robot.bodies, peer(robot).joint_ids, strict=True):
         if not joint:
             continue
         forces = motion.wrench(body.name, *wrenches)
@@ -95,7 +96,7 @@ def test_a_new_acceleration_is_not_answered_with_the_old_one(robot, rng):
 
 def needed_by_pinocchio(robot, motion):
     """(N, 6 + n) recursive Newton-Euler, a call a state."""
-    model, data, columns = robot.pin_model, robot.pin_model.createData(), pin_columns(robot)
+    model, data, columns = peer(robot).model, peer(robot).model.createData(), pin_columns(robot)
     out = motion.zeros()
     for k, (q, v) in enumerate(pin_states(motion)):
         external = wheel_torques(robot, q, v)

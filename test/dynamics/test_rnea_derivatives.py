@@ -9,6 +9,7 @@ from support.effects import motion_of
 from support.models import DUAL_ARM, random_tree, robot_of
 from support.pinocchio_states import pin_columns, pin_states, wheel_torques
 
+from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.rotation import skew
 from spacerobot_ros.estimation.torque_process import TorqueDriven
 
@@ -31,7 +32,7 @@ COUNT = 5
 
 def by_pinocchio(robot, motion):
     """Derivatives by positions, rates and forces, a call a state, in Pinocchio's order."""
-    model, data = robot.pin_model, robot.pin_model.createData()
+    model, data = peer(robot).model, peer(robot).model.createData()
     forces = motion.zeros()
     forces[:, 6:] = motion.effort
     columns = pin_columns(robot)
@@ -43,7 +44,7 @@ def by_pinocchio(robot, motion):
         inverse = np.triu(inverse) + np.triu(inverse, 1).T
         pin.computeForwardKinematicsDerivatives(model, data, q, v, np.zeros(model.nv))
         for g in robot.gyrostats:
-            joint = robot.pin_joint_ids[g.body]
+            joint = peer(robot).joint_ids[g.body]
             if joint:
                 at_q, at_v = pin.getJointVelocityDerivatives(
                     model, data, joint, pin.ReferenceFrame.LOCAL

@@ -29,6 +29,7 @@ from support.models import (
 )
 from support.pinocchio_states import pin_columns
 
+from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effect, bind_effects, changed_robot
 from spacerobot_ros.effects.rotors import transverse
@@ -151,12 +152,12 @@ def rotor_plant(substeps=4, **effects):
 def link_rate(plant, body):
     """(3,) angular velocity of a body in its own frame, by Pinocchio."""
     robot, state = plant.robot, plant.state
-    model, data = robot.pin_model, robot.pin_model.createData()
+    model, data = peer(robot).model, peer(robot).model.createData()
     q = pin.neutral(model)
-    q[7 + robot.velocity_indices] = state.q
+    q[7 + peer(robot).velocity_indices] = state.q
     rates = np.concatenate([state.v_WB_B, state.omega_WB_B, state.qd])
     pin.forwardKinematics(model, data, q, rates[pin_columns(robot)])
-    return data.v[robot.pin_joint_ids[body]].angular.copy()
+    return data.v[peer(robot).joint_ids[body]].angular.copy()
 
 
 def test_free_rotors_are_the_true_rotors_of_a_finer_model():
