@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import Subparsers, add_command, changed, check_folder, seed
+from .options import Subparsers, add_command, check_folder, seed
 from .terminal import Stage, print_sections, progress
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _robot_file(args: argparse.Namespace) -> RobotFile:
 
     path = args.robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
     file = load_robot_file(path)
-    return replace(file, settings=changed(file.settings, {'simulator.seed': args.seed}))
+    return replace(file, settings=file.settings.changed({'simulator.seed': args.seed}))
 
 
 def _stage(bars: Stage, what: str, total: float) -> Callable[[float], None]:

@@ -12,7 +12,6 @@ from ..errors import ConfigurationError
 from .options import (
     Subparsers,
     add_command,
-    changed,
     check_file,
     positive_float,
     seed,
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     file = load_robot_file(args.robot)
     names = ('criterion', 'duration', 'starts', 'seed')
     given = {f'excitation.{name}': getattr(args, name) for name in names}
-    file = replace(file, settings=changed(file.settings, given))
+    file = replace(file, settings=file.settings.changed(given))
     if args.separate:
         for option in ('criterion', 'report'):
             if getattr(args, option) is not None:

@@ -8,15 +8,10 @@ from __future__ import annotations
 import argparse
 import math
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from ..model.settings import Settings
 
 Subparsers = argparse._SubParsersAction
 
@@ -43,16 +38,6 @@ def add_command(
         epilog: Examples and exit statuses.
     """
     return subparsers.add_parser(name, description=text, epilog=epilog, formatter_class=Formatter)
-
-
-def changed(settings: Settings, values: Mapping[str, Any]) -> Settings:
-    """Settings with other values by name, such as `simulator.seed`; None leaves one as it is."""
-    for name, value in values.items():
-        section, _, key = name.partition('.')
-        if value is not None:
-            part = replace(getattr(settings, section), **{key: value})
-            settings = replace(settings, **{section: part})
-    return settings
 
 
 def positive_float(text: str) -> float:

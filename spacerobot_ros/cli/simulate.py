@@ -9,7 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 from ..model.settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
-from .options import Subparsers, add_command, changed, positive_float, seed
+from .options import Subparsers, add_command, positive_float, seed
 from .terminal import progress
 
 if TYPE_CHECKING:
@@ -71,8 +71,7 @@ def run(args: argparse.Namespace) -> int:
 
     check_target(args.output, args.force)  # before any work
     file = load_robot_file(args.robot)
-    settings = changed(
-        file.settings,
+    settings = file.settings.changed(
         {
             'simulator.seed': args.seed,
             'simulator.noise': False if args.no_noise else None,

@@ -109,10 +109,8 @@ def identify(file: RobotFile, passes: int, bag: Path, progress: Progress) -> Dem
     Raises:
         IdentificationError: the last estimate is not valid.
     """
-    settings = _settings(file, 'computed_torque_no_aam')
-    settings = replace(settings, reference=replace(settings.reference, repeat=passes > 1))
-    plan = _Plan(settings, passes * settings.reference.duration, bag, identifies=True)
-    run = _run(file, plan, progress)
+    settings = _settings(file, 'computed_torque_no_aam', passes)
+    run = _run(file, settings, passes, bag, progress, identifies=True)
     if not run.estimates or not run.estimates[-1].valid:
         reason = run.estimates[-1].reason if run.estimates else 'there is none'
         raise IdentificationError(f'the estimate is not valid: {reason}')
@@ -129,34 +127,31 @@ def track(file: RobotFile, estimate: Estimate | None, bag: Path, progress: Progr
         progress: Shown the simulated time.
     """
     law = 'computed_torque_no_aam' if estimate is None else 'computed_torque'
-    settings = _settings(file, law)
-    return _run(file, _Plan(settings, settings.reference.duration, bag, estimate), progress)
+    return _run(file, _settings(file, law), 1, bag, progress, estimate)
 
 
-def _settings(file: RobotFile, law: str) -> Settings:
-    settings = file.settings
-    return replace(
-        settings,
-        simulator=replace(settings.simulator, lockstep=True),
-        controller=replace(settings.controller, law=law, use_estimate=True),
-        reference=replace(settings.reference, repeat=False),
+def _settings(file: RobotFile, law: str, passes: int = 1) -> Settings:
+    return file.settings.changed(
+        {
+            'simulator.lockstep': True,
+            'controller.law': law,
+            'controller.use_estimate': True,
+            'reference.repeat': passes > 1,
+        },
     )
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """One run: settings, length [s], bag, estimate to begin with, whether to identify."""
-
-    settings: Settings
-    duration: float
-    bag: Path
-    estimate: Estimate | None = None
-    identifies: bool = False
-
-
-def _run(file: RobotFile, plan: _Plan, progress: Progress) -> DemoRun:
-    settings, urdf, log = plan.settings, file.robot.urdf, _Log()
-    writer = BagWriter(plan.bag, overwrite=True)
+def _run(
+    file: RobotFile,
+    settings: Settings,
+    passes: int,
+    bag: Path,
+    progress: Progress,
+    estimate: Estimate | None = None,
+    identifies: bool = False,
+) -> DemoRun:
+    urdf, log = file.robot.urdf, _Log()
+    writer = BagWriter(bag, overwrite=True)
     with writer, Session() as session:
         writer.text('/robot_description', 0, urdf)
         ears = session.plain('demo')
@@ -164,11 +159,11 @@ def _run(file: RobotFile, plan: _Plan, progress: Progress) -> DemoRun:
         recorder = Recorder(ears, types, writer.message)
         log.listen(ears)
         controller = session.add(ControllerNode, settings, urdf)
-        if plan.estimate is not None:
-            _send(session, ears, controller, plan.estimate)
-        identifier = session.add(IdentifierNode, settings, urdf) if plan.identifies else None
+        if estimate is not None:
+            _send(session, ears, controller, estimate)
+        identifier = session.add(IdentifierNode, settings, urdf) if identifies else None
         simulator = session.add(SimulatorNode, settings, urdf)
-        simulator.stop_at = round(plan.duration / settings.simulator.period)
+        simulator.stop_at = round(passes * settings.reference.duration / settings.simulator.period)
         simulator.observers.append(log.see)
         simulator.observers.append(lambda plant: progress(plant.time_ns * 1e-9))
         end_ns = simulator.stop_at * simulator.plant.period_ns

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import typing
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..schema import FloatList, FreeMaps, TextList, parse_section
@@ -48,6 +48,16 @@ class Settings:
     adaptive: AdaptationSettings = field(default_factory=AdaptationSettings)
     excitation: ExcitationSettings = field(default_factory=ExcitationSettings)
     effects: FreeMaps = field(default_factory=dict)
+
+    def changed(self, values: Mapping[str, Any]) -> Settings:
+        """Settings with other values by name, such as `simulator.seed`; None leaves one as is."""
+        settings = self
+        for name, value in values.items():
+            section, _, key = name.partition('.')
+            if value is not None:
+                part = replace(getattr(settings, section), **{key: value})
+                settings = replace(settings, **{section: part})
+        return settings
 
 
 def parse_settings(values: Mapping[str, Any], place: str = '') -> Settings:
