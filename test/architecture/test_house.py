@@ -42,11 +42,8 @@ LONG = {
     'estimation.momentum_recursions.forward',
     'identification.summary.summarize',
 }
-CLASSES = {
-    'Motion',
-}
+CLASSES: set[str] = set()
 FILES = {
-    'motion',
     'reference',
     'state',
     'types',
