@@ -22,6 +22,7 @@ from ..types import Array, IntArray
 from .kalman import StateSpace, correlate, gains_of, whiten
 from .linear_steps import Steps
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
+from .sampled_motion import SampledMotion
 from .time_base import make_time_base
 from .torque_process import TorqueDriven
 
@@ -48,7 +49,7 @@ class Columns:
     measured: dict[str, Array]
 
 
-class MeasuredMotion:
+class MeasuredMotion(SampledMotion):
     """A record on its time base, with its reference: what does not depend on a model's forces.
 
     Args:
@@ -58,42 +59,15 @@ class MeasuredMotion:
     """
 
     def __init__(self, record: Record, noise: NoiseLevels, process: TorqueDriven) -> None:
-        self.record = record
-        self.noise = noise
         self.time_base = make_time_base(record, process.m, process.first)
-        self.reference = ReferenceTrajectory(record, noise, self.time_base.times)
-        self.kinematics = self.reference.at(self.time_base.times)
-        self._at: dict[str, Kinematics] = {}
+        reference = ReferenceTrajectory(record, noise, self.time_base.times)
+        super().__init__(record, noise, reference, self.time_base.rows)
 
     @cached_property
     def inner(self) -> tuple[tuple[float, Kinematics], ...]:
         """Gauss's places in the step, and the reference there."""
         start, dt = self.time_base.times[:-1], np.diff(self.time_base.times)
         return tuple((place, self.reference.at(start + place * dt)) for place in _GAUSS)
-
-    def at_samples(self, channel: str) -> Kinematics:
-        """The reference at the (corrected) times of a channel's samples."""
-        if channel not in self._at:
-            record, times = self.record, self.time_base.times
-            stamps = {'gyro': record.rate_time, 'attitude': record.attitude_time}
-            at = np.clip(stamps.get(channel, record.joint_time), times[0], times[-1])
-            self._at[channel] = self.reference.at(at)
-        return self._at[channel]
-
-    @cached_property
-    def deviations(self) -> Array:
-        """(R,) measured less reference."""
-        record = self.record
-        joints = self.at_samples('joint_position')
-        values = {'joint_position': record.q - joints.q}
-        if record.qd is not None:
-            values['joint_velocity'] = record.qd - joints.qd
-        if len(record.rate_time):
-            values['gyro'] = record.omega - self.at_samples('gyro').omega
-        if record.attitude is not None:
-            reference = self.at_samples('attitude').rotation
-            values['attitude'] = (reference.inv() * record.attitude).as_rotvec()
-        return self.time_base.rows.of({c: v[..., None] for c, v in values.items()})[:, 0]
 
 
 class Innovations:
@@ -264,7 +238,7 @@ class Innovations:
             rows.first,
             rows.state,
             np.zeros((0, size)),
-            self._row_variance(),
+            self._measured.row_variance,
         )
 
     def _late_shares(self) -> tuple[Array, Array]:
@@ -307,11 +281,6 @@ class Innovations:
             errors.append(np.einsum('nij,nj->ni', by_force, self.process.force_error(motion)))
         parabola = np.einsum('pg,gnm->pnm', _PARABOLA, np.stack(errors))[..., None]
         return self._steps.driven(*parabola)[..., 0]
-
-    def _row_variance(self) -> Array:
-        noise = self.noise
-        levels = np.array([noise.joint_position, noise.joint_velocity, noise.gyro, noise.attitude])
-        return np.asarray(levels[self.time_base.rows.channel] ** 2)
 
     def _effort_variance(self) -> Array:
         """(N-1, n) variance of the effort samples that enter with each step."""

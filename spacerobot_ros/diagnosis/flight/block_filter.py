@@ -78,6 +78,7 @@ class BlockMotion(MeasuredMotion):
     ) -> None:
         super().__init__(record, noise, process)
         self.time_base = _cut(self.time_base, start, end)
+        self.rows = self.time_base.rows
         self.kinematics = self.reference.at(self.time_base.times)
 
 
