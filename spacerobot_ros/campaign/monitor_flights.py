@@ -134,14 +134,6 @@ def _moved(plant: Plant, robot: Robot, effects: Iterable[Effect]) -> Plant:
     return new
 
 
-def _no_effect(size: float, link: str) -> dict[str, Any]:
-    return {}
-
-
-def _no_change(measured: SensorSamples, size: float) -> SensorSamples:
-    return measured
-
-
 @dataclass(frozen=True, slots=True)
 class Fault:
     """A kind of fault.
@@ -158,8 +150,8 @@ class Fault:
     unit: str
     sizes: tuple[float, ...]
     channels: tuple[str, ...]
-    effect: Callable[[float, str], dict[str, Any]] = _no_effect
-    change: Callable[[SensorSamples, float], SensorSamples] = _no_change
+    effect: Callable[[float, str], dict[str, Any]] = lambda size, link: {}
+    change: Callable[[SensorSamples, float], SensorSamples] = lambda measured, size: measured
     robots: tuple[str, ...] = ('servicer', 'minisat')
 
 
