@@ -53,7 +53,7 @@ def identities(seed: int = 0) -> dict[str, float]:
             np.max(np.abs(rows[-1] @ pi - pin.rnea(model, data, q_pin, V, A))),
             np.max(np.abs(twice - Y)),
             np.max(np.abs(Y @ pi - M @ Ar - C @ Vr)),
-            _lyapunov_residual(M, C, V, Vr, Ar, Y, pi, wrong),
+            _lyapunov_residual(M, C, (V, Vr, Ar), Y, pi, wrong),
         ]
         worst = np.maximum(worst, residuals)
     whole = np.array(rows)
@@ -82,9 +82,13 @@ def two_calls(
 
 
 def _lyapunov_residual(
-    M: Array, C: Array, V: Array, Vr: Array, Ar: Array, Y: Array, pi: Array, wrong: Array
+    M: Array, C: Array, moved: tuple[Array, Array, Array], Y: Array, pi: Array, wrong: Array
 ) -> float:
-    """Rate of sigma^T M sigma / 2 along the loop, against what the proof says it is."""
+    """Rate of sigma^T M sigma / 2 along the loop, against what the proof says it is.
+
+    `moved` is velocity, reference velocity and reference acceleration.
+    """
+    V, Vr, Ar = moved
     sigma, K = Vr - V, 2.0 * M
     u = Y @ wrong + K @ sigma
     A = np.linalg.solve(M, u - C @ V)

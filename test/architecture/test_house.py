@@ -36,12 +36,7 @@ CIRCLES_OF_FILES: set[tuple[str, ...]] = set()
 CIRCLES_OF_ROOMS = {('control', 'diagnosis', 'estimation', 'identification', 'simulation')}
 UPWARDS = {('estimation.balance', 'diagnosis.search')}
 OUTSIDE: set[str] = set()
-LONG = {
-    'campaign.adaptive_identities._lyapunov_residual',
-    'estimation.momentum_recursions._direct',
-    'estimation.momentum_recursions.forward',
-    'identification.summary.summarize',
-}
+LONG: set[str] = set()
 CLASSES: set[str] = set()
 FILES = {
     'reference',
