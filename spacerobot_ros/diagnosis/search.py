@@ -1,41 +1,54 @@
 """Which effects the data want: forward selection over the whole catalogue, with second thoughts.
 
 Each round scores every candidate beside the causes chosen so far, and asks each fifth of the
-record whether it agrees with the estimate from the other four; the best few are fitted as they
-really are, not as their columns, before one is chosen. A chosen cause is dropped when later ones
-make it superfluous, and exchanged when another one now does better in its place.
+record whether it agrees with the estimate from the other four. Where columns hold for small
+effects only (`Run.is_linear` is false), the best few are fitted as they really are before one is
+chosen; a chosen cause is dropped when later ones make it superfluous, and exchanged when another
+one now does better in its place. Where they hold for any size, causes are chosen on the Gram
+matrices until nothing more is wanted, and then fitted together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import pairwise
+from operator import add
 
 import numpy as np
 
 from ..effects.effect import Effect
 from ..estimation.columns import Candidate, candidates, is_possible
-from ..estimation.evidence import Gram, Score, cross_validated, folds, score, sum_of
-from ..estimation.prediction import Innovations
-from ..estimation.refit import Fit, Run, refine
-from ..estimation.whiteness import fit_test, lines
+from ..estimation.constrained import Body, Problem
+from ..estimation.evidence import Fold, Gram, Score, cross_validated, folds, score
+from ..estimation.refit import Fit, refine
+from ..estimation.rows import blocks
+from ..estimation.run import Run
+from ..estimation.whiteness import spectral_lines
 from ..model.robot import Robot
+from ..types import Array, IntArray
+from .limits import (
+    ALIKE_SHARE,
+    CLOSE_GAP,
+    CLOSE_SHARE,
+    EQUIVALENT,
+    FALSE_ALARMS,
+    FREEDOM,
+    MOST_ALIKE,
+    MOST_CAUSES,
+    MOST_MODELS,
+    OBVIOUS,
+    SHORTLIST,
+    SIMPLER,
+    SUSPICIOUS,
+)
 from .timing import better_timing
 
-_FOLDS = 5
-_FALSE_ALARMS = 1e-3  # a record, over all candidates
-_MOST_CAUSES = 6
-_MOST_FILTERS = 120  # of one run, after which nothing new is tried
 _HALVINGS = 12
-_SUSPICIOUS = 0.1  # p-value of the fit below which the dear candidates are looked at, too
-_SHORTLIST = 4
-_CLOSE_SHARE, _CLOSE_GAP = 0.9, 25.0  # of the best one's evidence: who is fitted as well
-_ALIKE_SHARE, _MOST_ALIKE = 0.5, 2
-_FREEDOM = 3.0
-_BATCH = 32  # candidates that pass through the filter at once
+_BATCH = 32  # candidates whose columns are made at once: as many as fit into a processor's cache
 _TINY = 1e-12  # keeps a column without any effect from making the elimination singular
-EQUIVALENT = 6.0  # gap in log evidence within which two causes are not told apart
+_JOINT_PASSES = 2  # of a fit that starts from a joint estimate on linear columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,12 +106,97 @@ class Found:
     is_complete: bool
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Pool:
+    """Candidates beside a fit, and what the data say of them.
+
+    Args:
+        candidates: C of them.
+        parts: Gram matrices of each block of rows, the fit's own columns first.
+        held: Number of the fit's own columns. precision: (held,) prior precision of each.
+    """
+
+    candidates: tuple[Candidate, ...]
+    parts: tuple[Gram, ...]
+    held: int
+    precision: Array
+
+    def places(self) -> list[IntArray]:
+        """Columns of every candidate."""
+        ends = self.held + np.cumsum([len(c.steps) for c in self.candidates])
+        starts = (end - len(c.steps) for c, end in zip(self.candidates, ends, strict=True))
+        return [np.arange(a, b) for a, b in zip(starts, ends, strict=True)]
+
+    def judge(self, companions: Sequence[Candidate]) -> list[Judged]:
+        """Every candidate's score beside the fit's causes and some companions."""
+        places = self.places()
+        beside = {id(c) for c in companions}
+        common = [at for c, at in zip(self.candidates, places, strict=True) if id(c) in beside]
+        whole, others, position = self._marginal(common)
+        out = []
+        for c, own in zip(self.candidates, places, strict=True):
+            sums = whole, others, position
+            if id(c) in beside:  # it does not stand beside itself
+                sums = self._marginal([at for at in common if at is not own], own)
+            at = sums[2][own]
+            out.append(_judged(c, sums[0].part(at), [fold.of(at) for fold in sums[1]]))
+        return out
+
+    def estimate(self, chosen: Sequence[Candidate], robot: Robot) -> list[Effect]:
+        """Most probable effects of some candidates together, on one physical robot."""
+        places = dict(zip(map(id, self.candidates), self.places(), strict=True))
+        own = np.concatenate([places[id(c)] for c in chosen])
+        whole, _, position = self._marginal([], own)
+        gram = whole.part(position[own])
+        sizes, lower, upper = (
+            np.concatenate([getattr(c, name) for c in chosen])
+            for name in ('sizes', 'lower', 'upper')
+        )
+        ends = np.cumsum([len(c.steps) for c in chosen]).tolist()
+        parts = [slice(a, b) for a, b in pairwise([0, *ends])]
+        names = [body.name for body in robot.bodies]
+        bodies = tuple(
+            Body(np.arange(len(own))[part], robot.inertial_parameters[names.index(str(c.where))])
+            for c, part in zip(chosen, parts, strict=True)
+            if c.kind.id == 'inertial_parameters'
+        )
+        information = gram.matrix + np.diag(sizes**-2.0)
+        values = Problem(information, gram.vector, sizes, lower, upper, bodies).solve()
+        return [c.applied(c.values(values[at])) for c, at in zip(chosen, parts, strict=True)]
+
+    def _marginal(
+        self, beside: Sequence[IntArray], wanted: IntArray | None = None
+    ) -> tuple[Gram, list[Fold], IntArray]:
+        """Sums of all rows and folds without the fit's and the companions' columns.
+
+        The last is where each remaining column now is.
+        """
+        held = np.concatenate([np.arange(self.held), *beside])
+        size = len(self.parts[0].vector)
+        left = np.setdiff1d(np.arange(size) if wanted is None else wanted, held)
+        sizes = np.concatenate([np.ones(self.held), *(c.sizes for c in self.candidates)])
+        precision = np.concatenate([self.precision, sizes[held[self.held :]] ** -2.0])
+        parts = [part.part(np.concatenate([held, left])) for part in self.parts]
+        position = np.zeros(size, dtype=int)
+        position[left] = np.arange(len(left))
+        whole = reduce(add, parts).without(len(held), precision)
+        return whole, folds(parts, len(held), precision), position
+
+
+def _judged(candidate: Candidate, whole: Gram, others: Sequence[Fold]) -> Judged:
+    bounds = (candidate.lower, candidate.upper)
+    found = score(whole, candidate.sizes, bounds, None)
+    if found.evidence > 0.0:
+        found = replace(found, held_out=cross_validated(others, candidate.sizes, bounds))
+    return Judged(candidate, found)
+
+
 class Search:
     """Forward selection on one run.
 
     Args:
         run: The run.
-        effects: The catalogue, or a part of it.
+        kinds: The catalogue, or a part of it.
         report: Called with what is being done and how far it is, from 0 to 1.
         timings: Ways in which efforts act that are out of the question.
     """
@@ -106,84 +204,119 @@ class Search:
     def __init__(
         self,
         run: Run,
-        effects: Sequence[type[Effect]],
+        kinds: Sequence[type[Effect]],
         report: Callable[[str, float], None],
         timings: Iterable[str] = (),
     ) -> None:
         self.run = run
         self.report = report
-        self._effects = effects
+        self._kinds = kinds
         self._timings = {run.timing, *timings}
 
     def find(self) -> Found:
         """Select until nothing more is wanted."""
-        null = fit = Fit(self.run, ())
         self.report('judging every effect at every place', 0.1)
+        return self._find_together() if self.run.is_linear else self._find_singly()
+
+    def _find_singly(self) -> Found:
+        null = fit = Fit(self.run, ())
         ranking = first = self.judge(null)
         choices: list[Choice] = []
-        while len(choices) < _MOST_CAUSES and not self._is_spent:
+        while len(choices) < MOST_CAUSES and not self._is_spent:
             wanted = wanted_of(ranking)
             if not wanted:
                 break
             self.report(f'fitting {wanted[0].candidate.kind.title}', 0.2 + 0.1 * len(choices))
             fit, choice = self._choose(fit, wanted)
             choices.append(choice)
-            asks = len(choices) == 1 or fit_test(fit.filter, fit.data)[0] < _SUSPICIOUS
+            asks = len(choices) == 1 or (fit.rows.whiteness()[0] or 0.0) < SUSPICIOUS
             if asks and (timing := better_timing(fit, self._timings)):
                 run = self.run.timed(timing)
-                return Search(run, self._effects, self.report, self._timings).find()
+                return Search(run, self._kinds, self.report, self._timings).find()
             if len(choices) > 1:
                 fit, choices = self._reconsider(fit, choices)
             ranking = self.judge(fit)
         is_complete = not (self._is_spent and wanted_of(ranking))
         return Found(null, fit, tuple(choices), tuple(first), is_complete)
 
+    def _find_together(self) -> Found:
+        null = fit = Fit(self.run, ())
+        choices: list[Choice] = []
+        first: list[Judged] = []
+        for floor in (OBVIOUS, 0.0, 0.0):
+            open_ = [c for c in self._candidates(fit) if not c.repeats(fit.causes)]
+            pool = self._pool(fit, open_)
+            ranking, chosen = self._chosen(pool, fit, floor)
+            first = first or ranking
+            if not chosen:
+                break
+            choices += [choice for _, choice in chosen]
+            self.report('fitting all causes together', 0.3 + 0.02 * len(choices))
+            guesses = pool.estimate([candidate for candidate, _ in chosen], fit.rows.robot)
+            fit = refine(self.run, [*fit.causes, *guesses], _JOINT_PASSES)
+        return Found(null, fit, tuple(choices), tuple(first), is_complete=True)
+
+    def _chosen(
+        self, pool: Pool, fit: Fit, floor: float
+    ) -> tuple[list[Judged], list[tuple[Candidate, Choice]]]:
+        """Every candidate's score beside a fit, and what is chosen on the Gram matrices alone.
+
+        Args:
+            pool: Candidates beside the fit.
+            fit: The causes so far.
+            floor: Share of the first one's evidence below which nothing is chosen.
+        """
+        named = {(c.id, c.where) for c in fit.causes}
+        beside = [
+            c for c in pool.candidates if c.kind.id in self.run.companions and c.key not in named
+        ]
+        first = ranking = _ranked(pool.judge(beside))
+        chosen: list[tuple[Candidate, Choice]] = []
+        while wanted := wanted_of(ranking):
+            best = _simplest(wanted)
+            if chosen and best.score.evidence < floor * chosen[0][1].score.evidence:
+                break
+            chosen.append(
+                (best.candidate, Choice(best.candidate.key, best.score, _equals(best, wanted)))
+            )
+            own = [candidate for candidate, _ in chosen]
+            rest = [c for c in beside if c not in own]
+            judged = pool.judge([*own, *rest])
+            ranking = _ranked(
+                j for j in judged if not (j.candidate.contradicts(own) or j.candidate.repeats(own))
+            )
+        return first, chosen
+
     @property
     def _is_spent(self) -> bool:
-        return self.run.filters >= _MOST_FILTERS
+        return self.run.models >= MOST_MODELS
 
     def judge(self, fit: Fit) -> list[Judged]:
-        """Every candidate's score beside a fit's causes, best evidence first.
-
-        Of each effect at each place only its best variant is kept. Effects with states of their
-        own (springs, sloshing) are dear, and leave slow errors or lines that `fit_test` sees: they
-        are looked at where it sees any.
-        """
-        chosen = {(c.id, c.where) for c in fit.causes}
-        p_value, channels = fit_test(fit.filter, fit.data)
-        effects = [e for e in self._effects if p_value < _SUSPICIOUS or not e.hidden]
-        pool = [
-            c
-            for c in candidates(effects, fit.filter, fit.data, lines(channels))
-            if c.key not in chosen
-        ]
-        judged = []
+        """Every candidate's score beside a fit's causes, best evidence first."""
+        pool = self._candidates(fit)
+        judged: list[Judged] = []
         for start in range(0, len(pool), _BATCH):
-            judged += self._judge_batch(fit, pool[start : start + _BATCH])
-        judged.sort(key=lambda j: -j.score.evidence)
-        best = {j.candidate.key: j for j in reversed(judged)}
-        return sorted(best.values(), key=lambda j: -j.score.evidence)
+            judged += self._pool(fit, pool[start : start + _BATCH]).judge(())
+        return _ranked(judged)
 
-    def _judge_batch(self, fit: Fit, pool: Sequence[Candidate]) -> list[Judged]:
-        """Scores of some candidates: as many as fit into the processor's cache."""
-        directions = [
-            (c.applied(d), s) for c in pool for d, s in zip(c.directions, c.steps, strict=True)
-        ]
-        columns = np.concatenate([fit.tangents, fit.signatures.whitened(directions)], axis=1)
-        parts = [Gram.of(columns[rows], fit.data[rows]) for rows in blocks(fit.filter)]
-        held, precision = len(fit.free), fit.precision + _TINY
-        whole, others = sum_of(parts).without(held, precision), folds(parts, held, precision)
-        judged, start = [], 0
-        for candidate in pool:
-            own = np.arange(start, start + len(candidate.steps))
-            bounds = (candidate.lower, candidate.upper)
-            found = score(whole.part(own), candidate.sizes, bounds, None)
-            if found.evidence > 0.0:
-                held_out = cross_validated([f.of(own) for f in others], candidate.sizes, bounds)
-                found = replace(found, held_out=held_out)
-            judged.append(Judged(candidate, found))
-            start += len(own)
-        return judged
+    def _candidates(self, fit: Fit) -> list[Candidate]:
+        """What may be a cause beside a fit's.
+
+        Effects with states of their own (springs, sloshing) are dear, and leave slow errors or
+        spectral lines that a test of whiteness sees: they are looked at where it sees any, and
+        not where there is no such test, since what swings by itself then looks like anything.
+        """
+        p_value, channels = fit.rows.whiteness()
+        asks = p_value is not None and p_value < SUSPICIOUS
+        kinds = [kind for kind in self._kinds if asks or not kind.hidden]
+        found = candidates(kinds, fit.rows, spectral_lines(channels))
+        return [c for c in found if not c.contradicts(fit.causes)]
+
+    def _pool(self, fit: Fit, pool: Sequence[Candidate]) -> Pool:
+        columns = fit.signatures.whitened([step for c in pool for step in c.small_steps])
+        both = np.concatenate([fit.tangents, columns], axis=1)
+        parts = [Gram.of(both[rows], fit.data[rows]) for rows in blocks(fit.rows.row_times)]
+        return Pool(tuple(pool), tuple(parts), len(fit.free), fit.precision + _TINY)
 
     def _choose(self, fit: Fit, wanted: Sequence[Judged]) -> tuple[Fit, Choice]:
         """The best of the shortlist, and of its like elsewhere, each fitted as it really is."""
@@ -202,7 +335,7 @@ class Search:
         return fits[top], Choice(tried[top].candidate.key, tried[top].score, rivals)
 
     def _with(self, fit: Fit, judged: Judged) -> Fit:
-        return refine(self.run, [*fit.causes, judged.guess(fit.filter.process.robot)])
+        return refine(self.run, [*fit.causes, judged.guess(fit.rows.robot)])
 
     def _reconsider(self, fit: Fit, choices: list[Choice]) -> tuple[Fit, list[Choice]]:
         """Drop or exchange earlier causes in the light of the latest."""
@@ -211,8 +344,7 @@ class Search:
                 break
             others = [c for k, c in enumerate(fit.causes) if k != i]
             rest = refine(self.run, others)
-            ranking = self.judge(rest)
-            wanted = wanted_of(ranking)
+            wanted = wanted_of(self.judge(rest))
             kept = choices[:i] + choices[i + 1 :]
             if not wanted:
                 fit, choices = rest, kept
@@ -223,6 +355,13 @@ class Search:
         return fit, choices
 
 
+def _ranked(judged: Iterable[Judged]) -> list[Judged]:
+    """Best evidence first; of each effect at each place only its best variant."""
+    order = sorted(judged, key=lambda j: -j.score.evidence)
+    best = {j.candidate.key: j for j in reversed(order)}
+    return sorted(best.values(), key=lambda j: -j.score.evidence)
+
+
 def wanted_of(ranking: Sequence[Judged]) -> list[Judged]:
     """Candidates that are significant among all, worth their parameters, and held up."""
     count = sum(j.candidate.trials for j in ranking)
@@ -231,7 +370,7 @@ def wanted_of(ranking: Sequence[Judged]) -> list[Judged]:
         for j in ranking
         if j.score.evidence > 0.0
         and j.score.bic_gain > 0.0
-        and j.score.p_value * count < _FALSE_ALARMS
+        and j.score.p_value * count < FALSE_ALARMS
         and j.score.held_out > 0.0
     ]
 
@@ -239,27 +378,41 @@ def wanted_of(ranking: Sequence[Judged]) -> list[Judged]:
 def _shortlist(wanted: Sequence[Judged]) -> list[Judged]:
     """The best and those nearly as good, each kind of effect at its best place."""
     best = wanted[0].score.evidence
-    floor = min(_CLOSE_SHARE * best, best - _CLOSE_GAP)
+    floor = min(CLOSE_SHARE * best, best - CLOSE_GAP)
     kinds = {j.candidate.kind.id: j for j in reversed(wanted)}
-    close = sorted(kinds.values(), key=lambda j: -j.score.evidence)[:_SHORTLIST]
+    close = sorted(kinds.values(), key=lambda j: -j.score.evidence)[:SHORTLIST]
     return [j for j in close if j.score.evidence >= floor]
 
 
 def _elsewhere(best: Judged, wanted: Sequence[Judged]) -> list[Judged]:
-    """The same effect at other places that do half as well: neighbours share what they carry."""
-    floor = _ALIKE_SHARE * best.score.evidence
+    """The same effect at other places that do half as well: neighbours share its columns."""
+    floor = ALIKE_SHARE * best.score.evidence
     same = [j for j in wanted if j.candidate.kind is best.candidate.kind and j is not best]
-    return [j for j in same if j.score.evidence >= floor][:_MOST_ALIKE]
+    return [j for j in same if j.score.evidence >= floor][:MOST_ALIKE]
+
+
+def _simplest(wanted: Sequence[Judged]) -> Judged:
+    """The cause of fewest numbers that does nearly as well as the best at the same place.
+
+    Evidence is overstated where the rest is not white, and with it what finer shapes are worth.
+    """
+    best = wanted[0]
+    good = [
+        j
+        for j in wanted
+        if j.candidate.where == best.candidate.where
+        and j.score.evidence > SIMPLER * best.score.evidence
+    ]
+    return min(good, key=lambda j: (len(j.candidate.kind.parameters), -j.score.evidence))
+
+
+def _equals(best: Judged, wanted: Sequence[Judged]) -> tuple[tuple[str, str | None, float], ...]:
+    """What could stand in a cause's place as well."""
+    gaps = ((j, best.score.evidence - j.score.evidence) for j in wanted if j is not best)
+    return tuple((*j.candidate.key, max(gap, 0.0)) for j, gap in gaps if abs(gap) < EQUIVALENT)
 
 
 def _is_rival(other: Fit, top: Fit) -> bool:
     """Whether a fit can not be told from the best, or is as good by more freedom."""
     gap = top.evidence - other.evidence
-    return gap < EQUIVALENT or (gap < _FREEDOM * EQUIVALENT and other.cost - top.cost < EQUIVALENT)
-
-
-def blocks(filtered: Innovations) -> list[slice]:
-    """Rows of equal parts of the record, each of which is predicted from the others."""
-    times = filtered.row_times
-    ends = np.searchsorted(times, np.linspace(times[0], times[-1], _FOLDS + 1)[1:-1])
-    return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(times)])]
+    return gap < EQUIVALENT or (gap < FREEDOM * EQUIVALENT and other.cost - top.cost < EQUIVALENT)

@@ -19,8 +19,8 @@ from ..estimation.columns import candidates
 from ..estimation.evidence import Gram, score
 from ..estimation.prediction import TIMINGS
 from ..estimation.reference import NoiseLevels
-from ..estimation.refit import Fit, Run, refine
-from ..estimation.whiteness import fit_test
+from ..estimation.refit import Fit, refine
+from ..estimation.run import Run
 from ..model.robot import Robot
 from ..recording.record import Record
 
@@ -30,7 +30,7 @@ _ALL_LATE = {'delay': 1.0}
 _CLEARLY = 20.0  # gap in misfit from which another timing is taken
 _LATENESS = {'sampled': 0.0, 'held_before': 0.5, 'held_after': -0.5}
 _TOLERANCE = 0.08  # of an interval, about what a delay may differ from a convention's
-_SAID = {
+_IN_WORDS = {
     'held_before': 'efforts act over the interval that ends at their stamp (held torque)',
     'held_after': 'efforts act over the interval that begins at their stamp (held torque)',
 }
@@ -60,7 +60,7 @@ def first_timing(
     short = record.between(-np.inf, record.joint_time[0] + _SPAN)
     fits = {timing: Fit(Run(short, robot, believed, noise, timing), ()) for timing in TIMINGS}
     best = min(fits, key=lambda timing: fits[timing].misfit)
-    if fit_test(fits[best].filter, fits[best].data)[0] >= _FITS:
+    if (fits[best].rows.whiteness()[0] or 0.0) >= _FITS:
         return best
     simple = [e for e in effects if _is_simple(e)]
     return min(fits, key=lambda timing: fits[timing].misfit - 2.0 * _gain(fits[timing], simple))
@@ -68,10 +68,8 @@ def first_timing(
 
 def _gain(fit: Fit, effects: Sequence[type[Effect]]) -> float:
     """Log evidence that the best of some effects adds to a model without causes."""
-    pool = candidates(effects, fit.filter, fit.data)
-    columns = fit.signatures.whitened(
-        [(c.applied(d), s) for c in pool for d, s in zip(c.directions, c.steps, strict=True)]
-    )
+    pool = candidates(effects, fit.rows)
+    columns = fit.signatures.whitened([step for c in pool for step in c.small_steps])
     gram = Gram.of(columns, fit.data)
     best, start = 0.0, 0
     for c in pool:
@@ -116,6 +114,6 @@ def held_after_all(fit: Fit) -> str | None:
     return None
 
 
-def said_of(timing: str) -> tuple[str, ...]:
+def in_words(timing: str) -> tuple[str, ...]:
     """What a user should know of a timing."""
-    return (_SAID[timing],) if timing in _SAID else ()
+    return (_IN_WORDS[timing],) if timing in _IN_WORDS else ()

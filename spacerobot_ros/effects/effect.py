@@ -67,6 +67,7 @@ class Effect:
             and a record know.
         excludes: Ids of what can not act at the same place beside it, its own id among them where
             two of it would contradict each other.
+        refines: Ids of simpler laws that are special cases of it.
         is_fitted: Whether the diagnosis considers it; False for what a record can not tell from
             another effect of the catalogue.
     """
@@ -84,6 +85,7 @@ class Effect:
     is_timed: ClassVar[bool] = False
     excludes: ClassVar[tuple[str, ...]] = ()
     is_fitted: ClassVar[bool] = True
+    refines: ClassVar[tuple[str, ...]] = ()
 
     name: str
     where: str | None

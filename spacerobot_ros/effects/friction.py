@@ -76,6 +76,7 @@ class StribeckFriction(JointTorque):
 
     id = 'joint_stribeck_friction'
     title = 'dry friction that falls as a joint gets moving'
+    refines = ('joint_coulomb_friction',)
     parameters = (
         amount('coulomb', 'N m', 3.0, 0.01),
         amount('static', 'N m', 4.0, 0.01),

@@ -5,27 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from ..effects.catalogue import changed_robot
-from ..effects.effect import CHANNELS, Effect
-from ..effects.motion import Motion
+from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
-from .prediction import Columns, Innovations
 from .reference import Kinematics
-from .response import InverseDynamics, Response
+from .response import Response
+from .rows import Rows
 from .scaling import PROPORTIONAL, origin_of, value_of
 from .spectral_search import propose, searched
 from .torque_process import TorqueDriven
 
 STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 """Of a parameter's plausible size: where its column is taken; the first that is possible."""
-_MEASURED = ('joint_position', 'joint_velocity', 'gyro', 'attitude')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +53,31 @@ class Candidate:
         """Effect and place."""
         return self.kind.id, self.where
 
+    def repeats(self, others: Iterable[Effect | Candidate]) -> bool:
+        """Whether it is a special case of some effect at its place, or one is of it."""
+        kinds = self._kinds_here(others)
+        return any(k.id in self.kind.refines or self.kind.id in k.refines for k in kinds)
+
+    def contradicts(self, others: Iterable[Effect | Candidate]) -> bool:
+        """Whether it is one of some effects at its place, or can not act there beside one."""
+        return any(
+            kind is self.kind or kind.id in self.kind.excludes or self.kind.id in kind.excludes
+            for kind in self._kinds_here(others)
+        )
+
+    def _kinds_here(self, others: Iterable[Effect | Candidate]) -> list[type[Effect]]:
+        return [
+            other.kind if isinstance(other, Candidate) else type(other)
+            for other in others
+            if other.where == self.where
+        ]
+
+    @property
+    def small_steps(self) -> list[tuple[Effect, float]]:
+        """K effects a small step from doing nothing, with that step."""
+        steps = zip(self.directions, self.steps.tolist(), strict=True)
+        return [(self.applied(direction), step) for direction, step in steps]
+
     def values(self, coefficients: Array) -> dict[str, float]:
         """Parameter values that coefficients (K,) stand for."""
         values = {**self.kind.nominal(), **self.variant}
@@ -79,26 +101,24 @@ class Candidate:
 
 def candidates(
     kinds: Iterable[type[Effect]],
-    filtered: Innovations,
-    data: Array,
+    rows: Rows,
     ringing: tuple[float, ...] = (),
 ) -> list[Candidate]:
     """Every variant of every effect at every place where this robot can show it.
 
     Args:
         kinds: Catalogue entries.
-        filtered: The model's filter, for what only the data can propose.
-        data: (R,) its whitened innovations.
+        rows: The model's, for what only the data can propose.
         ringing: Frequencies that stand out in them [rad/s]: guesses for what swings by itself.
     """
-    robot = filtered.process.robot
-    wanted = filtered.force_correlation(data)
+    robot = rows.robot
+    wanted = rows.force_correlation(rows.data)
     return [
         candidate
         for kind in kinds
         if kind.is_fitted and (robot.is_free or not kind.needs_free_base)
         for where in kind.places(robot)
-        for variant, trials in _variants(kind, where, filtered, wanted, ringing)
+        for variant, trials in _variants(kind, where, rows, wanted, ringing)
         if (candidate := candidate_at(kind, robot, where, variant, trials)) is not None
     ]
 
@@ -106,16 +126,16 @@ def candidates(
 def _variants(
     kind: type[Effect],
     where: str | None,
-    filtered: Innovations,
+    rows: Rows,
     wanted: Array,
     ringing: tuple[float, ...],
 ) -> list[tuple[dict[str, float], int]]:
     """Values of what an effect is not linear in, with the number of values looked at."""
     parameter = searched(kind)
     if parameter is not None:
-        values, looked_at = propose(kind, where, filtered.motion, wanted)
+        values, looked_at = propose(kind, where, rows.motion, wanted)
         return [({parameter.name: value}, looked_at) for value in values]
-    variants = kind.variants(filtered.process.robot, where)
+    variants = kind.variants(rows.robot, where)
     if kind.hidden and variants and 'frequency' in variants[0]:
         others = {tuple((v | {'frequency': 0.0}).items()): v for v in variants}.values()
         variants += tuple(v | {'frequency': f} for f in ringing for v in others)
@@ -204,39 +224,32 @@ def _linear_parameters(
 
 
 class Signatures:
-    """Columns of candidates about one model.
+    """Columns of effects about one model.
 
     Args:
-        innovations: The model's filter.
+        rows: The model's rows.
     """
 
-    def __init__(self, innovations: Innovations) -> None:
-        self._filter = innovations
-        self._response = Response(innovations.process.robot, innovations.motion)
-
-    @cached_property
-    def _samples(self) -> dict[str, tuple[Kinematics, Motion]]:
-        """The reference at the samples of every channel: only sensors' faults ask for it."""
-        return {
-            channel: self._motion_at(channel)
-            for channel in CHANNELS
-            if len(self._filter.at_samples(channel).time)
-        }
+    def __init__(self, rows: Rows) -> None:
+        self._rows = rows
+        self._response = Response(rows.robot, rows.motion)
 
     def whitened(self, directions: Sequence[tuple[Effect, float]]) -> Array:
-        """(R, K) whitened innovations by each direction's coefficient.
+        """(R, K) rows by each direction's coefficient.
 
         Args:
             directions: Effects a small step from doing nothing, with that step.
         """
-        filtered = self._filter
-        forces = np.stack([self._force(applied) / step for applied, step in directions], axis=2)
+        forces = [
+            (self._response.force(applied) + self._effort_error(applied)) / step
+            for applied, step in directions
+        ]
         measured = {}
         if any(_is_sensor(applied) for applied, _ in directions):
-            for channel in self._samples.keys() & set(_MEASURED):
+            for channel in self._rows.samples():
                 columns = [self._sensed(channel, applied) / step for applied, step in directions]
                 measured[channel] = np.stack(columns, axis=2)
-        return filtered.columns(Columns(filtered.accelerations(forces), measured))
+        return self._rows.whitened(np.stack(forces, axis=2), measured)
 
     def between(
         self,
@@ -244,7 +257,7 @@ class Signatures:
         effects: Sequence[Effect],
         neighbours: Sequence[tuple[int, Effect, float]],
     ) -> Array:
-        """(R, P) whitened innovations when one of the model's effects moves to a neighbour.
+        """(R, P) rows when one of the model's effects moves to a neighbour.
 
         Args:
             run_robot: The robot before any effect.
@@ -255,7 +268,7 @@ class Signatures:
         forces: list[Array] = []
         measured: dict[str, list[Array]] = {}
         if any(_is_sensor(moved) for _, moved, _ in neighbours):
-            measured = {c: [] for c in _MEASURED if c in self._samples}
+            measured = {channel: [] for channel in self._rows.samples()}
         for i, moved, step in neighbours:
             changed = [*effects[:i], moved, *effects[i + 1 :]]
             force = self._needed(run_robot, changed) - here
@@ -264,45 +277,33 @@ class Signatures:
             for channel, columns in measured.items():
                 change = self._sensed(channel, moved) - self._sensed(channel, effects[i])
                 columns.append(change / step)
-        filtered = self._filter
-        return filtered.columns(
-            Columns(
-                filtered.accelerations(np.stack(forces, axis=2)),
-                {channel: np.stack(columns, axis=2) for channel, columns in measured.items()},
-            )
+        return self._rows.whitened(
+            np.stack(forces, axis=2),
+            {channel: np.stack(columns, axis=2) for channel, columns in measured.items()},
         )
 
     def _needed(self, robot: Robot, effects: Sequence[Effect]) -> Array:
         """(N, 6 + n) force of the effects less what the changed robot needs for the motion."""
         process = TorqueDriven(robot, effects)
-        motion = self._filter.motion.of(process.robot)
-        return process.forces(motion) - InverseDynamics(process.robot)(motion)
-
-    def _force(self, applied: Effect) -> Array:
-        """(N, 6 + n) generalised force, what is wrong about the measured torque included."""
-        return self._response.force(applied) + self._effort_error(applied)
+        motion = self._rows.motion.of(process.robot)
+        return process.forces(motion) - process.needed(motion)
 
     def _effort_error(self, applied: Effect) -> Array:
         """(N, 6 + n) true motor torque less what is measured."""
-        motion = self._filter.motion
+        motion = self._rows.motion
         force = motion.zeros()
         force[:, 6:] = motion.effort - applied.sense('joint_effort', motion.effort, motion)
         late = applied.delay('joints') + applied.delay('effort')
         if late:
-            force[:, 6:] += late * self._filter.reference.effort(motion.time, 1)
+            force[:, 6:] += late * self._rows.effort_rate
         return force
 
     def _sensed(self, channel: str, applied: Effect) -> Array:
         """(samples, width) by which a channel reads more than the truth."""
-        kinematics, motion = self._samples[channel]
+        kinematics, motion = self._rows.samples()[channel]
         value, slope = _channel(channel, kinematics)
         clock = {'gyro': 'imu', 'attitude': 'attitude'}.get(channel, 'joints')
         return applied.sense(channel, value, motion) - value - applied.delay(clock) * slope
-
-    def _motion_at(self, channel: str) -> tuple[Kinematics, Motion]:
-        kinematics = self._filter.at_samples(channel)
-        effort = self._filter.reference.effort(kinematics.time)
-        return kinematics, self._filter.process.motion(kinematics, effort)
 
 
 def _is_sensor(applied: Effect) -> bool:

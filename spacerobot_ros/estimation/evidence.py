@@ -20,6 +20,7 @@ from functools import reduce
 from operator import add
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
@@ -65,9 +66,7 @@ class Gram:
             return self
         held = self.matrix[:nuisance, :nuisance] + np.diag(precision)
         across = self.matrix[:nuisance, nuisance:]
-        solved = np.linalg.lstsq(
-            held, np.column_stack([across, self.vector[:nuisance]]), rcond=None
-        )[0]
+        solved = _solved(held, np.column_stack([across, self.vector[:nuisance]]))
         return Gram(
             self.matrix[nuisance:, nuisance:] - across.T @ solved[:, :-1],
             self.vector[nuisance:] - across.T @ solved[:, -1],
@@ -173,6 +172,16 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
     )
 
 
+def _solved(matrix: Array, right: Array) -> Array:
+    """matrix^-1 right of a symmetric matrix; the least solution where it is singular."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    try:
+        factor = cho_factor(scale[:, None] * matrix * scale, check_finite=False)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
+    return np.asarray(scale[:, None] * cho_solve(factor, scale[:, None] * right))
+
+
 def price(values: Array, rows: int) -> float:
     """What a group's freedom costs in log evidence.
 
@@ -191,6 +200,9 @@ def _bounded(
     target = np.linalg.solve(lower, vector)
     low = np.minimum(bounds[0] / sizes, -1e-300)
     high = np.maximum(bounds[1] / sizes, 1e-300)
-    z = lsq_linear(lower.T, target, bounds=(low, high)).x
+    if len(vector) == 1:
+        z = np.clip(target / lower[0], low, high)
+    else:
+        z = lsq_linear(lower.T, target, bounds=(low, high), method='bvls').x
     gain = float(target @ target - np.sum((target - lower.T @ z) ** 2))
     return np.clip(sizes * z, bounds[0], bounds[1]), gain

@@ -1,4 +1,4 @@
-"""Effects fitted to a run: Gauss and Newton's method on the filter's whitened innovations."""
+"""Effects fitted to a run as they will be applied: Gauss and Newton's method on its rows."""
 
 from __future__ import annotations
 
@@ -12,14 +12,11 @@ import numpy as np
 from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
-from ..model.robot import Robot
-from ..recording.record import Record
-from ..sensing.correction import corrected_record
-from ..types import Array
+from ..types import Array, IntArray
 from .columns import STEPS, Signatures, is_possible
 from .evidence import price
-from .prediction import Innovations, MeasuredMotion
-from .reference import NoiseLevels
+from .rows import blocks
+from .run import Run
 from .scaling import (
     PROPORTIONAL,
     coordinate_of,
@@ -30,7 +27,6 @@ from .scaling import (
     value_of,
     value_std,
 )
-from .torque_process import TorqueDriven
 
 _PASSES = 6
 _SETTLED = 0.02  # of a standard deviation
@@ -38,73 +34,8 @@ _HALVINGS = 3
 _DRAWS = 30
 
 
-class Run:
-    """What is the same for every model of a run.
-
-    Args:
-        record: As measured.
-        robot: The robot file's robot.
-        believed: Its own effects.
-        noise: Noise levels.
-        timing: How efforts act, a key of `innovations.TIMINGS`.
-    """
-
-    def __init__(
-        self,
-        record: Record,
-        robot: Robot,
-        believed: Sequence[Effect],
-        noise: NoiseLevels,
-        timing: str = 'sampled',
-    ) -> None:
-        self.record = record
-        self.robot = robot
-        self.believed = tuple(believed)
-        self.noise = noise
-        self.timing = timing
-        self._filters = [0]
-
-    @property
-    def filters(self) -> int:
-        """Number of filters made so far, those of the same run otherwise timed among them."""
-        return self._filters[0]
-
-    def timed(self, timing: str) -> Run:
-        """The same run, its efforts acting in another way."""
-        other = Run(self.record, self.robot, self.believed, self.noise, timing)
-        other.__dict__['_own'] = self._own
-        other._filters = self._filters
-        return other
-
-    def innovations(self, causes: Sequence[Effect]) -> Innovations:
-        """The filter of the robot with its own effects and some causes."""
-        self._filters[0] += 1
-        process = TorqueDriven(self.robot, (*self.believed, *causes))
-        return Innovations(self.measured(causes), process, self.timing)
-
-    def measured(self, causes: Sequence[Effect]) -> MeasuredMotion:
-        """What is observed, the robot's own sensor effects and those of some causes undone."""
-        if not any(_is_sensor(cause) for cause in causes):
-            return self._own
-        process = TorqueDriven(self.robot, (*self.believed, *causes))
-        return self._measured(causes, process)
-
-    @cached_property
-    def _own(self) -> MeasuredMotion:
-        return self._measured((), TorqueDriven(self.robot, self.believed))
-
-    def _measured(self, causes: Sequence[Effect], process: TorqueDriven) -> MeasuredMotion:
-        effects = (*self.believed, *causes)
-        record = corrected_record(self.record, process.robot, effects)
-        return MeasuredMotion(record, self.noise, process)
-
-
-def _is_sensor(cause: Effect) -> bool:
-    return cause.acts('sense') or cause.acts('delay')
-
-
 class Fit:
-    """One model of a run: causes with values, its filter, and the derivatives by the values.
+    """One model of a run: causes with values, its rows, and the derivatives by the values.
 
     Args:
         run: The run.
@@ -114,7 +45,7 @@ class Fit:
     def __init__(self, run: Run, causes: Sequence[Effect]) -> None:
         self.run = run
         self.causes = tuple(causes)
-        self.filter = run.innovations(self.causes)
+        self.rows = run.rows(self.causes)
 
     @cached_property
     def free(self) -> list[tuple[int, Parameter]]:
@@ -124,34 +55,39 @@ class Fit:
 
     @cached_property
     def data(self) -> Array:
-        """(R,) whitened innovations."""
-        return self.filter.data
+        """(R,) whitened residuals."""
+        return self.rows.data
 
     @cached_property
     def misfit(self) -> float:
-        """Squared whitened innovations, and what the priors of the values add."""
-        prior = sum(
-            ((coordinate_of(p, self.causes[i].values[p.name]) - origin_of(p)) / size_of(p)) ** 2
-            for i, p in self.free
-            if has_prior(p)
-        )
-        return float(self.data @ self.data) + prior
+        """Squared whitened residuals, and what the priors of the values add."""
+        return float(self.data @ self.data + self._offsets @ (self.precision * self._offsets))
+
+    @property
+    def _offsets(self) -> Array:
+        """(P,) coordinates of all fitted numbers, from no effect."""
+        values = [coordinate_of(p, self.causes[i].values[p.name]) for i, p in self.free]
+        return np.array(values) - np.array([origin_of(p) for _, p in self.free])
+
+    def own(self, index: int) -> IntArray:
+        """Places of a cause's numbers among all fitted ones."""
+        return np.array([k for k, (i, _) in enumerate(self.free) if i == index])
 
     @property
     def cost(self) -> float:
         """Minus twice the log posterior, but for a constant."""
-        return self.misfit + self.filter.log_determinant
+        return self.misfit + self.rows.log_determinant
 
     @cached_property
     def signatures(self) -> Signatures:
         """Columns of anything about this model."""
-        return Signatures(self.filter)
+        return Signatures(self.rows)
 
     @cached_property
     def tangents(self) -> Array:
-        """(R, P) whitened innovations by every fitted number's coordinate."""
+        """(R, P) rows by every fitted number's coordinate."""
         if not self.free:
-            return np.zeros((self.filter.rows, 0))
+            return np.zeros((len(self.data), 0))
         own = len(self.run.believed)
         moves = [self._neighbours(i, p) for i, p in self.free]
         return self.signatures.between(
@@ -186,29 +122,31 @@ class Fit:
         except ConfigurationError:
             return False
 
-    def predicted(self, blocks: Sequence[slice]) -> Array:
-        """(R,) whitened innovations of each block of rows with the values that the others give."""
-        if not self.free:
-            return self.data
-        out = self.data.copy()
-        for block in blocks:
-            rest = np.ones(len(out), dtype=bool)
-            rest[block] = False
-            columns = self.tangents[rest]
-            slope = columns.T @ self.data[rest] - self._prior_slope
-            information = columns.T @ columns + np.diag(self.precision)
-            out[block] -= self.tangents[block] @ np.linalg.lstsq(information, slope, 1e-12)[0]
+    def held_out(self, without: int | None = None) -> Array:
+        """(R,) whitened residuals of each block of rows with the values that the others give.
+
+        Args:
+            without: A cause that is left out, its effect taken to be in proportion to what the
+                catalogue says that it is in proportion to.
+        """
+        kept, out = np.arange(len(self.free)), self.data.copy()
+        if without is not None:
+            own = self.own(without)
+            moved = own[[self.free[k][1].role in PROPORTIONAL for k in own]]
+            out += self.tangents[:, moved] @ self._offsets[moved]
+            kept = np.setdiff1d(kept, own)
+        columns, precision = self.tangents[:, kept], self.precision[kept]
+        information, slope = columns.T @ columns, columns.T @ out
+        slope -= precision * self._offsets[kept]
+        for block in blocks(self.rows.row_times) if len(kept) else ():
+            part = columns[block]
+            rest = information - part.T @ part + np.diag(precision)
+            change = np.linalg.lstsq(rest, slope - part.T @ out[block], 1e-12)[0]
+            out[block] -= part @ change
         return out
 
-    @property
-    def _prior_slope(self) -> Array:
-        """(P,) by which the priors pull every coordinate back."""
-        now = np.array([coordinate_of(p, self.causes[i].values[p.name]) for i, p in self.free])
-        origin = np.array([origin_of(p) for _, p in self.free])
-        return self.precision * (now - origin)
-
     def covariance(self) -> Array:
-        """(P, P) of the coordinates."""
+        """(P, P) of the coordinates, by the level of the noise alone."""
         if not self.free:
             return np.zeros((0, 0))
         # what the data do not tell is as uncertain as it was thought possible
@@ -216,7 +154,7 @@ class Fit:
         return np.asarray(np.linalg.inv(self.tangents.T @ self.tangents + np.diag(weak)))
 
     def standard_deviations(self) -> list[dict[str, float]]:
-        """Of every cause's parameters, in their own units."""
+        """Of every cause's parameters, in their own units, by the level of the noise alone."""
         spread = np.sqrt(np.maximum(np.diag(self.covariance()), 0.0))
         out: list[dict[str, float]] = [{} for _ in self.causes]
         for (i, p), std in zip(self.free, spread, strict=True):
@@ -231,7 +169,7 @@ class Fit:
         # nothing moves farther at once than it was thought possible
         spread = np.array([spread_of(p) for _, p in self.free])
         information = self.tangents.T @ self.tangents + np.diag(spread**-2.0)
-        slope = self.tangents.T @ self.data - self._prior_slope
+        slope = self.tangents.T @ self.data - self.precision * self._offsets
         change = np.asarray(np.linalg.lstsq(information, slope, rcond=1e-12)[0])
         if float(change @ information @ change) < _SETTLED**2:
             return None

@@ -62,6 +62,10 @@ class TorqueDriven:
         """The reference with the accelerations of base and joints that belong to it."""
         return self._inverse.motion(kinematics, effort)
 
+    def needed(self, motion: Motion) -> Array:
+        """(N, 6 + n) generalised force that a motion needs, without effects."""
+        return self._inverse(motion)
+
     def forces(self, motion: Motion) -> Array:
         """(N, 6 + n) generalised force of the believed effects, motor torques excluded."""
         return self._sum(self.effects, motion)
@@ -71,7 +75,7 @@ class TorqueDriven:
 
         With the inverse mass matrix it gives the model's accelerations less the motion's.
         """
-        force = self.forces(motion) - self._inverse(motion)
+        force = self.forces(motion) - self.needed(motion)
         force[:, 6:] += motion.effort
         return force
 

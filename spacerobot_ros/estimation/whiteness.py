@@ -9,15 +9,13 @@ verdict.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.fft import dct, rfft
 from scipy.stats import chi2
 
 from ..types import Array
-from .prediction import Innovations
-from .time_base import CHANNELS
+from .rows import ChannelFit
+from .time_base import CHANNELS, TimeBase
 
 LOWEST_TERMS = (10, 40, 120)
 _SKIPPED = 5  # first samples of each channel, where the state is still found
@@ -26,49 +24,27 @@ _LINE = 1e-2  # p-value below which a line is worth a guess
 _APART, _MOST_LINES = 0.1, 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelFit:
-    """How white one axis of a channel is.
-
-    Args:
-        channel: Name, such as `gyro`. axis: Joint or axis number.
-        spread: Standard deviation of the whitened innovations; 1 is as expected.
-        p_value: Smallest of its questions, for their number.
-        question: Which one: `slow` or `line`.
-        frequency: Of the highest line [Hz].
-        line_p: Probability of a line so high.
-    """
-
-    channel: str
-    axis: int
-    spread: float
-    p_value: float
-    question: str
-    frequency: float
-    line_p: float
-
-
-def fit_test(filtered: Innovations, data: Array) -> tuple[float, tuple[ChannelFit, ...]]:
+def whiteness(base: TimeBase, data: Array) -> tuple[float, tuple[ChannelFit, ...]]:
     """Probability that a model as good as the truth fits as badly, and each channel's part in it.
 
     Args:
-        filtered: The model's filter.
-        data: (R,) its whitened innovations.
+        base: What the rows are.
+        data: (R,) a model's whitened innovations.
     """
-    rows = filtered.time_base.rows
-    fits = []
+    rows, fits = base.rows, []
+    row_times = np.repeat(base.times, np.diff(rows.first))
     for c, name in enumerate(CHANNELS):
-        for axis in range(filtered.n if name.startswith('joint') else 3):
+        for axis in np.unique(rows.axis[rows.channel == c]).tolist():
             at = (rows.channel == c) & (rows.axis == axis)
             if np.count_nonzero(at) >= _FEWEST:
-                times = np.repeat(filtered.time_base.times, np.diff(rows.first))[at]
+                times = row_times[at]
                 fits.append(channel_fit(name, axis, data[at][_SKIPPED:], times[_SKIPPED:]))
     if not fits:
         return 1.0, ()
     return min(1.0, len(fits) * min(fit.p_value for fit in fits)), tuple(fits)
 
 
-def lines(fits: tuple[ChannelFit, ...]) -> tuple[float, ...]:
+def spectral_lines(fits: tuple[ChannelFit, ...]) -> tuple[float, ...]:
     """Frequencies of the clearest lines, each once [rad/s]."""
     found: list[float] = []
     for fit in sorted(fits, key=lambda f: f.line_p):

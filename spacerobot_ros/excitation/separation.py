@@ -28,7 +28,8 @@ from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
 from ..estimation.columns import Signatures, candidate_at
 from ..estimation.reference import NoiseLevels
-from ..estimation.refit import Fit, Run
+from ..estimation.refit import Fit
+from ..estimation.run import Run
 from ..model.robot import Robot
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
 from ..types import Array
@@ -174,8 +175,8 @@ def trial(
     noise = NoiseLevels(**{f.name: getattr(stated, f'{f.name}_std') for f in fields(NoiseLevels)})
     run = Run(_record(file, motions, x), file.robot, file.effects, noise, 'sampled')
     fit = Fit(run, ())
-    first, second = (_directions(place, fit.filter.process.robot) for place in places)
-    both = Signatures(fit.filter).whitened([*first, *second])
+    first, second = (_directions(place, fit.rows.robot) for place in places)
+    both = Signatures(fit.rows).whitened([*first, *second])
     columns = both[:, : len(first)], both[:, len(first) :]
     return Trial(
         motions=motions,

@@ -15,7 +15,7 @@ UNFINISHED = 'before all that stands out'
 
 @pytest.mark.parametrize(('most', 'is_named'), [(1, False), (10_000, True)])
 def test_a_search_ends_with_its_budget_and_says_so(monkeypatch, most, is_named):
-    monkeypatch.setattr(search, '_MOST_FILTERS', most)
+    monkeypatch.setattr(search, 'MOST_MODELS', most)
     robot = robot_file('servicer').robot
     hidden = bind_effect('hidden', FRICTION, robot.joints[0], {'coefficient': 5.0}, robot)
     record = simulated('servicer', 'default', 3, [hidden], 6.0)

@@ -9,7 +9,8 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.columns import is_possible
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
-from spacerobot_ros.estimation.refit import Run, refine
+from spacerobot_ros.estimation.refit import refine
+from spacerobot_ros.estimation.run import Run
 
 
 def applied(effect, where, **values):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.estimation.whiteness import channel_fit, lines
+from spacerobot_ros.estimation.whiteness import channel_fit, spectral_lines
 
 COUNT, RATE = 4000, 100.0
 TIMES = np.arange(COUNT) / RATE
@@ -32,7 +32,9 @@ def test_a_line_at_any_frequency_is_seen(rng: np.random.Generator, frequency: fl
     found = channel_fit('gyro', 0, values, TIMES)
     assert found.p_value < 1e-6
     if frequency > 1.0:
-        np.testing.assert_allclose(lines((found,)), [2.0 * np.pi * frequency], rtol=0.01, atol=0.0)
+        np.testing.assert_allclose(
+            spectral_lines((found,)), [2.0 * np.pi * frequency], rtol=0.01, atol=0.0
+        )
 
 
 def test_a_slow_drift_is_seen(rng: np.random.Generator) -> None:

@@ -168,7 +168,7 @@ class Diagnosis:
         series: The same along the record.
         gain: On the held-out part.
         ranking: Every candidate against the model as it stands.
-        fit_p: Probability that a right model fits as badly as the extended one.
+        fit_p: Probability that a right model fits as badly as the extended one; None: not tested.
         null_p: The same for the model as it stands.
         next_motion: What to fly to know more.
         notes: What else a user should know.
@@ -182,7 +182,7 @@ class Diagnosis:
     series: tuple[Series, ...]
     gain: Gain
     ranking: tuple[Ranked, ...]
-    fit_p: float
-    null_p: float
+    fit_p: float | None
+    null_p: float | None
     next_motion: tuple[str, ...]
     notes: tuple[str, ...]

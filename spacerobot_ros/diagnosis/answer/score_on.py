@@ -11,14 +11,13 @@ import numpy as np
 from ...effects.effect import Effect
 from ...errors import RecordingError
 from ...estimation.balance import BAND as BAND
-from ...estimation.balance import band_limited, missed_torque
+from ...estimation.balance import band_limited
 from ...estimation.noise_levels import noise_levels
 from ...estimation.observations import observed
-from ...estimation.refit import Run
+from ...estimation.run import BalanceRun, Run
 from ...model.robot import Robot
 from ...recording.faults.check import check_data
 from ...recording.record import Record
-from ..inadequacy import settled
 
 _EDGE = 1.0  # s at both ends, where splines and filters are less sure
 
@@ -59,7 +58,7 @@ def score_on(
     if record.joints is None or record.joints.effort is None:
         raise RecordingError(record.source or 'score', 'has no efforts to hold a model against')
     measured = observed(record, robot)
-    run = settled(Run(measured, robot, tuple(believed), noise_levels(robot.sensors, measured)[0]))
+    run = BalanceRun(Run(measured, robot, believed, noise_levels(robot.sensors, measured)[0]), ())
     before, after = (_rms(run, chosen) for chosen in ((), tuple(causes)))
     return tuple(
         JointScore(joint=joint, before=float(b), after=float(a))
@@ -85,7 +84,8 @@ def to_dict(scores: Sequence[JointScore]) -> dict[str, Any]:
     }
 
 
-def _rms(run: Run, causes: Sequence[Effect]) -> np.ndarray:
-    times, missed = missed_torque(run, causes)
+def _rms(run: BalanceRun, causes: Sequence[Effect]) -> np.ndarray:
+    balance = run.unscaled(causes)
+    times = balance.times
     inside = (times > times[0] + _EDGE) & (times < times[-1] - _EDGE)
-    return np.sqrt(np.mean(band_limited(missed, times)[inside] ** 2, axis=0))
+    return np.sqrt(np.mean(band_limited(balance.missed, times)[inside] ** 2, axis=0))

@@ -16,7 +16,7 @@ from ...estimation.torque_process import TorqueDriven
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
-from ..timing import said_of
+from ..timing import in_words
 from .block_filter import BlockInnovations
 from .wheel_momentum import momentum_forces
 
@@ -74,7 +74,7 @@ def learn(
         best = _trial(BlockInnovations(measured, process, best.filtered.timing), momentum_std)
     timing = best.filtered.timing
     spread = _spread(best)
-    return Start(process, noise, timing, spread, (*notes, *said_of(timing)))
+    return Start(process, noise, timing, spread, (*notes, *in_words(timing)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

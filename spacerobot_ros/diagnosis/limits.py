@@ -1,0 +1,56 @@
+"""Every number that decides a name or a verdict, with where it comes from."""
+
+from __future__ import annotations
+
+MISFIT = 1e-4
+"""Probability below which a model does not fit. A stated error rate: one clean record in 10,000 is
+`unexplained` for nothing; the campaign saw none in 284 (docs/diagnosis_campaign.md)."""
+
+INCONSTANT = 1e-4
+"""Probability below which a cause's parameters are not the same all along the record. The same
+error rate as `MISFIT`, for the same reason: a cause that changes is no constant cause."""
+
+FALSE_ALARMS = 1e-3
+"""Expected false names a record, over all candidates and the values that were searched
+(Bonferroni). The campaign saw 1 in 284 clean records, 95 % bound 2 %."""
+
+EQUIVALENT = 6.0
+"""Gap in log evidence within which two causes are not told apart: odds of 400 to 1. `Very strong`
+begins at 150 to 1 (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)); Laplace's approximation is
+good to about a nat."""
+
+FREEDOM = 3.0
+"""Times `EQUIVALENT` that a cause of more numbers may lose by its freedom alone and stay a rival:
+two numbers more cost up to 2 * ln(1 + rows) / 2, some 10 nats, without fitting any worse."""
+
+SIMPLER = 0.85
+"""Share of the best evidence that is enough for a cause of fewer numbers at the same place, where
+the leftover is not white. The evidence of finer shapes is overstated there by what is left beside
+them; on the measured arms of docs/data.md a law of two numbers holds on the other run, one of four
+or ten does not."""
+
+OBVIOUS = 0.02
+"""Share of the first cause's evidence down to which causes are chosen together before the model is
+fitted again. Columns that scale the torques (gains, loads) are off by the share of the torque that
+friction takes until it is fitted, which is a tenth to a half: what is small beside that waits."""
+
+SUSPICIOUS = 0.1
+"""Probability of the fit below which effects with states of their own are looked at, too. They
+leave slow errors or spectral lines where they are visible at all, so this costs no name: a tenth
+of all clean records is searched for nothing."""
+
+MOST_CAUSES = 6
+"""Causes of one record whose columns hold for small effects only; more than three at once were
+never told apart in 20 s of data, so this only ends a search that has gone astray."""
+
+MOST_MODELS = 120
+"""Models of one run after which nothing new is tried: bounds the run time, and is said."""
+
+SHORTLIST, CLOSE_SHARE, CLOSE_GAP = 4, 0.9, 25.0
+"""Who is fitted as it really is beside the best: at most so many, with this share of its evidence
+or within this many nats. Columns and fits of effects at ten times their limit differ by some 5 %
+of the evidence; the number bounds the run time."""
+
+ALIKE_SHARE, MOST_ALIKE = 0.5, 2
+"""The same effect elsewhere that is fitted, too: neighbouring links share their columns, so that
+half the evidence may belong to the other place."""

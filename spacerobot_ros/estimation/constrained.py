@@ -1,0 +1,131 @@
+r"""Most probable coefficients of several effects together, all within their bounds, bodies bodies.
+
+    minimize 1/2 x^T H x - b^T x - mu (sum_i ln det J_i(x) + sum ln(x - lower) + sum ln(upper - x))
+
+for mu falling to nothing: an interior-point method on a convex problem, since a body's 4x4
+pseudo-inertia J is linear in its inertial parameters and they are those of a body where J is
+positive definite (Wensing, Kim and Slotine, IEEE RA-L 3 (2018)). Estimates that are clipped after
+an unbounded solve are no longer the most probable ones of anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..types import Array, IntArray
+
+_BARRIERS = (10.0, 1.0, 0.1, 0.01)  # nats at one e-fold of a bound; the last is far below a name
+_STEPS = 40
+_SETTLED = 1e-6  # nats
+_INSIDE = 0.1  # of a plausible size, from a bound at the start
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A body whose ten inertial parameters are among the unknowns.
+
+    Args:
+        columns: (10,) their places, in the order of Pinocchio's `toDynamicParameters`.
+        file: (10,) what the unknowns are added to.
+    """
+
+    columns: IntArray
+    file: Array
+
+    def inverse(self, x: Array) -> Array | None:
+        """(4, 4) inverse of the pseudo-inertia; None where this is no body."""
+        j = np.tensordot(self.file + x[self.columns], _BASIS, 1)
+        try:
+            np.linalg.cholesky(j)
+            return np.asarray(np.linalg.inv(j))
+        except np.linalg.LinAlgError:
+            return None
+
+
+def _basis() -> Array:
+    """(10, 4, 4) derivatives of J = [tr(I)/2 - I, m c; (m c)^T, m] by the parameters."""
+    out = np.zeros((10, 4, 4))
+    out[0, 3, 3] = 1.0
+    for k in range(3):
+        out[1 + k, k, 3] = out[1 + k, 3, k] = 1.0
+    for k, (a, b) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
+        out[4 + k, a, b] = out[4 + k, b, a] = -1.0
+        if a == b:
+            out[4 + k, :3, :3] += 0.5 * np.eye(3)
+    return out
+
+
+_BASIS = _basis()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """K unknowns.
+
+    Args:
+        information: (K, K) H, priors included.
+        vector: (K,) b.
+        sizes: (K,) plausible sizes, for the start.
+        lower: (K,). upper: (K,).
+        bodies: What has to stay a body; those of the file are bodies.
+    """
+
+    information: Array
+    vector: Array
+    sizes: Array
+    lower: Array
+    upper: Array
+    bodies: tuple[Body, ...] = ()
+
+    def solve(self) -> Array:
+        """(K,) the most probable values."""
+        inside = np.minimum(_INSIDE * self.sizes, 0.25 * (self.upper - self.lower))
+        x = np.clip(np.zeros(len(self.vector)), self.lower + inside, self.upper - inside)
+        for barrier in _BARRIERS:
+            for _ in range(_STEPS):
+                slope, curvature = self._derivatives(x, barrier)
+                scale = 1.0 / np.sqrt(np.diag(curvature))
+                scaled = scale[:, None] * curvature * scale
+                step = -scale * np.linalg.lstsq(scaled, scale * slope, 1e-14)[0]
+                share = self._share(x, step, slope, barrier)
+                x = x + share * step
+                if -share * float(slope @ step) < _SETTLED:
+                    break
+        return x
+
+    def _share(self, x: Array, step: Array, slope: Array, barrier: float) -> float:
+        """The part of a step that lowers the cost (Armijo's rule); zero where none does."""
+        here, descent = self._cost(x, barrier), 0.1 * float(slope @ step)
+        shares = (0.5**k for k in range(_STEPS))
+        return next(
+            (s for s in shares if self._cost(x + s * step, barrier) <= here + s * descent), 0.0
+        )
+
+    def _cost(self, x: Array, barrier: float) -> float:
+        inverses = [body.inverse(x) for body in self.bodies]
+        if np.any(x <= self.lower) or np.any(x >= self.upper) or any(j is None for j in inverses):
+            return np.inf
+        logs = np.sum(np.log(_finite(x - self.lower))) + np.sum(np.log(_finite(self.upper - x)))
+        logs -= sum(np.linalg.slogdet(j)[1] for j in inverses)
+        return float(0.5 * x @ self.information @ x - self.vector @ x - barrier * logs)
+
+    def _derivatives(self, x: Array, barrier: float) -> tuple[Array, Array]:
+        """(K,) and (K, K) of the cost."""
+        low, high = 1.0 / (x - self.lower), 1.0 / (self.upper - x)
+        slope = self.information @ x - self.vector - barrier * (low - high)
+        curvature = self.information + barrier * np.diag(low**2 + high**2)
+        for body in self.bodies:
+            inverse = body.inverse(x)
+            if inverse is None:
+                raise ValueError('a body of the file is none')
+            turned = inverse @ _BASIS  # (10, 4, 4) J^-1 dJ
+            slope[body.columns] -= barrier * np.trace(turned, axis1=1, axis2=2)
+            at = np.ix_(body.columns, body.columns)
+            curvature[at] += barrier * np.einsum('kab,lba->kl', turned, turned)
+        return slope, curvature
+
+
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]

@@ -1,0 +1,60 @@
+"""The interior point against closed forms, a bounded solver, and what a body is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import lsq_linear
+
+from spacerobot_ros.estimation.constrained import Body, Problem
+
+FREE = np.full(10, np.inf)
+
+
+def problem(rows: np.ndarray, data: np.ndarray, lower, upper, bodies=()) -> Problem:
+    count = rows.shape[1]
+    return Problem(
+        rows.T @ rows + 1e-6 * np.eye(count), rows.T @ data, np.ones(count), lower, upper, bodies
+    )
+
+
+def test_without_bounds_it_is_least_squares(rng: np.random.Generator) -> None:
+    rows, data = 30.0 * rng.normal(size=(40, 6)), rng.normal(size=40)
+    found = problem(rows, data, -FREE[:6], FREE[:6]).solve()
+    expected = np.linalg.lstsq(rows, data, rcond=None)[0]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_bounds_are_those_of_a_bounded_solver(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows, data = 1e3 * rng.normal(size=(40, 6)), 1e3 * rng.normal(size=40)
+    lower, upper = np.zeros(6), np.where(np.arange(6) % 2, 0.05, np.inf)
+    found = problem(rows, data, lower, upper).solve()
+    expected = lsq_linear(rows, data, (lower, upper), method='bvls').x
+    # the last barrier of 0.01 nats against information of 4e7
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-3)
+
+
+def test_a_body_that_the_data_would_not_leave_one_stays_one(rng: np.random.Generator) -> None:
+    file = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.diag([0.02, 0.03, 0.03]))
+    wanted = np.array([-3.0, *rng.normal(size=9)])  # of negative mass
+    body = Body(np.arange(10), file.toDynamicParameters())
+    rows = 100.0 * np.eye(10)
+    found = problem(rows, rows @ wanted, -FREE, FREE, (body,)).solve()
+    new = pin.Inertia.FromDynamicParameters(body.file + found)
+    assert new.mass > 0.0
+    principal = np.linalg.eigvalsh(new.inertia)
+    assert principal[0] > 0.0
+    assert principal[2] <= principal[0] + principal[1]
+
+
+def test_a_body_that_the_data_leave_one_is_as_they_say(rng: np.random.Generator) -> None:
+    file = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.diag([0.02, 0.03, 0.03]))
+    other = pin.Inertia(2.6, np.array([0.1, 0.05, 0.0]), np.diag([0.03, 0.03, 0.04]))
+    change = other.toDynamicParameters() - file.toDynamicParameters()
+    rows = 1e4 * rng.normal(size=(40, 10))
+    body = Body(np.arange(10), file.toDynamicParameters())
+    found = problem(rows, rows @ change, -FREE, FREE, (body,)).solve()
+    np.testing.assert_allclose(found, change, rtol=0.0, atol=1e-5)  # barrier 0.01, info 4e9
