@@ -104,8 +104,9 @@ class Problem:
         )
 
     def _cost(self, x: Array, barrier: float) -> float:
-        inverses = [body.inverse(x) for body in self.bodies]
-        if np.any(x <= self.lower) or np.any(x >= self.upper) or any(j is None for j in inverses):
+        inverses = [j for body in self.bodies if (j := body.inverse(x)) is not None]
+        is_inside = np.all(x > self.lower) and np.all(x < self.upper)
+        if not is_inside or len(inverses) < len(self.bodies):
             return np.inf
         logs = np.sum(np.log(_finite(x - self.lower))) + np.sum(np.log(_finite(self.upper - x)))
         logs -= sum(np.linalg.slogdet(j)[1] for j in inverses)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...estimation.rows import ChannelFit
 from ...estimation.time_base import CHANNELS
-from ...estimation.whiteness import ChannelFit, channel_fit
+from ...estimation.whiteness import channel_fit
 from ...types import Array
 from .block_filter import Block
 from .probes import Probe
