@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from ...effects.effect import Effect
@@ -11,7 +12,7 @@ from ...effects.parameter import Parameter
 from ...json_values import json_value
 from .appearance import Appearance
 from .closed_loop_gain import ClosedLoopGain
-from .result import Cause, Diagnosis, Estimated, Gain, Ranked, Residual, Rival
+from .result import Cause, Diagnosis, Gain, Residual
 
 SCHEMA = 1
 EXTENDED_MODEL = 'extended_model.yaml'
@@ -47,7 +48,7 @@ def to_dict(
         'closed_loop': None if closed_loop is None else _closed_loop(closed_loop),
         'extended_model': EXTENDED_MODEL,
         'minor': [_cause(cause) for cause in diagnosis.minor],
-        'ranking': [_ranked(ranked) for ranked in diagnosis.ranking],
+        'ranking': [asdict(ranked) for ranked in diagnosis.ranking],
         'fit_p': diagnosis.fit_p,
         'null_p': diagnosis.null_p,
         'next_motion': list(diagnosis.next_motion),
@@ -61,34 +62,18 @@ def _ids(diagnosis: Diagnosis) -> list[str]:
 
 
 def _cause(cause: Cause) -> dict[str, Any]:
-    evidence = cause.evidence
     return {
         'effect': cause.applied.id,
         'where': cause.applied.where,
         'title': cause.applied.title,
         'parameters': {
-            name: _estimated(estimated, cause.thresholds[name])
+            name: {**asdict(estimated), 'threshold': relevance(cause.thresholds[name])}
             for name, estimated in cause.parameters.items()
         },
-        'evidence': {
-            'log_likelihood_gain': evidence.log_likelihood_gain,
-            'bic_gain': evidence.bic_gain,
-            'p_value': evidence.p_value,
-            'held_out_gain': evidence.held_out_gain,
-            'placebo_gain': evidence.placebo_gain,
-        },
-        'indistinguishable_from': [_rival(rival) for rival in cause.rivals],
+        'evidence': asdict(cause.evidence),
+        'indistinguishable_from': [asdict(rival) for rival in cause.rivals],
         'relevant': cause.relevant,
         'constant_p': cause.constant_p,
-    }
-
-
-def _estimated(estimated: Estimated, parameter: Parameter) -> dict[str, Any]:
-    return {
-        'value': estimated.value,
-        'std': estimated.std,
-        'unit': estimated.unit,
-        'threshold': relevance(parameter),
     }
 
 
@@ -106,30 +91,11 @@ def relevance(parameter: Parameter) -> float | None:
     return None
 
 
-def _rival(rival: Rival) -> dict[str, Any]:
-    return {
-        'effect': rival.effect,
-        'where': rival.where,
-        'bic_gap': rival.bic_gap,
-        'motion': rival.motion,
-    }
-
-
 def _residual(residual: Residual, seen: Appearance | None) -> dict[str, Any]:
-    return {
-        'channel': residual.channel,
-        'unit': residual.unit,
-        'rms_before': residual.rms_before,
-        'rms_after': residual.rms_after,
-        'noise_floor': residual.noise_floor,
-        'whiteness_p': residual.whiteness_p,
-        'whiteness_p_before': residual.whiteness_p_before,
-        'appears': None if seen is None else _appearance(seen),
-    }
-
-
-def _appearance(seen: Appearance) -> dict[str, Any]:
-    return {'time': seen.time, 'with': seen.motion, 'correlation': seen.correlation}
+    appears = None
+    if seen is not None:
+        appears = {'time': seen.time, 'with': seen.motion, 'correlation': seen.correlation}
+    return {**asdict(residual), 'appears': appears}
 
 
 def _gain(gain: Gain) -> dict[str, Any]:
@@ -153,16 +119,4 @@ def _closed_loop(gain: ClosedLoopGain) -> dict[str, Any]:
             joint: {'rms_before': before, 'rms_after': after}
             for joint, (before, after) in gain.joints.items()
         },
-    }
-
-
-def _ranked(ranked: Ranked) -> dict[str, Any]:
-    values: Mapping[str, float] = ranked.values
-    return {
-        'effect': ranked.effect,
-        'where': ranked.where,
-        'values': dict(values),
-        'evidence': ranked.evidence,
-        'log_likelihood_gain': ranked.log_likelihood_gain,
-        'p_value': ranked.p_value,
     }

@@ -15,9 +15,13 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from ...effects.catalogue import CATALOGUE
 from ...effects.motion import Motion
+from ...estimation.response import Response
 from ...model.robot import Robot
 from ...types import Array
+
+_KIND = CATALOGUE['target_wheel_momentum']
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,15 +38,13 @@ class Momentum:
 
 def momentum_forces(motion: Motion, robot: Robot) -> Array:
     """(N, 6 + n, p) generalised force of a unit momentum more of every captured wheel axis."""
-    columns = [np.zeros((len(motion), 6 + robot.n_joints, 0))]
-    for wheels in robot.target_wheels:
-        body = robot.bodies[wheels.body].name
-        turning = motion.twist(body)[:, 3:]
-        columns += [
-            motion.wrench(body, None, -np.cross(turning, axis))[..., None]
-            for axis in wheels.rotation.T
-        ]
-    return np.concatenate(columns, axis=2)
+    response = Response(robot, motion)
+    columns = [
+        response.force(_KIND(name='', where=wheels.link, values={**_KIND.nominal(), axis: 1.0}))
+        for wheels in robot.target_wheels
+        for axis in 'xyz'
+    ]
+    return np.stack(columns, axis=2) if columns else np.zeros((len(motion), 6 + robot.n_joints, 0))
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
