@@ -82,6 +82,7 @@ class Stiffness(JointTorque):
 
     id = 'joint_stiffness'
     title = 'a spring across a joint, such as a cable harness'
+    refines = ('torque_sensor_bias',)
     parameters = (
         amount('stiffness', 'N m/rad', 5.0, 0.05),
         searched(

@@ -17,7 +17,7 @@ from ..types import Array
 from .reference import Kinematics
 from .response import Response
 from .rows import Rows
-from .scaling import PROPORTIONAL, origin_of, value_of
+from .scaling import PROPORTIONAL, bounds_of, origin_of, value_of
 from .spectral_search import propose, searched
 from .torque_process import TorqueDriven
 
@@ -187,7 +187,7 @@ def _candidate(
             directions.append(direction)
             steps.append(step)
             sizes.append(size)
-            low, high = _bounds(parameter) if phase is None else (-math.inf, math.inf)
+            low, high = bounds_of(parameter) if phase is None else (-math.inf, math.inf)
             lower.append(low)
             upper.append(high)
     return Candidate(
@@ -200,16 +200,6 @@ def _candidate(
         np.array(lower),
         np.array(upper),
         trials,
-    )
-
-
-def _bounds(parameter: Parameter) -> tuple[float, float]:
-    """Least and largest coefficient."""
-    if parameter.role in ('reciprocal', 'square'):
-        return 0.0, math.inf
-    return (
-        max(parameter.minimum, parameter.above) - parameter.nominal,
-        parameter.maximum - parameter.nominal,
     )
 
 

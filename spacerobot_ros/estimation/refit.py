@@ -9,16 +9,19 @@ from functools import cached_property
 
 import numpy as np
 
+from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..types import Array, IntArray
 from .columns import STEPS, Signatures, is_possible
+from .constrained import Body, Problem
 from .evidence import price
 from .rows import blocks
 from .run import Run
 from .scaling import (
     PROPORTIONAL,
+    bounds_of,
     coordinate_of,
     has_prior,
     origin_of,
@@ -173,7 +176,34 @@ class Fit:
         change = np.asarray(np.linalg.lstsq(information, slope, rcond=1e-12)[0])
         if float(change @ information @ change) < _SETTLED**2:
             return None
-        return self.moved(change)
+        moved, is_inside = self.moved(change), self._is_inside(change)
+        if is_inside and is_possible([*self.run.believed, *moved], self.run.robot):
+            return moved
+        return self.moved(self._constrained(information, slope))
+
+    def _is_inside(self, change: Array) -> bool:
+        return all(low < x < high for x, (low, high) in zip(change, self._room, strict=True))
+
+    @property
+    def _room(self) -> list[tuple[float, float]]:
+        """How far every coordinate may go down and up."""
+        offsets = zip((p for _, p in self.free), self._offsets.tolist(), strict=True)
+        return [(low - x, high - x) for p, x in offsets for low, high in [bounds_of(p)]]
+
+    def _constrained(self, information: Array, slope: Array) -> Array:
+        """(P,) the most probable change that leaves values within bounds, and bodies bodies."""
+        robot = changed_robot(self.run.robot, [*self.run.believed, *self.causes])
+        names = [body.name for body in robot.bodies]
+        bodies = (
+            Body(self.own(i), robot.inertial_parameters[names.index(str(c.where))])
+            for i, c in enumerate(self.causes)
+            if c.id == 'inertial_parameters'
+        )
+        lower, upper = np.array(self._room).T
+        still = np.zeros(len(slope))
+        known = tuple(body for body in bodies if body.inverse(still) is not None)
+        sizes = np.array([spread_of(p) for _, p in self.free])
+        return Problem(information, slope, sizes, lower, upper, known).solve()
 
     def moved(self, change: Array) -> list[Effect]:
         """The causes with every coordinate changed, within its bounds."""

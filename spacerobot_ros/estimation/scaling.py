@@ -35,6 +35,14 @@ def origin_of(parameter: Parameter) -> float:
     return 0.0 if parameter.role in ('reciprocal', 'square') else parameter.nominal
 
 
+def bounds_of(parameter: Parameter) -> tuple[float, float]:
+    """Least and largest coordinate, from no effect."""
+    if parameter.role in ('reciprocal', 'square'):
+        return 0.0, math.inf
+    low, high = max(parameter.minimum, parameter.above), parameter.maximum
+    return low - parameter.nominal, high - parameter.nominal
+
+
 def size_of(parameter: Parameter) -> float:
     """Plausible size of the coordinate; one where the catalogue knows none."""
     return parameter.size if math.isfinite(parameter.size) else 1.0

@@ -67,7 +67,8 @@ def _values(parameter: Parameter, argument: Array) -> Array:
     step = 2.0 * np.pi / max(span, 1e-6) / _OVERSAMPLING
     rate = float(np.median(np.abs(np.diff(argument))))
     high = min(max(parameter.guesses), np.pi / rate if rate > 0.0 else np.inf)
-    low = min(parameter.guesses)
+    # less than two rounds along the record are not told from a bias and a spring
+    low = max(min(parameter.guesses), min(2.0 * _OVERSAMPLING * step, 0.5 * high))
     count = int(np.clip((high - low) / step, 2, _MOST)) + 1
     return np.linspace(low, high, count)
 
