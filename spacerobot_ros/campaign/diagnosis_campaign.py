@@ -21,7 +21,7 @@ from ..errors import SpaceRobotError
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed
 from ..estimation.refit import Fit
-from ..estimation.run import Run
+from ..estimation.runs import Run
 from .description import Record
 from .diagnosis_campaign_tables import drawings as drawings
 from .diagnosis_campaign_tables import tables as tables

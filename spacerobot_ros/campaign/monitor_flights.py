@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..diagnosis.flight.monitor import Monitor
-from ..diagnosis.flight.state import MonitorState
+from ..diagnosis.flight.monitor_state import MonitorState
 from ..effects.catalogue import bind_effects, changed_robot
 from ..effects.effect import Effect
 from ..effects.motion import Motion

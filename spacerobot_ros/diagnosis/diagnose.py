@@ -11,7 +11,7 @@ from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed
 from ..estimation.prediction import TIMINGS
 from ..estimation.refit import refine
-from ..estimation.run import BalanceRun, Run
+from ..estimation.runs import BalanceRun, Run
 from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record

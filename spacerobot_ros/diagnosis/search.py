@@ -20,11 +20,11 @@ import numpy as np
 
 from ..effects.effect import Effect
 from ..estimation.columns import Candidate, candidates, is_possible
-from ..estimation.constrained import Body, Problem
+from ..estimation.constrained import ConstrainedProblem, PhysicalBody
 from ..estimation.evidence import Fold, Gram, Score, cross_validated, folds, score
 from ..estimation.refit import Fit, refine
 from ..estimation.rows import blocks
-from ..estimation.run import Run
+from ..estimation.runs import Run
 from ..estimation.whiteness import spectral_lines
 from ..model.robot import Robot
 from ..types import Array, IntArray
@@ -156,12 +156,14 @@ class Pool:
         parts = [slice(a, b) for a, b in pairwise([0, *ends])]
         names = [body.name for body in robot.bodies]
         bodies = tuple(
-            Body(np.arange(len(own))[part], robot.inertial_parameters[names.index(str(c.where))])
+            PhysicalBody(
+                np.arange(len(own))[part], robot.inertial_parameters[names.index(str(c.where))]
+            )
             for c, part in zip(chosen, parts, strict=True)
             if c.kind.id == 'inertial_parameters'
         )
         information = gram.matrix + np.diag(sizes**-2.0)
-        values = Problem(information, gram.vector, sizes, lower, upper, bodies).solve()
+        values = ConstrainedProblem(information, gram.vector, sizes, lower, upper, bodies).solve()
         return [c.applied(c.values(values[at])) for c, at in zip(chosen, parts, strict=True)]
 
     def _marginal(

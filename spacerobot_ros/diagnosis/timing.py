@@ -20,7 +20,7 @@ from ..estimation.evidence import Gram, score
 from ..estimation.prediction import TIMINGS
 from ..estimation.reference import NoiseLevels
 from ..estimation.refit import Fit, refine
-from ..estimation.run import Run
+from ..estimation.runs import Run
 from ..model.robot import Robot
 from ..recording.record import Record
 

@@ -23,7 +23,7 @@ _INSIDE = 0.1  # of a plausible size, from a bound at the start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Body:
+class PhysicalBody:
     """A body whose ten inertial parameters are among the unknowns.
 
     Args:
@@ -61,7 +61,7 @@ _BASIS = _basis()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class ConstrainedProblem:
     """K unknowns.
 
     Args:
@@ -77,7 +77,7 @@ class Problem:
     sizes: Array
     lower: Array
     upper: Array
-    bodies: tuple[Body, ...] = ()
+    bodies: tuple[PhysicalBody, ...] = ()
 
     def solve(self) -> Array:
         """(K,) the most probable values."""

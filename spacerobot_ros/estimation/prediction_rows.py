@@ -30,7 +30,7 @@ LABELS = {
 }
 
 
-class Prediction(Innovations):
+class PredictionRows(Innovations):
     """Innovations as `rows.Rows`."""
 
     @property

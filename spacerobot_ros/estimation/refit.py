@@ -15,10 +15,10 @@ from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..types import Array, IntArray
 from .columns import STEPS, Signatures, is_possible
-from .constrained import Body, Problem
+from .constrained import ConstrainedProblem, PhysicalBody
 from .evidence import price
 from .rows import blocks
-from .run import Run
+from .runs import Run
 from .scaling import (
     PROPORTIONAL,
     bounds_of,
@@ -195,7 +195,7 @@ class Fit:
         robot = changed_robot(self.run.robot, [*self.run.believed, *self.causes])
         names = [body.name for body in robot.bodies]
         bodies = (
-            Body(self.own(i), robot.inertial_parameters[names.index(str(c.where))])
+            PhysicalBody(self.own(i), robot.inertial_parameters[names.index(str(c.where))])
             for i, c in enumerate(self.causes)
             if c.id == 'inertial_parameters'
         )
@@ -203,7 +203,7 @@ class Fit:
         still = np.zeros(len(slope))
         known = tuple(body for body in bodies if body.inverse(still) is not None)
         sizes = np.array([spread_of(p) for _, p in self.free])
-        return Problem(information, slope, sizes, lower, upper, known).solve()
+        return ConstrainedProblem(information, slope, sizes, lower, upper, known).solve()
 
     def moved(self, change: Array) -> list[Effect]:
         """The causes with every coordinate changed, within its bounds."""

@@ -11,7 +11,7 @@ from ..effects.motion import Motion
 from ..recording.record import Record
 from ..types import Array
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
-from .time_base import CHANNELS, Rows
+from .time_base import CHANNELS, RowIndex
 
 _CLOCKS = {'gyro': 'imu', 'attitude': 'attitude'}  # all other channels come with the joints
 
@@ -27,7 +27,7 @@ class SampledMotion:
     """
 
     def __init__(
-        self, record: Record, noise: NoiseLevels, reference: ReferenceTrajectory, rows: Rows
+        self, record: Record, noise: NoiseLevels, reference: ReferenceTrajectory, rows: RowIndex
     ) -> None:
         self.record, self.noise = record, noise
         self.reference, self.rows = reference, rows

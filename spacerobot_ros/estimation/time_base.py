@@ -18,7 +18,7 @@ LONGEST_GAP = 60.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class RowIndex:
     """Measured scalars in the order of their times.
 
     Args:
@@ -60,7 +60,7 @@ class TimeBase:
     """
 
     times: Array
-    rows: Rows
+    rows: RowIndex
     interval: IntArray
     fresh: IntArray
     fraction: Array
@@ -119,8 +119,8 @@ def filter_times(stamps: Sequence[Array], span: tuple[float, float], same: float
 
 def measured_rows(
     times: Array, stamps: Mapping[str, Array], states: Mapping[str, IntArray]
-) -> Rows:
-    """Rows of the samples within some times, each at the time that is nearest.
+) -> RowIndex:
+    """RowIndex of the samples within some times, each at the time that is nearest.
 
     Args:
         times: (N,) [s].
@@ -145,7 +145,9 @@ def measured_rows(
         )
     table = np.concatenate(parts)
     table = table[np.argsort(table[:, 0], kind='stable')]
-    return Rows(np.searchsorted(table[:, 0], np.arange(len(times) + 1)), *table[:, 1:].T.copy())
+    return RowIndex(
+        np.searchsorted(table[:, 0], np.arange(len(times) + 1)), *table[:, 1:].T.copy()
+    )
 
 
 def refuse_long_gaps(times: Array) -> None:

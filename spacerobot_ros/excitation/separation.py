@@ -29,7 +29,7 @@ from ..errors import ConfigurationError
 from ..estimation.columns import Signatures, candidate_at
 from ..estimation.reference import NoiseLevels
 from ..estimation.refit import Fit
-from ..estimation.run import Run
+from ..estimation.runs import Run
 from ..model.robot import Robot
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
 from ..types import Array

@@ -15,7 +15,7 @@ from typing import Any
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..diagnosis.flight.monitor import Monitor
-from ..diagnosis.flight.state import MonitorState
+from ..diagnosis.flight.monitor_state import MonitorState
 from ..effects.catalogue import bind_effects
 from ..model.robot import Robot
 from ..recording.buffer import SENSORS

@@ -24,7 +24,7 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit
-from spacerobot_ros.estimation.run import Run
+from spacerobot_ros.estimation.runs import Run
 
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
 VALUES = {

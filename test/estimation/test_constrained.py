@@ -7,14 +7,14 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import lsq_linear
 
-from spacerobot_ros.estimation.constrained import Body, Problem
+from spacerobot_ros.estimation.constrained import ConstrainedProblem, PhysicalBody
 
 FREE = np.full(10, np.inf)
 
 
-def problem(rows: np.ndarray, data: np.ndarray, lower, upper, bodies=()) -> Problem:
+def problem(rows: np.ndarray, data: np.ndarray, lower, upper, bodies=()) -> ConstrainedProblem:
     count = rows.shape[1]
-    return Problem(
+    return ConstrainedProblem(
         rows.T @ rows + 1e-6 * np.eye(count), rows.T @ data, np.ones(count), lower, upper, bodies
     )
 
@@ -40,7 +40,7 @@ def test_bounds_are_those_of_a_bounded_solver(seed: int) -> None:
 def test_a_body_that_the_data_would_not_leave_one_stays_one(rng: np.random.Generator) -> None:
     file = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.diag([0.02, 0.03, 0.03]))
     wanted = np.array([-3.0, *rng.normal(size=9)])  # of negative mass
-    body = Body(np.arange(10), file.toDynamicParameters())
+    body = PhysicalBody(np.arange(10), file.toDynamicParameters())
     rows = 100.0 * np.eye(10)
     found = problem(rows, rows @ wanted, -FREE, FREE, (body,)).solve()
     new = pin.Inertia.FromDynamicParameters(body.file + found)
@@ -55,6 +55,6 @@ def test_a_body_that_the_data_leave_one_is_as_they_say(rng: np.random.Generator)
     other = pin.Inertia(2.6, np.array([0.1, 0.05, 0.0]), np.diag([0.03, 0.03, 0.04]))
     change = other.toDynamicParameters() - file.toDynamicParameters()
     rows = 1e4 * rng.normal(size=(40, 10))
-    body = Body(np.arange(10), file.toDynamicParameters())
+    body = PhysicalBody(np.arange(10), file.toDynamicParameters())
     found = problem(rows, rows @ change, -FREE, FREE, (body,)).solve()
     np.testing.assert_allclose(found, change, rtol=0.0, atol=1e-5)  # barrier 0.01, info 4e9

@@ -10,7 +10,7 @@ from spacerobot_ros.estimation.columns import is_possible
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import refine
-from spacerobot_ros.estimation.run import Run
+from spacerobot_ros.estimation.runs import Run
 
 
 def applied(effect, where, **values):

@@ -14,7 +14,7 @@ from ...estimation.balance import BAND as BAND
 from ...estimation.balance import band_limited
 from ...estimation.noise_levels import noise_levels
 from ...estimation.observations import observed
-from ...estimation.run import BalanceRun, Run
+from ...estimation.runs import BalanceRun, Run
 from ...model.robot import Robot
 from ...recording.faults.check import check_data
 from ...recording.record import Record

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from ...estimation.prediction import Columns, Innovations, MeasuredMotion
 from ...estimation.reference import Kinematics, NoiseLevels
-from ...estimation.time_base import Rows, TimeBase
+from ...estimation.time_base import RowIndex, TimeBase
 from ...estimation.torque_process import TorqueDriven
 from ...recording.record import Record
 from ...types import Array, IntArray
@@ -297,7 +297,7 @@ def _cut(base: TimeBase, start: float | None, end: float) -> TimeBase:
     return replace(
         base,
         times=base.times[i0 : i1 + 1],
-        rows=Rows(
+        rows=RowIndex(
             begins, rows.state[part], rows.channel[part], rows.axis[part], rows.sample[part]
         ),
         interval=base.interval[steps],

@@ -22,10 +22,10 @@ from ...recording.record import Record
 from ...sensing.correction import corrected_record
 from ...types import Array
 from .block_filter import FlightFilter
+from .monitor_state import MonitorState, channel_states, jump_in_words
 from .probes import probes_of
 from .sequential_tests import SequentialTests
 from .start import Start, learn
-from .state import MonitorState, channel_states, jump_in_words
 from .wheel_momentum import Momentum
 from .window_whiteness import Whiteness
 

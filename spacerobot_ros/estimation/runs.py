@@ -16,7 +16,7 @@ from ..types import Array
 from .balance import Balance, band_limited
 from .columns import Signatures, candidates
 from .prediction import MeasuredMotion
-from .prediction_rows import Prediction
+from .prediction_rows import PredictionRows
 from .reference import NoiseLevels, ReferenceTrajectory
 from .rows import Rows
 from .torque_process import TorqueDriven
@@ -73,7 +73,7 @@ class Run:
     def rows(self, causes: Sequence[Effect]) -> Rows:
         """Rows of the robot with its own effects and some causes."""
         self._models[0] += 1
-        return Prediction(*self._modelled(causes), self.timing)
+        return PredictionRows(*self._modelled(causes), self.timing)
 
     def _modelled(self, causes: Sequence[Effect]) -> tuple[MeasuredMotion, TorqueDriven]:
         """The record, the robot's own sensor effects and those of some causes undone; a model."""
