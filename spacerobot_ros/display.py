@@ -137,13 +137,6 @@ class KeyFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
-    """A paragraph of plain text."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class Plot:
     """A plot.
 
@@ -157,7 +150,8 @@ class Plot:
     caption: str = ''
 
 
-Item = KeyFigures | Text | Table | Plot
+Item = str | KeyFigures | Table | Plot
+"""A text is a paragraph."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..display import Item, Section, Text, table
+from ..display import Item, Section, table
 from ..errors import ConfigurationError
 from .options import (
     Subparsers,
@@ -177,7 +177,7 @@ def _separated(first: Place, second: Place, found: Separated) -> Section:
     from ..report.formats import number
 
     best = found.best
-    head = Text(
+    head = (
         f'best of {found.tried} motions: {best.origin}, {best.motions.family.duration:g} s; '
         "told apart: noise standard deviations of the part of an effect's plausible size that "
         'the other can not imitate'
@@ -197,9 +197,7 @@ def _separated(first: Place, second: Place, found: Separated) -> Section:
     items: list[Item] = [head, table(rows, columns)]
     if min(best.first.sine, best.second.sine) < _NESTED:
         items.append(
-            Text(
-                'note: one of them is all but a special case of the other; no motion tells it '
-                'from the more general one'
-            )
+            'note: one of them is all but a special case of the other; no motion tells it '
+            'from the more general one'
         )
     return Section('', items)

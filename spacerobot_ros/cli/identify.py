@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from ..display import Section, Table, Text, table
+from ..display import Section, Table, table
 from ..errors import IdentificationError
 from .options import Subparsers, add_command, check_file
 from .terminal import print_json, print_sections
@@ -119,32 +119,21 @@ def _sections(
         'kg m^2',
         zip(estimate.parameter_names, estimate.parameters, std[n:], groups, strict=True),
     )
-    yield Section(
-        '',
-        [
-            Text(
-                f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
-                f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
-                f'chi-square per degree of freedom {estimate.chi2_per_dof:.3g}'
-            ),
-            *(Text(f'note: {note}') for note in estimate.notes),
-            *([] if estimate.valid else [Text(f'not valid: {estimate.reason}')]),
-        ],
+    head = (
+        f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
+        f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
+        f'chi-square per degree of freedom {estimate.chi2_per_dof:.3g}'
     )
+    reason = [] if estimate.valid else [f'not valid: {estimate.reason}']
+    yield Section('', [head, *(f'note: {note}' for note in estimate.notes), *reason])
     if advice:
         columns = {
             'extra motion': lambda one: one.motion or 'none of those tried',
             'tells': lambda one: '\n'.join(one.tells),
         }
-        shown = table(
-            advice,
-            columns,
-            '(A with -1.00 B: where A and B change so together, the data stay the same)',
-        )
-        yield Section(
-            'what the data cannot tell, and the cheapest motions that would, in this order',
-            [shown],
-        )
+        caption = '(A with -1.00 B: where A and B change so together, the data stay the same)'
+        title = 'what the data cannot tell, and the cheapest motions that would, in this order'
+        yield Section(title, [table(advice, columns, caption)])
 
 
 def _estimates(title: str, unit: str, rows: Iterable[tuple[Any, ...]]) -> Section:

@@ -24,7 +24,6 @@ from ..display import (
     Section,
     Status,
     Table,
-    Text,
 )
 from ..errors import ConfigurationError
 from .options import Subparsers, add_command, positive_float, whole_number
@@ -121,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(data)
     else:
-        print_sections([*sections, Section('', [*_missed(checks), Text(f'report: {page}')])])
+        print_sections([*sections, Section('', [*_missed(checks), f'report: {page}'])])
     return 0 if all(check.is_met for check in checks) else 1
 
 
@@ -194,13 +193,13 @@ def _checks(checks: Sequence[Check]) -> Table:
     )
 
 
-def _missed(checks: Sequence[Check]) -> list[Text]:
+def _missed(checks: Sequence[Check]) -> list[str]:
     """How many figures are reached, and which are not."""
     missed = [check for check in checks if not check.is_met]
     return [
-        Text(f'{len(checks) - len(missed)} of {len(checks)} figures are reached'),
+        f'{len(checks) - len(missed)} of {len(checks)} figures are reached',
         *(
-            Text(f'missed: {c.what}: {c.value:.4g} (wanted: {c.low:g} to {c.high:g} {c.unit})')
+            f'missed: {c.what}: {c.value:.4g} (wanted: {c.low:g} to {c.high:g} {c.unit})'
             for c in missed
         ),
     ]

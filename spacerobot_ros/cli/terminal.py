@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..display import KeyFigures, Plot, Section, Table, Text
+from ..display import KeyFigures, Plot, Section, Table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,8 +43,8 @@ def print_sections(sections: Iterable[Section]) -> None:
         if section.title and section.items:
             console.print(section.title, markup=False, style='bold')
         for item in section.items:
-            if isinstance(item, Text):
-                text = f'  {item.text}' if section.title else item.text
+            if isinstance(item, str):
+                text = f'  {item}' if section.title else item
                 console.print(text, markup=False, soft_wrap=True)
             elif isinstance(item, Table):
                 _print_table(console, item)

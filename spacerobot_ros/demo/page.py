@@ -18,7 +18,6 @@ from ..display import (
     Section,
     Status,
     Table,
-    Text,
 )
 from ..report.plots import plot
 from ..types import Array
@@ -68,7 +67,7 @@ def demo_summary(results: Results, out: Path) -> list[Section]:
     head = ('link, axis', 'estimate', '3 std', 'truth', 'error [%]')
     return [
         Section('Momentum of the captured wheels [N m s]', [Table(head, rows)]),
-        Section('', [Text(line) for line in lines]),
+        Section('', lines),
     ]
 
 
@@ -96,7 +95,7 @@ def _figures(results: Results) -> list[Item]:
         KeyFigures(
             [KeyFigure(*row, marks[is_so]) for row, is_so in zip(rows, reached, strict=True)]
         ),
-        Text(
+        (
             'A servicer has captured a satellite whose wheels still spin. First the arm moves '
             'under a controller that knows nothing of them, while the identifier listens to the '
             'noisy sensors; then the same motion is tracked twice from the same start, without '

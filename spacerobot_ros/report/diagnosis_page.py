@@ -13,7 +13,7 @@ from scipy.signal import welch
 from .. import __version__
 from ..diagnosis.answer.result import Diagnosis, Series
 from ..diagnosis.answer.score_on import BAND
-from ..display import Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, Text
+from ..display import Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table
 from ..types import Array
 from . import diagnosis_tables as tables
 from .diagnosis_tables import Findings, is_balance
@@ -86,7 +86,7 @@ def diagnosis_page(answer: Findings) -> Report:
 
 def _verdict(answer: Findings) -> Iterator[Item]:
     diagnosis, gain, closed = answer.diagnosis, answer.diagnosis.gain, answer.closed_loop
-    yield Text(diagnosis.sentence)
+    yield diagnosis.sentence
     figures = [
         KeyFigure('held-out error, model as it stands', number(gain.before, 3), 'noise std'),
         KeyFigure(
@@ -122,9 +122,9 @@ def _causes(answer: Findings) -> Iterator[Item]:
             'constant p: probability that its values are the same all along the record.',
         )
     for line in tables.rival_lines(causes):
-        yield Text(line)
+        yield line
     for line in tables.minor_lines(minor):
-        yield Text(f'Significant, but too small to matter: {line}.')
+        yield f'Significant, but too small to matter: {line}.'
 
 
 def _tied(shown: Table) -> Table:
@@ -138,9 +138,9 @@ def _tied(shown: Table) -> Table:
 def _signals(answer: Findings) -> Iterator[Item]:
     worst = _worst([s for s in answer.diagnosis.series if len(s.measured)], _SIGNALS)
     if not worst:
-        yield Text('No sensor was predicted: torques were balanced along the measured motion.')
+        yield 'No sensor was predicted: torques were balanced along the measured motion.'
         return
-    yield Text(
+    yield (
         'The channels whose errors stand out most. Simulated means predicted one step ahead; '
         'the errors below each show on their own scale what the curves hide. Before: the model as '
         'it stands; after: the extended one.'
@@ -173,7 +173,7 @@ def _errors(answer: Findings) -> Iterator[Item]:
 
 
 def _ranking(answer: Findings) -> Iterator[Item]:
-    yield Text(
+    yield (
         'Every effect at every place alone against the model as it stands. The second best is '
         'often the shadow of the best: what counts is what the data still want once a cause is in.'
     )
@@ -186,9 +186,9 @@ def _ranking(answer: Findings) -> Iterator[Item]:
 def _closed_loop(answer: Findings) -> Iterator[Item]:
     closed = answer.closed_loop
     if closed is None:
-        yield Text(f'Not simulated: {answer.why_open}.')
+        yield f'Not simulated: {answer.why_open}.'
         return
-    yield Text(
+    yield (
         f'The plant is simulated with the named causes; it follows {closed.task} for '
         f'{closed.duration:g} s under a controller that knows the old model, then the extended '
         'one. Same start, same noise.'
@@ -199,26 +199,24 @@ def _closed_loop(answer: Findings) -> Iterator[Item]:
 def _remains(answer: Findings) -> Iterator[Item]:
     lines = tables.remaining(answer.diagnosis)
     if not lines and is_balance(answer.diagnosis):
-        yield Text('Not tested: what no effect explains was taken for noise.')
+        yield 'Not tested: what no effect explains was taken for noise.'
     elif not lines:
-        yield Text('Nothing: every channel is down to its noise floor and white.')
-    for line in lines:
-        yield Text(line)
+        yield 'Nothing: every channel is down to its noise floor and white.'
+    yield from lines
     if answer.score:
-        yield Text(f'{tables.score_line(answer.score).capitalize()}.')
+        yield f'Also: {tables.score_line(answer.score)}.'
 
 
 def _next(answer: Findings) -> Iterator[Item]:
-    for line in answer.diagnosis.next_motion or ('Nothing asks for another flight.',):
-        yield Text(line)
+    yield from answer.diagnosis.next_motion or ('Nothing asks for another flight.',)
 
 
 def _how(answer: Findings) -> Iterator[Item]:
-    yield Text(f'{answer.command}   (spacerobot {__version__})')
+    yield f'{answer.command}   (spacerobot {__version__})'
     way = _BALANCE if is_balance(answer.diagnosis) else _PREDICTION + _HELD_OUT
-    yield Text(f'{way}See docs/diagnosis.md.')
+    yield f'{way}See docs/diagnosis.md.'
     for note in answer.diagnosis.notes:
-        yield Text(f'Note: {note}.')
+        yield f'Note: {note}.'
 
 
 def _data_in_words(answer: Findings) -> str:

@@ -13,7 +13,7 @@ from ..diagnosis.answer.output import relevance, to_dict
 from ..diagnosis.answer.result import Cause, Diagnosis, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.answer.score_on import to_dict as score_to_dict
-from ..display import Section, Table, Text, table
+from ..display import Section, Table, table
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..recording.record import Record
@@ -63,29 +63,24 @@ def summary(answer: Findings) -> Iterator[Section]:
     """What is printed for people."""
     diagnosis, closed = answer.diagnosis, answer.closed_loop
     causes = diagnosis.causes
-    yield _texts('', f'verdict: {diagnosis.verdict}', diagnosis.sentence)
+    yield Section('', [f'verdict: {diagnosis.verdict}', diagnosis.sentence])
     if causes:
         yield Section('causes', [parameter_table(causes)])
         yield Section('evidence', [evidence_table(causes)])
-    yield _texts('rivals:', *rival_lines(causes))
-    yield _texts('found, but too small to matter:', *minor_lines(diagnosis.minor))
+    yield Section('rivals:', rival_lines(causes))
+    yield Section('found, but too small to matter:', minor_lines(diagnosis.minor))
     if diagnosis.verdict != 'consistent':
         title = 'best single effects, each against the model as it stands'
         yield Section(title, [ranking_table(diagnosis)])
     title = 'residuals before and after (white p: probability of as much structure in white noise)'
     yield Section(title, [residual_table(diagnosis)])
-    yield _texts('', gain_line(diagnosis))
-    if answer.score:
-        yield _texts('', score_line(answer.score))
-    if closed is not None:
-        yield _texts('', closed_loop_line(closed))
-    yield _texts('what remains:', *remaining(diagnosis))
-    yield _texts('what to fly next:', *diagnosis.next_motion)
-    yield _texts('', *(f'note: {note}' for note in diagnosis.notes))
-
-
-def _texts(title: str, *lines: str) -> Section:
-    return Section(title, [Text(line) for line in lines])
+    worth = [gain_line(diagnosis)]
+    worth += [score_line(answer.score)] if answer.score else []
+    worth += [] if closed is None else [closed_loop_line(closed)]
+    yield Section('', worth)
+    yield Section('what remains:', remaining(diagnosis))
+    yield Section('what to fly next:', diagnosis.next_motion)
+    yield Section('', [f'note: {note}' for note in diagnosis.notes])
 
 
 def is_balance(diagnosis: Diagnosis) -> bool:

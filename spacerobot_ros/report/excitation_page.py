@@ -17,7 +17,6 @@ from ..display import (
     Report,
     Section,
     Table,
-    Text,
     table,
 )
 from ..excitation.assessment import Summary
@@ -77,12 +76,12 @@ def excitation_sections(summary: Summary) -> list[Section]:
     )
     last = [f'advice: {summary.advice}', *(f'note: {note}' for note in summary.notes)]
     return [
-        Section('', [Text(first), Text(f'cost of each start: {tried}')]),
+        Section('', [first, f'cost of each start: {tried}']),
         Section('limits, the largest use of each', [_limits(summary)]),
         Section('predicted by the Cramer-Rao bound', [_figures(summary)]),
         Section('standard deviations', [_stds(summary)]),
         Section("servicer's own wheels, the same joint motion", [_wheels(summary)]),
-        Section('', [Text(line) for line in last]),
+        Section('', last),
     ]
 
 

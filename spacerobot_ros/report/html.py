@@ -9,7 +9,7 @@ from __future__ import annotations
 from html import escape
 from pathlib import Path
 
-from ..display import Item, KeyFigure, KeyFigures, Plot, Report, Section, Table, Text
+from ..display import Item, KeyFigure, KeyFigures, Plot, Report, Section, Table
 from ..model.files import write_text
 from .formats import is_number
 
@@ -44,8 +44,8 @@ def _section(section: Section) -> str:
 def _item(item: Item) -> str:
     if isinstance(item, KeyFigures):
         return f'<div class="key">{"".join(_key_figure(figure) for figure in item.figures)}</div>'
-    if isinstance(item, Text):
-        return f'<p>{escape(item.text)}</p>'
+    if isinstance(item, str):
+        return f'<p>{escape(item)}</p>'
     if isinstance(item, Table):
         return _table(item)
     return _figure(item)

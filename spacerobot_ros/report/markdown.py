@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..display import Section, Table, Text
+from ..display import Section, Table
 
 
 def markdown(title: str, sections: Iterable[Section]) -> str:
@@ -18,8 +18,8 @@ def _section(section: Section) -> str:
         if isinstance(item, Table):
             parts += [f'{line}\n\n' for line in (item.title, item.caption) if line]
             parts.append(markdown_table(item))
-        elif isinstance(item, Text):
-            parts.append(f'{item.text}\n\n')
+        elif isinstance(item, str):
+            parts.append(f'{item}\n\n')
     return ''.join(parts)
 
 

@@ -16,7 +16,6 @@ from spacerobot_ros.display import (
     Report,
     Section,
     Table,
-    Text,
 )
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.report.html import render, write_report
@@ -58,7 +57,7 @@ def report(svg='<svg></svg>'):
     ]
     table = Table(['name', 'value [kg m^2]'], [['J<1>', '2.3 ± 0.1'], ['all', 'none']], 'Found')
     sections = [
-        Section('Key figures', [KeyFigures(figures), Text('a < b & "c"')]),
+        Section('Key figures', [KeyFigures(figures), 'a < b & "c"']),
         Section('Data', [table, Plot(svg, 'What to see')]),
     ]
     return Report('Loop & <tag>', 'seed 1', sections)
