@@ -63,7 +63,7 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
         '--minutes',
         type=positive_float,
         metavar='M',
-        help='where it goes on: begin nothing new after that time (default: none)',
+        help='diagnosis, monitor, coverage: begin nothing new after that time (default: none)',
     )
     add('--quick', action='store_true', help='a fifth of the work')
     add(
