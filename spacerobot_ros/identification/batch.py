@@ -17,10 +17,10 @@ from .estimate import Estimate
 from .least_squares import sampled_motion, solve_least_squares
 from .maximum_likelihood import MaximumLikelihood, prepare
 from .plausibility import swapped_joints
-from .summary import LARGEST_CHI2, Identification, Source, conclude
+from .summary import Identification, Source, conclude
+from .validity_limits import LARGEST_CHI2, SHORTEST
 
 METHODS = ('ml', 'recursive', 'ls')
-_SHORTEST = 2.0  # s
 
 
 def identify(
@@ -84,7 +84,7 @@ def refuse_incomplete(record: Record) -> None:
     if missing:
         raise IdentificationError(f'{record.source}: has no {", no ".join(missing)}')
     start, end = record.span
-    if end - start < _SHORTEST:
+    if end - start < SHORTEST:
         raise IdentificationError(
             f'{record.source}: {end - start:.2f} s is too short to identify from'
         )

@@ -13,10 +13,10 @@ from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
 from .summary import Solution
+from .validity_limits import CONVERGED
 from .weak_prior import Prior, weak_prior
 
 _PASSES = 5
-_CONVERGED = 0.01  # shift of the constants in standard deviations
 
 
 class MaximumLikelihood:
@@ -52,7 +52,7 @@ class MaximumLikelihood:
             information.add(np.diag(1.0 / prior.std), (prior.mean - self.constants) / prior.std)
             information.reset_residual()
             change = self._advance(stretch, prior)
-            self.is_converged = bool(np.max(np.abs(change) / self.std) < _CONVERGED)
+            self.is_converged = bool(np.max(np.abs(change) / self.std) < CONVERGED)
             if self.is_converged:
                 break
 

@@ -10,8 +10,7 @@ about the better constants; later stretches are linearized about constants that 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -32,11 +31,10 @@ from ..types import Array
 from .estimate import Estimate, estimated_values
 from .maximum_likelihood import MaximumLikelihood, prepare
 from .summary import Identification, Source, conclude
+from .validity_limits import FIRST, MOVED
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
-_MOVED = 3.0  # sigmas of shift that ask for a new run through the buffer
-_FIRST = 4.0  # s of data before the first solution
 _WORDS = {'joints': 'joint states', 'imu': 'gyro', 'attitude': 'attitude'}
 
 
@@ -80,18 +78,15 @@ class OnlineIdentifier:
             MessageRejectedError: not finite, wrong length, a stamp seen before, one so late that
                 its stretch is solved, or one far ahead of all others; the sample is not used.
         """
-        with self._counting():
-            self.samples.add_joints(stamp_ns, q, qd)
+        self._count(self.samples.add_joints, stamp_ns, q, qd)
 
     def add_rate(self, stamp_ns: int, omega_WB_B: Array) -> None:
         """Add a gyro sample omega_WB_B (3,) [rad/s]; raises as `add_joints`."""
-        with self._counting():
-            self.samples.add_rate(stamp_ns, omega_WB_B)
+        self._count(self.samples.add_rate, stamp_ns, omega_WB_B)
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Array) -> None:
         """Add an attitude (4,); raises as `add_joints`, also for a norm off by more than 1e-3."""
-        with self._counting():
-            self.samples.add_attitude(stamp_ns, q_WB_xyzw)
+        self._count(self.samples.add_attitude, stamp_ns, q_WB_xyzw)
 
     def solve(self, until_ns: int | None = None) -> Estimate:
         """Use all settled samples; it says why it isn't valid while they don't suffice.
@@ -106,8 +101,8 @@ class OnlineIdentifier:
             return self._nothing(f'no {" and no ".join(missing or _WORDS.values())} yet')
         end = float(min(record.joint_time[-1], record.rate_time[-1])) - self._lag
         is_first = self._noise is None
-        if end - self._done < 1e-3 or (is_first and end < _FIRST):
-            seconds = f'only {max(end, 0.0):.1f} s of data yet, {_FIRST:g} s are needed'
+        if end - self._done < 1e-3 or (is_first and end < FIRST):
+            seconds = f'only {max(end, 0.0):.1f} s of data yet, {FIRST:g} s are needed'
             return self._nothing(seconds) if self._last is None else self._last.estimate
         if is_first or (end <= self._settings.buffer and self._is_rerun_due(end)):
             self._run_all(record.between(-np.inf, end), end)
@@ -115,11 +110,10 @@ class OnlineIdentifier:
             self._run_new(record, end)
         return self._conclude(end)
 
-    @contextmanager
-    def _counting(self) -> Iterator[None]:
-        """Count what is rejected."""
+    def _count(self, add: Callable[..., None], *sample: int | Array) -> None:
+        """Add a sample; count what is rejected."""
         try:
-            yield
+            add(*sample)
         except MessageRejectedError:
             self.rejected += 1
             raise
@@ -148,7 +142,7 @@ class OnlineIdentifier:
         if not self._likelihood.is_converged or end >= self._next_rerun:
             return True
         moved = np.abs(self._likelihood.constants - self._rerun_constants)
-        return bool(np.any(moved > _MOVED * self._rerun_std))
+        return bool(np.any(moved > MOVED * self._rerun_std))
 
     def _holds(self, record: Record) -> Holds:
         if self._first_joints is None:

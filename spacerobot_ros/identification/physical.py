@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -28,11 +29,11 @@ from ..model.robot import Body, Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate, estimated_values
+from .validity_limits import MISFIT_P
 
 _STEP = 1e-6  # of the numerical Jacobian; the unknowns are of order one
 _EVALUATIONS = 500  # a millisecond or two each; trust regions need some thirty in narrow valleys
 _FREED_EVALUATIONS = 200
-_MISFIT_P = 1e-4  # a projection less likely than this contradicts the robot's structure
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,8 +220,9 @@ class _Problem:
 
     def solve(self, start: Array, evaluations: int) -> tuple[Array, bool]:
         """Unknowns of the least misfit, and whether the search has settled."""
+        slope = partial(_central_differences, self.residual)
         solution = least_squares(
-            self.residual, start, jac=self.jacobian, method='trf', max_nfev=evaluations
+            self.residual, start, jac=slope, method='trf', max_nfev=evaluations
         )
         return solution.x, bool(solution.status > 0)
 
@@ -229,14 +231,6 @@ class _Problem:
         misfit = (self.constants_at(unknowns) - self._constants) @ self._factor.T
         prior = unknowns[..., self.coordinates] / self._prior_std
         return np.concatenate([misfit, prior], axis=-1)
-
-    def jacobian(self, unknowns: Array) -> Array:
-        """Derivative of `residual` at one point."""
-        return _central_differences(self.residual, unknowns)
-
-    def manifold(self, unknowns: Array) -> Array:
-        """(p, size) derivative of `constants_at` at one point."""
-        return _central_differences(self.constants_at, unknowns)
 
 
 def project(
@@ -262,7 +256,8 @@ def project(
     if start is not None:
         first[problem.coordinates] = start
     unknowns, is_settled = problem.solve(first, _EVALUATIONS)
-    J, manifold = problem.jacobian(unknowns), problem.manifold(unknowns)
+    J = _central_differences(problem.residual, unknowns)
+    manifold = _central_differences(problem.constants_at, unknowns)
     spread = solve_triangular(np.linalg.qr(J, mode='r'), manifold.T, trans='T').T
     misfit, dimension = problem.misfit(unknowns), _rank(factor @ manifold)
     dof = len(constants) - dimension
@@ -305,7 +300,7 @@ def _explaining_bodies(problem: _Problem, unknowns: Array, dof: int) -> str:
 
 
 def _is_unlikely(misfit: float, dof: int) -> bool:
-    return dof > 0 and bool(chi2_distribution.sf(misfit, dof) < _MISFIT_P)
+    return dof > 0 and bool(chi2_distribution.sf(misfit, dof) < MISFIT_P)
 
 
 def _second_moment_factor(body: Body) -> Array:

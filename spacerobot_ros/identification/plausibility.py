@@ -9,8 +9,8 @@ import numpy as np
 
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import Kinematics
+from .validity_limits import EXCHANGED_MISFIT
 
-_LEFT = 0.4  # of the misfit as given, at most with the two exchanged
 _ROWS = 200  # times at which momentum is compared
 
 
@@ -29,7 +29,7 @@ def swapped_joints(
     if not misfits:
         return ()
     pair = min(misfits, key=lambda names: misfits[names])
-    if misfits[pair] < _LEFT * as_given:
+    if misfits[pair] < EXCHANGED_MISFIT * as_given:
         return (f'the columns of {pair[0]} and {pair[1]} seem to be swapped',)
     return ()
 

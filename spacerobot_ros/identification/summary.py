@@ -14,14 +14,8 @@ from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate, estimated_values
 from .physical import on_bodies
+from .validity_limits import BETTER_THAN_PLACEBO, BETTER_THAN_PRIOR, LARGEST_CHI2
 from .weak_prior import Prior
-
-# A direction counts as excited once the data know it this many times better than the prior, and
-# have this many times the information that the reference's own error makes up.
-_BETTER_THAN_PRIOR = 3.0
-_BETTER_THAN_PLACEBO = 100.0
-# Beyond this the stated noise does not explain the residual, and no standard deviation holds.
-LARGEST_CHI2 = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,8 +162,8 @@ def _weak_directions(factor: Array, made_up: Array) -> list[Array]:
         factor: Square-root information, unknowns in units of the prior's std.
         made_up: The placebo's, likewise.
     """
-    least = np.hypot(1.0, _BETTER_THAN_PRIOR) * np.eye(factor.shape[1])
-    bar = np.linalg.qr(np.vstack([least, np.sqrt(_BETTER_THAN_PLACEBO) * made_up]), mode='r')
+    least = np.hypot(1.0, BETTER_THAN_PRIOR) * np.eye(factor.shape[1])
+    bar = np.linalg.qr(np.vstack([least, np.sqrt(BETTER_THAN_PLACEBO) * made_up]), mode='r')
     relative = scipy.linalg.solve_triangular(bar, factor.T, trans='T').T
     _, singular, right = np.linalg.svd(relative)
     weak = [np.linalg.solve(bar, right[i]) for i in np.flatnonzero(singular < 1.0)]

@@ -11,9 +11,9 @@ from ..estimation.reference import Kinematics
 from ..estimation.torque_hold import Holds
 from ..model.settings import IdentifierSettings
 from ..types import Array
+from .validity_limits import SMALLEST_INERTIA
 
 _PROBES = 20  # states of the reference at which a proposed inertia must be positive
-_SMALLEST = 0.05  # of the prior's smallest inertia: where linearizing about it still makes sense
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,7 @@ class Prior:
         it would hold.
         """
         probes = reference.q[:: max(1, len(reference.q) // _PROBES)]
-        least = _SMALLEST * _smallest_inertia(model, probes, self.mean)
+        least = SMALLEST_INERTIA * _smallest_inertia(model, probes, self.mean)
         for fraction in (1.0, 0.5, 0.25, 0.1):
             constants = current + fraction * (proposed - current)
             if _smallest_inertia(model, probes, constants) > least:
