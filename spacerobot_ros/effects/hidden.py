@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import numba
 import numpy as np
 
+from ..dynamics.spatial import compiled, inner
 from ..types import Array
 
 _LARGEST = 0.5  # of a scaled matrix: where the approximant below is right to 1e-9
@@ -40,7 +40,7 @@ def driven_states(rate: Callable[[Array], Array], time: Array, size: int) -> Arr
     return np.asarray(_propagated(_affine_exponential(block / 2.0**halvings, halvings)))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def _affine_exponential(block: Array, halvings: int) -> Array:
     """(N, size, size + 1): [P, p] of exp of [[A, b], [0, 0]] = [[P, p], [0, 1]].
 
@@ -67,11 +67,13 @@ def _affine_exponential(block: Array, halvings: int) -> Array:
             _product(x, x, square)
             for i in range(size):
                 square[i, size] += x[i, size]
-            x[:] = square
+            for i in range(size):
+                for j in range(size + 1):
+                    x[i, j] = square[i, j]
     return block
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _product(x: Array, y: Array, out: Array) -> None:
     """[A, b] of the product of [[A, b], [0, 0]] with another such matrix."""
     size = len(x)
@@ -83,7 +85,7 @@ def _product(x: Array, y: Array, out: Array) -> None:
             out[i, j] = total
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@inner  # type: ignore[untyped-decorator]
 def _solve(matrix: Array, x: Array) -> None:
     """Solve in place, without exchange of rows: the matrix is close to 1."""
     size = len(matrix)
@@ -102,7 +104,7 @@ def _solve(matrix: Array, x: Array) -> None:
             x[i, j] = total / matrix[i, i]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def _propagated(steps: Array) -> Array:
     """(N, size) states from zero through N - 1 affine maps (N - 1, size, size + 1)."""
     count, size = steps.shape[0], steps.shape[1]

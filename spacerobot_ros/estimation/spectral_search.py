@@ -8,10 +8,12 @@ looked at.
 
 from __future__ import annotations
 
-import numba
+import cmath
+
 import numpy as np
 from scipy.ndimage import median_filter
 
+from ..dynamics.spatial import compiled
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..effects.parameter import Parameter
@@ -48,7 +50,7 @@ def propose(
         return (), 0
     values = _values(parameter, argument)
     signals = _signals(effect, where, motion, wanted, parameter.name)
-    power = _power(values, argument, signals)
+    power = _power(values, np.ascontiguousarray(argument), signals)
     background = median_filter(power, _NEIGHBOURHOOD, mode='nearest')
     ratio = power / np.maximum(background, 1e-300)
     chosen: list[float] = []
@@ -73,15 +75,18 @@ def _values(parameter: Parameter, argument: Array) -> Array:
     return np.linspace(low, high, count)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def _power(values: Array, argument: Array, signals: Array) -> Array:
     """(P,) sum of |sum_t signals e^(i p u)|^2 at even steps of p, turned from each to the next."""
     power = np.zeros(len(values))
-    turn = np.exp(1j * (values[1] - values[0]) * argument)
-    wave = turn.copy()
+    count, step = len(argument), values[1] - values[0]
+    turn, wave = np.empty(count, np.complex128), np.empty(count, np.complex128)
+    for t in range(count):
+        turn[t] = cmath.exp(1j * step * argument[t])
     for k in range(len(values)):
         if k % _CHUNK == 0:
-            wave = np.exp(1j * values[k] * argument)
+            for t in range(count):
+                wave[t] = cmath.exp(1j * values[k] * argument[t])
         for c in range(signals.shape[1]):
             total = 0.0j
             for t in range(len(wave)):
