@@ -38,17 +38,17 @@ _BALANCE = (
     'The robot file does not say how noisy the efforts are, so the torques that the model needs '
     f'along the smoothed motion are compared with the measured ones below {BAND:g} Hz. Every '
     'effect of the catalogue at every place adds its own torques to the balance; what inertial '
-    'errors and the whole catalogue together leave is taken for noise, and what explains more '
-    'than that is found; it is named when it is also large enough to matter. Held-out errors are '
-    'those of parts of the record with the values that the rest gives. No fit and no placebo was '
-    'tested: the verdict is at most partly explained. '
+    'errors and the whole catalogue together leave is taken for noise, and causes are what '
+    'explains more than that. Standard deviations are widened as far as what is left scatters. No '
+    'fit was tested: the verdict is at most partly explained. '
 )
 _HELD_OUT = (
     'Held-out errors are those of each fifth of the record with the values that the other four '
     'give. A placebo is the same column with its seconds shuffled: what it explains, any '
     'extension of that size would. A cause counts when it beats chance over the whole catalogue '
     'and its price in parameters, improves what is held out by more than its placebos, and stays '
-    'the same along the record; it is named when it is also large enough to matter. '
+    'the same along the record as far as the errors let that be seen; it is named when it is '
+    'also large enough to matter. '
 )
 _KINDS = {
     'joint_torque': 'Torque on each joint that the model does not explain, half second by half '
@@ -213,8 +213,8 @@ def _next(answer: Findings) -> Iterator[Item]:
 
 def _how(answer: Findings) -> Iterator[Item]:
     yield f'{answer.command}   (spacerobot {__version__})'
-    way = _BALANCE if is_balance(answer.diagnosis) else _PREDICTION + _HELD_OUT
-    yield f'{way}See docs/diagnosis.md.'
+    way = _BALANCE if is_balance(answer.diagnosis) else _PREDICTION
+    yield f'{way}{_HELD_OUT}See docs/diagnosis.md.'
     for note in answer.diagnosis.notes:
         yield f'Note: {note}.'
 
