@@ -14,9 +14,9 @@ from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
-from .reference import Kinematics
 from .response import Response
 from .rows import Rows
+from .sampled_motion import misreading
 from .scaling import PROPORTIONAL, bounds_of, origin_of, value_of
 from .spectral_search import propose, searched
 from .torque_process import TorqueDriven
@@ -290,23 +290,9 @@ class Signatures:
 
     def _sensed(self, channel: str, applied: Effect) -> Array:
         """(samples, width) by which a channel reads more than the truth."""
-        kinematics, motion = self._rows.samples()[channel]
-        value, slope = _channel(channel, kinematics)
-        clock = {'gyro': 'imu', 'attitude': 'attitude'}.get(channel, 'joints')
-        return applied.sense(channel, value, motion) - value - applied.delay(clock) * slope
+        return misreading(applied, channel, *self._rows.samples()[channel])
 
 
 def _is_sensor(applied: Effect) -> bool:
     """Whether an effect changes what any sensor says."""
     return applied.acts('sense') or applied.acts('delay')
-
-
-def _channel(channel: str, at: Kinematics) -> tuple[Array, Array]:
-    """True values of a channel and their time derivatives."""
-    if channel == 'joint_position':
-        return at.q, at.qd
-    if channel == 'joint_velocity':
-        return at.qd, at.qdd
-    if channel == 'gyro':
-        return at.omega, at.alpha
-    return np.zeros_like(at.omega), at.omega
