@@ -83,8 +83,8 @@ class Dynamics:
         self._rows, self._wheels = in_order['inertial'], in_order['wheels']
         self._motors, self._mass = in_order['motor'][1:], float(np.sum(self._rows[:, 0]))
         self._inertias = _spatial_inertias(self._rows)
-        self._buffers = np.zeros((1, 13 + 2 * n)), np.zeros((1, n)), np.zeros((1, 6))
-        self._x, self._tau, self._wrench = (buffer[0] for buffer in self._buffers)
+        self._buffers = np.zeros((1, 13 + 2 * n)), (np.zeros((1, n)), np.zeros((1, 6)))
+        self._x, self._tau, self._wrench = (b[0] for b in (self._buffers[0], *self._buffers[1]))
 
     def rate(self, x: Array, tau: Array, base_wrench: Vector6 | None = None) -> Array:
         """Time derivative of the state vector.
@@ -100,13 +100,14 @@ class Dynamics:
             the order of the integrator.
         """
         out = np.empty((1, 13 + 2 * self._n))
-        aba(self.machine, *self.inputs(x, tau, base_wrench), out)
+        state, held = self.inputs(x, tau, base_wrench)
+        aba(self.machine, state, *held, out)
         return out[0]
 
     def inputs(
         self, x: Array, tau: Array, base_wrench: Vector6 | None = None
-    ) -> tuple[Array, Array, Array]:
-        """State, torques and wrench as the compiled functions take them: (1, ...) each.
+    ) -> tuple[Array, tuple[Array, Array]]:
+        """State, and torques and wrench, as the compiled functions take them: (1, ...) each.
 
         Copies into memory of this object, which the next call overwrites: whatever their types
         and layouts, the compiled functions see one, and lengths are checked.

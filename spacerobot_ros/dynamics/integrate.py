@@ -118,11 +118,12 @@ class Holding:
 
     def step(self, x: Array, tau: Array, base_wrench: Vector6 | None, t: float) -> Array:
         """The state after a period; arguments as `hold_step`."""
-        state, *held = self._inputs(x, tau, base_wrench)
-        x, y, inputs, machine = state[0], self._after, tuple(held), self._machine
-        for _ in range(self._substeps):
-            stages(machine, inputs, self._weights, self._slopes, self._whole, x, self._dt)
-            x[:] = y
+        state, held = self._inputs(x, tau, base_wrench)
+        x, y, machine = state[0], self._after, self._machine
+        for k in range(self._substeps):
+            if k > 0:
+                x[:] = y
+            stages(machine, held, self._weights, self._slopes, self._whole, x, self._dt)
         if not math.isfinite(y @ y) and not np.all(np.isfinite(y)):  # the quick way first
             raise SimulationDivergedError(
                 t,

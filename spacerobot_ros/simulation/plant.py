@@ -69,6 +69,7 @@ class Plant:
         self.effort: Array = np.zeros(self.n_arm)
         self._x = initial.to_vector()
         self._joint_work = 0.0
+        self._torque, self._arm = np.zeros(robot.n_joints), slice(7, 7 + self.n_arm)
         self._free = Holding(self.dynamics, self.period, substeps, tableau)
         self._forced = ForcedMotion(self.dynamics, effects, self.period, substeps, tableau)
         self._book = Book()
@@ -112,7 +113,7 @@ class Plant:
         tau = _checked(tau, self.n_arm, 'joint torque')
         wrench = None if base_wrench is None else _checked(base_wrench, 6, 'base wrench')
         is_pushed = wrench is not None and self.robot.is_free and bool(wrench.any())
-        torque, arm = np.zeros(self.robot.n_joints), slice(7, 7 + self.n_arm)
+        torque, arm = self._torque, self._arm
         torque[: self.n_arm] = tau
         t, book = self.time_ns / 1e9, self._book
         if self._forced.is_free_of_forces and not is_pushed:
