@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..campaign.diagnosis_judge import EQUIVALENT
+from ..diagnosis.limits import EQUIVALENT
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
