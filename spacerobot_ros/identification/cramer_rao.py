@@ -32,6 +32,7 @@ from ..model.settings import SensorSettings
 from ..types import Array
 from .sensitivity import ORDER, Intervals, MotionCurve, basis
 
+_STDS = ('joint_position_std', 'joint_velocity_std', 'gyro_std', 'attitude_std')
 _FREE = 1e-4  # 1/rad; keeps the factor triangular where nothing was measured, and tells nothing
 
 
@@ -63,7 +64,7 @@ class SensorPlan:
             time = getattr(self, name)
             if not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0.0):
                 raise ConfigurationError(f'plan.{name}', 'must be finite and increasing')
-        for name in ('joint_position_std', 'joint_velocity_std', 'gyro_std', 'attitude_std'):
+        for name in _STDS:
             std = getattr(self, name)
             if std is not None and not 0.0 < std < np.inf:
                 raise ConfigurationError(f'plan.{name}', f'{std} must be finite and above zero')
@@ -78,19 +79,12 @@ class SensorPlan:
         attitude_rate: float,
     ) -> SensorPlan:
         """Sensors at constant rates [Hz] from t = 0 to the duration [s], both included."""
-        times = [
+        joints, rates, attitudes = (
             np.arange(int(duration * rate + 1e-9) + 1) / rate
             for rate in (joint_rate, imu_rate, attitude_rate)
-        ]
-        return cls(
-            times[0],
-            times[1],
-            times[2],
-            sensors.joint_position_std,
-            sensors.joint_velocity_std,
-            sensors.gyro_std,
-            sensors.attitude_std,
         )
+        stds = {name: getattr(sensors, name) for name in _STDS}
+        return cls(joints, rates, attitudes, **stds)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,20 +143,12 @@ def _measured_rows(intervals: Intervals, plan: SensorPlan) -> list[list[Array]]:
     """Whitened rows (r, C) of every interval."""
     rows: list[list[Array]] = [[] for _ in range(intervals.count)]
     if plan.gyro_std is not None and len(plan.rate_time):
-        matrix, drive = intervals.rates(plan.rate_time, intervals.locate(plan.rate_time)[1])
-        _sort(
-            rows,
-            intervals,
-            plan.rate_time,
-            (matrix @ intervals.attitude(plan.rate_time) + drive) / plan.gyro_std,
-        )
+        time = plan.rate_time
+        matrix, drive = intervals.rates(time, intervals.locate(time)[1])
+        _sort(rows, intervals, time, (matrix @ intervals.attitude(time) + drive) / plan.gyro_std)
     if plan.attitude_std is not None and len(plan.attitude_time):
-        _sort(
-            rows,
-            intervals,
-            plan.attitude_time,
-            intervals.attitude(plan.attitude_time) / plan.attitude_std,
-        )
+        time = plan.attitude_time
+        _sort(rows, intervals, time, intervals.attitude(time) / plan.attitude_std)
     for interval, joint in enumerate(_joint_rows(intervals, plan)):
         whole = np.zeros((joint.shape[0] * intervals.n, intervals.width))
         whole[:, 3 : 3 + ORDER * intervals.n] = np.kron(joint, np.eye(intervals.n))
