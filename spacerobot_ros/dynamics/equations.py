@@ -25,7 +25,7 @@ from .aba import aba, machine_of
 from .crba import crba
 from .forward_kinematics import BodyKinematics, body_accelerations, forward_kinematics
 from .rnea import rnea
-from .rotation import cross, cross_rows, rotation_matrix, skew
+from .rotation import cross, rotation_matrix, skew
 from .state import State
 from .tree import tree_of
 
@@ -173,12 +173,12 @@ class Dynamics:
         k = self._kinematics(state)
         own = self._momenta(k)
         own[:, 3:] += self._wheels
-        R, r = k.rotations[0], k.origins[0]
-        linear = np.einsum('kab,kb->ka', R, own[:, :3])
-        angular = np.einsum('kab,kb->ka', R, own[:, 3:]) + cross_rows(r, linear)
-        total = linear.sum(axis=0)
-        about_centre = angular.sum(axis=0) - cross(self._centre(k), total)
-        return np.concatenate([self._attitude(state) @ x for x in (total, about_centre)])
+        parts = own.reshape(-1, 2, 3) @ np.swapaxes(k.rotations[0], 1, 2)
+        W = k.origins[0].T @ parts[:, 0]  # its skew part is the sum of r x p
+        total, angular = parts.sum(axis=0)
+        angular += [W[1, 2] - W[2, 1], W[2, 0] - W[0, 2], W[0, 1] - W[1, 0]]
+        angular -= cross(self._centre(k), total)
+        return np.asarray((np.array([total, angular]) @ self._attitude(state).T).ravel())
 
     def energy(self, state: State) -> tuple[float, float]:
         """Kinetic energy without the gyrostats' constant part, and potential energy [J]."""
@@ -211,11 +211,11 @@ class Dynamics:
 
     def _momenta(self, kinematics: BodyKinematics) -> Array:
         """(n + 1, 6) momentum of every body without its wheels, in its frame."""
-        return np.asarray(np.einsum('kab,kb->ka', self._inertias, kinematics.twists[0]))
+        return np.asarray((self._inertias @ kinematics.twists[0][..., None])[..., 0])
 
     def _centre(self, kinematics: BodyKinematics) -> Vector3:
         """(3,) centre of mass in base coordinates."""
-        moments = np.einsum('kab,kb->a', kinematics.rotations[0], self._rows[:, 1:4])
+        moments = (kinematics.rotations[0] @ self._rows[:, 1:4, None])[..., 0].sum(axis=0)
         return np.asarray((moments + self._rows[:, 0] @ kinematics.origins[0]) / self._mass)
 
     def _attitude(self, state: State) -> Matrix3:
