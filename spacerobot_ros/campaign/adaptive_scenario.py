@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..control.adaptive.law_signals import Target
 from ..control.adaptive.pseudo_inertia import parameters_of, pseudo_inertia
 from ..control.adaptive.regressors import Regressors, parameter_values
-from ..control.adaptive.types import Target
 from ..model.robot import Robot
 from ..types import Array
 from .packaged_robots import packaged

@@ -8,8 +8,8 @@ from functools import cache
 
 import numpy as np
 
+from ..control.joint_reference import build_reference
 from ..control.loop import ControlLoop
-from ..control.reference import build_reference
 from ..diagnosis.answer.extended_model import effects_section
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile

@@ -14,9 +14,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..control.joint_reference import Reference as JointReference
+from ..control.joint_reference import build_reference
 from ..control.laws import ComputedTorque, Feedback, robot_model
-from ..control.reference import Reference as JointReference
-from ..control.reference import build_reference
 from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import Torque, simulate_smooth
 from ..dynamics.state import State, initial_state

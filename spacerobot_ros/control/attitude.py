@@ -14,7 +14,7 @@ from ..errors import ConfigurationError
 from ..model.settings import ReferenceSettings
 from ..sensing.sensors import turned
 from ..types import Quaternion, Vector3
-from .reference import Harmonic, Hold, PointToPoint, Reference
+from .joint_reference import Harmonic, Hold, PointToPoint, Reference
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 _UNIT = 1e-3  # largest difference of a quaternion's norm from one

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ..types import Array, Vector3
-from .reference import Setpoint
+from .joint_reference import Setpoint
 
 Mode = Literal['tracking', 'hold', 'damping']
 

@@ -18,7 +18,7 @@ from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array, Vector3
-from .reference import Setpoint
+from .joint_reference import Setpoint
 
 _PASSES = 3  # of the fixed point for forces in proportion to the torque itself
 

@@ -14,8 +14,8 @@ from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
 from .adaptive.controller import AdaptiveController
+from .adaptive.law_signals import Measured, Target
 from .adaptive.settings import AdaptiveSettings
-from .adaptive.types import Measured, Target
 from .compensation import FeedForward
 from .feedback import NS, Feedback
 from .laws import (

@@ -31,7 +31,7 @@ from ..types import Array, Vector3
 from .command import Torque
 from .compensation import FeedForward
 from .feedback import Feedback
-from .reference import Reference, Setpoint
+from .joint_reference import Reference, Setpoint
 
 Model = Callable[[Array, Array, Vector3], ReducedEquation]
 """Arm positions (n,), rates (n,) and omega_WB_B (3,) to the arm's reduced equation."""

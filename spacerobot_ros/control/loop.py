@@ -23,7 +23,7 @@ from .attitude import check_attitude
 from .command import Command, Mode, Torque
 from .controllers import Controller, FreeFlyingController, JointController
 from .feedback import NS, AttitudeHistory, Feedback, RateHistory
-from .reference import Reference, Setpoint, check_reference, rest
+from .joint_reference import Reference, Setpoint, check_reference, rest
 from .reference_motion import ReferenceMotion
 
 

@@ -8,7 +8,7 @@ from ..model.settings import ReferenceSettings
 from ..types import Array, Quaternion
 from .attitude import AttitudeBlend, AttitudeReference, AttitudeSetpoint, build_attitude
 from .feedback import NS, Feedback
-from .reference import Blend, Reference, Setpoint, build_reference
+from .joint_reference import Blend, Reference, Setpoint, build_reference
 
 
 class ReferenceMotion:

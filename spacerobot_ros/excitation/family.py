@@ -3,8 +3,8 @@
     q(t) = q_start + sum_m x_m f_m(t)
 
 with the x_m [rad] the amplitudes of sine and cosine of each harmonic, and each f_m brought to rest
-at both ends by its own quintic (`control.reference.Fourier`). Scaling all amplitudes scales rates
-and accelerations alike, which makes any motion gentle enough.
+at both ends by its own quintic (`control.joint_reference.Fourier`). Scaling all amplitudes scales
+rates and accelerations alike, which makes any motion gentle enough.
 
 Symbols: B candidates, T times, n joints, H harmonics.
 """
@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..control.reference import Fourier
+from ..control.joint_reference import Fourier
 from ..model.settings import ReferenceSettings
 from ..types import Array
 

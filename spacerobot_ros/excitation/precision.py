@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..control.reference import check_reference
+from ..control.joint_reference import check_reference
 from ..dynamics.state import initial_state
 from ..estimation.momentum_process import MomentumModel
 from ..identification.cramer_rao import SensorPlan, cramer_rao_bound

@@ -39,9 +39,7 @@ OUTSIDE: set[str] = set()
 LONG: set[str] = set()
 CLASSES: set[str] = set()
 FILES = {
-    'reference',
     'state',
-    'types',
 }
 
 

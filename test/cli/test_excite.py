@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from spacerobot_ros.cli.main import main
-from spacerobot_ros.control.reference import build_reference
+from spacerobot_ros.control.joint_reference import build_reference
 from spacerobot_ros.effects.robot_file import load_robot_file
 
 CONFIG = Path(__file__).parents[2] / 'config'

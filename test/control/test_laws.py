@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from spacerobot_ros.control.joint_reference import Setpoint, build_reference
 from spacerobot_ros.control.laws import (
     ComputedTorque,
     Feedback,
@@ -13,7 +14,6 @@ from spacerobot_ros.control.laws import (
     robot_model,
     torque_limits,
 )
-from spacerobot_ros.control.reference import Setpoint, build_reference
 from spacerobot_ros.dynamics.equations import Dynamics, ReducedEquation
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file

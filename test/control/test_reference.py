@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from spacerobot_ros.control.reference import (
+from spacerobot_ros.control.joint_reference import (
     Blend,
     Fourier,
     Hold,

@@ -21,7 +21,7 @@ from support.models import (
 )
 from support.states import random_state
 
-from spacerobot_ros.control.reference import build_reference
+from spacerobot_ros.control.joint_reference import build_reference
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import DOP853, RK4, hold_step, rk_step, simulate_smooth
 from spacerobot_ros.dynamics.state import State

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from spacerobot_ros.control.reference import rest
+from spacerobot_ros.control.joint_reference import rest
 from spacerobot_ros.errors import MessageRejectedError
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.recording import messages

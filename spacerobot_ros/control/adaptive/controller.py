@@ -21,13 +21,13 @@ from ...model.robot import Robot
 from ...types import Array, Vector3
 from .hand_over import standard_parameters
 from .law_kernel import command, into_base, reference_motion
+from .law_signals import Health, Measured, ParametersInForce, Target, Torques
 from .learner import Learner
 from .learning_kernel import is_within
 from .prior import discretisation_floor, rate_noise, torque_noise
 from .regression import DifferencedRates, FilteredMomentum
 from .regressors import Regressors, parameter_names, parameter_units, with_parameters
 from .settings import AdaptiveSettings, sampling_ratio, sampling_warning
-from .types import Health, Measured, ParametersInForce, Target, Torques
 
 _UNKNOWN = np.zeros(3)  # in place of a base velocity or force
 _GAP = 1.5  # periods between two samples from which on some were lost
