@@ -16,7 +16,7 @@ class JointEffect(Effect):
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
         """Every manipulator joint."""
-        return robot.joints[: robot.n_joints - robot.rotor_count]
+        return robot.arm
 
     def mobility(self, robot: Robot) -> float:
         """Acceleration of the joint by its own torque, all joints at zero [1/(kg m^2)]."""

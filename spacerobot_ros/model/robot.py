@@ -68,6 +68,11 @@ class Robot:
         return len(self.joints)
 
     @property
+    def arm(self) -> tuple[str, ...]:
+        """Names of the manipulator's joints."""
+        return self.joints[: self.n_joints - self.rotor_count]
+
+    @property
     def base_link(self) -> str:
         """Name of the base's frame."""
         return self.bodies[0].name

@@ -7,7 +7,7 @@ run, and the node starts again.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -130,7 +130,7 @@ class SensorNode(RobotNode):
             efforts: Whether the joints' efforts are wanted; None where there are none.
         """
         self._sensors = tuple(sensors)
-        names: Sequence[str] = list(robot.joints[: robot.n_joints - robot.rotor_count])
+        names = list(robot.arm)
         read: dict[str, Callable[[Any], tuple[Any, ...]]] = {
             'imu': lambda m: messages.angular_rate(m, robot.base_link),
             'attitude': messages.attitude,

@@ -89,7 +89,7 @@ def read_bag(path: str | Path, robot: Robot, topics: Topics | None = None) -> Re
     """
     topics, path = topics or Topics(), Path(path)
     channels = {kind: _Channel(getattr(topics, kind)) for kind in _TYPES}
-    channels['joints'].names = robot.joints[: robot.n_joints - robot.rotor_count]
+    channels['joints'].names = robot.arm
     for kind, message in _messages(path, channels):
         channel = channels[kind]
         try:

@@ -67,7 +67,7 @@ def in_robot_order(record: Record, robot: Robot) -> Record:
     Raises:
         RecordingError: its joints are not the robot's.
     """
-    joints, arm = record.joints, arm_of(robot)
+    joints, arm = record.joints, robot.arm
     if joints is None or joints.names == arm:
         return record
     order = _order(joints.names, arm, f'{record.source}: joints')
@@ -78,11 +78,6 @@ def in_robot_order(record: Record, robot: Robot) -> Record:
         )
     }  # fmt: skip
     return replace(record, joints=replace(joints, names=arm, **columns))
-
-
-def arm_of(robot: Robot) -> tuple[str, ...]:
-    """Names of the manipulator's joints."""
-    return robot.joints[: robot.n_joints - robot.rotor_count]
 
 
 def _order(names: Sequence[str], wanted: tuple[str, ...], place: str) -> list[int]:
@@ -122,7 +117,7 @@ class _Reader:
         names, slides = section.names, np.zeros(len(section.names), dtype=bool)
         order = list(range(len(names)))
         if robot is not None:
-            arm = arm_of(robot)
+            arm = robot.arm
             order = _order(names, arm, f'{section.place}.names')
             slides = np.array([robot.bodies[1 + arm.index(n)].is_prismatic for n in names])
         parts: dict[str, Array] = {}

@@ -86,7 +86,7 @@ class ClosedLoop:
                 'reference.kind', "'topic' needs the nodes: use fourier, set_point or hold"
             )
         self.plant = build_plant(robot, settings)
-        self.joints = self.plant.robot.joints[: self.plant.n_arm]
+        self.joints = self.plant.robot.arm
         self.controller = ControlLoop(robot, settings)
         if estimate is not None:
             self.controller.set_estimate(estimate)

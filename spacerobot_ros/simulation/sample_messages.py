@@ -35,6 +35,6 @@ def sample_messages(
         wheels = wheels_of(plant)
         yield '/wheel_states', compose.joint_state(ns, wheels, velocity=samples.wheel_rates)
     if samples.joints is not None:
-        j, names = samples.joints, robot.joints[: plant.n_arm]
+        j, names = samples.joints, robot.arm
         message = compose.joint_state(ns, names, j.position, j.velocity, j.effort)
         yield '/joint_states', message

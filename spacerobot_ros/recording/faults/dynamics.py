@@ -68,7 +68,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     before = torques.unlike(_Slip(DataFault('', '', '')))
     if np.all(before < UNLIKE):
         return ()
-    slips = list(_slips(robot.joints[: robot.n_joints]))
+    slips = list(_slips(robot.joints))
     shares = np.array([torques.unlike(slip) for slip in slips])
     for way in range(2):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
