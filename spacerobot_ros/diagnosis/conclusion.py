@@ -12,7 +12,7 @@ from ..estimation.evidence import Gram, score
 from ..estimation.placebo import held_out_gain
 from ..estimation.refit import Fit, refine
 from ..estimation.rows import ChannelFit, blocks
-from ..estimation.scaling import is_relevant
+from ..estimation.scaling import PROPORTIONAL, is_relevant
 from ..types import Array
 from .answer.residuals import residuals, series
 from .answer.result import (
@@ -25,7 +25,7 @@ from .answer.result import (
     Rival,
     Series,
 )
-from .limits import INCONSTANT, MISFIT
+from .limits import INCONSTANT, MISFIT, SIGNIFICANT
 from .search import Choice, Found
 
 
@@ -41,7 +41,11 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     birge = _birge_ratio(found.fit, scatters)
     causes = [_cause(found, i, scatter, birge) for i, scatter in enumerate(scatters)]
     null_p, white_before = null.rows.whiteness()
-    sound = [c for c in causes if _is_sound(c, null_p is not None)]
+    clear = [_is_clear(found.fit, i, birge) for i in range(len(causes))]
+    is_white = null_p is not None
+    sound = [
+        c for c, is_clear in zip(causes, clear, strict=True) if _is_sound(c, is_white, is_clear)
+    ]
     named = tuple(c for c in sound if c.relevant)
     minor = tuple(c for c in sound if not c.relevant)
     fit_p, white_left = _with(found, sound).rows.whiteness()
@@ -72,15 +76,22 @@ def _with(found: Found, causes: Sequence[Cause]) -> Fit:
     return refine(found.fit.run, [c.applied for c in causes]) if causes else found.null
 
 
-def _is_sound(cause: Cause, is_white: bool) -> bool:
+def _is_clear(fit: Fit, index: int, birge: float) -> bool:
+    """Whether any number of a cause is clearly not that of no effect."""
+    own = [k for k in fit.own(index) if fit.free[k][1].role in PROPORTIONAL]
+    spread = birge * np.sqrt(np.diag(fit.covariance()))
+    return bool(np.any(np.abs(fit.offsets[own]) > SIGNIFICANT * spread[own]))
+
+
+def _is_sound(cause: Cause, is_white: bool, is_clear: bool) -> bool:
     """Whether a cause beats placebos, and stays the same along the record as far as that shows.
 
     Where what is left is not white, it scatters the parameters of the parts by more than anyone
-    knows: there only the held-out parts decide.
+    knows: there the held-out parts decide, and whether it is clear beside that scatter.
     """
     evidence = cause.evidence
     return evidence.held_out_gain > evidence.placebo_gain and (
-        cause.constant_p >= INCONSTANT or not is_white
+        cause.constant_p >= INCONSTANT if is_white else is_clear
     )
 
 

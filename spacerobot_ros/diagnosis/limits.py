@@ -10,6 +10,11 @@ INCONSTANT = 1e-4
 """Probability below which a cause's parameters are not the same all along the record. The same
 error rate as `MISFIT`, for the same reason: a cause that changes is no constant cause."""
 
+SIGNIFICANT = 3.3
+"""Standard deviations from no effect, scatter between the parts of the record included, that one
+number of a cause must be where the level of the noise comes from the data: two-sided probability
+of 1e-3, as `FALSE_ALARMS`."""
+
 FALSE_ALARMS = 1e-3
 """Expected false names a record, over all candidates and the values that were searched
 (Bonferroni). The campaign saw 1 in 284 clean records, 95 % bound 2 %."""

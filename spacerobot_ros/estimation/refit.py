@@ -64,10 +64,10 @@ class Fit:
     @cached_property
     def misfit(self) -> float:
         """Squared whitened residuals, and what the priors of the values add."""
-        return float(self.data @ self.data + self._offsets @ (self.precision * self._offsets))
+        return float(self.data @ self.data + self.offsets @ (self.precision * self.offsets))
 
     @property
-    def _offsets(self) -> Array:
+    def offsets(self) -> Array:
         """(P,) coordinates of all fitted numbers, from no effect."""
         values = [coordinate_of(p, self.causes[i].values[p.name]) for i, p in self.free]
         return np.array(values) - np.array([origin_of(p) for _, p in self.free])
@@ -136,11 +136,11 @@ class Fit:
         if without is not None:
             own = self.own(without)
             moved = own[[self.free[k][1].role in PROPORTIONAL for k in own]]
-            out += self.tangents[:, moved] @ self._offsets[moved]
+            out += self.tangents[:, moved] @ self.offsets[moved]
             kept = np.setdiff1d(kept, own)
         columns, precision = self.tangents[:, kept], self.precision[kept]
         information, slope = columns.T @ columns, columns.T @ out
-        slope -= precision * self._offsets[kept]
+        slope -= precision * self.offsets[kept]
         for block in blocks(self.rows.row_times) if len(kept) else ():
             part = columns[block]
             rest = information - part.T @ part + np.diag(precision)
@@ -172,7 +172,7 @@ class Fit:
         # nothing moves farther at once than it was thought possible
         spread = np.array([spread_of(p) for _, p in self.free])
         information = self.tangents.T @ self.tangents + np.diag(spread**-2.0)
-        slope = self.tangents.T @ self.data - self.precision * self._offsets
+        slope = self.tangents.T @ self.data - self.precision * self.offsets
         change = np.asarray(np.linalg.lstsq(information, slope, rcond=1e-12)[0])
         if float(change @ information @ change) < _SETTLED**2:
             return None
@@ -187,7 +187,7 @@ class Fit:
     @property
     def _room(self) -> list[tuple[float, float]]:
         """How far every coordinate may go down and up."""
-        offsets = zip((p for _, p in self.free), self._offsets.tolist(), strict=True)
+        offsets = zip((p for _, p in self.free), self.offsets.tolist(), strict=True)
         return [(low - x, high - x) for p, x in offsets for low, high in [bounds_of(p)]]
 
     def _constrained(self, information: Array, slope: Array) -> Array:
