@@ -17,7 +17,7 @@ from ..recording.faults.check import check_data
 from ..recording.record import Record
 from .answer.result import Diagnosis
 from .conclusion import conclude
-from .limits import MISFIT
+from .limits import MISFIT, MOST
 from .search import Search
 from .timing import better_timing, first_timing, held_after_all, in_words
 
@@ -78,7 +78,7 @@ def _may_fit(run: Run, causes: Sequence[Effect], kinds: Sequence[type[Effect]]) 
         return True
     hidden = Search(fit.run, [kind for kind in kinds if kind.hidden], lambda what, share: None)
     left = float(fit.data @ fit.data) - len(fit.data)
-    return any(judged.score.gain > 0.5 * left for judged in hidden.judge(fit))
+    return any(judged.score.gain > MOST * left for judged in hidden.judge(fit))
 
 
 def _predicted(

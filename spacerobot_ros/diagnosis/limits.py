@@ -51,6 +51,11 @@ never told apart in 20 s of data, so this only ends a search that has gone astra
 MOST_MODELS = 120
 """Models of one run after which nothing new is tried: bounds the run time, and is said."""
 
+MOST = 0.5
+"""Share of what the causes of a balance of torques leave that one effect with states of its own
+must take, for a search to the noise of the sensors to be tried: most of it. It only decides
+whether that search is made, whose own test of the fit decides the rest."""
+
 SHORTLIST, CLOSE_SHARE, CLOSE_GAP = 4, 0.9, 25.0
 """Who is fitted as it really is beside the best: at most so many, with this share of its evidence
 or within this many nats. Columns and fits of effects at ten times their limit differ by some 5 %

@@ -96,13 +96,6 @@ def is_empty(tree: Records) -> bool:
     return not any(tree[name].any() for name in ('inertial', 'wheels', 'motor'))
 
 
-def with_inertia(tree: Records, inertial: Array) -> Records:
-    """The tree with other inertial parameters (n + 1, 10), bodies in the robot's order."""
-    out = tree.copy()
-    out['inertial'] = inertial[tree['number']]
-    return out
-
-
 def _records(robot: Robot) -> Records:
     order = [0, *tree_order(robot.bodies)]
     records = np.zeros(len(order), dtype=BODY)
