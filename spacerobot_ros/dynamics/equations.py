@@ -82,7 +82,7 @@ class Dynamics:
         in_order = self._tree[np.argsort(self._tree['number'])]
         self._rows, self._wheels = in_order['inertial'], in_order['wheels']
         self._motors, self._mass = in_order['motor'][1:], float(np.sum(self._rows[:, 0]))
-        self._inertias = _spatial_inertias(self._rows)
+        self._inertias = spatial_inertias(self._rows)
         self._buffers = np.zeros((1, 13 + 2 * n)), (np.zeros((1, n)), np.zeros((1, 6)))
         self._x, self._tau, self._wrench = (b[0] for b in (self._buffers[0], *self._buffers[1]))
 
@@ -266,7 +266,7 @@ def without_translation(M: Array) -> Array:
     return np.asarray(M[..., 3:, 3:] - np.swapaxes(M[..., :3, 3:], -1, -2) @ linear)
 
 
-def _spatial_inertias(rows: Array) -> Array:
+def spatial_inertias(rows: Array) -> Array:
     """(b, 6, 6) of inertial parameters (b, 10)."""
     out = np.zeros((len(rows), 6, 6))
     out[:, [0, 1, 2], [0, 1, 2]] = rows[:, :1]

@@ -62,6 +62,10 @@ class MovingBodyEffect(Effect):
 class InertialParameters(MovingBodyEffect):
     """Additions to a body's inertial parameters.
 
+    Typical: 1 to 10 % of the body; a payload or used fuel: any.
+    Signature: torque residuals that follow the body's acceleration and, on ground, its angle.
+    Source: Atkeson, An and Hollerbach, Int. J. Robotics Research 5 (1986).
+
     Args:
         mass: Added mass.
         mx, my, mz: Added mass times its position in the body's frame.
@@ -75,9 +79,6 @@ class InertialParameters(MovingBodyEffect):
         *(Parameter(name, 'kg m', 20.0, 0.02, default=0.0) for name in _MOMENTS),
         *(Parameter(name, 'kg m^2', 20.0, 0.05, default=0.0) for name in _INERTIAS),
     )
-    magnitude = '1 to 10 % of the body; a payload or used fuel: any'
-    signature = "torque residuals that follow the body's acceleration and, on ground, its angle"
-    source = 'Atkeson, An and Hollerbach, Int. J. Robotics Research 5 (1986)'
 
     def change(self, robot: Robot) -> Robot:
         """The robot with the body's parameters increased."""
@@ -108,6 +109,3 @@ def _central_inertia(row: Array) -> Array:
     if row[0] <= 0.0:
         return np.zeros((3, 3))
     return np.asarray(pin.Inertia.FromDynamicParameters(row).inertia)
-
-
-EFFECTS = (InertialParameters,)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
@@ -22,7 +22,6 @@ from . import (
     orbit,
     rotors,
     sensor_errors,
-    slosh,
     sprung,
 )
 from .effect import Effect
@@ -31,12 +30,19 @@ _MODULES = (
     *(friction, drive, flexibility),
     *(sensor_errors, delays),
     *(gyrostats, rotors),
-    *(bodies, sprung, slosh),
+    *(bodies, sprung),
     *(environment, orbit),
 )
-CATALOGUE: Mapping[str, type[Effect]] = MappingProxyType(
-    {kind.id: kind for module in _MODULES for kind in module.EFFECTS}
-)
+
+
+def _kinds() -> Iterator[type[Effect]]:
+    for module in _MODULES:
+        for value in vars(module).values():
+            if isinstance(value, type) and issubclass(value, Effect) and 'id' in vars(value):
+                yield value
+
+
+CATALOGUE: Mapping[str, type[Effect]] = MappingProxyType({kind.id: kind for kind in _kinds()})
 """Every kind of effect by its id, in the order of the documentation."""
 
 

@@ -14,6 +14,10 @@ from .parameter import amount, phase, searched
 class TorqueConstant(JointTorque):
     """tau = (g - 1) tau_m: the motor gives g times what is measured or commanded.
 
+    Typical: 2 to 10 % off, from magnet temperature and current sensor.
+    Signature: a torque residual in proportion to the motor torque, at every speed.
+    Source: Gautier and Briot, J. Dyn. Sys. Meas. Control 136 (2014).
+
     Args:
         gain: True motor torque per measured one.
     """
@@ -21,9 +25,6 @@ class TorqueConstant(JointTorque):
     id = 'joint_torque_constant'
     title = "a motor's torque constant off its nominal value"
     parameters = (amount('gain', '', 0.1, 3e-4, nominal=1.0, maximum=10.0),)
-    magnitude = '2 to 10 % off, from magnet temperature and current sensor'
-    signature = 'a torque residual in proportion to the motor torque, at every speed'
-    source = 'Gautier and Briot, J. Dyn. Sys. Meas. Control 136 (2014)'
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """What the motor gives beyond its nominal torque; friction is none of it."""
@@ -32,6 +33,10 @@ class TorqueConstant(JointTorque):
 
 class TorqueRipple(JointTorque):
     """tau = A sin(k q + phi).
+
+    Typical: 0.1 to 2 N m at 2 to 200 periods a turn, from cogging and harmonic drives.
+    Signature: a torque residual that is periodic in the joint angle.
+    Source: Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996).
 
     Args:
         amplitude: Largest torque.
@@ -54,9 +59,6 @@ class TorqueRipple(JointTorque):
         ),
         phase(),
     )
-    magnitude = '0.1 to 2 N m at 2 to 200 periods a turn, from cogging and harmonic drives'
-    signature = 'a torque residual that is periodic in the joint angle'
-    source = 'Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996)'
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque that goes round with the joint."""
@@ -74,6 +76,10 @@ class TorqueRipple(JointTorque):
 
 class Stiffness(JointTorque):
     """tau = -k (q - q0).
+
+    Typical: 0.5 to 20 N m/rad for harness across joints of space arms.
+    Signature: a torque residual in proportion to the joint angle, with an offset.
+    Source: Siciliano et al., Robotics: Modelling, Planning and Control (2009), 5.1.
 
     Args:
         stiffness: Torque towards the rest angle per angle.
@@ -95,9 +101,6 @@ class Stiffness(JointTorque):
             guesses=(-1.0, 0.0, 1.0),
         ),
     )
-    magnitude = '0.5 to 20 N m/rad for harness across joints of space arms'
-    signature = 'a torque residual in proportion to the joint angle, with an offset'
-    source = 'Siciliano et al., Robotics: Modelling, Planning and Control (2009), 5.1'
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque towards the rest angle."""
@@ -114,6 +117,10 @@ class MotorInertia(JointEffect):
     The rotor spins a gear ratio faster than the joint: of its energy 1/2 J (q' + w/ratio)^2 the
     carrier's rate w is left out, and its momentum too, as in Pinocchio and MuJoCo.
 
+    Typical: 0.1 to 10 kg m^2 for gear ratios of 50 to 200.
+    Signature: a torque residual in proportion to the joint's own acceleration.
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), 9.6.
+
     Args:
         inertia: Inertia of the rotor times the gear ratio squared.
     """
@@ -121,13 +128,7 @@ class MotorInertia(JointEffect):
     id = 'motor_inertia'
     title = "inertia of a geared motor's rotor"
     parameters = (amount('inertia', 'kg m^2', 3.0, 0.02),)
-    magnitude = '0.1 to 10 kg m^2 for gear ratios of 50 to 200'
-    signature = "a torque residual in proportion to the joint's own acceleration"
-    source = 'Featherstone, Rigid Body Dynamics Algorithms (2008), 9.6'
 
     def change(self, robot: Robot) -> Robot:
         """More inertia against the joint's own acceleration."""
         return robot.with_motor_inertia(str(self.where), self['inertia'])
-
-
-EFFECTS = (TorqueConstant, TorqueRipple, Stiffness, MotorInertia)

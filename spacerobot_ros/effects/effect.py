@@ -45,6 +45,9 @@ CLOCKS = ('joints', 'effort', 'imu', 'attitude')
 class Effect:
     """An effect at a place with values; subclasses are its kinds and override what they act on.
 
+    The docstring of a kind also says what values are typical in space practice (`Typical:`), what
+    it looks like in the data (`Signature:`), and where its equations come from (`Source:`).
+
     Args:
         name: Its free name in a robot file.
         where: Its place.
@@ -56,9 +59,6 @@ class Effect:
         group: joint, sensor, wheels, bodies or environment.
         parameters: In the order of results.
         needs_free_base: Whether a fixed base shows nothing of it.
-        magnitude: What typical values are in space practice.
-        signature: What it looks like in the data.
-        source: Where its equations come from.
         hidden: Number of its own states.
         is_external: Whether its force comes from outside the system, so that it changes the
             system's momentum; the force of any other effect takes from one part what it gives to
@@ -76,9 +76,6 @@ class Effect:
     title: ClassVar[str]
     group: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    magnitude: ClassVar[str] = ''
-    signature: ClassVar[str] = ''
-    source: ClassVar[str] = ''
     needs_free_base: ClassVar[bool] = False
     hidden: ClassVar[int] = 0
     is_external: ClassVar[bool] = False

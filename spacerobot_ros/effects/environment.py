@@ -54,6 +54,10 @@ def into_base(motion: Motion, inertial: Array) -> Array:
 class ExternalTorqueBody(External):
     """A torque that is constant in the base.
 
+    Typical: 1e-5 N m (pressure, magnetic) to 1 N m (venting).
+    Signature: momentum that grows in a direction fixed in the base.
+    Source: Wertz, Spacecraft Attitude Determination and Control, 17.2.
+
     Args:
         x, y, z: Torque about the base's axes.
     """
@@ -61,9 +65,6 @@ class ExternalTorqueBody(External):
     id = 'external_torque_body'
     title = 'external torque that is constant in the base'
     parameters = xyz('N m', 1.0, 1e-3)
-    magnitude = '1e-5 N m (pressure, magnetic) to 1 N m (venting)'
-    signature = 'momentum that grows in a direction fixed in the base'
-    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2'
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The torque on the base."""
@@ -73,6 +74,10 @@ class ExternalTorqueBody(External):
 class ExternalTorqueInertial(External):
     """A torque that is constant in the inertial frame.
 
+    Typical: 1e-5 to 0.1 N m.
+    Signature: momentum that grows evenly in a direction fixed in space.
+    Source: Wertz, Spacecraft Attitude Determination and Control, 17.2.
+
     Args:
         x, y, z: Torque about the inertial axes.
     """
@@ -80,9 +85,6 @@ class ExternalTorqueInertial(External):
     id = 'external_torque_inertial'
     title = 'external torque that is constant in the inertial frame'
     parameters = xyz('N m', 1.0, 1e-3)
-    magnitude = '1e-5 to 0.1 N m'
-    signature = 'momentum that grows evenly in a direction fixed in space'
-    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2'
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """R_WB^T torque on the base."""
@@ -92,12 +94,12 @@ class ExternalTorqueInertial(External):
 class Thruster(External):
     """A force f in base coordinates at a point r from the base origin: torque r x f.
 
+    Source: Wertz, Spacecraft Attitude Determination and Control, 17.4.
+
     Args:
         force_x, force_y, force_z: Force along the base's axes.
         at_x, at_y, at_z: Where it acts, along the base's axes from the base origin.
     """
-
-    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.4'
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """Force and its torque."""
@@ -108,19 +110,24 @@ _AT = tuple(searched(name, 'm', 1.0, default=0.0, guesses=(-1.0, 1.0)) for name 
 
 
 class ThrusterLeak(Thruster):
-    """A force that is constant in the base."""
+    """A force that is constant in the base.
+
+    Typical: 1 mN to 1 N.
+    Signature: a torque on the base that follows the centre of mass as the arm moves.
+    """
 
     id = 'thruster_leak'
     title = 'thruster that leaks'
     parameters = (*xyz('N', 1.0, 1e-3, 'force_'), *_AT)
-    magnitude = '1 mN to 1 N'
-    signature = 'a torque on the base that follows the centre of mass as the arm moves'
 
 
 class ThrusterPulses(Thruster):
     """The force of a leak, on for `width` in every `period` from `start` on.
 
     The valve opens and closes along half a cosine; a pulse's impulse is exactly f * width.
+
+    Typical: 1 to 20 N for 5 to 100 ms.
+    Signature: steps of the momentum, all alike.
 
     Args:
         period: Time from one pulse to the next.
@@ -139,8 +146,6 @@ class ThrusterPulses(Thruster):
         searched('width', 's', minimum=_RISE, nominal=0.02, guesses=(0.02, 0.1)),
         searched('start', 's', default=0.0, minimum=0.0, guesses=(0.0,)),
     )
-    magnitude = '1 to 20 N for 5 to 100 ms'
-    signature = 'steps of the momentum, all alike'
 
     def check(self, robot: Robot) -> None:
         """Refuse pulses that run into each other."""
@@ -178,6 +183,10 @@ class GravityGradient(External):
     so a body of mass m, centre of mass rho and inertia J takes the force m a and the torque
     3 n^2 d x J d. The vertical stands still in the inertial frame: it turns by n per second.
 
+    Typical: 1.1e-3 rad/s in low orbit: 1e-3 N m per 1000 kg m^2 of difference.
+    Signature: a torque that depends on how the system stands against the vertical.
+    Source: Hughes, Spacecraft Attitude Dynamics, 8.1.
+
     Args:
         orbital_rate: Rate of the circular orbit.
         x, y, z: Direction of the vertical in the inertial frame, of any length.
@@ -189,9 +198,6 @@ class GravityGradient(External):
         amount('orbital_rate', 'rad/s', 2e-6, 1e-7, maximum=0.1, role='square'),
         *(searched(axis, '', guesses=(-1.0, 1.0)) for axis in 'xyz'),
     )
-    magnitude = '1.1e-3 rad/s in low orbit: 1e-3 N m per 1000 kg m^2 of difference'
-    signature = 'a torque that depends on how the system stands against the vertical'
-    source = 'Hughes, Spacecraft Attitude Dynamics, 8.1'
 
     def check(self, robot: Robot) -> None:
         """Refuse a direction without length."""
@@ -241,6 +247,10 @@ class GravityGradient(External):
 class GravityError(Effect):
     """g = g_believed + (x, y, z) in the inertial frame; a free base falls along, unaware.
 
+    Typical: 0.01 to 0.3 m/s^2: a ground test whose base does not stand level.
+    Signature: joint torques of a weight that acts in a wrong direction.
+    Source: Swevers et al., IEEE Control Systems Magazine 27 (2007).
+
     Args:
         x, y, z: Gravity added along the inertial axes.
     """
@@ -249,16 +259,7 @@ class GravityError(Effect):
     title = 'gravity that is not as believed'
     group = 'environment'
     parameters = xyz('m/s^2', 0.2, 0.01)
-    magnitude = '0.01 to 0.3 m/s^2: a ground test whose base does not stand level'
-    signature = 'joint torques of a weight that acts in a wrong direction'
-    source = 'Swevers et al., IEEE Control Systems Magazine 27 (2007)'
 
     def change(self, robot: Robot) -> Robot:
         """Another gravity."""
         return replace(robot, gravity=robot.gravity + self.vector())
-
-
-EFFECTS = (
-    *(ExternalTorqueBody, ExternalTorqueInertial, ThrusterLeak, ThrusterPulses),
-    *(GravityGradient, GravityError),
-)

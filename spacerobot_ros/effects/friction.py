@@ -11,7 +11,6 @@ from .parameter import amount, searched
 
 STICTION_RATE = 2e-3
 """Rate over which dry friction changes its sign [rad/s]: sign(v) is smoothed to tanh(v / this)."""
-_ARMSTRONG = 'Armstrong-Helouvry et al., Automatica 30 (1994)'
 
 
 def direction(qd: Array) -> Array:
@@ -22,6 +21,10 @@ def direction(qd: Array) -> Array:
 class ViscousFriction(JointTorque):
     """tau = -c q'.
 
+    Typical: 0.1 to 30 N m s/rad for harmonic drives of space arms.
+    Signature: a torque residual in proportion to the joint rate.
+    Source: Armstrong-Helouvry et al., Automatica 30 (1994).
+
     Args:
         coefficient: Torque against the joint rate, per rate.
     """
@@ -29,9 +32,6 @@ class ViscousFriction(JointTorque):
     id = 'joint_viscous_friction'
     title = 'viscous friction in a joint'
     parameters = (amount('coefficient', 'N m s/rad', 10.0, 0.05),)
-    magnitude = '0.1 to 30 N m s/rad for harmonic drives of space arms'
-    signature = 'a torque residual in proportion to the joint rate'
-    source = _ARMSTRONG
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque against the joint rate."""
@@ -45,6 +45,10 @@ class ViscousFriction(JointTorque):
 class CoulombFriction(JointTorque):
     """tau = -T sign(q').
 
+    Typical: 0.1 to 5 N m for harmonic drives of space arms.
+    Signature: a torque residual that jumps whenever the joint reverses.
+    Source: Armstrong-Helouvry et al., Automatica 30 (1994).
+
     Args:
         torque: Torque of constant size against the direction of motion.
     """
@@ -52,9 +56,6 @@ class CoulombFriction(JointTorque):
     id = 'joint_coulomb_friction'
     title = 'Coulomb friction in a joint'
     parameters = (amount('torque', 'N m', 3.0, 0.01),)
-    magnitude = '0.1 to 5 N m for harmonic drives of space arms'
-    signature = 'a torque residual that jumps whenever the joint reverses'
-    source = _ARMSTRONG
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque of constant size against the joint rate."""
@@ -67,6 +68,10 @@ class CoulombFriction(JointTorque):
 
 class StribeckFriction(JointTorque):
     """tau = -(T + (S - T) exp(-(q'/v)^2)) sign(q').
+
+    Typical: static torque 1.1 to 2 times the Coulomb one, falling over 0.003 to 0.1 rad/s.
+    Signature: as Coulomb friction, with a peak of the residual at every start and reversal.
+    Source: Armstrong-Helouvry et al., Automatica 30 (1994).
 
     Args:
         coulomb: Torque against the direction of fast motion.
@@ -90,9 +95,6 @@ class StribeckFriction(JointTorque):
             guesses=(0.005, 0.015, 0.05, 0.15),
         ),
     )
-    magnitude = 'static torque 1.1 to 2 times the Coulomb one, falling over 0.003 to 0.1 rad/s'
-    signature = 'as Coulomb friction, with a peak of the residual at every start and reversal'
-    source = _ARMSTRONG
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque that falls from its static to its Coulomb value as the joint gets moving."""
@@ -117,6 +119,10 @@ class StribeckFriction(JointTorque):
 class LoadFriction(JointTorque):
     """tau = -mu |tau_m| sign(q').
 
+    Typical: 0.02 to 0.2 of the motor torque for loaded harmonic drives and gears.
+    Signature: a torque residual that jumps at reversals by an amount that follows the torque.
+    Source: Gogoussis and Donath, IEEE Int. Conf. Robotics and Automation (1987).
+
     Args:
         coefficient: Torque against the direction of motion per motor torque.
     """
@@ -124,13 +130,7 @@ class LoadFriction(JointTorque):
     id = 'joint_load_friction'
     title = 'friction in proportion to the load of a joint'
     parameters = (amount('coefficient', '', 0.1, 1e-3, maximum=1.0),)
-    magnitude = '0.02 to 0.2 of the motor torque for loaded harmonic drives and gears'
-    signature = 'a torque residual that jumps at reversals by an amount that follows the torque'
-    source = 'Gogoussis and Donath, IEEE Int. Conf. Robotics and Automation (1987)'
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque against the joint rate in proportion to the motor torque."""
         return -self['coefficient'] * np.abs(effort) * direction(qd)
-
-
-EFFECTS = (ViscousFriction, CoulombFriction, StribeckFriction, LoadFriction)

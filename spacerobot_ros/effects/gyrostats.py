@@ -18,8 +18,6 @@ from .effect import Effect
 from .motion import Motion
 from .parameter import Parameter, amount, phase, searched, xyz
 
-_WHEEL_SOURCE = 'Hughes, Spacecraft Attitude Dynamics, chapter 6'
-
 
 class WheelEffect(Effect):
     """An effect of the gyrostat wheels of one link, the captured body's among them."""
@@ -75,9 +73,10 @@ class ServicerWheels(WheelEffect):
 
 
 class WheelMomentum(WheelEffect):
-    """h = h_believed + (x, y, z)."""
+    """h = h_believed + (x, y, z).
 
-    source = _WHEEL_SOURCE
+    Source: Hughes, Spacecraft Attitude Dynamics, chapter 6.
+    """
 
     def change(self, robot: Robot) -> Robot:
         """Another constant momentum of the wheels."""
@@ -90,6 +89,9 @@ class WheelMomentum(WheelEffect):
 class TargetWheelMomentum(WheelMomentum, TargetWheels):
     """In the carrying link's frame.
 
+    Typical: 0.1 to 100 N m s.
+    Signature: torques -omega x h on the carrying link, and its share of the momentum balance.
+
     Args:
         x, y, z: Momentum added to the believed one, along the link's axes.
     """
@@ -97,12 +99,13 @@ class TargetWheelMomentum(WheelMomentum, TargetWheels):
     id = 'target_wheel_momentum'
     title = "momentum of the captured body's wheels beyond the believed one"
     parameters = xyz('N m s', 50.0, 0.01)
-    magnitude = '0.1 to 100 N m s'
-    signature = 'torques -omega x h on the carrying link, and its share of the momentum balance'
 
 
 class ServicerWheelMomentumError(WheelMomentum, ServicerWheels):
     """In base coordinates.
+
+    Typical: 0.1 to 5 N m s: tachometers and rotor inertias.
+    Signature: a torque -omega x h on the base.
 
     Args:
         x, y, z: Momentum added to the believed one, along the base's axes.
@@ -111,12 +114,14 @@ class ServicerWheelMomentumError(WheelMomentum, ServicerWheels):
     id = 'servicer_wheel_momentum_error'
     title = "momentum of the servicer's wheels beyond the believed one"
     parameters = xyz('N m s', 5.0, 0.01)
-    magnitude = '0.1 to 5 N m s: tachometers and rotor inertias'
-    signature = 'a torque -omega x h on the base'
 
 
 class WheelDrag(WheelEffect):
     """h = h0 exp(-t / tau); the body takes what the wheels lose: torque -omega x h - h'.
+
+    Typical: time constants of 100 s (dry or damaged bearings) to 10 000 s.
+    Source: Bialke, American Astronautical Society paper 98-063; Hughes, Spacecraft Attitude
+        Dynamics, chapter 6.
 
     Args:
         time_constant: Time in which the momentum falls to 1/e.
@@ -128,8 +133,6 @@ class WheelDrag(WheelEffect):
             'time_constant', 's', 3e-3, 3e-5, nominal=math.inf, above=0.0, role='reciprocal'
         ),
     )
-    magnitude = 'time constants of 100 s (dry or damaged bearings) to 10 000 s'
-    source = 'Bialke, American Astronautical Society paper 98-063; ' + _WHEEL_SOURCE
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The torque less that of the constant h0, which belongs to the robot."""
@@ -148,21 +151,25 @@ class WheelDrag(WheelEffect):
 
 
 class TargetWheelDrag(WheelDrag, TargetWheels):
-    """Of the captured body's wheels."""
+    """Of the captured body's wheels.
+
+    Signature: a torque along the wheel momentum, fixed in the carrying link, that fades.
+    """
 
     id = 'target_wheel_drag'
     title = "the captured body's wheels run down"
     excludes = ('target_wheel_drag',)
-    signature = 'a torque along the wheel momentum, fixed in the carrying link, that fades'
 
 
 class ServicerWheelDrag(WheelDrag, ServicerWheels):
-    """Of the servicer's wheels."""
+    """Of the servicer's wheels.
+
+    Signature: a torque along the wheel momentum, fixed in the base, that fades.
+    """
 
     id = 'servicer_wheel_drag'
     title = "the servicer's wheels run down"
     excludes = ('servicer_wheel_drag',)
-    signature = 'a torque along the wheel momentum, fixed in the base, that fades'
 
 
 class WheelImbalance(WheelEffect):
@@ -170,6 +177,10 @@ class WheelImbalance(WheelEffect):
 
     The wheel's own transverse momentum A / w (-sin, cos, 0) turns with it, so the whole keeps its
     momentum; -omega x that is part of the torque.
+
+    Typical: 0.01 to 10 N m at 10 to 600 rad/s, growing with the square of the rate.
+    Signature: a line at the frequency of the wheel in rates and torques.
+    Source: Masterson, Miller and Grogan, J. Sound and Vibration 249 (2002).
 
     Args:
         amplitude: Size of the turning torque.
@@ -185,9 +196,6 @@ class WheelImbalance(WheelEffect):
         searched('frequency', 'rad/s', above=0.0, guesses=(3.0, 1000.0)),
         phase(),
     )
-    magnitude = '0.01 to 10 N m at 10 to 600 rad/s, growing with the square of the rate'
-    signature = 'a line at the frequency of the wheel in rates and torques'
-    source = 'Masterson, Miller and Grogan, J. Sound and Vibration 249 (2002)'
 
     @classmethod
     def argument(cls, motion: Motion, where: str | None) -> Array | None:
@@ -224,6 +232,10 @@ class FreeRotors(WheelEffect):
     frame, constant, the link moves as one of inertia I - J 1 with the gyrostat h; a model with
     locked wheels has I and J Omega. What the model believes of the momentum is then taken as h.
 
+    Typical: 0.01 to 1 kg m^2.
+    Signature: a link that resists turning less than its inertia says.
+    Source: Hughes, Spacecraft Attitude Dynamics, chapter 6.
+
     Args:
         axial_inertia: Inertia of each of three rotors about its axis.
     """
@@ -232,9 +244,6 @@ class FreeRotors(WheelEffect):
     title = 'wheels that turn freely instead of at a constant relative rate'
     excludes = ('free_wheel_rotors',)
     parameters = (amount('axial_inertia', 'kg m^2', 0.5, 0.05),)
-    magnitude = '0.01 to 1 kg m^2'
-    signature = 'a link that resists turning less than its inertia says'
-    source = _WHEEL_SOURCE
 
     def change(self, robot: Robot) -> Robot:
         """The link without its wheels' axial inertias."""
@@ -250,9 +259,3 @@ class FreeRotors(WheelEffect):
         inertia = bodies[index].inertia - axial * np.eye(3)
         bodies[index] = replace(bodies[index], inertia=inertia)
         return replace(robot, bodies=tuple(bodies))
-
-
-EFFECTS = (
-    *(TargetWheelMomentum, ServicerWheelMomentumError),
-    *(TargetWheelDrag, ServicerWheelDrag, WheelImbalance, FreeRotors),
-)

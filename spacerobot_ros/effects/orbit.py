@@ -71,6 +71,10 @@ class MagneticDipole(Orbital):
 
     B = (k / r^3) (z - 3 (z . r^) r^), which points north on the equator.
 
+    Typical: 0.1 to 10 A m^2 in 3e-5 T: below 3e-4 N m.
+    Signature: a torque across the field, twice an orbit.
+    Source: Wertz, Spacecraft Attitude Determination and Control, 17.2.4 and appendix H.
+
     Args:
         x, y, z: Dipole along the base's axes.
     """
@@ -78,9 +82,6 @@ class MagneticDipole(Orbital):
     id = 'magnetic_dipole'
     title = "residual magnetic dipole in the Earth's field"
     parameters = (*xyz('A m^2', 10.0, 1.0), *_ORBIT)
-    magnitude = '0.1 to 10 A m^2 in 3e-5 T: below 3e-4 N m'
-    signature = 'a torque across the field, twice an orbit'
-    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2.4 and appendix H'
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The torque on the base."""
@@ -92,6 +93,10 @@ class MagneticDipole(Orbital):
 
 class AtmosphericDrag(Orbital):
     """Force -rho/2 (C A) v^2 v^ at the centre of pressure.
+
+    Typical: 3e-12 kg/m^3 at 400 km: 1e-3 N on 10 m^2.
+    Signature: a force against the flight, and its torque.
+    Source: Wertz, Spacecraft Attitude Determination and Control, 17.2.3.
 
     Args:
         area: Area that is exposed times its coefficient.
@@ -107,9 +112,6 @@ class AtmosphericDrag(Orbital):
         *_PRESSURE_CENTRE,
         *_ORBIT,
     )
-    magnitude = '3e-12 kg/m^3 at 400 km: 1e-3 N on 10 m^2'
-    signature = 'a force against the flight, and its torque'
-    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2.3'
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """Force and its torque on the base."""
@@ -121,6 +123,10 @@ class AtmosphericDrag(Orbital):
 
 class SolarPressure(External):
     """Force -P (C A) s away from the sun at the centre of pressure.
+
+    Typical: 1e-4 N on 20 m^2.
+    Signature: a force away from the sun, and its torque.
+    Source: Wertz, Spacecraft Attitude Determination and Control, 17.2.2.
 
     Args:
         area: Area that is exposed times its coefficient.
@@ -136,9 +142,6 @@ class SolarPressure(External):
         *_PRESSURE_CENTRE,
         *(_known(axis, '', nominal) for axis, nominal in {'x': 1.0, 'y': 0.0, 'z': 0.0}.items()),
     )
-    magnitude = '1e-4 N on 20 m^2'
-    signature = 'a force away from the sun, and its torque'
-    source = 'Wertz, Spacecraft Attitude Determination and Control, 17.2.2'
 
     def check(self, robot: Robot) -> None:
         """Refuse a direction without length."""
@@ -149,6 +152,3 @@ class SolarPressure(External):
         sun = self.vector()
         sun /= float(np.linalg.norm(sun)) or 1.0
         return self.force_at(motion, into_base(motion, -SOLAR_PRESSURE * self['area'] * sun))
-
-
-EFFECTS = (MagneticDipole, AtmosphericDrag, SolarPressure)

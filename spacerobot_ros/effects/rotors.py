@@ -39,6 +39,10 @@ class RotorEffect(Effect):
 class BearingDrag(RotorEffect):
     """tau = -c Omega - T tanh(Omega / 0.1 rad/s).
 
+    Typical: 1e-6 to 1e-4 N m s/rad and 0.1 to 10 mN m.
+    Signature: a rotor that runs down, first exponentially, then evenly.
+    Source: Bialke, American Astronautical Society paper 98-063.
+
     Args:
         viscous: Torque against the relative rate, per rate.
         coulomb: Torque of constant size against the relative rate.
@@ -50,9 +54,6 @@ class BearingDrag(RotorEffect):
         amount('viscous', 'N m s/rad', 1e-4, 1e-6, default=0.0),
         amount('coulomb', 'N m', 1e-2, 1e-4, default=0.0),
     )
-    magnitude = '1e-6 to 1e-4 N m s/rad and 0.1 to 10 mN m'
-    signature = 'a rotor that runs down, first exponentially, then evenly'
-    source = 'Bialke, American Astronautical Society paper 98-063'
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """Torque against the rotor's relative rate."""
@@ -74,6 +75,10 @@ class RotorImbalance(RotorEffect):
     Both stand on the same side of the rotor, along the direction that `transverse` gives at zero
     angle. Nothing is linearized: the rotor is another body.
 
+    Typical: 1e-6 to 1e-4 kg m and kg m^2 (1 g cm^2 = 1e-7 kg m^2).
+    Signature: force and torque that turn with the rotor, growing with the square of its rate.
+    Source: Masterson, Miller and Grogan, J. Sound and Vibration 249 (2002).
+
     Args:
         static: Mass times distance of the centre of mass from the axis.
         dynamic: Product of inertia of axis and heavy side.
@@ -85,9 +90,6 @@ class RotorImbalance(RotorEffect):
         amount('static', 'kg m', 1e-4, 1e-6, default=0.0),
         amount('dynamic', 'kg m^2', 1e-4, 1e-6, default=0.0),
     )
-    magnitude = '1e-6 to 1e-4 kg m and kg m^2 (1 g cm^2 = 1e-7 kg m^2)'
-    signature = 'force and torque that turn with the rotor, growing with the square of its rate'
-    source = 'Masterson, Miller and Grogan, J. Sound and Vibration 249 (2002)'
 
     def check(self, robot: Robot) -> None:
         """Refuse a rotor that no body could be."""
@@ -122,6 +124,3 @@ def transverse(axis: Vector3) -> Vector3:
     across = np.eye(3)[int(np.argmin(np.abs(axis)))]
     across = across - (axis @ across) * axis
     return np.asarray(across / np.linalg.norm(across))
-
-
-EFFECTS = (BearingDrag, RotorImbalance)

@@ -13,9 +13,6 @@ from .joint import JointEffect
 from .motion import Motion
 from .parameter import Parameter, xyz
 
-_GYRO_SOURCE = 'IEEE Std 952-2020; Markley and Crassidis, Fundamentals of Spacecraft ADCS, 4.7'
-_CALIBRATION = 'Hollerbach, Khalil and Gautier, Springer Handbook of Robotics, chapter 8'
-
 
 class SensorFault(Effect):
     """What a fault does to one channel of the sensors.
@@ -53,6 +50,10 @@ class JointSensor(SensorFault, JointEffect):
 class EncoderOffset(JointSensor):
     """q_measured = q + offset.
 
+    Typical: 0.1 to 10 mrad after assembly and launch.
+    Signature: torques and momentum of an arm that stands a constant angle elsewhere.
+    Source: Roth, Mooring and Ravani, IEEE J. Robotics and Automation 3 (1987).
+
     Args:
         offset: What the encoder says too much.
     """
@@ -61,13 +62,14 @@ class EncoderOffset(JointSensor):
     title = 'wrong zero of an encoder'
     channel = 'joint_position'
     parameters = (Parameter('offset', 'rad', 0.02, 1e-4),)
-    magnitude = '0.1 to 10 mrad after assembly and launch'
-    signature = 'torques and momentum of an arm that stands a constant angle elsewhere'
-    source = 'Roth, Mooring and Ravani, IEEE J. Robotics and Automation 3 (1987)'
 
 
 class EncoderScale(JointSensor):
     """q_measured = gain q.
+
+    Typical: 1e-4 to 1e-2: pulley and gear ratios, potentiometers.
+    Signature: positions that grow faster or slower than the integral of the joint rate.
+    Source: Hollerbach, Khalil and Gautier, Springer Handbook of Robotics, chapter 8.
 
     Args:
         gain: What the encoder says per angle.
@@ -77,13 +79,14 @@ class EncoderScale(JointSensor):
     title = 'wrong scale of an encoder'
     channel = 'joint_position'
     parameters = (Parameter('gain', '', 0.01, 3e-4, nominal=1.0, above=0.0),)
-    magnitude = '1e-4 to 1e-2: pulley and gear ratios, potentiometers'
-    signature = 'positions that grow faster or slower than the integral of the joint rate'
-    source = _CALIBRATION
 
 
 class JointRateScale(JointSensor):
     """qd_measured = gain qd.
+
+    Typical: 1e-3 to 3e-2 for tachometers.
+    Signature: joint rates in proportion to, but not equal to, the slope of the positions.
+    Source: Hollerbach, Khalil and Gautier, Springer Handbook of Robotics, chapter 8.
 
     Args:
         gain: Joint rate that is reported per true rate.
@@ -93,13 +96,14 @@ class JointRateScale(JointSensor):
     title = 'wrong scale of a joint rate'
     channel = 'joint_velocity'
     parameters = (Parameter('gain', '', 0.02, 5e-4, nominal=1.0, above=0.0),)
-    magnitude = '1e-3 to 3e-2 for tachometers'
-    signature = 'joint rates in proportion to, but not equal to, the slope of the positions'
-    source = _CALIBRATION
 
 
 class TorqueSensorBias(JointSensor):
     """tau_measured = tau + bias.
+
+    Typical: 0.1 to 1 N m: temperature and creep of strain gauges.
+    Signature: a constant torque residual of one joint.
+    Source: Aksman, Carignan and Akin, IEEE ICRA (2007).
 
     Args:
         bias: Torque that the sensor says too much.
@@ -109,21 +113,23 @@ class TorqueSensorBias(JointSensor):
     title = 'bias of a torque sensor'
     channel = 'joint_effort'
     parameters = (Parameter('bias', 'N m', 1.0, 0.01),)
-    magnitude = '0.1 to 1 N m: temperature and creep of strain gauges'
-    signature = 'a constant torque residual of one joint'
-    source = 'Aksman, Carignan and Akin, IEEE ICRA (2007)'
 
 
 class GyroFault(SensorFault):
-    """What a vector x, y, z does to the gyro's rates."""
+    """What a vector x, y, z does to the gyro's rates.
+
+    Source: IEEE Std 952-2020; Markley and Crassidis, Fundamentals of Spacecraft ADCS, 4.7.
+    """
 
     channel = 'gyro'
     needs_free_base = True
-    source = _GYRO_SOURCE
 
 
 class GyroBias(GyroFault):
     """omega_measured = omega + b.
+
+    Typical: 1e-6 rad/s (fibre optic) to 1e-3 rad/s (MEMS).
+    Signature: an attitude that drifts away from the integral of the rate.
 
     Args:
         x, y, z: Rate that the gyro says too much about an axis.
@@ -132,8 +138,6 @@ class GyroBias(GyroFault):
     id = 'gyro_bias'
     title = 'bias of the gyro'
     parameters = xyz('rad/s', 1e-3, 1e-5)
-    magnitude = '1e-6 rad/s (fibre optic) to 1e-3 rad/s (MEMS)'
-    signature = 'an attitude that drifts away from the integral of the rate'
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Rates shifted."""
@@ -143,6 +147,9 @@ class GyroBias(GyroFault):
 class GyroScale(GyroFault):
     """omega_measured = (1 + s) omega, axis by axis.
 
+    Typical: 1e-5 (fibre optic) to 1e-2 (MEMS).
+    Signature: an attitude error that grows with the angle turned about an axis.
+
     Args:
         x, y, z: Relative error of the scale about an axis.
     """
@@ -150,8 +157,6 @@ class GyroScale(GyroFault):
     id = 'gyro_scale'
     title = 'scale errors of the gyro'
     parameters = xyz('', 5e-3, 1e-4)
-    magnitude = '1e-5 (fibre optic) to 1e-2 (MEMS)'
-    signature = 'an attitude error that grows with the angle turned about an axis'
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Rates scaled."""
@@ -161,6 +166,9 @@ class GyroScale(GyroFault):
 class GyroMisalignment(GyroFault):
     """omega_measured = exp(skew(r)) omega: what the gyro says is turned by the vector r.
 
+    Typical: 0.1 to 5 mrad after launch.
+    Signature: rates about one axis that show up on another.
+
     Args:
         x, y, z: Rotation vector that turns the true rates to those said.
     """
@@ -168,8 +176,6 @@ class GyroMisalignment(GyroFault):
     id = 'gyro_misalignment'
     title = 'misalignment of the gyro'
     parameters = xyz('rad', 5e-3, 1e-4)
-    magnitude = '0.1 to 5 mrad after launch'
-    signature = 'rates about one axis that show up on another'
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Rates turned."""
@@ -178,6 +184,10 @@ class GyroMisalignment(GyroFault):
 
 class AttitudeMisalignment(SensorFault):
     """R_measured = R_WB exp(skew(r)): the tracker's frame is turned by r against the base.
+
+    Typical: 0.05 to 5 mrad between tracker and gyro after launch.
+    Signature: attitude increments that are turned against the gyro rates.
+    Source: Markley and Crassidis, Fundamentals of Spacecraft ADCS, 6.4.
 
     Args:
         x, y, z: Rotation vector of the tracker against the base.
@@ -188,17 +198,8 @@ class AttitudeMisalignment(SensorFault):
     channel = 'attitude'
     needs_free_base = True
     parameters = xyz('rad', 5e-3, 1.5e-4)
-    magnitude = '0.05 to 5 mrad between tracker and gyro after launch'
-    signature = 'attitude increments that are turned against the gyro rates'
-    source = 'Markley and Crassidis, Fundamentals of Spacecraft ADCS, 6.4'
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Small rotations (N, 3) of the attitude, the fault's behind what was there."""
         turned = Rotation.from_rotvec(value) * Rotation.from_rotvec(self.vector())
         return np.asarray(turned.as_rotvec())
-
-
-EFFECTS = (
-    *(EncoderOffset, EncoderScale, JointRateScale, TorqueSensorBias),
-    *(GyroBias, GyroScale, GyroMisalignment, AttitudeMisalignment),
-)

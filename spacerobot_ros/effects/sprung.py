@@ -11,6 +11,15 @@ gives way, eta by how much, and G = G S S^T its spatial inertia,
 
 These are Lagrange's equations of T = 1/2 (V + S eta')^T G (V + S eta') for small eta, and the
 momentum of host and part together is kept exactly. Gravity is an acceleration -g of the frame.
+
+Fuel that moves in its tank is a point mass on springs in three directions. With P = p + s its
+place in the host's frame, a the acceleration of that frame's origin and g gravity there,
+
+    s'' = g - a - alpha x P - w x (w x P) - 2 w x s' - 2 zeta omega s' - omega^2 s
+    F   = m (omega^2 s + 2 zeta omega s')       on the host, at P
+
+(Dodge, The New Dynamic Behavior of Liquids in Moving Containers (2000), 3). The mass is part of
+what the file says of its host.
 """
 
 from __future__ import annotations
@@ -20,25 +29,99 @@ from functools import cached_property
 
 import numpy as np
 
+from ..dynamics.equations import spatial_inertias
 from ..dynamics.rotation import cross_rows, skew
 from ..model.robot import Robot
 from ..types import Array
+from .bodies import MovingBodyEffect
 from .effect import Effect
 from .hidden import driven_states
-from .motion import Motion, body_index
-from .mounting import FIRST_DAMPING, FREQUENCIES, Sprung, recoil, spring_parameters
-from .parameter import amount, searched
+from .motion import Motion, body_index, inverse_mass
+from .parameter import Parameter, amount, searched
 
+FREQUENCIES = tuple(0.5 * 1.8**k for k in range(8))
+"""First guesses of a frequency [rad/s]: 0.5 to 31, as sampled motions of arms can show."""
+FIRST_DAMPING = 0.05
+"""First guess of a damping ratio: a broad resonance, seen from the next guess of a frequency."""
 _LIGHT = 1e-3  # of the whole's mass: what a part may have whose recoil does not matter
+
+
+def spring_parameters(damping: float) -> tuple[Parameter, Parameter]:
+    """Frequency and damping of a part on its spring."""
+    zeta = {'nominal': damping, 'default': damping, 'minimum': 0.0, 'maximum': 10.0}
+    return (
+        searched(
+            'frequency', 'rad/s', 10.0, nominal=1.0, above=0.0, maximum=1e4, guesses=FREQUENCIES
+        ),
+        searched('damping', '', 0.1, guesses=(FIRST_DAMPING,), **zeta),
+    )
+
+
+class Sprung(MovingBodyEffect):
+    """A part of a body on springs of one frequency in k directions, which are its 2 k states.
+
+    Args:
+        frequency: Natural frequency in every direction, the host held.
+        damping: Damping as a share of the critical one.
+    """
+
+    def spring(self, hidden: Array) -> Array:
+        """(N, k) 2 zeta omega eta' + omega^2 eta."""
+        size = hidden.shape[1] // 2
+        omega, damping = self['frequency'], self['damping']
+        return omega**2 * hidden[:, :size] + 2.0 * damping * omega * hidden[:, size:]
+
+    def gravity(self, motion: Motion) -> Array:
+        """(N, 3) gravity in the body's frame [m/s^2]."""
+        gravity = motion.robot.gravity
+        if not np.any(gravity):
+            return np.zeros((len(motion), 3))
+        return np.einsum('nji,j->ni', motion.link_rotation(self.where), gravity)
+
+    def to_base(self, motion: Motion, momentum: Array) -> Array:
+        """(N, 6) momentum about the base origin, in its axes, of one in the body's frame."""
+        R, r = motion.base_rotation(self.where), motion.link_position(self.where)
+        linear = np.einsum('nij,nj->ni', R, momentum[:, :3])
+        angular = np.einsum('nij,nj->ni', R, momentum[:, 3:]) + cross_rows(r, linear)
+        return np.concatenate([linear, angular], axis=1)
+
+    @cached_property
+    def directions(self) -> Array:
+        """(6, k) directions S of the springs, [linear; angular] in the host's frame."""
+        raise NotImplementedError
+
+    def moved(self, robot: Robot) -> Array:
+        """(k, k) inertia along the directions, of the robot without the part."""
+        raise NotImplementedError
+
+    def pull(self, motion: Motion, hidden: Array) -> Array:
+        """(N, 3) force on the host, in its frame [N]."""
+        raise NotImplementedError
+
+    def fastest(self, robot: Robot) -> float:
+        """Of the part on its spring against the recoiling robot."""
+        still, unit, S = np.zeros((6, robot.n_joints)), np.eye(6), self.directions
+        motion = Motion(robot, np.zeros(6), still, still, still)
+        J = S.T @ motion.wrench(self.where, unit[:, :3], unit[:, 3:])
+        ratio = np.linalg.eigvals(self.moved(robot) @ J @ inverse_mass(robot) @ J.T).real.max()
+        return float(max(1.0, self['damping']) * self['frequency'] * np.sqrt(1.0 + ratio))
+
+    def driven(self, motion: Motion) -> Array:
+        """Along a given motion, with the recoil that such a motion does not hold."""
+        size = self.hidden // 2
+
+        def rate(own: Array) -> Array:
+            out = self.hidden_rate(motion, own)
+            if motion.coasts:
+                mass = np.sum(motion.robot.inertial_parameters[:, 0])
+                out[:, size:] -= self.pull(motion, own) / mass @ self.directions[:3]
+            return out
+
+        return driven_states(rate, motion.time, self.hidden)
 
 
 class SprungPart(Sprung):
     """A rigid part on springs."""
-
-    @cached_property
-    def directions(self) -> Array:
-        """(6, k) orthonormal directions S, [linear; angular] in the host's frame."""
-        raise NotImplementedError
 
     def inertia(self, host: Array, is_left: bool) -> Array:
         """(6, 6) spatial inertia G.
@@ -69,9 +152,7 @@ class SprungPart(Sprung):
         """Each direction is an oscillator of its own, unless the whole recoils from the part."""
         size = self.hidden // 2
         if motion.coasts and self._share(motion.robot) > _LIGHT:
-            return driven_states(
-                lambda own: self._recoiling(motion, own), motion.time, self.hidden
-            )
+            return super().driven(motion)
         drives = self.hidden_rate(motion, np.zeros((len(motion), self.hidden)))
 
         def states(drive: Array) -> Array:
@@ -89,10 +170,14 @@ class SprungPart(Sprung):
         """The part's, its rigid share included."""
         return self.to_base(motion, self._part_momentum(motion, hidden))
 
-    def fastest(self, robot: Robot) -> float:
-        """Of the part on its spring against the recoiling robot."""
+    def moved(self, robot: Robot) -> Array:
+        """S^T G S."""
         S = self.directions
-        return self.fastest_against(robot, S, S.T @ self.inertia(self.row(robot), True) @ S)
+        return np.asarray(S.T @ self.inertia(self.row(robot), True) @ S)
+
+    def pull(self, motion: Motion, hidden: Array) -> Array:
+        """Of the springs, and of the turning momentum."""
+        return self._wrench(motion, hidden)[0]
 
     def _wrench(self, motion: Motion, hidden: Array) -> tuple[Array, Array]:
         """(N, 3) force and (N, 3) torque on the host, in its frame."""
@@ -107,13 +192,6 @@ class SprungPart(Sprung):
         S, G = self.directions, self.inertia(self.row(motion.robot), True)
         return np.asarray((motion.twist(self.where) + hidden[:, S.shape[1] :] @ S.T) @ G.T)
 
-    def _recoiling(self, motion: Motion, hidden: Array) -> Array:
-        """`hidden_rate` with the recoil that the motion does not hold."""
-        S, out = self.directions, self.hidden_rate(motion, hidden)
-        force, _ = self._wrench(motion, hidden)
-        out[:, S.shape[1] :] -= recoil(motion, force) @ S[:3]
-        return out
-
     def _share(self, robot: Robot) -> float:
         """Mass that moves against the host, by that of all else."""
         moved = np.linalg.norm(self.inertia(self.row(robot), True)[:3] @ self.directions)
@@ -122,6 +200,10 @@ class SprungPart(Sprung):
 
 class Appendage(SprungPart):
     """A first bending mode: inertia about an axis of the host, G = I [0; a] [0; a]^T.
+
+    Typical: 0.5 to 10 rad/s, damping 0.002 to 0.02, 10 to 100 kg m^2 for solar panels.
+    Signature: a decaying oscillation of the body after every change of its rotation.
+    Source: Likins, AIAA J. 5 (1967); Hughes, Spacecraft Attitude Dynamics (1986), 3.6.
 
     Args:
         inertia: What of the body's inertia about the axis takes part.
@@ -136,9 +218,6 @@ class Appendage(SprungPart):
         *spring_parameters(0.005),
         *(searched(axis, '', 1.0) for axis in 'xyz'),
     )
-    magnitude = '0.5 to 10 rad/s, damping 0.002 to 0.02, 10 to 100 kg m^2 for solar panels'
-    signature = 'a decaying oscillation of the body after every change of its rotation'
-    source = 'Likins, AIAA J. 5 (1967); Hughes, Spacecraft Attitude Dynamics (1986), 3.6'
 
     @cached_property
     def directions(self) -> Array:
@@ -173,6 +252,10 @@ class Appendage(SprungPart):
 class GraspCompliance(SprungPart):
     """A share of a body that gives way to the grasp in all six directions, G = share G_host.
 
+    Typical: 3 to 60 rad/s, damping 0.01 to 0.1, 50 to 99 % of the last body with its load.
+    Signature: oscillation of the last joints and the base after every change of the motion.
+    Source: Likins, AIAA J. 5 (1967).
+
     Args:
         share: What of the last body's inertia is beyond the grasp.
     """
@@ -181,9 +264,6 @@ class GraspCompliance(SprungPart):
     title = 'a captured body that gives way in the grasp'
     hidden = 12
     parameters = (amount('share', '', 0.5, 0.02, maximum=0.99), *spring_parameters(0.02))
-    magnitude = '3 to 60 rad/s, damping 0.01 to 0.1, 50 to 99 % of the last body with its load'
-    signature = 'oscillation of the last joints and the base after every change of the motion'
-    source = 'Likins, AIAA J. 5 (1967)'
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
@@ -199,20 +279,81 @@ class GraspCompliance(SprungPart):
     def inertia(self, host: Array, is_left: bool) -> Array:
         """In proportion to the host's."""
         share = self['share'] / (1.0 - self['share'] if is_left else 1.0)
-        return share * _spatial(host)
+        return share * spatial_inertias(host[None])[0]
 
 
-def _spatial(row: Array) -> Array:
-    """(6, 6) spatial inertia [linear; angular] of inertial parameters."""
-    m, h = row[0], skew(row[1:4])
-    xx, xy, yy, xz, yz, zz = row[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return np.block([[m * np.eye(3), -h], [h, inertia]])
+class Slosh(Sprung):
+    """A sprung point mass.
+
+    Typical: 10 to 200 kg, 0.3 to 5 rad/s, damping 0.005 to 0.1, for tanks with diaphragms.
+    Signature: a slow oscillation after every change of the body's velocity or rotation.
+    Source: Dodge, The New Dynamic Behavior of Liquids in Moving Containers (2000), 3.
+
+    Args:
+        mass: What of the body's mass takes part.
+        x, y, z: Place at rest in the body's frame.
+    """
+
+    id = 'fuel_slosh'
+    title = 'fuel that sloshes in a tank of a body'
+    hidden = 6
+    parameters = (
+        amount('mass', 'kg', 100.0, 0.1),
+        *spring_parameters(0.02),
+        *(searched(axis, 'm', 1.0, default=0.0) for axis in 'xyz'),
+    )
+
+    def change(self, robot: Robot) -> Robot:
+        """The host without the mass."""
+        m, (x, y, z) = self['mass'], self.vector()
+        second = y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y
+        return self.with_addition(robot, -m * np.array([1.0, x, y, z, *second]))
+
+    def force(self, motion: Motion, hidden: Array) -> Array:
+        """The springs on the host."""
+        place = self.vector() + hidden[:, :3]
+        return motion.wrench(self.where, self.pull(motion, hidden), None, place)
+
+    def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
+        """[s', s'']."""
+        V, A = motion.twist(self.where), motion.link_acceleration(self.where)
+        w, rate = V[:, 3:], hidden[:, 3:]
+        place = self.vector() + hidden[:, :3]
+        frame = A[:, :3] + cross_rows(w, V[:, :3]) - self.gravity(motion)
+        frame = (
+            frame + cross_rows(A[:, 3:], place) + cross_rows(w, cross_rows(w, place) + 2.0 * rate)
+        )
+        return np.concatenate([rate, -frame - self.spring(hidden)], axis=1)
+
+    def momentum(self, motion: Motion, hidden: Array) -> Array:
+        """Of the mass."""
+        V, place = motion.twist(self.where), self.vector() + hidden[:, :3]
+        linear = self['mass'] * (V[:, :3] + cross_rows(V[:, 3:], place) + hidden[:, 3:])
+        return self.to_base(motion, np.concatenate([linear, cross_rows(place, linear)], axis=1))
+
+    @classmethod
+    def variants(cls, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:
+        """Every frequency, at the host's centre of mass."""
+        x, y, z = robot.bodies[body_index(robot, where)].com.tolist()
+        return tuple(
+            {'frequency': frequency, 'damping': FIRST_DAMPING, 'x': x, 'y': y, 'z': z}
+            for frequency in FREQUENCIES
+        )
+
+    @cached_property
+    def directions(self) -> Array:
+        """Along the axes of the host's frame."""
+        return np.vstack([np.eye(3), skew(self.vector())])
+
+    def moved(self, robot: Robot) -> Array:
+        """The mass."""
+        return np.asarray(self['mass'] * np.eye(3))
+
+    def pull(self, motion: Motion, hidden: Array) -> Array:
+        """Of the springs."""
+        return np.asarray(self['mass'] * self.spring(hidden))
 
 
 def _parameters_of(G: Array) -> Array:
     """(10,) inertial parameters of a spatial inertia."""
     return G[[0, 5, 3, 4, 3, 3, 4, 3, 4, 5], [0, 1, 2, 0, 3, 4, 4, 5, 5, 5]]
-
-
-EFFECTS = (Appendage, GraspCompliance)

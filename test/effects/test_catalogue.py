@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from inspect import cleandoc
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +28,9 @@ def test_page_has_a_section_with_a_picture(effect):
 
 @pytest.mark.parametrize('effect', FITTED, ids=lambda effect: effect.id)
 def test_fit_knows_where_to_start_and_what_is_plausible(effect):
-    assert effect.magnitude
-    assert effect.signature
-    assert effect.source
+    said = ''.join(cleandoc(base.__doc__ or '') for base in effect.__mro__)
+    for what in ('Typical: ', 'Signature: ', 'Source: '):
+        assert f'\n{what}' in said
     for parameter in effect.parameters:
         inside = max(parameter.minimum, parameter.above) <= parameter.nominal <= parameter.maximum
         assert inside or math.isinf(parameter.nominal) or parameter.role == 'linear'

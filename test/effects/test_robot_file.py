@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import cleandoc
 from pathlib import Path
 
 import numpy as np
@@ -114,9 +115,9 @@ def test_nonsense_is_refused_when_the_file_is_loaded(tmp_path, entry, message):
 
 @pytest.mark.parametrize('effect', CATALOGUE.values(), ids=lambda effect: effect.id)
 def test_every_entry_says_what_a_reader_needs(effect):
-    assert effect.magnitude
-    assert effect.signature
-    assert effect.source
+    said = ''.join(cleandoc(base.__doc__ or '') for base in effect.__mro__)
+    for what in ('Typical: ', 'Signature: ', 'Source: '):
+        assert f'\n{what}' in said
     assert effect.group in ('joint', 'sensor', 'wheels', 'bodies', 'environment')
     for parameter in effect.parameters:
         assert meanings(effect)[parameter.name].endswith('.')
