@@ -25,9 +25,10 @@ import numpy as np
 
 from ..model.robot import Robot
 from ..types import Array
-from .forward_kinematics import propagate, shifted
+from .compiling import Triple, compiled, inner
+from .forward_kinematics import accelerate, propagate
 from .rnea import inertia_times
-from .spatial import Triple, add, compiled, cross, dot, get, inner, plus, power, put, rotate, times
+from .spatial import add, add6, cross, dot, get, get6, plus, power, put, put6, rotate, times
 from .tree import FREE, LINK, Records, tree_of
 
 Machine = tuple[Records, Records, bool]
@@ -95,15 +96,14 @@ def _set_inertia(body: Any, own: Any) -> None:
 @inner  # type: ignore[untyped-decorator]
 def _set_bias(body: Any, own: Any) -> None:
     """Bias force p of the body alone, without its wheels."""
-    J, h, v, w = own.articulated, get(own.moment, 0), get(own.velocity, 0), get(own.velocity, 3)
+    J, h, (v, w) = own.articulated, get(own.moment, 0), get6(own.velocity)
     spin = (
         J[3, 3] * w[0] + J[4, 3] * w[1] + J[5, 3] * w[2],
         J[4, 3] * w[0] + J[4, 4] * w[1] + J[5, 4] * w[2],
         J[5, 3] * w[0] + J[5, 4] * w[1] + J[5, 5] * w[2],
     )
     p = plus(times(body.inertial[0], v), cross(w, h))
-    put(own.bias, 0, cross(w, p))
-    put(own.bias, 3, plus(cross(w, plus(cross(h, v), spin)), cross(v, p)))
+    put6(own.bias, cross(w, p), plus(cross(w, plus(cross(h, v), spin)), cross(v, p)))
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -130,10 +130,9 @@ def _articulate(own: Any, parent: Any, tau: float, motor: float) -> None:
         F[a] += own.bias[a] + held * U[a]
         for b in range(a + 1):
             J[a, b] -= share * U[b]
-    d, force = get(own.offset, 0), get(F, 0)
+    d, (force, torque) = get(own.offset, 0), get6(F)
     _shift_inertia(J, d, parent.articulated)
-    add(parent.bias, 0, force)
-    add(parent.bias, 3, plus(get(F, 3), cross(d, force)))
+    add6(parent.bias, force, plus(torque, cross(d, force)))
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -163,9 +162,7 @@ def _shift_inertia(J: Array, d: Triple, out: Array) -> None:
 def _accelerate(own: Any, parent: Any) -> float:
     """Joint acceleration; leaves the link's own."""
     A = own.acceleration
-    a, u = shifted(parent.acceleration, own.offset)
-    put(A, 0, plus(a, get(own.drift, 0)))
-    put(A, 3, plus(u, get(own.drift, 3)))
+    accelerate(own, parent)
     qdd = (own.torque - power(own.force, A)) * own.pivot
     for i in range(6):
         A[i] += own.subspace[i] * qdd

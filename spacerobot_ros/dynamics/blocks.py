@@ -31,9 +31,9 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..model.robot import Body, Robot
 from ..types import Array, IntArray, Vector3
+from .compiling import compiled, inner
 from .forward_kinematics import forward_kinematics
 from .rotation import cross_rows, skew
-from .spatial import compiled, inner
 from .tree import tree_of
 
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

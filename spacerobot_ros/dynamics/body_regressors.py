@@ -4,7 +4,7 @@ Velocities are quasi-velocities V = [v_WB_B; omega_WB_B; q'], their derivatives 
 components. A body at velocity v has the momentum W(v) pi, with its ten parameters pi in
 Pinocchio's order; a column of W, turned into base coordinates, acts on the joints between the body
 and the base. Columns are ten a body, bodies in the robot's order, then three a link with wheels.
-The result's pattern of zeros depends on the tree alone: arrays that start as zeros keep it.
+The momentum's pattern of zeros depends on the tree alone: arrays that start as zeros keep it.
 """
 
 from __future__ import annotations
@@ -14,19 +14,21 @@ from typing import Any
 import numpy as np
 
 from ..types import Array
+from .compiling import Triple, compiled, inner
 from .crba import apply_inertia, compose, place_inertias
-from .forward_kinematics import propagate, shifted
+from .forward_kinematics import accelerate, in_body, propagate
 from .spatial import (
-    Triple,
     add,
-    compiled,
+    along,
     cross,
     dot,
     force_cross,
     get,
-    inner,
+    get6,
+    motion_cross,
     plus,
     put,
+    put6,
     rotate,
     rotate_back,
     times,
@@ -64,6 +66,7 @@ def fill_slotine_li(
     propagate(tree, q, V, V[6:], links)
     propagate(tree, q, Vr, V[6:], reference)
     column = 10 * len(tree)
+    Y[:] = 0.0
     for i in range(len(tree)):
         k = tree[i].number
         _accelerate(tree[i], reference[tree[i].parent], reference[k], Ar)
@@ -80,12 +83,12 @@ def fill_slotine_li(
             f = plus(f, times(0.5, plus(cross(w, fr), cross(wr, fo))))
             g = plus(g, times(0.5, plus(cross(w, gr), cross(v, fr))))
             g = plus(g, times(0.5, plus(cross(wr, go), cross(vr, fo))))
-            set_rows(tree, i, links, 10 * k + j, rotate(R, f), rotate(R, g), Y)
+            add_rows(tree, i, links, 10 * k + j, rotate(R, f), rotate(R, g), Y)
         for m in range(len(wheels)):
             if wheels[m].body == k:
                 for j in range(3):
                     g = rotate(R, cross(wr, rotate(wheels[m].rotation, unit(j))))
-                    set_rows(tree, i, links, column + 3 * m + j, _ZERO, g, Y)
+                    add_rows(tree, i, links, column + 3 * m + j, _ZERO, g, Y)
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -93,21 +96,10 @@ def add_uniform_acceleration(machine: Regression, a: Triple, Y: Array) -> None:
     """Add to Y_SL, just filled, what a further linear acceleration of the base makes of it."""
     tree, _, links, _ = machine
     for i in range(len(tree)):
-        k = tree[i].number
+        k, R = tree[i].number, links[tree[i].number].rotation
         for j in range(4):
-            f, g = momentum_column(j, rotate_back(links[k].rotation, a), _ZERO)
-            f, g = rotate(links[k].rotation, f), rotate(links[k].rotation, g)
-            at = k
-            for m in range(i, 0, -1):
-                if tree[m].number == at:
-                    own = links[at]
-                    Y[5 + at, 10 * k + j] += dot(get(own.subspace, 0), f)
-                    Y[5 + at, 10 * k + j] += dot(get(own.subspace, 3), g)
-                    g = plus(g, cross(get(own.offset, 0), f))
-                    at = tree[m].parent
-            for b in range(3):
-                Y[b, 10 * k + j] += f[b]
-                Y[3 + b, 10 * k + j] += g[b]
+            f, g = momentum_column(j, rotate_back(R, a), _ZERO)
+            add_rows(tree, i, links, 10 * k + j, rotate(R, f), rotate(R, g), Y)
 
 
 @compiled  # type: ignore[untyped-decorator]
@@ -129,8 +121,9 @@ def fill_momentum(machine: Regression, q: Array, V: Array, Yp: Array, Yc: Array)
     column = 10 * len(tree)
     for i in range(len(tree)):
         k = tree[i].number
-        R = links[k].rotation
-        v, w = in_body(R, links[k].velocity)
+        own, R = links[k], links[k].rotation
+        v, w = in_body(R, own.velocity)
+        put6(own.swept, *motion_cross(own.velocity, *get6(own.subspace)))
         for j in range(10):
             f, g = momentum_column(j, v, w)
             _set_momentum(tree, i, links, 10 * k + j, rotate(R, f), rotate(R, g), (Yp, Yc))
@@ -142,21 +135,12 @@ def fill_momentum(machine: Regression, q: Array, V: Array, Yp: Array, Yc: Array)
 
 
 @inner  # type: ignore[untyped-decorator]
-def in_body(R: Array, motion: Array) -> tuple[Triple, Triple]:
-    """A motion (6,) in base coordinates, in those of a body."""
-    return rotate_back(R, get(motion, 0)), rotate_back(R, get(motion, 3))
-
-
-@inner  # type: ignore[untyped-decorator]
 def _accelerate(body: Any, parent: Any, own: Any, acceleration: Array) -> None:
     """A link's acceleration, the parent's known."""
     if body.number == 0:
-        for a in range(6):
-            own.acceleration[a] = acceleration[a]
+        own.acceleration[:] = acceleration[:6]
         return
-    a, u = shifted(parent.acceleration, own.offset)
-    put(own.acceleration, 0, plus(a, get(own.drift, 0)))
-    put(own.acceleration, 3, plus(u, get(own.drift, 3)))
+    accelerate(own, parent)
     for a in range(6):
         own.acceleration[a] += own.subspace[a] * acceleration[5 + body.number]
 
@@ -182,19 +166,20 @@ def momentum_column(j: int, v: Triple, w: Triple) -> tuple[Triple, Triple]:
 
 
 @inner  # type: ignore[untyped-decorator]
-def set_rows(
+def add_rows(
     tree: Records, i: int, links: Records, column: int, f: Triple, g: Triple, Y: Array
 ) -> None:
-    """Write J^T [f; g] of a wrench at body i's origin, base coordinates."""
+    """Add J^T [f; g] of a wrench at body i's origin, base coordinates."""
     at = tree[i].number
     for m in range(i, 0, -1):
         if tree[m].number == at:
             own = links[at]
-            Y[5 + at, column] = dot(get(own.subspace, 0), f) + dot(get(own.subspace, 3), g)
+            Y[5 + at, column] += along(own.subspace, f, g)
             g = plus(g, cross(get(own.offset, 0), f))
             at = tree[m].parent
     for a in range(3):
-        Y[a, column], Y[3 + a, column] = f[a], g[a]
+        Y[a, column] += f[a]
+        Y[3 + a, column] += g[a]
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -207,10 +192,8 @@ def _set_momentum(
     for m in range(i, 0, -1):
         if tree[m].number == at:
             own = links[at]
-            s_v, s_w = get(own.subspace, 0), get(own.subspace, 3)
-            v, w = get(own.velocity, 0), get(own.velocity, 3)
-            Yp[5 + at, column] = dot(s_v, f) + dot(s_w, g)
-            Yc[5 + at, column] = dot(plus(cross(w, s_v), cross(v, s_w)), f) + dot(cross(w, s_w), g)
+            Yp[5 + at, column] = along(own.subspace, f, g)
+            Yc[5 + at, column] = along(own.swept, f, g)
             g = plus(g, cross(get(own.offset, 0), f))
             at = tree[m].parent
     force, torque = force_cross(links[0].velocity, f, g)
@@ -235,17 +218,11 @@ def momentum_map(machine: Regression, q: Array, V: Array, pi: Array, P: Array) -
     root = links[0]
     for b in range(6):
         v, w = (unit(b), _ZERO) if b < 3 else (_ZERO, unit(b - 3))
-        _set_column(P, b, apply_inertia(root.mass, get(root.moment, 0), root.tensor, v, w)[0])
+        P[0, b], P[1, b], P[2, b] = apply_inertia(root, v, w)[0]
     for k in range(1, len(tree)):
-        own = links[k]
-        v, w = get(own.screw, 0), get(own.screw, 3)
-        _set_column(P, 5 + k, apply_inertia(own.mass, get(own.moment, 0), own.tensor, v, w)[0])
+        p, _ = apply_inertia(links[k], *get6(links[k].screw))
+        P[0, 5 + k], P[1, 5 + k], P[2, 5 + k] = p
     return root.mass
-
-
-@inner  # type: ignore[untyped-decorator]
-def _set_column(P: Array, j: int, a: Triple) -> None:
-    P[0, j], P[1, j], P[2, j] = a
 
 
 @compiled  # type: ignore[untyped-decorator]
@@ -284,10 +261,9 @@ def fill_resting_momentum(
     Yp[:], Yc[:] = 0.0, 0.0
     fill_momentum(machine, q, V, Yp, Yc)
     for k in range(len(tree)):  # the links' own linear momentum, then that of all outwards
-        own, h = links[k], links[k].own_moment
-        put(h, 0, rotate(own.rotation, (pi[10 * k + 1], pi[10 * k + 2], pi[10 * k + 3])))
-        spun = cross(get(own.velocity, 3), get(h, 0))
-        put(own.momentum, 0, plus(times(pi[10 * k], get(own.velocity, 0)), spun))
+        own, h = links[k], rotate(links[k].rotation, get(pi, 10 * k + 1))
+        v, w = get6(own.velocity)
+        put(own.momentum, 0, plus(times(pi[10 * k], v), cross(w, h)))
     for i in range(len(tree) - 1, 0, -1):
         add(links[tree[i].parent].momentum, 0, get(links[tree[i].number].momentum, 0))
     w0 = get(links[0].velocity, 3)
@@ -297,20 +273,16 @@ def fill_resting_momentum(
             Yp[i, j] += dot((P[0, i], P[1, i], P[2, i]), lost)
         Yc[3, j], Yc[4, j], Yc[5, j] = cross((Yp[3, j], Yp[4, j], Yp[5, j]), w0)
     for k in range(1, len(tree)):
-        slope = _slope_by_velocity(links[0], links[k])
+        slope = _slope_by_velocity(links[k])
         for j in range(Yp.shape[1]):
             Yc[5 + k, j] -= dot(slope, (Yp[0, j], Yp[1, j], Yp[2, j])) / mass
-    for a in range(3):
-        for j in range(Yp.shape[1]):
-            Yp[a, j] = Yc[a, j] = 0.0
+    Yp[:3], Yc[:3] = 0.0, 0.0
 
 
 @inner  # type: ignore[untyped-decorator]
-def _slope_by_velocity(root: Any, own: Any) -> Triple:
+def _slope_by_velocity(own: Any) -> Triple:
     """Derivative of a joint's row of C^T V by the base's velocity, from composites."""
-    s_v, s_w, p = get(own.screw, 0), get(own.screw, 3), get(own.origin, 0)
-    w = get(own.velocity, 3)
-    v = plus(get(own.velocity, 0), cross(p, w))  # about the base's origin
-    linear, angular = plus(cross(w, s_v), cross(v, s_w)), cross(w, s_w)
+    linear, angular = get6(own.swept)
+    linear = plus(linear, cross(get(own.origin, 0), angular))  # about the base's origin
     slope = plus(times(own.mass, linear), cross(angular, get(own.moment, 0)))
-    return plus(slope, cross(s_w, get(own.momentum, 0)))
+    return plus(slope, cross(get(own.subspace, 3), get(own.momentum, 0)))

@@ -9,12 +9,15 @@ mass m, first moment r and inertia J, and with the joints' subspaces S
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..types import Array
+from .compiling import Triple, compiled, inner
 from .forward_kinematics import BodyKinematics
 from .rnea import inertia_times
-from .spatial import Triple, add, compiled, cross, dot, get, inner, plus, power, put, rotate, times
+from .spatial import add, cross, dot, get, get6, plus, power, put, put6, rotate, times
 from .tree import LINK, PRISMATIC, Records
 
 
@@ -67,8 +70,9 @@ def place_inertias(tree: Records, links: Records) -> None:
         if i > 0:
             axis = rotate(R, get(body.axis, 0))
             slides = body.kind == PRISMATIC
-            put(own.screw, 0, axis if slides else cross(p, axis))
-            put(own.screw, 3, (0.0, 0.0, 0.0) if slides else axis)
+            put6(
+                own.screw, axis if slides else cross(p, axis), (0.0, 0.0, 0.0) if slides else axis
+            )
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -84,9 +88,10 @@ def compose(tree: Records, links: Records) -> None:
 
 
 @inner  # type: ignore[untyped-decorator]
-def apply_inertia(m: float, r: Triple, J: Array, v: Triple, w: Triple) -> tuple[Triple, Triple]:
-    """I [v; w]."""
-    return plus(times(m, v), cross(w, r)), plus(cross(r, v), rotate(J, w))
+def apply_inertia(own: Any, v: Triple, w: Triple) -> tuple[Triple, Triple]:
+    """I [v; w] with a link's mass, moment and tensor."""
+    r = get(own.moment, 0)
+    return plus(times(own.mass, v), cross(w, r)), plus(cross(r, v), rotate(own.tensor, w))
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -106,10 +111,7 @@ def mass_matrix(tree: Records, links: Records, M: Array) -> None:
     for j in range(1, len(tree)):
         column = 5 + tree[j].number
         own = links[tree[j].number]
-        v, w = get(own.screw, 0), get(own.screw, 3)
-        p, h = apply_inertia(own.mass, get(own.moment, 0), own.tensor, v, w)
-        put(held, 0, p)
-        put(held, 3, h)
+        put6(held, *apply_inertia(own, *get6(own.screw)))
         i = tree[j].number
         for k in range(j, 0, -1):
             if tree[k].number == i:

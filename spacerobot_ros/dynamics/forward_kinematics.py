@@ -18,16 +18,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..types import Array
+from .compiling import Triple, compiled, inner
 from .spatial import (
-    Triple,
     add,
-    compiled,
+    add6,
     cross,
     dot,
     get,
-    inner,
+    get6,
+    motion_cross,
     plus,
     put,
+    put6,
     rotate,
     rotate_back,
     times,
@@ -98,26 +100,37 @@ def _place(body: Any, own: Any, parent: Any, q: float) -> None:
         d = plus(d, times(q, axis))
     put(own.offset, 0, d)
     put(own.origin, 0, plus(get(parent.origin, 0), d))
-    put(own.subspace, 0, axis if slides else (0.0, 0.0, 0.0))
-    put(own.subspace, 3, (0.0, 0.0, 0.0) if slides else axis)
+    rest = (0.0, 0.0, 0.0)
+    put6(own.subspace, axis if slides else rest, rest if slides else axis)
 
 
 @inner  # type: ignore[untyped-decorator]
 def _move(own: Any, parent: Any, rate: float, qd: float) -> None:
-    s_v, s_w = get(own.subspace, 0), get(own.subspace, 3)
+    s_v, s_w = get6(own.subspace)
     v, w = shifted(parent.velocity, own.offset)
-    v, w = plus(v, times(rate, s_v)), plus(w, times(rate, s_w))
-    put(own.velocity, 0, v)
-    put(own.velocity, 3, w)
-    put(own.drift, 0, times(qd, plus(cross(w, s_v), cross(v, s_w))))
-    put(own.drift, 3, times(qd, cross(w, s_w)))
+    put6(own.velocity, plus(v, times(rate, s_v)), plus(w, times(rate, s_w)))
+    turned, spun = motion_cross(own.velocity, s_v, s_w)
+    put6(own.drift, times(qd, turned), times(qd, spun))
 
 
 @inner  # type: ignore[untyped-decorator]
 def shifted(motion: Array, d: Array) -> tuple[Triple, Triple]:
     """X of a motion (6,): the same motion at an origin further by d (3,)."""
-    w = get(motion, 3)
-    return plus(get(motion, 0), cross(w, get(d, 0))), w
+    v, w = get6(motion)
+    return plus(v, cross(w, get(d, 0))), w
+
+
+@inner  # type: ignore[untyped-decorator]
+def in_body(R: Array, motion: Array) -> tuple[Triple, Triple]:
+    """A motion (6,) in base coordinates, in those of a body."""
+    return rotate_back(R, get(motion, 0)), rotate_back(R, get(motion, 3))
+
+
+@inner  # type: ignore[untyped-decorator]
+def accelerate(own: Any, parent: Any) -> None:
+    """Write a link's acceleration but for its own joint's."""
+    a, u = shifted(parent.acceleration, own.offset)
+    put6(own.acceleration, plus(a, get(own.drift, 0)), plus(u, get(own.drift, 3)))
 
 
 @compiled  # type: ignore[untyped-decorator]
@@ -143,14 +156,10 @@ def forward_kinematics(tree: Records, q: Array, rates: Array, qd: Array) -> Body
             for a in range(3):
                 for b in range(3):
                     rotations[s, k, a, b] = own.rotation[a, b]
-            put(twists[s, k], 0, rotate_back(own.rotation, get(own.velocity, 0)))
-            put(twists[s, k], 3, rotate_back(own.rotation, get(own.velocity, 3)))
-            put(drifts[s, k], 0, get(own.drift, 0))
-            put(drifts[s, k], 3, get(own.drift, 3))
+            put6(twists[s, k], *in_body(own.rotation, own.velocity))
+            put6(drifts[s, k], *get6(own.drift))
             if i > 0:
-                v, w = shifted(drifts[s, tree[i].parent], own.offset)
-                add(drifts[s, k], 0, v)
-                add(drifts[s, k], 3, w)
+                add6(drifts[s, k], *shifted(drifts[s, tree[i].parent], own.offset))
     return BodyKinematics(rotations, origins, twists, drifts)
 
 
@@ -177,10 +186,8 @@ def body_accelerations(tree: Records, kinematics: BodyKinematics, acceleration: 
             body, k = tree[i], tree[i].number
             R = rotations[s, k]
             if i > 0:
-                w = get(forced[body.parent], 3)
-                turned = cross(w, way(origins[s], k, body.parent))
-                put(forced[k], 0, plus(get(forced[body.parent], 0), turned))
-                put(forced[k], 3, w)
+                v, w = get6(forced[body.parent])
+                put6(forced[k], plus(v, cross(w, way(origins[s], k, body.parent))), w)
                 axis = times(acceleration[s, 5 + k], rotate(R, get(body.axis, 0)))
                 add(forced[k], 0 if body.kind == PRISMATIC else 3, axis)
             for a in (0, 3):
@@ -216,8 +223,7 @@ def generalized_force(
                 torque = plus(torque, cross(way(origins[s], at, tree[i].parent), force))
                 at = tree[i].parent
         if tree[0].kind == FREE:
-            put(out[s], 0, force)
-            put(out[s], 3, torque)
+            put6(out[s], force, torque)
     return out
 
 

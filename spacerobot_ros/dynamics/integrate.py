@@ -20,8 +20,8 @@ from scipy.integrate import DOP853 as SCIPY
 from ..errors import SimulationDivergedError
 from ..types import Array, Vector6
 from .aba import Machine, aba
+from .compiling import compiled
 from .equations import Dynamics
-from .spatial import compiled
 
 Torque = Callable[[float, Array], Array]
 Tableau = tuple[tuple[float, ...], Array]

@@ -17,20 +17,9 @@ from typing import Any
 import numpy as np
 
 from ..types import Array
+from .compiling import Triple, compiled, inner
 from .forward_kinematics import BodyKinematics, along_axis, way
-from .spatial import (
-    Triple,
-    add,
-    compiled,
-    cross,
-    get,
-    inner,
-    plus,
-    put,
-    rotate,
-    rotate_back,
-    times,
-)
+from .spatial import add6, cross, get, get6, plus, put6, rotate, rotate_back, times
 from .tree import FREE, Records
 
 
@@ -63,18 +52,15 @@ def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: A
             if has_load[i]:
                 g = rotate_back(R, get(tree[0].gravity, 0))
                 f, n = body_wrench(body, twists[s, k], accelerations[s, k], g)
-                add(total[k], 0, rotate(R, f))
-                add(total[k], 3, rotate(R, n))
-            f, n = get(total[k], 0), get(total[k], 3)
+                add6(total[k], rotate(R, f), rotate(R, n))
+            f, n = get6(total[k])
             if i > 0:
                 out[s, 5 + k] = along_axis(body, R, f, n) + body.motor * qdd[s, k - 1]
-                add(total[body.parent], 0, f)
-                add(total[body.parent], 3, plus(n, cross(way(origins[s], k, body.parent), f)))
+                turned = cross(way(origins[s], k, body.parent), f)
+                add6(total[body.parent], f, plus(n, turned))
             elif is_free:
-                put(out[s], 0, f)
-                put(out[s], 3, n)
-            put(total[k], 0, (0.0, 0.0, 0.0))
-            put(total[k], 3, (0.0, 0.0, 0.0))
+                put6(out[s], f, n)
+            put6(total[k], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return out
 
 

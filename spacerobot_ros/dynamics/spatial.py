@@ -1,21 +1,13 @@
 """Vector algebra of compiled code: three numbers are a tuple, so nothing is allocated.
 
 A motion is [linear; angular], a force [force; torque]; `get` and `put` take and write three
-numbers of a longer row. What Python calls is `compiled` (or `summed`), the rest `inner`.
+numbers of a longer row, `get6`, `put6` and `add6` both halves of six.
 """
 
 from __future__ import annotations
 
-import numba
-
 from ..types import Array
-
-compiled = numba.njit(cache=True, nogil=True, error_model='numpy')  # singular gives NaN, no error
-inner = numba.njit(nogil=True, error_model='numpy', no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""For what compiled functions alone call: a quarter less to compile."""
-summed = numba.njit(cache=True, nogil=True, fastmath={'reassoc', 'contract'})
-"""For long sums, whose order is free, so that they run on vector units."""
-Triple = tuple[float, float, float]
+from .compiling import Triple, inner
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -36,6 +28,26 @@ def add(x: Array, i: int, a: Triple) -> None:
     x[i] += a[0]
     x[i + 1] += a[1]
     x[i + 2] += a[2]
+
+
+@inner  # type: ignore[untyped-decorator]
+def get6(x: Array) -> tuple[Triple, Triple]:
+    """Both halves of six numbers."""
+    return get(x, 0), get(x, 3)
+
+
+@inner  # type: ignore[untyped-decorator]
+def put6(x: Array, a: Triple, b: Triple) -> None:
+    """Write both halves of six numbers."""
+    put(x, 0, a)
+    put(x, 3, b)
+
+
+@inner  # type: ignore[untyped-decorator]
+def add6(x: Array, a: Triple, b: Triple) -> None:
+    """Add to both halves of six numbers."""
+    add(x, 0, a)
+    add(x, 3, b)
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -89,17 +101,23 @@ def power(x: Array, y: Array) -> float:
 
 
 @inner  # type: ignore[untyped-decorator]
-def add_motion_cross(V: Array, m: Array, scale: float, out: Array) -> None:
-    """Add scale times V x m of two motions, six numbers each."""
-    v, w, linear, angular = get(V, 0), get(V, 3), get(m, 0), get(m, 3)
-    add(out, 0, times(scale, plus(cross(w, linear), cross(v, angular))))
-    add(out, 3, times(scale, cross(w, angular)))
+def along(motion: Array, force: Triple, torque: Triple) -> float:
+    """Power of a wrench along a motion."""
+    v, w = get6(motion)
+    return dot(v, force) + dot(w, torque)
+
+
+@inner  # type: ignore[untyped-decorator]
+def motion_cross(V: Array, linear: Triple, angular: Triple) -> tuple[Triple, Triple]:
+    """V x m of two motions."""
+    v, w = get6(V)
+    return plus(cross(w, linear), cross(v, angular)), cross(w, angular)
 
 
 @inner  # type: ignore[untyped-decorator]
 def force_cross(V: Array, force: Triple, torque: Triple) -> tuple[Triple, Triple]:
     """V x* f of a motion and a force."""
-    v, w = get(V, 0), get(V, 3)
+    v, w = get6(V)
     return cross(w, force), plus(cross(w, torque), cross(v, force))
 
 

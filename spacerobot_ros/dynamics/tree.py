@@ -37,33 +37,18 @@ versine), joint origin in the parent's frame [m], axis in its own, ten inertial 
 `Robot.inertial_parameters`, momentum of its gyrostats in its frame [N m s], motor inertia
 [kg m^2]; gravity [m/s^2] in the base's record only. A fixed base has no inertia and no wheels."""
 
+_MEMBERS = {
+    (): ('mass', 'pivot', 'torque'),
+    (3,): ('origin', 'offset', 'moment', 'momentum'),
+    (6,): (
+        *('subspace', 'screw', 'velocity', 'drift', 'acceleration', 'force', 'bias'),
+        *('psi', 'psi_dot', 'swept'),
+    ),
+    (3, 3): ('rotation', 'tensor'),
+    (6, 6): ('articulated', 'turning'),
+}
 LINK = np.dtype(
-    [
-        ('rotation', np.float64, (3, 3)),
-        ('origin', np.float64, 3),
-        ('offset', np.float64, 3),
-        ('subspace', np.float64, 6),
-        ('screw', np.float64, 6),
-        ('velocity', np.float64, 6),
-        ('drift', np.float64, 6),
-        ('acceleration', np.float64, 6),
-        ('force', np.float64, 6),
-        ('mass', np.float64),
-        ('moment', np.float64, 3),
-        ('tensor', np.float64, (3, 3)),
-        ('own_moment', np.float64, 3),
-        ('own_tensor', np.float64, (3, 3)),
-        ('momentum', np.float64, 3),
-        ('turning', np.float64, (3, 3)),
-        ('psi', np.float64, 6),
-        ('psi_dot', np.float64, 6),
-        ('swept', np.float64, 6),
-        ('articulated', np.float64, (6, 6)),
-        ('bias', np.float64, 6),
-        ('pivot', np.float64),
-        ('torque', np.float64),
-    ],
-    align=True,
+    [(name, np.float64, shape) for shape, names in _MEMBERS.items() for name in names], align=True
 )
 """Scratch memory of the recursions, a record a body, each field explained where it is written."""
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..dynamics.spatial import compiled, inner
+from ..dynamics.compiling import compiled, inner
 from ..types import Array
 
 _LARGEST = 0.5  # of a scaled matrix: where the approximant below is right to 1e-9

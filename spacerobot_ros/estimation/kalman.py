@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dynamics.spatial import compiled, inner
+from ..dynamics.compiling import compiled, inner
 from ..types import Array, IntArray
 
 

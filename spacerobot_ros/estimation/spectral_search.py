@@ -13,7 +13,7 @@ import cmath
 import numpy as np
 from scipy.ndimage import median_filter
 
-from ..dynamics.spatial import compiled
+from ..dynamics.compiling import compiled
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..effects.parameter import Parameter

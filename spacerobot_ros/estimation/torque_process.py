@@ -84,10 +84,7 @@ class TorqueDriven:
         robot, first = self.robot, self.first
         forces = self.forces(motion) if self.effects else motion.zeros()
         forces[:, 6:] += motion.effort
-        qd = np.ascontiguousarray(motion.qd)
-        by_q, by_v, inverse = acceleration_derivatives(
-            tree_of(robot), motion.kinematics, qd, forces
-        )
+        by_q, by_v, inverse = acceleration_derivatives(tree_of(robot), motion.kinematics, forces)
         by_position, by_velocity = by_q[:, first:, first:].copy(), by_v[:, first:, first:].copy()
         if self._direct:
             self._add_effects(motion, inverse, by_position, by_velocity)

@@ -21,7 +21,8 @@ from ...dynamics.body_regressors import (
     momentum_map,
     rest_centre,
 )
-from ...dynamics.spatial import Triple, compiled, cross, dot, get, inner, plus, put, summed, times
+from ...dynamics.compiling import Triple, compiled, inner, summed
+from ...dynamics.spatial import cross, dot, get, plus, put, times
 from ...types import Array
 
 _SMALL = 1e-9  # half angle below which its sine is itself

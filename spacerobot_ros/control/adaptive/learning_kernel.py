@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...dynamics.spatial import compiled, inner, summed
+from ...dynamics.compiling import compiled, inner, summed
 from ...types import Array
 
 _SAMPLED = 0.2  # part of the stability limit that a gradient step may take

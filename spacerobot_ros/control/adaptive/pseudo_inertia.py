@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ...dynamics.spatial import compiled, inner
+from ...dynamics.compiling import compiled, inner
 from ...types import Array
 
 _MARGIN = 1e-6  # smallest eigenvalue of P, in units of the body's own mass and size
