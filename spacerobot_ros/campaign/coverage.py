@@ -15,7 +15,7 @@ import numpy as np
 from ..display import Table, table_of
 from ..types import Array
 from .description import Check, Record, Results, key
-from .estimators import bound_std, error_figures, estimate, rms, true_values
+from .estimators import bound_of, error_figures, estimate, rms, true_values
 from .noisy_records import noisy_record
 from .scenario import cached_motion, scenario
 from .shares import QUANTILE
@@ -70,7 +70,7 @@ def results(records: Sequence[Record]) -> Results:
     for axes in AXES:
         own = [record['methods'] for record in records if record['axes'] == axes]
         if len(own) > 1:
-            truth, bound = true_values(axes), bound_std(axes, 1.0, _ATTITUDE_EVERY)
+            truth, bound = true_values(axes), bound_of(axes, 1.0, _ATTITUDE_EVERY)
             out += [
                 {'axes': axes, 'method': name, **_score([run[name] for run in own], truth, bound)}
                 for name in METHODS

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from ..estimation.momentum_process import MomentumModel
 from ..identification.batch import identify
-from ..identification.cramer_rao import cramer_rao_bound
+from ..identification.cramer_rao import bound_std, information_root
 from ..identification.estimate import Estimate
 from ..identification.least_squares import sampled_motion
 from ..identification.online import OnlineIdentifier
@@ -26,7 +27,7 @@ from ..recording.record import Record
 from ..types import Array
 from . import paper
 from .linear_system import linear_system, relative_errors, true_solution
-from .noisy_records import SCALES, noise_of, noisy_record, plan_of
+from .noisy_records import SCALES, levels_of, noise_of, noisy_record
 from .scenario import Scenario, cached_motion, scenario
 from .tracking import track_identified
 
@@ -94,11 +95,12 @@ def _online(record: Record, believed: Robot, settings: IdentifierSettings) -> Es
     return identifier.solve()
 
 
-def bound_std(axes: str, scale: float = 1.0, attitude_every: int = 1) -> Array:
+def bound_of(axes: str, scale: float = 1.0, attitude_every: int = 1) -> Array:
     """(3 + k,) Cramer-Rao bound of [AAM; x] for records of `noisy_record`."""
-    case, motion = scenario(axes), cached_motion(axes)
-    plan = plan_of(motion, scale, attitude_every)
-    return cramer_rao_bound(case.robot, case.minimal, motion, plan).std
+    case = scenario(axes)
+    exact = noisy_record(case.robot.joints, cached_motion(axes), 0.0, 0, attitude_every)
+    model = MomentumModel(case.robot, case.minimal)
+    return bound_std(information_root(model, exact, levels_of(scale)))
 
 
 def true_values(axes: str) -> Array:

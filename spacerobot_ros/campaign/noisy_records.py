@@ -10,30 +10,28 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..estimation.reference import Kinematics
-from ..identification.cramer_rao import SensorPlan
+from ..estimation.reference import Kinematics, NoiseLevels
 from ..model.settings import SensorSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 
 NOMINAL = {
-    'joint_position_std': 1e-4,  # rad
-    'joint_velocity_std': 1e-3,  # rad/s
-    'gyro_std': 1e-4,  # rad/s
-    'attitude_std': 1e-4,  # rad
+    'joint_position': 1e-4,  # rad
+    'joint_velocity': 1e-3,  # rad/s
+    'gyro': 1e-4,  # rad/s
+    'attitude': 1e-4,  # rad
 }
 SCALES = (1.0, 0.1)
 
 
 def noise_of(scale: float) -> SensorSettings:
     """The nominal noise times a factor."""
-    return SensorSettings(**{name: scale * std for name, std in NOMINAL.items()})
+    return SensorSettings(**{f'{name}_std': scale * std for name, std in NOMINAL.items()})
 
 
-def plan_of(motion: Kinematics, scale: float, attitude_every: int = 1) -> SensorPlan:
-    """All sensors at the motion's own times, for the Cramer-Rao bound; see `noisy_record`."""
-    times = motion.time
+def levels_of(scale: float) -> NoiseLevels:
+    """The same as the momentum filter takes it; efforts are not measured."""
     stds = {name: scale * std for name, std in NOMINAL.items()}
-    return SensorPlan(times, times, times[::attitude_every], **stds)
+    return NoiseLevels(**stds, joint_effort=np.inf)
 
 
 def noisy_record(

@@ -8,7 +8,7 @@ from typing import Any
 
 from . import paper
 from .description import Check, Record, Results, key, kinds, without
-from .estimators import bound_std, noisy_run, score, true_values
+from .estimators import bound_of, noisy_run, score, true_values
 from .linear_system import noise_free, relative_errors
 from .noisy_records import SCALES
 from .scenario import STARTS
@@ -66,7 +66,7 @@ def run(key: str) -> Record:
 
 
 def _bound(axes: str, scale: float) -> Record:
-    return {'axes': axes, 'noise_scale': scale, 'std': bound_std(axes, scale)}
+    return {'axes': axes, 'noise_scale': scale, 'std': bound_of(axes, scale)}
 
 
 _RUN: dict[str, Any] = {

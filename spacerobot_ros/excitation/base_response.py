@@ -13,7 +13,7 @@ are advanced step by step. Symbols: N = B T states, n joints.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -27,6 +27,8 @@ from ..dynamics.rotation import cross_rows
 from ..dynamics.tree import tree_of
 from ..estimation.reference import Kinematics
 from ..model.robot import Robot
+from ..model.settings import SimulatorSettings
+from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
 from ..types import Array, Matrix3, Vector3
 
 
@@ -148,6 +150,32 @@ class BaseResponse:
             return np.zeros((len(q), 3, 3)), np.zeros((len(q), 3, n)), kinematics.rotations
         M = without_translation(crba(self._tree, kinematics))
         return M[:, :3, :3], M[:, :3, 3:], kinematics.rotations
+
+
+def noise_free_record(robot: Robot, motion: BaseMotion, rates: SimulatorSettings) -> Record:
+    """The first candidate as sensors without noise see it, each as often as its rate says.
+
+    Args:
+        robot: What moves; with a fixed base, there are joints alone.
+        motion: At the times of the fastest sensor, or more often.
+        rates: Of the sensors.
+    """
+    often = 1.0 / float(motion.time[1] - motion.time[0])
+    stamps = to_stamps(motion.time)
+    joint, imu, tracker = (
+        slice(None, None, max(1, round(often / rate)))
+        for rate in (rates.joint_rate, rates.imu_rate, rates.attitude_rate)
+    )
+    q, qd, torque = motion.q[0, joint], motion.qd[0, joint], motion.torque[0, joint]
+    record = Record(joints=JointSeries(robot.joints, stamps[joint], q, qd, torque))
+    if not robot.is_free:
+        return record
+    q_xyzw = Rotation.from_matrix(motion.R_WB[0, tracker]).as_quat()
+    return replace(
+        record,
+        rates=RateSeries(stamps[imu], motion.omega[0, imu]),
+        attitudes=AttitudeSeries(stamps[tracker], q_xyzw),
+    )
 
 
 def _propagate_momentum(time: Array, inverse: Array, own: Array, h_B: Array) -> Array:

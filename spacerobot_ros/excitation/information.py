@@ -22,35 +22,36 @@ Symbols: B candidates, T times, p constants [h_W; AAM; x], m unknowns besides h_
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..dynamics.rotation import skew
 from ..estimation.momentum_process import MomentumModel
+from ..estimation.reference import NoiseLevels
 from ..identification.physical import BodyParameters
 from ..model.settings import IdentifierSettings, SensorSettings, SimulatorSettings
 from ..types import Array
 from .base_response import BaseMotion
 
 _TYPICAL = {  # where the robot file states no noise: a good gyro, encoder and star tracker
-    'joint_position_std': 2.0e-5,
-    'joint_velocity_std': 2.0e-4,
-    'gyro_std': 2.0e-5,
-    'attitude_std': 3.0e-5,
+    'joint_position': 2.0e-5,
+    'joint_velocity': 2.0e-4,
+    'joint_effort': 0.05,  # N m; the identification does not use it
+    'gyro': 2.0e-5,
+    'attitude': 3.0e-5,
 }
-_TYPICAL_EFFORT = 0.05  # N m; the identification does not use it
 _BAND = 2.0  # rad/s; encoder noise counts as rate noise of this frequency
 _RANK_TOLERANCE = 1e-8
 _STEP = 1e-5  # of the bodies' coordinates, which are of order one
 
 
-def with_typical(sensors: SensorSettings) -> tuple[SensorSettings, tuple[str, ...]]:
-    """Sensors with typical noise where none is stated, and the names of what was not stated."""
-    missing = tuple(name for name in _TYPICAL if getattr(sensors, name) is None)
-    effort = sensors.joint_effort_std or _TYPICAL_EFFORT
-    values = {name: _TYPICAL[name] for name in missing}
-    return replace(sensors, joint_effort_std=effort, **values), missing
+def with_typical(sensors: SensorSettings) -> tuple[NoiseLevels, tuple[str, ...]]:
+    """Stated noise, typical where none is stated, and which settings of those used are missing."""
+    stated = {name: getattr(sensors, f'{name}_std') for name in _TYPICAL}
+    missing = [name for name, std in stated.items() if std is None]
+    levels = NoiseLevels(**{**stated, **{name: _TYPICAL[name] for name in missing}})
+    return levels, tuple(f'{name}_std' for name in missing if name != 'joint_effort')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,23 +102,22 @@ class Information:
 
     Args:
         model: Robot as assumed, and minimal set.
-        sensors: Their noise, fully stated. rates: How often they sample.
+        noise: Of the sensors. rates: How often they sample.
         unknowns: What is to be estimated, with its prior.
     """
 
     def __init__(
         self,
         model: MomentumModel,
-        sensors: SensorSettings,
+        noise: NoiseLevels,
         rates: SimulatorSettings,
         unknowns: Unknowns,
     ) -> None:
         self._model, self._unknowns = model, unknowns
-        position, velocity, gyro, attitude = (getattr(sensors, name) for name in _TYPICAL)
         # densities of continuous measurements with the information of the samples, per sqrt(Hz)
-        self._gyro_noise = gyro / np.sqrt(rates.imu_rate)
-        self._attitude_noise = attitude / np.sqrt(rates.attitude_rate)
-        joint = 1.0 / np.hypot(1.0 / (_BAND * position), 1.0 / velocity)
+        self._gyro_noise = noise.gyro / np.sqrt(rates.imu_rate)
+        self._attitude_noise = noise.attitude / np.sqrt(rates.attitude_rate)
+        joint = 1.0 / np.hypot(1.0 / (_BAND * noise.joint_position), 1.0 / noise.joint_velocity)
         self._rate_noise = joint / np.sqrt(rates.joint_rate)
 
     def gain(self, motion: BaseMotion) -> Array:

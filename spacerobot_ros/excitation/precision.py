@@ -16,17 +16,18 @@ import numpy as np
 from ..control.joint_reference import check_reference
 from ..dynamics.state import initial_state
 from ..estimation.momentum_process import MomentumModel
-from ..identification.cramer_rao import SensorPlan, cramer_rao_bound
+from ..identification.cramer_rao import information_root
 from ..json_values import json_value
 from ..model.robot import Robot
 from ..types import Array
-from .base_response import BaseMotion, BaseResponse, BaseStart
+from .base_response import BaseMotion, BaseResponse, BaseStart, noise_free_record
 from .family import MotionFamily
 from .motion_limits import Use
 from .problem import Problem, condition_numbers
 
 REST = 10.0  # s of rest, measured before a spin-up
-_SAMPLING = 0.02  # s; of the motion that the bound is computed along
+_LEAST_OFTEN = 50.0  # Hz; of the motion along which the base's own is found
+_SAMPLING = 0.04  # s; of the motion in the paper's A
 _NONZERO = 1e-3  # of the largest parameter; smaller ones have no meaningful relative error
 _BETTER = 3.0  # times better known than before: a direction that the motion tells
 _JSON = {
@@ -121,8 +122,7 @@ def predict_design(problem: Problem, x: Array, *, with_rest: bool = False) -> Pr
         x: (size,) [rad].
         with_rest: Count `REST` seconds of rest, own wheels still, measured before a spin-up.
     """
-    motion = _motion(problem.robot, problem.family, x, problem.start)
-    return _predict(problem, problem.robot, motion, with_rest=with_rest)
+    return _predict(problem, problem.robot, problem.family, x, problem.start, with_rest=with_rest)
 
 
 def predict_reference(problem: Problem) -> Prediction | None:
@@ -136,7 +136,7 @@ def predict_reference(problem: Problem) -> Prediction | None:
     family = MotionFamily(reference.duration, reference.harmonics, problem.family.start, times)
     start = BaseStart(initial.q_WB_xyzw, initial.omega_WB_B)
     x = family.amplitudes(reference)
-    return _predict(problem, problem.robot, _motion(problem.robot, family, x, start))
+    return _predict(problem, problem.robot, family, x, start)
 
 
 def predict_with_wheels(problem: Problem, x: Array, momentum: Array) -> Prediction:
@@ -145,34 +145,33 @@ def predict_with_wheels(problem: Problem, x: Array, momentum: Array) -> Predicti
     if problem.start_kind == 'spin_up':
         omega = BaseResponse(robot).spun_up(problem.family.start, momentum)
         start = BaseStart(start.attitude_xyzw, omega)
-    return _predict(problem, robot, _motion(robot, problem.family, x, start))
-
-
-def _motion(robot: Robot, family: MotionFamily, x: Array, start: BaseStart) -> BaseMotion:
-    """One candidate at the times along which the bound is computed."""
-    steps = int(np.ceil(family.duration / _SAMPLING - 1e-9))
-    family = family.at(np.linspace(0.0, family.duration, steps + 1))
-    return BaseResponse(robot).move(family.times, *family.motion(x[None]), start)
+    return _predict(problem, robot, problem.family, x, start)
 
 
 def _predict(
-    problem: Problem, robot: Robot, motion: BaseMotion, *, with_rest: bool = False
+    problem: Problem,
+    robot: Robot,
+    family: MotionFamily,
+    x: Array,
+    start: BaseStart,
+    *,
+    with_rest: bool = False,
 ) -> Prediction:
     """Prediction for a motion of a robot, which may differ from the problem's in its wheels."""
-    rates, unknowns = problem.settings.simulator, problem.unknowns
-    plan = SensorPlan.regular(
-        problem.sensors,
-        float(motion.time[-1]),
-        rates.joint_rate,
-        rates.imu_rate,
-        rates.attitude_rate,
-    )
-    model, reference = MomentumModel(robot, problem.minimal), motion.kinematics
-    factor = cramer_rao_bound(robot, problem.minimal, reference, plan).factor
+    rates = problem.settings.simulator
+    fastest = max(rates.joint_rate, rates.imu_rate)
+    often = fastest * np.ceil(_LEAST_OFTEN / fastest)
+    steps = int(np.ceil(often * family.duration - 1e-9))
+    family = family.at(np.linspace(0.0, family.duration, steps + 1))
+    motion = BaseResponse(robot).move(family.times, *family.motion(x[None]), start)
+    unknowns, model = problem.unknowns, MomentumModel(robot, problem.minimal)
+    exact = noise_free_record(robot, motion, problem.settings.simulator)
+    factor = information_root(model, exact, problem.noise)
     if with_rest:
         factor = np.concatenate([factor, _rest_rows(problem, model, motion)])
-    columns, _ = model.regressor(reference)
-    raw, unit = condition_numbers(columns[None, ::2], motion.R_WB[:, ::2])
+    columns, _ = model.regressor(motion.kinematics)
+    some = slice(None, None, max(1, round(_SAMPLING / float(motion.time[1]))))
+    raw, unit = condition_numbers(columns[None, some], motion.R_WB[:, some])
     triangle = np.asarray(np.linalg.qr(factor @ unknowns.to_constants, mode='r'))[3:, 3:]
     _, singular, right = np.linalg.svd(triangle * unknowns.prior_std)
     strength = np.zeros(len(unknowns))
@@ -207,8 +206,8 @@ def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Ar
     still = replace(first, qd=np.zeros_like(first.qd), omega=np.zeros((1, 3)))
     row = model.regressor(still)[0][0]
     rates = problem.settings.simulator
-    gyro = (problem.sensors.gyro_std or 0.0) / np.sqrt(REST * rates.imu_rate)
-    attitude = (problem.sensors.attitude_std or 0.0) / np.sqrt(REST * rates.attitude_rate)
+    gyro = problem.noise.gyro / np.sqrt(REST * rates.imu_rate)
+    attitude = problem.noise.attitude / np.sqrt(REST * rates.attitude_rate)
     D = np.linalg.inv(motion.inverse[0, 0])
     h_B = motion.R_WB[0, 0].T @ motion.h_W[0]
     across = attitude**2 * (h_B @ h_B * np.eye(3) - np.outer(h_B, h_B))

@@ -60,9 +60,9 @@ class Problem(Motions):
         others = [robot.with_target_momentum(h) for h in momenta]
         super().__init__(robot, settings, options.duration, fine=FINE, others=others)
         self.model = MomentumModel(robot, self.minimal)
-        self.sensors, self.unstated = with_typical(settings.sensors)
+        self.noise, self.unstated = with_typical(settings.sensors)
         self.unknowns = Unknowns.of(self.model, settings.identifier)
-        self.information = Information(self.model, self.sensors, settings.simulator, self.unknowns)
+        self.information = Information(self.model, self.noise, settings.simulator, self.unknowns)
         self.start_kind, self.start = self._choose_start()
 
     def score(self, x: Array) -> Objective:

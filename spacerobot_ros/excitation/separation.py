@@ -16,23 +16,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..diagnosis.limits import EQUIVALENT
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
 from ..estimation.columns import Signatures, candidate_at
-from ..estimation.reference import NoiseLevels
 from ..estimation.refit import Fit
 from ..estimation.runs import Run
 from ..model.robot import Robot
-from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
 from ..types import Array
+from .base_response import noise_free_record
 from .information import with_typical
 from .motions import SAFE, Motions
 
@@ -171,9 +169,12 @@ def trial(
     file: RobotFile, motions: Motions, x: Array, origin: str, places: tuple[Place, Place]
 ) -> Trial:
     """What one motion tells of two effects."""
-    stated, _ = with_typical(file.settings.sensors)
-    noise = NoiseLevels(**{f.name: getattr(stated, f'{f.name}_std') for f in fields(NoiseLevels)})
-    run = Run(_record(file, motions, x), file.robot, file.effects, noise, 'sampled')
+    noise, _ = with_typical(file.settings.sensors)
+    rates = file.settings.simulator
+    times = np.arange(0.0, motions.family.duration, 1.0 / rates.joint_rate)
+    motion = motions.move(x[None], motions.family.at(times))
+    record = noise_free_record(motions.robot, motion, rates)
+    run = Run(record, file.robot, file.effects, noise, 'sampled')
     fit = Fit(run, ())
     first, second = (_directions(place, fit.rows.robot) for place in places)
     both = Signatures(fit.rows).whitened([*first, *second])
@@ -218,22 +219,3 @@ def _starts(
 
 def _steps(file: RobotFile) -> int:
     return min(file.settings.excitation.iterations, 8)
-
-
-def _record(file: RobotFile, motions: Motions, x: Array) -> Record:
-    """Noise-free samples of a motion at the sensors' rates."""
-    rates = file.settings.simulator
-    times = np.arange(0.0, motions.family.duration, 1.0 / rates.joint_rate)
-    motion = motions.move(x[None], motions.family.at(times))
-    every = max(1, round(rates.joint_rate / rates.attitude_rate))
-    is_free = motions.robot.is_free
-    stamps = to_stamps(times)
-    joints = JointSeries(motions.robot.joints, stamps, motion.q[0], motion.qd[0], motion.torque[0])
-    if not is_free:
-        return Record(joints=joints)
-    q_xyzw = Rotation.from_matrix(motion.R_WB[0, ::every]).as_quat()
-    return Record(
-        joints=joints,
-        rates=RateSeries(stamps, motion.omega[0]),
-        attitudes=AttitudeSeries(stamps[::every], q_xyzw),
-    )

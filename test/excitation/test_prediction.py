@@ -69,4 +69,4 @@ def test_half_the_noise_predicts_half_the_error():
 def test_unstated_noise_is_said_to_be_assumed():
     problem = Problem(robot_file(sensors={'gyro_std': 1e-5}))
     assert problem.unstated == ('joint_position_std', 'joint_velocity_std', 'attitude_std')
-    assert problem.sensors.gyro_std == 1e-5
+    assert problem.noise.gyro == 1e-5
