@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -29,6 +29,7 @@ LAWS = (
 """Laws and their `adaptive.physical_consistency`."""
 _UNMEASURED = (('passivity', 'none'), ('adaptive_rls', 'none'), ('adaptive_composite', 'project'))
 _NOISY = (('adaptive_rls_paper', 'none'), *_UNMEASURED[1:])
+_FIXED: dict[str, Any] = {'law': 'passivity', 'physical_consistency': 'none'}
 _PAPER_ERROR = 0.016  # rad, of the paper's gradient law, whose step nothing bounds
 _SHAPES = {'true': 'elements', 'iid': 'elements', 'physical': 'bodies'}
 """`adaptive.prior_shape` by the kind of wrong prior: the law believes what the draws are like."""
@@ -75,67 +76,45 @@ def run(key: str) -> Record:
     if kind == 'identities':
         return identities()
     is_drawn = kind == 'lambda' or (kind, *of[:2], of[-1]) == ('harmonic', 'iid', _LARGEST, 0)
-    return {'key': [kind, *of], **run_case(_CASES[kind](*of), is_drawn)}
+    return {'key': [kind, *of], **run_case(_loop_case(kind, *of), is_drawn)}
 
 
-def _settings(law: str, consistency: str = 'none', **values: Any) -> AdaptiveSettings:
-    """A law at the benchmark's gains."""
+def _loop_case(kind: str, *of: Any) -> LoopCase:
+    """The closed loop of a trial, from its key."""
+    match kind, *of:
+        case 'harmonic', *drawn:
+            return _harmonic(*drawn)
+        case 'unmeasured', *law:
+            return replace(_harmonic('iid', _LARGEST, *law), measures_velocity=False)
+        case 'noise', scale, law, consistency, seed:
+            exact = _harmonic('iid', _LARGEST, law, consistency, 0)
+            return replace(exact, noise=scale, noise_seed=seed)
+        case 'period', period:
+            settings = AdaptiveSettings(**_FIXED, sampling_check='warn')
+            return LoopCase(task='harmonic', settings=settings, period=period)
+        case 'orientation', *drawn:
+            return _set_point(*drawn)
+        case 'lambda', rate:
+            return _set_point('true', 0.0, 0, attitude_bandwidth=rate, joint_bandwidth=rate)
+        case 'sampling', period, rate, prior, seed:
+            eta = 0.0 if prior == 'true' else _LARGEST
+            rates = {'kappa': 1.0, 'attitude_bandwidth': rate, 'joint_bandwidth': rate}
+            still = _set_point(prior, eta, seed, **rates, sampling_check='warn')
+            return replace(still, period=period, duration=60.0)
+    raise AssertionError(kind)
+
+
+def _harmonic(prior: str, eta: float, law: str, consistency: str, seed: int) -> LoopCase:
+    shape = _SHAPES[prior]
+    settings = AdaptiveSettings(law=law, physical_consistency=consistency, prior_shape=shape)
     if law == 'adaptive_lyapunov_paper':
-        values.setdefault('adaptation_error', _PAPER_ERROR)
-    return AdaptiveSettings(law=law, physical_consistency=consistency, **values)
+        settings = replace(settings, adaptation_error=_PAPER_ERROR)
+    return LoopCase(task='harmonic', settings=settings, prior=prior, eta=eta, seed=seed)
 
 
-def _harmonic(
-    prior: str, eta: float, law: str, consistency: str, seed: int, **more: Any
-) -> LoopCase:
-    settings = _settings(law, consistency, prior_shape=_SHAPES[prior])
-    return LoopCase(task='harmonic', settings=settings, prior=prior, eta=eta, seed=seed, **more)
-
-
-def _unmeasured(law: str, consistency: str, seed: int) -> LoopCase:
-    return _harmonic('iid', _LARGEST, law, consistency, seed, measures_velocity=False)
-
-
-def _noisy(scale: float, law: str, consistency: str, seed: int) -> LoopCase:
-    return _harmonic('iid', _LARGEST, law, consistency, 0, noise=scale, noise_seed=seed)
-
-
-def _set_point(prior: str, eta: float, seed: int, **rates: Any) -> LoopCase:
-    return LoopCase(
-        task='orientation',
-        settings=_settings('passivity', **rates),
-        prior=prior,
-        eta=eta,
-        seed=seed,
-        duration=30.0,
-    )
-
-
-def _lambda(rate: float) -> LoopCase:
-    return _set_point('true', 0.0, 0, attitude_bandwidth=rate, joint_bandwidth=rate)
-
-
-def _sampled(period: float, rate: float, prior: str, seed: int) -> LoopCase:
-    rates: Any = {'kappa': 1.0, 'attitude_bandwidth': rate, 'joint_bandwidth': rate}
-    settings = _settings('passivity', sampling_check='warn', **rates)
-    still = _set_point(prior, 0.0 if prior == 'true' else _LARGEST, seed)
-    return replace(still, settings=settings, period=period, duration=60.0)
-
-
-def _period(period: float) -> LoopCase:
-    settings = _settings('passivity', sampling_check='warn')
-    return LoopCase(task='harmonic', settings=settings, period=period)
-
-
-_CASES: dict[str, Callable[..., LoopCase]] = {
-    'harmonic': _harmonic,
-    'unmeasured': _unmeasured,
-    'orientation': _set_point,
-    'lambda': _lambda,
-    'noise': _noisy,
-    'sampling': _sampled,
-    'period': _period,
-}
+def _set_point(prior: str, eta: float, seed: int, **values: Any) -> LoopCase:
+    settings, still = AdaptiveSettings(**_FIXED, **values), 'orientation'
+    return LoopCase(task=still, settings=settings, prior=prior, eta=eta, seed=seed, duration=30.0)
 
 
 def results(records: Sequence[Record]) -> Results:

@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _design(args: argparse.Namespace, file: RobotFile) -> int:
-    from ..excitation.assessment import summarize
+    from ..excitation.assessment import Summary
     from ..excitation.design import search
     from ..excitation.problem import Problem
     from ..excitation.trajectory_file import write_trajectory
@@ -110,9 +110,9 @@ def _design(args: argparse.Namespace, file: RobotFile) -> int:
         advance = stage('designing', options.starts * options.iterations)
         design = search(problem, lambda steps, _: advance(steps))
     write_trajectory(problem, design.x, args.robot, args.output)
-    summary = summarize(problem, design)
+    summary = Summary(problem, design)
     if args.json:
-        print_json(summary.to_dict())
+        print_json(summary)
     else:
         print_sections(excitation_sections(summary))
         print(f'written: {args.output}')

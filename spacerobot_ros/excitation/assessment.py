@@ -14,10 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..json_values import json_value
 from ..types import Array
 from .design import Design
-from .motion_limits import Use
 from .precision import (
     REST,
     Prediction,
@@ -53,13 +51,19 @@ class WheelOption:
         """Whether every limit holds."""
         return self.prediction.hardest_use.fraction <= 1.0
 
+    def to_json(self) -> dict[str, Any]:
+        """As in the command's JSON."""
+        names = ('factor', 'momentum', 'allowed', 'prediction')
+        return {name: getattr(self, name) for name in names}
 
-@dataclass(frozen=True, slots=True, eq=False)
+
 class Summary:
     """A design and what it is worth.
 
     Args:
         problem: What was to be designed. found: The result of the search.
+
+    Attributes:
         uses: How the motion uses every limit, off-nominal wheel momenta included.
         design: Prediction for the motion. reference: For the robot file's own, if it has one.
         with_rest: For a spin-up with a measured rest before it.
@@ -67,21 +71,26 @@ class Summary:
         notes: Remarks.
     """
 
-    problem: Problem
-    found: Design
-    uses: tuple[Use, ...]
-    design: Prediction
-    reference: Prediction | None
-    with_rest: Prediction | None
-    wheels: tuple[WheelOption, ...]
-    advice: str
-    notes: tuple[str, ...]
+    def __init__(self, problem: Problem, found: Design) -> None:
+        x, h0 = found.x, problem.robot.servicer_wheels.momentum
+        if not h0.any():
+            h0 = np.full(3, _TRIED)
+        self.problem, self.found, self.uses = problem, found, problem.uses(x)
+        self.design, self.reference = predict_design(problem, x), predict_reference(problem)
+        is_spun_up = problem.start_kind == 'spin_up'
+        self.with_rest = predict_design(problem, x, with_rest=True) if is_spun_up else None
+        self.wheels = [
+            WheelOption(factor, factor * h0, predict_with_wheels(problem, x, factor * h0))
+            for factor in _FACTORS
+        ]
+        self.advice = _advice(problem, self.wheels)
+        self.notes = list(_notes(problem, self.design, self.reference))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; what is not finite becomes null."""
+    def to_json(self) -> dict[str, Any]:
+        """As in the command's JSON."""
         problem = self.problem
         identifier = problem.settings.identifier
-        data = {
+        return {
             'schema': 1,
             'robot': problem.robot.name,
             'criterion': problem.settings.excitation.criterion,
@@ -91,46 +100,13 @@ class Summary:
             'attempts': [a._asdict() for a in self.found.attempts],
             'interrupted': self.found.interrupted,
             'limits': [{**u._asdict(), 'margin': 1.0 - u.fraction} for u in self.uses],
-            'design': self.design.to_dict(),
-            'reference': self.reference and self.reference.to_dict(),
-            'with_rest': self.with_rest and self.with_rest.to_dict(),
-            'own_wheels': [
-                {
-                    'factor': o.factor,
-                    'momentum': o.momentum,
-                    'allowed': o.allowed,
-                    'prediction': o.prediction.to_dict(),
-                }
-                for o in self.wheels
-            ],
+            'design': self.design,
+            'reference': self.reference,
+            'with_rest': self.with_rest,
+            'own_wheels': self.wheels,
             'advice': self.advice,
             'notes': self.notes,
         }
-        return dict(json_value(data))
-
-
-def summarize(problem: Problem, found: Design) -> Summary:
-    """Assess a design."""
-    x, h0 = found.x, problem.robot.servicer_wheels.momentum
-    if not h0.any():
-        h0 = np.full(3, _TRIED)
-    wheels = tuple(
-        WheelOption(factor, factor * h0, predict_with_wheels(problem, x, factor * h0))
-        for factor in _FACTORS
-    )
-    design, reference = predict_design(problem, x), predict_reference(problem)
-    spun_up = problem.start_kind == 'spin_up'
-    return Summary(
-        problem=problem,
-        found=found,
-        uses=problem.uses(x),
-        design=design,
-        reference=reference,
-        with_rest=predict_design(problem, x, with_rest=True) if spun_up else None,
-        wheels=wheels,
-        advice=_advice(problem, wheels),
-        notes=tuple(_notes(problem, design, reference)),
-    )
 
 
 def _advice(problem: Problem, options: Sequence[WheelOption]) -> str:
@@ -197,9 +173,9 @@ def _notes(
         )
     if problem.unstated:
         yield (f'typical sensor noise assumed for {", ".join(problem.unstated)}')
-    if prediction.n_observed < prediction.n_observable:
+    if prediction.told < prediction.tellable:
         yield (
-            f'{prediction.n_observable - prediction.n_observed} of {prediction.n_observable} '
+            f'{prediction.tellable - prediction.told} of {prediction.tellable} '
             f'directions of the '
             f'{settings.identifier.manifold} set are hardly told better by this motion than by '
             'the prior'

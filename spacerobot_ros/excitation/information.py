@@ -23,13 +23,14 @@ Symbols: B candidates, T times, p constants [h_W; AAM; x], m unknowns besides h_
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ..dynamics.rotation import skew
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import NoiseLevels
-from ..identification.physical import BodyParameters
+from ..identification.physical import BodyParameters, central_differences
 from ..model.settings import IdentifierSettings, SensorSettings, SimulatorSettings
 from ..types import Array
 from .base_response import BaseMotion
@@ -43,7 +44,6 @@ _TYPICAL = {  # where the robot file states no noise: a good gyro, encoder and s
 }
 _BAND = 2.0  # rad/s; encoder noise counts as rate noise of this frequency
 _RANK_TOLERANCE = 1e-8
-_STEP = 1e-5  # of the bodies' coordinates, which are of order one
 
 
 def with_typical(sensors: SensorSettings) -> tuple[NoiseLevels, tuple[str, ...]]:
@@ -76,13 +76,9 @@ class Unknowns:
             inertia = np.full(model.size - head, settings.prior_std * largest)
             return cls(np.eye(model.size), np.concatenate([momenta, inertia]))
         bodies = BodyParameters(model.robot, settings.structure)
-        steps = _STEP * np.eye(bodies.size)
-        ahead, behind = (
-            model.tree.block_parameters(*bodies.bodies(x)) @ model.minimal.regrouping.T
-            for x in (steps, -steps)
-        )
         jacobian = np.eye(model.size, head + bodies.size)
-        jacobian[head:, head:] = (ahead - behind).T / (2.0 * _STEP)
+        values = partial(bodies.minimal_values, model)
+        jacobian[head:, head:] = central_differences(values, np.zeros(bodies.size))
         prior_std = np.concatenate([momenta, np.full(bodies.size, settings.prior_std)])
         return cls(jacobian, prior_std)
 

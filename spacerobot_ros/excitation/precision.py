@@ -17,7 +17,6 @@ from ..control.joint_reference import check_reference
 from ..dynamics.state import initial_state
 from ..estimation.momentum_process import MomentumModel
 from ..identification.cramer_rao import information_root
-from ..json_values import json_value
 from ..model.robot import Robot
 from ..types import Array
 from .base_response import BaseMotion, BaseResponse, BaseStart, noise_free_record
@@ -30,21 +29,10 @@ _LEAST_OFTEN = 50.0  # Hz; of the motion along which the base's own is found
 _SAMPLING = 0.04  # s; of the motion in the paper's A
 _NONZERO = 1e-3  # of the largest parameter; smaller ones have no meaningful relative error
 _BETTER = 3.0  # times better known than before: a direction that the motion tells
-_JSON = {
-    'bits': 'bits',
-    'told': 'n_observed',
-    'tellable': 'n_observable',
-    'condition': 'condition',
-    'unit_condition': 'unit_condition',
-    'scale_std': 'scale_std',
-    'worst_aam': 'worst_aam',
-    'median_parameter': 'median_parameter',
-    'worst_parameter': 'worst_parameter',
-    'names': 'names',
-    'values': 'values',
-    'std': 'std',
-    'relative_std': 'relative',
-}
+_JSON = (
+    *('bits', 'told', 'tellable', 'condition', 'unit_condition', 'scale_std', 'worst_aam'),
+    *('median_parameter', 'worst_parameter', 'names', 'values', 'std', 'relative_std'),
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,8 +41,8 @@ class Prediction:
 
     Args:
         bits: Told of the whole estimate, against the identifier's prior.
-        n_observed: Number of directions that get at least three times better known.
-        n_observable: Number of those that any motion could tell.
+        told: Number of directions that get at least three times better known.
+        tellable: Number of those that any motion could tell.
         condition: Of the paper's A, raw. unit_condition: With columns of unit norm.
         names: Of [AAM; x]. values: Of the robot assumed. covariance: Predicted.
         n_aam: Number of wheel-momentum entries.
@@ -63,8 +51,8 @@ class Prediction:
     """
 
     bits: float
-    n_observed: int
-    n_observable: int
+    told: int
+    tellable: int
     condition: float
     unit_condition: float
     names: tuple[str, ...]
@@ -80,7 +68,7 @@ class Prediction:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def relative(self) -> Array:
+    def relative_std(self) -> Array:
         """Predicted std over what it is compared with: |h| of the link, or |x|; NaN for zeros."""
         momenta = self.values[: self.n_aam].reshape(-1, 3)
         sizes = np.repeat(np.linalg.norm(momenta, axis=1), 3)
@@ -92,26 +80,26 @@ class Prediction:
     @property
     def worst_aam(self) -> float:
         """Largest relative std of a wheel-momentum component; NaN where there is none."""
-        return _of_finite(np.max, self.relative[: self.n_aam])
+        return _of_finite(np.max, self.relative_std[: self.n_aam])
 
     @property
     def worst_parameter(self) -> float:
         """Largest relative std of a minimal parameter."""
-        return _of_finite(np.max, self.relative[self.n_aam :])
+        return _of_finite(np.max, self.relative_std[self.n_aam :])
 
     @property
     def median_parameter(self) -> float:
         """Median relative std of the minimal parameters."""
-        return _of_finite(np.median, self.relative[self.n_aam :])
+        return _of_finite(np.median, self.relative_std[self.n_aam :])
 
     @property
     def hardest_use(self) -> Use:
         """The limit that the motion comes nearest to, or breaks most."""
         return max(self.uses, key=lambda use: use.fraction)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return dict(json_value({key: getattr(self, name) for key, name in _JSON.items()}))
+    def to_json(self) -> dict[str, Any]:
+        """As in the command's JSON."""
+        return {name: getattr(self, name) for name in _JSON}
 
 
 def predict_design(problem: Problem, x: Array, *, with_rest: bool = False) -> Prediction:
@@ -181,8 +169,8 @@ def _predict(
     values = model.prior()[3:]
     return Prediction(
         bits=float(-np.sum(np.log2(shrink))),
-        n_observed=int(np.sum(strength > _BETTER)),
-        n_observable=unknowns.observable,
+        told=int(np.sum(strength > _BETTER)),
+        tellable=unknowns.observable,
         condition=float(raw[0]),
         unit_condition=float(unit[0]),
         names=model.names,

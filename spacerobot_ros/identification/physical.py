@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import orth, solve_triangular
 from scipy.optimize import least_squares
 from scipy.stats import chi2 as chi2_distribution
 
@@ -149,6 +149,11 @@ class BodyParameters:
         trace = np.trace(moments, axis1=-2, axis2=-1)[..., None, None]
         return mass, com, trace * np.eye(3) - moments
 
+    def minimal_values(self, model: MomentumModel, coordinates: Array) -> Array:
+        """(..., k) minimal parameters of a model of the robot."""
+        pi = model.tree.block_parameters(*self.bodies(coordinates))
+        return np.asarray(pi @ model.minimal.regrouping.T)
+
     def robot(self, coordinates: Array) -> Robot:
         """The robot at given coordinates (size,)."""
         estimated = zip(*self.bodies(coordinates), strict=True)
@@ -159,78 +164,43 @@ class BodyParameters:
         return replace(self._robot, bodies=bodies)
 
 
-class _Problem:
-    """Least squares of a linear estimate over momenta, nuisances and bodies.
-
-    Unknowns are the constants that bodies do not constrain, in units of their own sigma, then the
-    bodies' coordinates, then any numbers that are added to block parameters beside the bodies.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Bodies whose minimal parameters are nearest to wanted ones; their coordinates are sought.
 
     Args:
-        model: Robot and minimal set.
-        bodies: The bodies' coordinates.
-        constants: (p,) linear estimate.
-        factor: (p, p) square root of its information.
-        prior_std: Of the bodies' coordinates.
-        beside: (k, m) directions in x that the added numbers go.
+        values: (..., k) minimal parameters by coordinates (..., size).
+        wanted: (k,) linear estimate of them.
+        root: (k, k) square root of its information.
+        prior_std: Of the coordinates.
     """
 
-    def __init__(
-        self,
-        model: MomentumModel,
-        bodies: BodyParameters,
-        constants: Array,
-        factor: Array,
-        prior_std: float,
-        beside: Array | None = None,
-    ) -> None:
-        self.model, self._bodies, self._constants = model, bodies, constants
-        self._factor, self._prior_std = factor, prior_std
-        self._free = np.ones(model.size, dtype=bool)
-        self._free[model.x] = False
-        spread = solve_triangular(np.linalg.qr(factor, mode='r'), np.eye(model.size))
-        self._scale = np.linalg.norm(spread[self._free], axis=1)
-        self._beside = np.zeros((len(model.minimal), 0)) if beside is None else beside
-        head = int(np.sum(self._free))
-        self.coordinates = slice(head, head + bodies.size)
-        self.size = self.coordinates.stop + self._beside.shape[1]
+    values: Callable[[Array], Array]
+    wanted: Array
+    root: Array
+    prior_std: float
 
-    def freed(self, index: int) -> _Problem:
-        """The same with the inertia of a body freed of being that of a mass distribution."""
-        own = slice(6 * index, 6 * index + 6)  # its inertia among the block parameters
-        directions = self.model.minimal.regrouping[:, own]
-        sizes = np.linalg.norm(self._factor[:, self.model.x] @ directions, axis=0)
-        beside = directions[:, sizes > 0.0] / sizes[sizes > 0.0]
-        return _Problem(
-            self.model, self._bodies, self._constants, self._factor, self._prior_std, beside
-        )
-
-    def constants_at(self, unknowns: Array) -> Array:
-        """(..., p) constants."""
-        free, part = self._free, self.coordinates
-        out = np.empty((*unknowns.shape[:-1], self.model.size))
-        pi = self.model.tree.block_parameters(*self._bodies.bodies(unknowns[..., part]))
-        out[..., free] = self._constants[free] + self._scale * unknowns[..., : part.start]
-        out[..., self.model.x] = pi @ self.model.minimal.regrouping.T
-        out[..., self.model.x] += unknowns[..., part.stop :] @ self._beside.T
-        return out
-
-    def misfit(self, unknowns: Array) -> float:
+    def misfit(self, coordinates: Array) -> float:
         """Chi-square against the linear estimate, without the prior."""
-        return float(np.sum((self._factor @ (self.constants_at(unknowns) - self._constants)) ** 2))
+        return float(np.sum((self.root @ (self.values(coordinates) - self.wanted)) ** 2))
+
+    def residual(self, coordinates: Array) -> Array:
+        """(..., k + size) misfit and prior."""
+        misfit = (self.values(coordinates) - self.wanted) @ self.root.T
+        return np.concatenate([misfit, coordinates / self.prior_std], axis=-1)
 
     def solve(self, start: Array, evaluations: int) -> tuple[Array, bool]:
-        """Unknowns of the least misfit, and whether the search has settled."""
-        slope = partial(_central_differences, self.residual)
+        """Coordinates of the least misfit, and whether the search has settled."""
+        slope = partial(central_differences, self.residual)
         solution = least_squares(
             self.residual, start, jac=slope, method='trf', max_nfev=evaluations
         )
         return solution.x, bool(solution.status > 0)
 
-    def residual(self, unknowns: Array) -> Array:
-        """(..., p + size of the bodies) misfit and prior."""
-        misfit = (self.constants_at(unknowns) - self._constants) @ self._factor.T
-        prior = unknowns[..., self.coordinates] / self._prior_std
-        return np.concatenate([misfit, prior], axis=-1)
+    def without(self, directions: Array) -> _Fit:
+        """The same where the parameters may leave the bodies by directions (k, m)."""
+        basis = orth(self.root @ directions)
+        return replace(self, root=self.root - basis @ (basis.T @ self.root))
 
 
 def project(
@@ -242,6 +212,8 @@ def project(
 ) -> PhysicalEstimate:
     """Project a linear estimate onto the physical manifold.
 
+    What bodies do not constrain (momenta, nuisances) is eliminated first, and follows.
+
     Args:
         model: Robot and minimal set.
         settings: Structure of the minimal set; the prior on the coordinates about the robot file's
@@ -250,53 +222,69 @@ def project(
         factor: (p, p) square root of its information.
         start: Coordinates to start from, of an earlier projection; the robot file's by default.
     """
-    bodies = BodyParameters(model.robot, settings.structure)
-    problem = _Problem(model, bodies, constants, factor, settings.prior_std)
-    first = np.zeros(problem.size)
-    if start is not None:
-        first[problem.coordinates] = start
-    unknowns, is_settled = problem.solve(first, _EVALUATIONS)
-    J = _central_differences(problem.residual, unknowns)
-    manifold = _central_differences(problem.constants_at, unknowns)
-    spread = solve_triangular(np.linalg.qr(J, mode='r'), manifold.T, trans='T').T
-    misfit, dimension = problem.misfit(unknowns), _rank(factor @ manifold)
-    dof = len(constants) - dimension
-    contradiction = ''
-    if _is_unlikely(misfit, dof) and not is_settled:
-        contradiction = 'the search for physical bodies has not settled'
-    elif _is_unlikely(misfit, dof):
-        contradiction = (
-            f'no physical bodies of this {settings.structure} structure explain the linear '
-            f'estimate: chi-square {misfit:.4g} for {dof} degrees of freedom; '
-            f'{_explaining_bodies(problem, unknowns, dof)}'
-        )
+    bodies, wanted = BodyParameters(model.robot, settings.structure), constants[model.x]
+    others = np.delete(np.arange(model.size), model.x)
+    head = len(others)
+    ordered = np.hstack([factor[:, others], factor[:, model.x]])
+    triangle = np.asarray(np.linalg.qr(ordered, mode='r'))
+    own, across = triangle[:head, :head], triangle[:head, head:]
+    values = partial(bodies.minimal_values, model)
+    fit = _Fit(values, wanted, triangle[head:, head:], settings.prior_std)
+    first = np.zeros(bodies.size) if start is None else start
+    found, is_settled = fit.solve(first, _EVALUATIONS)
+    J, manifold = (central_differences(f, found) for f in (fit.residual, values))
+    spread = np.zeros((model.size, head + bodies.size))
+    spread[model.x, head:] = solve_triangular(np.linalg.qr(J, mode='r'), manifold.T, trans='T').T
+    ahead = np.hstack([np.eye(head), -across @ spread[model.x, head:]])
+    spread[others] = solve_triangular(own, ahead)
+    projected = constants.copy()
+    projected[model.x] = values(found)
+    projected[others] -= solve_triangular(own, across @ (projected[model.x] - wanted))
+    misfit, rank = fit.misfit(found), _rank(fit.root @ manifold)
+    dof = len(wanted) - rank
     return PhysicalEstimate(
-        bodies.robot(unknowns[problem.coordinates]),
-        problem.constants_at(unknowns),
+        bodies.robot(found),
+        projected,
         spread @ spread.T,
-        dimension,
+        head + rank,
         misfit,
         dof,
-        contradiction,
-        unknowns[problem.coordinates],
+        _contradiction(model, settings, fit, found, dof, is_settled),
+        found,
     )
 
 
-def _explaining_bodies(problem: _Problem, unknowns: Array, dof: int) -> str:
-    """Which bodies would have to be unphysical, in words.
+def _contradiction(
+    model: MomentumModel,
+    settings: IdentifierSettings,
+    fit: _Fit,
+    found: Array,
+    dof: int,
+    is_settled: bool,
+) -> str:
+    """What contradicts the structure, and which bodies would have to be unphysical, in words.
 
     Each body's own inertia is freed of being that of a mass distribution, and the bodies are
     sought again: whichever bodies alone remove the contradiction are named.
     """
-    misfits = {}
-    for index, body in enumerate(problem.model.robot.bodies):
-        freed = problem.freed(index)
-        first = np.concatenate([unknowns, np.zeros(freed.size - problem.size)])
-        misfits[body.name] = freed.misfit(freed.solve(first, _FREED_EVALUATIONS)[0])
+    misfit, misfits = fit.misfit(found), {}
+    if not _is_unlikely(misfit, dof):
+        return ''
+    if not is_settled:
+        return 'the search for physical bodies has not settled'
+    for index, body in enumerate(model.robot.bodies):
+        own = slice(6 * index, 6 * index + 6)  # its inertia among the block parameters
+        freed = fit.without(model.minimal.regrouping[:, own])
+        misfits[body.name] = freed.misfit(freed.solve(found, _FREED_EVALUATIONS)[0])
     explaining = [n for n, m in misfits.items() if not _is_unlikely(m, max(dof - 6, 1))]
+    nearest = min(misfits, key=lambda n: misfits[n])
+    why = f'no single body is at fault; {nearest} is nearest'
     if explaining:
-        return f'{" or ".join(explaining)} alone, with an inertia that no body has, would'
-    return f'no single body is at fault; {min(misfits, key=lambda n: misfits[n])} is nearest'
+        why = f'{" or ".join(explaining)} alone, with an inertia that no body has, would'
+    return (
+        f'no physical bodies of this {settings.structure} structure explain the linear '
+        f'estimate: chi-square {misfit:.4g} for {dof} degrees of freedom; {why}'
+    )
 
 
 def _is_unlikely(misfit: float, dof: int) -> bool:
@@ -320,8 +308,8 @@ def _free_entries(body: Body, structure: str, is_base: bool) -> np.ndarray:
     return free
 
 
-def _central_differences(function: Callable[[Array], Array], at: Array) -> Array:
-    """Jacobian of a function that takes stacked arguments (..., size)."""
+def central_differences(function: Callable[[Array], Array], at: Array) -> Array:
+    """Jacobian (m, size) of a function that takes stacked arguments (..., size)."""
     steps = _STEP * np.eye(len(at))
     return (function(at + steps) - function(at - steps)).T / (2.0 * _STEP)
 

@@ -29,7 +29,7 @@ from .plots import plot
 
 _FIGURES: dict[str, Callable[[Prediction], str]] = {
     'information [bit]': lambda p: f'{p.bits:.1f}',
-    'directions told': lambda p: f'{p.n_observed} of {p.n_observable}',
+    'directions told': lambda p: f'{p.told} of {p.tellable}',
     'condition of A': lambda p: f'{p.condition:.4g}',
     'condition, unit columns': lambda p: f'{p.unit_condition:.4g}',
     'worst AAM / |h|': lambda p: _percent(p.worst_aam),

@@ -9,7 +9,7 @@ import pytest
 from support.excitation import TABLE_TWO, robot_file, six_joints, with_excitation
 
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.excitation.assessment import summarize
+from spacerobot_ros.excitation.assessment import Summary
 from spacerobot_ros.excitation.design import Design, search
 from spacerobot_ros.excitation.motion_limits import Limits
 from spacerobot_ros.excitation.precision import predict_design, predict_reference
@@ -51,7 +51,7 @@ def test_usable_motion_keeps_every_limit():
     assert max(use.fraction for use in uses) <= 1.0 + 1e-6
     assert max(use.fraction for use in uses) > 0.95  # and wastes none
     assert problem.start_kind == 'rest'  # the initial 0.17 rad/s is beyond 0.1 rad/s
-    notes = ' '.join(summarize(problem, design).notes)
+    notes = ' '.join(Summary(problem, design).notes)
     assert 'bring the base to rest first' in notes
 
 
@@ -143,7 +143,7 @@ def test_spin_up_starts_at_the_rate_that_the_wheels_give():
     np.testing.assert_allclose(  # notes, section 9
         problem.start.omega, [-0.0159, -0.0047, -0.0066], rtol=0, atol=6e-5
     )
-    summary = summarize(problem, search(problem))
+    summary = Summary(problem, search(problem))
     assert summary.with_rest is not None
     assert summary.with_rest.bits > summary.design.bits
 
@@ -151,14 +151,14 @@ def test_spin_up_starts_at_the_rate_that_the_wheels_give():
 def test_own_wheels_at_rest_are_said_to_leave_the_scale_open():
     file = robot_file(wheels=(0.0, 0.0, 0.0), excitation={'starts': 1, 'iterations': 1})
     problem = Problem(file)
-    summary = summarize(problem, search(problem))
+    summary = Summary(problem, search(problem))
     assert 'only ratios can be told' in summary.advice
     assert summary.design.scale_std > 0.1
     assert summary.wheels[0].prediction.scale_std < 0.01
 
 
 def test_faster_own_wheels_tell_the_common_scale(wide):
-    scales = [o.prediction.scale_std for o in summarize(*wide).wheels]
+    scales = [o.prediction.scale_std for o in Summary(*wide).wheels]
     assert scales[0] > 1.3 * scales[1] > 1.3 * scales[2]
 
 
