@@ -44,6 +44,7 @@ _TYPICAL = {  # where the robot file states no noise: a good gyro, encoder and s
 }
 _BAND = 2.0  # rad/s; encoder noise counts as rate noise of this frequency
 _RANK_TOLERANCE = 1e-8
+_STEP = 1e-5  # of the bodies' coordinates, which are of order one
 
 
 def with_typical(sensors: SensorSettings) -> tuple[NoiseLevels, tuple[str, ...]]:
@@ -78,7 +79,7 @@ class Unknowns:
         bodies = BodyParameters(model.robot, settings.structure)
         jacobian = np.eye(model.size, head + bodies.size)
         values = partial(bodies.minimal_values, model)
-        jacobian[head:, head:] = central_differences(values, np.zeros(bodies.size))
+        jacobian[head:, head:] = central_differences(values, np.zeros(bodies.size), _STEP)
         prior_std = np.concatenate([momenta, np.full(bodies.size, settings.prior_std)])
         return cls(jacobian, prior_std)
 

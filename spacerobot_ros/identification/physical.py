@@ -308,10 +308,12 @@ def _free_entries(body: Body, structure: str, is_base: bool) -> np.ndarray:
     return free
 
 
-def central_differences(function: Callable[[Array], Array], at: Array) -> Array:
+def central_differences(
+    function: Callable[[Array], Array], at: Array, step: float = _STEP
+) -> Array:
     """Jacobian (m, size) of a function that takes stacked arguments (..., size)."""
-    steps = _STEP * np.eye(len(at))
-    return (function(at + steps) - function(at - steps)).T / (2.0 * _STEP)
+    steps = step * np.eye(len(at))
+    return (function(at + steps) - function(at - steps)).T / (2.0 * step)
 
 
 def _rank(matrix: Array) -> int:
