@@ -14,9 +14,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..control.feedback import Feedback
 from ..control.joint_reference import Reference as JointReference
 from ..control.joint_reference import build_reference
-from ..control.laws import ComputedTorque, Feedback, robot_model
+from ..control.laws import ComputedTorque, robot_model
 from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import Torque, simulate_smooth
 from ..dynamics.state import State, initial_state

@@ -9,10 +9,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..dynamics.rotation import cross, rotation_matrix
+from ..dynamics.rotation import cross, rotation_between, rotation_matrix, turned
 from ..errors import ConfigurationError
 from ..model.settings import ReferenceSettings
-from ..sensing.sensors import turned
 from ..types import Quaternion, Vector3
 from .joint_reference import Harmonic, Hold, PointToPoint, Reference
 
@@ -103,18 +102,6 @@ class AttitudeBlend:
             omega + sd[0] * phi,
             back @ setpoint.omega_dot_D - sd[0] * cross(phi, omega) + sdd[0] * phi,
         )
-
-
-def rotation_between(q_a_xyzw: Quaternion, q_b_xyzw: Quaternion) -> Vector3:
-    """(3,) shortest rotation vector that takes attitude a to b, in coordinates of a [rad]."""
-    a, b = np.asarray(q_a_xyzw), np.asarray(q_b_xyzw)
-    vector = a[3] * b[:3] - b[3] * a[:3] - cross(a[:3], b[:3])
-    scalar = float(a @ b)
-    if scalar < 0.0:
-        vector, scalar = -vector, -scalar
-    sine = float(np.linalg.norm(vector))
-    factor = 2.0 / scalar if sine < 1e-9 else 2.0 * np.arctan2(sine, scalar) / sine
-    return np.asarray(factor * vector)
 
 
 def check_attitude(settings: ReferenceSettings) -> None:

@@ -16,11 +16,11 @@ from ..types import Array
 from .adaptive.controller import AdaptiveController
 from .adaptive.law_signals import Measured, Target
 from .adaptive.settings import AdaptiveSettings
+from .command import Torque
 from .compensation import FeedForward
 from .feedback import NS, Feedback
 from .laws import (
     ComputedTorque,
-    Torque,
     base_torque_limits,
     law_model,
     robot_model,

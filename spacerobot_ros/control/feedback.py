@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..dynamics.rotation import turned
 from ..recording.buffer import Stream
-from ..sensing.sensors import turned
 from ..types import Array, Quaternion, Vector3
 
 NS = 1e-9

@@ -36,8 +36,6 @@ from .joint_reference import Reference, Setpoint
 Model = Callable[[Array, Array, Vector3], ReducedEquation]
 """Arm positions (n,), rates (n,) and omega_WB_B (3,) to the arm's reduced equation."""
 
-LAWS = COMPUTED_TORQUE_LAWS
-
 
 def robot_model(robot: Robot, *, joint_reaction: bool = True) -> Model:
     """Reduced equation of the arm from the robot file.
@@ -78,13 +76,14 @@ def law_model(
     """The equations that a law uses: from an estimate where there is one and the law takes it.
 
     Args:
-        law: One of `LAWS`.
+        law: One of `COMPUTED_TORQUE_LAWS`.
         robot: The robot as the model believes it to be.
         structure: `identifier.structure`, which names the estimate's parameters.
         estimate: A valid estimate, or None.
     """
-    if law not in LAWS:
-        raise ConfigurationError('controller.law', f'{law!r} is not one of {", ".join(LAWS)}')
+    if law not in COMPUTED_TORQUE_LAWS:
+        known = ', '.join(COMPUTED_TORQUE_LAWS)
+        raise ConfigurationError('controller.law', f'{law!r} is not one of {known}')
     if law == 'computed_torque_no_aam':
         return robot_model(robot.with_target_momentum(np.zeros(3 * len(robot.target_wheels))))
     joint_reaction = law != 'computed_torque_paper'
@@ -200,18 +199,3 @@ def base_torque_limits(limits: tuple[float, ...]) -> Vector3:
             f'expected 3 numbers (one an axis), got {len(limits)}',
         )
     return np.array(limits) if limits else np.full(3, np.inf)
-
-
-__all__ = [
-    'LAWS',
-    'ComputedTorque',
-    'Feedback',
-    'Model',
-    'Torque',
-    'base_torque_limits',
-    'estimated_model',
-    'law_model',
-    'robot_model',
-    'torque_limits',
-    'within_limits',
-]

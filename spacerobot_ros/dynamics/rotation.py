@@ -69,3 +69,37 @@ def quaternion_rate(q_xyzw: Quaternion, omega_B: Vector3) -> Quaternion:
             -x * a - y * b - z * c,
         ]
     )
+
+
+def turned(q_WB_xyzw: Quaternion, rotation_vector_B: Vector3) -> Quaternion:
+    """Attitude turned about its own axes: q_WB * exp(rotation_vector_B), normalised.
+
+    Args:
+        q_WB_xyzw: (4,) attitude.
+        rotation_vector_B: (3,) rotation vector in base coordinates [rad].
+    """
+    half = 0.5 * float(np.linalg.norm(rotation_vector_B))
+    a, b, c = 0.5 * np.sinc(half / np.pi) * rotation_vector_B
+    x, y, z, w = q_WB_xyzw
+    d = np.cos(half)
+    q = np.array(
+        [
+            w * a + x * d + y * c - z * b,
+            w * b + y * d + z * a - x * c,
+            w * c + z * d + x * b - y * a,
+            w * d - x * a - y * b - z * c,
+        ]
+    )
+    return np.asarray(q / np.linalg.norm(q))
+
+
+def rotation_between(q_a_xyzw: Quaternion, q_b_xyzw: Quaternion) -> Vector3:
+    """(3,) shortest rotation vector that takes attitude a to b, in coordinates of a [rad]."""
+    a, b = np.asarray(q_a_xyzw), np.asarray(q_b_xyzw)
+    vector = a[3] * b[:3] - b[3] * a[:3] - cross(a[:3], b[:3])
+    scalar = float(a @ b)
+    if scalar < 0.0:
+        vector, scalar = -vector, -scalar
+    sine = float(np.linalg.norm(vector))
+    factor = 2.0 / scalar if sine < 1e-9 else 2.0 * np.arctan2(sine, scalar) / sine
+    return np.asarray(factor * vector)

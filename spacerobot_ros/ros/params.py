@@ -20,8 +20,8 @@ from std_msgs.msg import String
 from ..errors import ConfigurationError
 from ..model.loader import build_robot, resolve_urdf
 from ..model.robot import Robot
-from ..model.schema import Allowed, meanings, plain_type
-from ..model.settings import FloatList, Settings, TextList, parse_settings
+from ..model.schema import Allowed, FloatList, TextList, meanings, plain_type
+from ..model.settings import Settings, parse_settings
 from .qos import LATCHED
 
 OWN = {

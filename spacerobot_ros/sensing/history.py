@@ -6,9 +6,9 @@ from bisect import bisect_left
 
 import numpy as np
 
-from ..dynamics.rotation import cross
+from ..dynamics.rotation import cross, rotation_between, turned
 from ..dynamics.state import State
-from ..types import Array, Quaternion, Vector3
+from ..types import Array
 
 _SAME = 1e-9  # s: a sum of floating-point periods and the time it stands for
 
@@ -92,7 +92,7 @@ def _coasted(state: State, dt: float) -> State:
 
 def _between(a: State, b: State, t: float, h: float) -> State:
     q, qd = _hermite(a.q, b.q, a.qd, b.qd, t, h)
-    step = _rotation_vector(a.q_WB_xyzw, b.q_WB_xyzw)
+    step = rotation_between(a.q_WB_xyzw, b.q_WB_xyzw)
     # rate of the rotation vector from a: J^-1 omega, to third order of the small step
     end = b.omega_WB_B + 0.5 * cross(step, b.omega_WB_B)
     end = end + cross(step, cross(step, b.omega_WB_B)) / 12.0
@@ -119,35 +119,3 @@ def _hermite(
     value = x0 + t * (v0 + u * (bend + (u - 1.0) * twist))
     slope = v0 + 2.0 * u * bend + u * (3.0 * u - 2.0) * twist
     return value, slope
-
-
-def _rotation_vector(a_xyzw: Quaternion, b_xyzw: Quaternion) -> Vector3:
-    """Rotation vector of a^-1 b, less than half a turn."""
-    vector = a_xyzw[3] * b_xyzw[:3] - b_xyzw[3] * a_xyzw[:3] - cross(a_xyzw[:3], b_xyzw[:3])
-    sine, cosine = float(np.linalg.norm(vector)), float(a_xyzw @ b_xyzw)
-    if sine == 0.0:
-        return np.zeros(3)
-    angle = 2.0 * np.arctan2(sine, abs(cosine))
-    return np.asarray(vector * (np.copysign(angle, cosine) / sine))
-
-
-def turned(q_WB_xyzw: Quaternion, rotation_vector_B: Vector3) -> Quaternion:
-    """Attitude turned about its own axes: q_WB * exp(rotation_vector_B), normalised.
-
-    Args:
-        q_WB_xyzw: (4,) attitude.
-        rotation_vector_B: (3,) rotation vector in base coordinates [rad].
-    """
-    half = 0.5 * float(np.linalg.norm(rotation_vector_B))
-    a, b, c = 0.5 * np.sinc(half / np.pi) * rotation_vector_B
-    x, y, z, w = q_WB_xyzw
-    d = np.cos(half)
-    q = np.array(
-        [
-            w * a + x * d + y * c - z * b,
-            w * b + y * d + z * a - x * c,
-            w * c + z * d + x * b - y * a,
-            w * d - x * a - y * b - z * c,
-        ]
-    )
-    return np.asarray(q / np.linalg.norm(q))

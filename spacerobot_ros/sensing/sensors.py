@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..dynamics.rotation import turned
 from ..dynamics.state import State
 from ..effects.effect import CLOCKS as EFFECT_CLOCKS
 from ..errors import ConfigurationError
 from ..model.settings import SensorSettings, SimulatorSettings
 from ..types import Array, Quaternion, Vector3
 from .faults import SensorFaults
-from .history import StateHistory, turned
+from .history import StateHistory
 from .imperfections import CLOCKS, Imperfections
 
 
@@ -195,6 +196,3 @@ def steps_between(rate: float, period: float, place: str) -> int:
             f'(simulator.period = {period:g} s)',
         )
     return steps
-
-
-__all__ = ['JointSample', 'SensorSamples', 'SensorSuite', 'steps_between', 'turned']

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from spacerobot_ros.control.feedback import Feedback
 from spacerobot_ros.control.joint_reference import Setpoint, build_reference
 from spacerobot_ros.control.laws import (
     ComputedTorque,
-    Feedback,
     law_model,
     robot_model,
     torque_limits,

@@ -9,10 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
+from spacerobot_ros.dynamics.rotation import turned
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.settings import SensorSettings, SimulatorSettings
-from spacerobot_ros.sensing.sensors import SensorSuite, steps_between, turned
+from spacerobot_ros.sensing.sensors import SensorSuite, steps_between
 
 NOISE = SensorSettings(
     joint_position_std=2e-5,

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from ...errors import ConfigurationError
-from ...model.settings import ADAPTIVE_LAWS as LAWS
-from ...model.settings import CONSISTENCIES, AdaptationSettings, Settings
+from ...model.settings import AdaptationSettings, Settings
 
 SLOW_ENOUGH = 0.7  # (kappa + Lambda) T up to which tracking is as in continuous time
 LIMIT = 1.2  # from which held torques make the loop oscillate
@@ -55,6 +54,3 @@ def sampling_warning(settings: AdaptiveSettings, period: float) -> str:
     if ratio > LIMIT and settings.sampling_check == 'refuse':
         raise ConfigurationError('adaptive.kappa', text)
     return text
-
-
-__all__ = ['CONSISTENCIES', 'LAWS', 'AdaptiveSettings', 'sampling_ratio', 'sampling_warning']
