@@ -43,22 +43,6 @@ class ReducedEquation:
     c: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InertiaBlocks:
-    """Angular momentum map about the system's centre of mass, in base coordinates.
-
-        h = D omega_WB_B + Dq q'                      # eqs. (3), (19) of the identification paper
-        H = Dqq - Dq^T D^-1 Dq
-
-    Args:
-        D: (3, 3). Dq: (3, n). Dqq: (n, n), all [kg m^2].
-    """
-
-    D: Matrix3
-    Dq: Array
-    Dqq: Array
-
-
 class Dynamics:
     """Forward and inverse dynamics, momentum and energy of one robot.
 
@@ -158,11 +142,6 @@ class Dynamics:
             return ReducedEquation(M, bias[6:])
         return eliminated(M, bias, 6)
 
-    def inertia_blocks(self, q: Array) -> InertiaBlocks:
-        """D, Dq and Dqq at joint positions q; only for a free base."""
-        rest = without_translation(self.mass_matrix(q))
-        return InertiaBlocks(rest[:3, :3], rest[:3, 3:], rest[3:, 3:])
-
     def momentum(self, state: State) -> Vector6:
         """Total momentum, wheels included.
 
@@ -261,7 +240,11 @@ def eliminated(M: Array, bias: Array, count: int) -> ReducedEquation:
 
 
 def without_translation(M: Array) -> Array:
-    """(..., 3 + n, 3 + n) inertia of [omega; q'] with the base's translation eliminated."""
+    """(..., 3 + n, 3 + n) inertia of [omega; q'] with the base's translation eliminated.
+
+    [[D, Dq], [Dq^T, Dqq]]: the angular momentum about the centre of mass is D omega + Dq q', eqs.
+    (3), (19) of the identification paper.
+    """
     linear = M[..., :3, 3:] / M[..., :1, :1]
     return np.asarray(M[..., 3:, 3:] - np.swapaxes(M[..., :3, 3:], -1, -2) @ linear)
 

@@ -52,25 +52,6 @@ def rotation_matrix(q_xyzw: Quaternion) -> Matrix3:
     )
 
 
-def quaternion_rate(q_xyzw: Quaternion, omega_B: Vector3) -> Quaternion:
-    """Time derivative of the attitude quaternion, 1/2 q * [omega_B, 0].
-
-    Args:
-        q_xyzw: (4,) attitude.
-        omega_B: (3,) angular velocity of the base in base coordinates [rad/s].
-    """
-    x, y, z, w = q_xyzw
-    a, b, c = omega_B
-    return 0.5 * np.array(
-        [
-            w * a + y * c - z * b,
-            w * b + z * a - x * c,
-            w * c + x * b - y * a,
-            -x * a - y * b - z * c,
-        ]
-    )
-
-
 def turned(q_WB_xyzw: Quaternion, rotation_vector_B: Vector3) -> Quaternion:
     """Attitude turned about its own axes: q_WB * exp(rotation_vector_B), normalised.
 

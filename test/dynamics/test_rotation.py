@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from support.attitudes import quaternion_rate
 
 from spacerobot_ros.dynamics.rotation import (
     cross,
-    quaternion_rate,
     rotation_matrix,
     skew,
 )
