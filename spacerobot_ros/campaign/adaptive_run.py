@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..control.adaptive.adaptive_settings import AdaptiveSettings
 from ..control.adaptive.controller import AdaptiveController
 from ..control.adaptive.law_signals import Measured
 from ..control.adaptive.regressors import parameter_values
-from ..control.adaptive.settings import AdaptiveSettings
 from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import hold_step
 from ..dynamics.state import State

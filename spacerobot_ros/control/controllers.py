@@ -13,9 +13,9 @@ from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
+from .adaptive.adaptive_settings import AdaptiveSettings
 from .adaptive.controller import AdaptiveController
 from .adaptive.law_signals import Measured, Target
-from .adaptive.settings import AdaptiveSettings
 from .command import Torque
 from .compensation import FeedForward
 from .feedback import NS, Feedback

@@ -92,29 +92,6 @@ class Hold:
         return self._setpoint
 
 
-class PointToPoint:
-    """A quintic move at rest to rest, then a hold.
-
-    Args:
-        start: (n,) joint positions at the start [rad].
-        goal: (n,) joint positions at the end [rad].
-        duration: Duration of the move [s].
-    """
-
-    def __init__(self, start: Array, goal: Array, duration: float) -> None:
-        self.duration = duration
-        self._ends = (rest(start), rest(goal))
-        self._coefficients = quintic_coefficients(duration, *self._ends)
-
-    def at(self, t: float) -> Setpoint:
-        """The setpoint at time t [s]."""
-        if t <= 0.0:
-            return self._ends[0]
-        if t >= self.duration:
-            return self._ends[1]
-        return evaluate_quintic(self._coefficients, self.duration, t)
-
-
 class Fourier:
     r"""A truncated Fourier series plus a quintic that brings it to rest at both ends.
 
@@ -215,6 +192,24 @@ class Blend:
             return point
         offset = evaluate_quintic(self._offset, self._blend, max(since, 0.0))
         return Setpoint(point.q + offset.q, point.qd + offset.qd, point.qdd + offset.qdd)
+
+
+class PointToPoint(Blend):
+    """A quintic move at rest to rest, then a hold.
+
+    Args:
+        start: (n,) joint positions at the start [rad].
+        goal: (n,) joint positions at the end [rad].
+        duration: Duration of the move [s].
+    """
+
+    def __init__(self, start: Array, goal: Array, duration: float) -> None:
+        super().__init__(Hold(goal), 0.0, rest(start), duration)
+        self._first = rest(start)
+
+    def at(self, t: float) -> Setpoint:
+        """The setpoint at time t [s]."""
+        return super().at(t) if t > 0.0 else self._first
 
 
 class Waypoints:

@@ -60,17 +60,11 @@ def turned(q_WB_xyzw: Quaternion, rotation_vector_B: Vector3) -> Quaternion:
         rotation_vector_B: (3,) rotation vector in base coordinates [rad].
     """
     half = 0.5 * float(np.linalg.norm(rotation_vector_B))
-    a, b, c = 0.5 * np.sinc(half / np.pi) * rotation_vector_B
-    x, y, z, w = q_WB_xyzw
-    d = np.cos(half)
-    q = np.array(
-        [
-            w * a + x * d + y * c - z * b,
-            w * b + y * d + z * a - x * c,
-            w * c + z * d + x * b - y * a,
-            w * d - x * a - y * b - z * c,
-        ]
-    )
+    turn, cosine = 0.5 * np.sinc(half / np.pi) * rotation_vector_B, np.cos(half)
+    vector, scalar = q_WB_xyzw[:3], q_WB_xyzw[3]
+    q = np.empty(4)
+    q[:3] = scalar * turn + cosine * vector + cross(vector, turn)
+    q[3] = scalar * cosine - vector @ turn
     return np.asarray(q / np.linalg.norm(q))
 
 

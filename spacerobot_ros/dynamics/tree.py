@@ -19,16 +19,11 @@ FIXED, FREE, REVOLUTE, PRISMATIC = range(4)
 
 BODY = np.dtype(
     [
-        ('number', np.int64),
-        ('parent', np.int64),
-        ('kind', np.int64),
+        *((name, np.int64) for name in ('number', 'parent', 'kind')),
         ('turn', np.float64, (3, 3, 3)),
-        ('translation', np.float64, 3),
-        ('axis', np.float64, 3),
+        *((name, np.float64, 3) for name in ('translation', 'axis', 'wheels', 'gravity')),
         ('inertial', np.float64, 10),
-        ('wheels', np.float64, 3),
         ('motor', np.float64),
-        ('gravity', np.float64, 3),
     ],
     align=True,
 )

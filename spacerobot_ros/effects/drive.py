@@ -10,6 +10,10 @@ from .joint import JointEffect, JointTorque
 from .motion import Motion
 from .parameter import amount, phase, searched
 
+_HARMONICS = tuple(2.0**k for k in range(8))
+"""First guesses of a ripple's periods in one turn."""
+_TURNS = {'minimum': -20.0, 'maximum': 20.0}  # rad
+
 
 class TorqueConstant(JointTorque):
     """tau = (g - 1) tau_m: the motor gives g times what is measured or commanded.
@@ -48,15 +52,7 @@ class TorqueRipple(JointTorque):
     title = "torque ripple that goes round with a joint's angle"
     parameters = (
         amount('amplitude', 'N m', 1.0, 0.02),
-        searched(
-            'harmonic',
-            '',
-            50.0,
-            nominal=1.0,
-            above=0.0,
-            maximum=2000.0,
-            guesses=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0),
-        ),
+        searched('harmonic', '', 50.0, nominal=1.0, above=0.0, maximum=2000.0, guesses=_HARMONICS),
         phase(),
     )
 
@@ -91,15 +87,7 @@ class Stiffness(JointTorque):
     refines = ('torque_sensor_bias',)
     parameters = (
         amount('stiffness', 'N m/rad', 5.0, 0.05),
-        searched(
-            'rest_angle',
-            'rad',
-            1.0,
-            default=0.0,
-            minimum=-20.0,
-            maximum=20.0,
-            guesses=(-1.0, 0.0, 1.0),
-        ),
+        searched('rest_angle', 'rad', 1.0, default=0.0, guesses=(-1.0, 0.0, 1.0), **_TURNS),
     )
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:

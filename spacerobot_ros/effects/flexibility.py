@@ -20,6 +20,7 @@ from .joint import JointEffect
 from .motion import Motion
 from .parameter import Parameter, amount, searched
 
+_SHARE = {'minimum': 0.0, 'maximum': 1.0}
 _REACH = 5  # samples on each side that a slope is taken over
 CROSSING_TORQUE = 0.02
 """Torque over which play is crossed [N m]: sign(tau) is smoothed to tanh(tau / this)."""
@@ -50,16 +51,7 @@ class Flexibility(JointEffect):
         ),
         amount('damping', 'N m s/rad', 20.0, default=0.0),
         Parameter('rotor_inertia', 'kg m^2', 3.0, 0.02, above=0.0),
-        searched(
-            'motor_side',
-            '',
-            1.0,
-            nominal=1.0,
-            default=1.0,
-            minimum=0.0,
-            maximum=1.0,
-            guesses=(1.0, 0.0),
-        ),
+        searched('motor_side', '', 1.0, nominal=1.0, default=1.0, guesses=(1.0, 0.0), **_SHARE),
     )
 
     def force(self, motion: Motion, hidden: Array) -> Array:

@@ -13,6 +13,10 @@ STICTION_RATE = 2e-3
 """Rate over which dry friction changes its sign [rad/s]: sign(v) is smoothed to tanh(v / this)."""
 
 
+_FALLS = (0.005, 0.015, 0.05, 0.15)
+"""First guesses of the rate over which friction falls [rad/s]."""
+
+
 def direction(qd: Array) -> Array:
     """Smoothed sign of a joint rate."""
     return np.tanh(qd / STICTION_RATE)
@@ -92,7 +96,7 @@ class StribeckFriction(JointTorque):
             nominal=0.01,
             above=STICTION_RATE,
             maximum=10.0,
-            guesses=(0.005, 0.015, 0.05, 0.15),
+            guesses=_FALLS,
         ),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from dataclasses import replace
 
 import numpy as np
 
@@ -80,14 +81,8 @@ class StateHistory:
 
 
 def _coasted(state: State, dt: float) -> State:
-    return State(
-        state.p_WB,
-        turned(state.q_WB_xyzw, state.omega_WB_B * dt),
-        state.q + state.qd * dt,
-        state.v_WB_B,
-        state.omega_WB_B,
-        state.qd,
-    )
+    attitude = turned(state.q_WB_xyzw, state.omega_WB_B * dt)
+    return replace(state, q_WB_xyzw=attitude, q=state.q + state.qd * dt)
 
 
 def _between(a: State, b: State, t: float, h: float) -> State:
@@ -98,15 +93,9 @@ def _between(a: State, b: State, t: float, h: float) -> State:
     end = end + cross(step, cross(step, b.omega_WB_B)) / 12.0
     turn, rate = _hermite(np.zeros(3), step, a.omega_WB_B, end, t, h)
     omega = rate - 0.5 * cross(turn, rate) + cross(turn, cross(turn, rate)) / 6.0
-    share = t / h
-    return State(
-        a.p_WB + share * (b.p_WB - a.p_WB),
-        turned(a.q_WB_xyzw, turn),
-        q,
-        a.v_WB_B + share * (b.v_WB_B - a.v_WB_B),
-        omega,
-        qd,
-    )
+    share, attitude = t / h, turned(a.q_WB_xyzw, turn)
+    p, v = a.p_WB + share * (b.p_WB - a.p_WB), a.v_WB_B + share * (b.v_WB_B - a.v_WB_B)
+    return State(p, attitude, q, v, omega, qd)
 
 
 def _hermite(

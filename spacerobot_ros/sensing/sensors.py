@@ -132,14 +132,8 @@ class SensorSuite:
         n, noisy = self._n_joints, self._imperfections.noisy
         state = self._history.state(time)
         effort = self._history.effort(time - self._delay['effort'])
-        sensed = self._sensed(
-            time,
-            {
-                'joint_position': state.q[:n],
-                'joint_velocity': state.qd[:n],
-                'joint_effort': effort,
-            },
-        )
+        truth = {'joint_position': state.q[:n], 'joint_velocity': state.qd[:n]}
+        sensed = self._sensed(time, {**truth, 'joint_effort': effort})
         return JointSample(*(noisy(name, value) for name, value in sensed.items()))
 
     def _wheels(self, time: float) -> Array:

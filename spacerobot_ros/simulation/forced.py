@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,33 +30,6 @@ _ANGLE_PER_STEP = {13: 1.0, 5: 0.1}
 """Largest product of step and natural frequency by rows of the tableau: the error of DOP853 and of
 RK4 is then about 1e-7 a step."""
 _MOST_STEPS = 200
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Book:
-    """Integrals since the start.
-
-    Args:
-        linear_impulse: (3,) of the external force, inertial frame [N s].
-        angular_impulse: (3,) of the external torque about the centre of mass, inertial frame
-            [N m s].
-        base_work: Work of the wrench on the base [J].
-        effect_work: Work of the effects' forces, internal and external [J].
-    """
-
-    linear_impulse: Vector3 = field(default_factory=lambda: np.zeros(3))
-    angular_impulse: Vector3 = field(default_factory=lambda: np.zeros(3))
-    base_work: float = 0.0
-    effect_work: float = 0.0
-
-    def with_period(self, rates: Array) -> Book:
-        """The book after a period that adds (8,) in the order of the fields."""
-        return Book(
-            self.linear_impulse + rates[:3],
-            self.angular_impulse + rates[3:6],
-            self.base_work + float(rates[6]),
-            self.effect_work + float(rates[7]),
-        )
 
 
 class ForcedMotion:
@@ -84,15 +56,11 @@ class ForcedMotion:
     ) -> None:
         self._dynamics = dynamics
         self._robot = dynamics.robot
-        places = list(zip(effects, own_states(effects), strict=True))
-        active = [(e, own) for e, own in places if e.acts('force') or e.hidden]
-        self._forces = tuple(e for e, _ in active)
-        self._own = [own for _, own in active]
-        self._holders = tuple(e.acts('momentum') for e in self._forces)
+        places = zip(effects, own_states(effects), strict=True)
+        self._forces = [(e, own) for e, own in places if e.acts('force') or e.hidden]
+        self._holders = [(e, own) for e, own in self._forces if e.acts('momentum')]
         # what wheels hold is a couple; only effects with states of their own move a mass
-        self._holds_mass = any(
-            e.hidden and holds for e, holds in zip(self._forces, self._holders, strict=True)
-        )
+        self._holds_mass = any(e.hidden for e, _ in self._holders)
         self.hidden: Array = np.zeros(sum(e.hidden for e in effects))
         self._tableau, angle = tableau, _ANGLE_PER_STEP[len(tableau[1])]
         self.substeps = max([substeps, *(_steps(e, self._robot, period, angle) for e in effects)])
@@ -104,9 +72,7 @@ class ForcedMotion:
         """Whether no effect exerts a force."""
         return not self._forces
 
-    def step(
-        self, x: Array, torque: Array, wrench: Vector6, t: float, book: Book
-    ) -> tuple[Array, Book]:
+    def step(self, x: Array, torque: Array, wrench: Vector6, t: float) -> tuple[Array, Array]:
         """Advance by one period; the effects' own states move along.
 
         Args:
@@ -114,7 +80,11 @@ class ForcedMotion:
             torque: (n,) joint torques [N m].
             wrench: (6,) [force; torque] on the base in base coordinates [N, N m].
             t: Time at the start [s].
-            book: Integrals until then.
+
+        Returns:
+            (13 + 2 n,) state, and (8,) integrals over the period: impulses of the external force
+            [N s] and of the external torque about the centre of mass [N m s] in the inertial
+            frame, work of the wrench and work of the effects' forces, internal and external [J].
 
         Raises:
             SimulationDivergedError: the new state is not finite; nothing has changed.
@@ -130,14 +100,12 @@ class ForcedMotion:
             y = rk_step(rate, t + k * dt, y, dt, self._tableau)
             y[3:7] /= np.linalg.norm(y[3:7])
         if not np.all(np.isfinite(y)):
-            raise SimulationDivergedError(
-                t,
-                f'non-finite state under effects {", ".join(e.name for e in self._forces)}'
-                if self._forces
-                else f'non-finite state under a base wrench of {np.max(np.abs(wrench)):g}',
-            )
+            names = ', '.join(e.name for e, _ in self._forces)
+            push = f'a base wrench of {np.max(np.abs(wrench)):g}'
+            cause = f'effects {names}' if names else push
+            raise SimulationDivergedError(t, f'non-finite state under {cause}')
         self.hidden = y[size : size + own].copy()
-        return y[:size], book.with_period(y[size + own :])
+        return y[:size], y[size + own :]
 
     def momentum(self, x: Array, torque: Array, t: float) -> tuple[Vector3, Vector3]:
         """Momentum that the effects hold themselves.
@@ -146,7 +114,7 @@ class ForcedMotion:
             (3,) linear [N s], and (3,) angular about the robot's centre of mass [N m s], both in
             the inertial frame.
         """
-        if not any(self._holders):
+        if not self._holders:
             return np.zeros(3), np.zeros(3)
         state = State.from_vector(x)
         own = self._own_momentum(motion_at(self._robot, t, state, torque), self.hidden)
@@ -154,11 +122,11 @@ class ForcedMotion:
         return R @ own[:3], R @ (own[3:] - cross(self._centre_of_mass(state.q)[0], own[:3]))
 
     def _rate(self, t: float, x: Array, hidden: Array, torque: Array, wrench: Vector6) -> Array:
-        """Rates of state, own states and book."""
+        """Rates of state, own states and integrals."""
         state = State.from_vector(x)
         motion = motion_at(self._robot, t, state, torque)
         total, external = np.zeros(6 + self._robot.n_joints), wrench.copy()
-        for effect, own in zip(self._forces, self._own, strict=True):
+        for effect, own in self._forces:
             force = effect.force(motion, hidden[None, own])[0]
             total += force
             if effect.is_external:
@@ -167,7 +135,7 @@ class ForcedMotion:
         slopes = np.empty(len(hidden))
         if len(hidden):
             motion.acceleration = dx[None, 7 + self._robot.n_joints :]
-            for effect, own in zip(self._forces, self._own, strict=True):
+            for effect, own in self._forces:
                 slopes[own] = effect.hidden_rate(motion, hidden[None, own])[0]
         rates = x[7 + self._robot.n_joints :]
         works = [wrench @ rates[:6], total @ rates]
@@ -188,11 +156,8 @@ class ForcedMotion:
         return np.concatenate([R @ force, R @ torque])
 
     def _own_momentum(self, motion: Motion, hidden: Array) -> Vector6:
-        total = np.zeros(6)
-        for effect, own, holds in zip(self._forces, self._own, self._holders, strict=True):
-            if holds:
-                total += effect.momentum(motion, hidden[None, own])[0]
-        return total
+        own = [effect.momentum(motion, hidden[None, own])[0] for effect, own in self._holders]
+        return np.sum(own, axis=0) if own else np.zeros(6)
 
     def _centre_of_mass(
         self, q: Array, state: State | None = None

@@ -18,7 +18,7 @@ from ..effects.effect import Effect
 from ..errors import ConfigurationError, MessageRejectedError
 from ..model.robot import Robot
 from ..types import Array, Vector6
-from .forced import Book, ForcedMotion
+from .forced import ForcedMotion
 
 
 class Plant:
@@ -72,7 +72,7 @@ class Plant:
         self._torque, self._arm = np.zeros(robot.n_joints), slice(7, 7 + self.n_arm)
         self._free = Holding(self.dynamics, self.period, substeps, tableau)
         self._forced = ForcedMotion(self.dynamics, effects, self.period, substeps, tableau)
-        self._book = Book()
+        self._integrals = np.zeros(8)  # of `ForcedMotion.step`
         self._weight = robot.is_free * robot.gravity * np.sum(robot.inertial_parameters[:, 0])
         self._start_momentum = self._momentum()[3:]
         self._start_energy = sum(self.dynamics.energy(initial))
@@ -115,39 +115,39 @@ class Plant:
         is_pushed = wrench is not None and self.robot.is_free and bool(wrench.any())
         torque, arm = self._torque, self._arm
         torque[: self.n_arm] = tau
-        t, book = self.time_ns / 1e9, self._book
+        t = self.time_ns / 1e9
         if self._forced.is_free_of_forces and not is_pushed:
             x = self._free.step(self._x, torque, None, t)
         else:
             push = wrench if is_pushed and wrench is not None else np.zeros(6)
-            x, book = self._forced.step(self._x, torque, push, t, book)
+            x, integrals = self._forced.step(self._x, torque, push, t)
+            self._integrals += integrals
         # exact: the torque is constant over the step
         self._joint_work += float(tau @ (x[arm] - self._x[arm]))
-        self._x, self._book = x, book
-        self.effort = tau
+        self._x, self.effort = x, tau
         self.step_index += 1
 
     def ledger(self) -> MomentumLedger:
         """Momentum and energy now, and what of them is unaccounted for."""
-        state = State.from_vector(self._x)
-        momentum, book = self._momentum(), self._book
-        kinetic, potential = self.dynamics.energy(state)
-        work = self._joint_work + book.base_work + book.effect_work
+        momentum, integrals = self._momentum(), self._integrals.copy()
+        kinetic, potential = self.dynamics.energy(State.from_vector(self._x))
+        base_work, effect_work = integrals[6:].tolist()
+        work = self._joint_work + base_work + effect_work
         drift = 0.0
         if self.robot.is_free:
             scale = float(np.linalg.norm(self._start_momentum))
             change = momentum[3:] - self._start_momentum
-            drift = float(np.linalg.norm(change - book.angular_impulse)) / (scale or 1.0)
+            drift = float(np.linalg.norm(change - integrals[3:6])) / (scale or 1.0)
         return MomentumLedger(
             linear=momentum[:3],
             angular=momentum[3:],
             kinetic=kinetic,
             potential=potential,
             joint_work=self._joint_work,
-            base_work=book.base_work,
-            effect_work=book.effect_work,
-            linear_impulse=book.linear_impulse + self._weight * self.time_ns / 1e9,
-            angular_impulse=book.angular_impulse.copy(),
+            base_work=base_work,
+            effect_work=effect_work,
+            linear_impulse=integrals[:3] + self._weight * self.time_ns / 1e9,
+            angular_impulse=integrals[3:6],
             momentum_drift=drift,
             energy_drift=kinetic + potential - self._start_energy - work,
         )

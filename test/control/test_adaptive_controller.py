@@ -10,6 +10,7 @@ import pytest
 from spacerobot_ros.campaign.adaptive_identities import identities
 from spacerobot_ros.campaign.adaptive_run import LoopCase, run_case
 from spacerobot_ros.campaign.adaptive_scenario import START, harmonic, minisat, wrong_prior
+from spacerobot_ros.control.adaptive.adaptive_settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import Measured
 from spacerobot_ros.control.adaptive.pseudo_inertia import (
@@ -20,7 +21,6 @@ from spacerobot_ros.control.adaptive.pseudo_inertia import (
     project,
     pseudo_inertia,
 )
-from spacerobot_ros.control.adaptive.settings import AdaptiveSettings
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError
 

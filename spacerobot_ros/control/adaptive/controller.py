@@ -19,6 +19,7 @@ from ...errors import ConfigurationError, MessageRejectedError
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...types import Array, Vector3
+from .adaptive_settings import AdaptiveSettings, sampling_ratio, sampling_warning
 from .hand_over import standard_parameters
 from .law_kernel import command, into_base, reference_motion
 from .law_signals import Health, Measured, ParametersInForce, Target, Torques
@@ -27,7 +28,6 @@ from .learning_kernel import is_within
 from .prior import discretisation_floor, rate_noise, torque_noise
 from .regression import DifferencedRates, FilteredMomentum
 from .regressors import Regressors, parameter_names, parameter_units, with_parameters
-from .settings import AdaptiveSettings, sampling_ratio, sampling_warning
 
 _UNKNOWN = np.zeros(3)  # in place of a base velocity or force
 _GAP = 1.5  # periods between two samples from which on some were lost

@@ -14,6 +14,7 @@ import numpy as np
 from ...dynamics.tree import inertial_rows
 from ...model.robot import Robot
 from ...types import Array
+from .adaptive_settings import AdaptiveSettings
 from .learning_kernel import descend, least_squares_step, sampled_step
 from .prior import prior_covariance
 from .pseudo_inertia import (
@@ -25,7 +26,6 @@ from .pseudo_inertia import (
     pseudo_inertia,
 )
 from .regressors import parameter_values
-from .settings import AdaptiveSettings
 
 _LEAST_SQUARES = ('adaptive_rls', 'adaptive_composite', 'adaptive_rls_paper')
 _GRADIENT = ('adaptive_lyapunov', 'adaptive_composite', 'adaptive_lyapunov_paper')

@@ -37,7 +37,8 @@ def _basis() -> Array:
 
 
 BASIS = _basis()
-INVERSE = np.linalg.pinv(BASIS.reshape(10, 16).T)  # (10, 16): parameters of a symmetric P
+INVERSE = np.ascontiguousarray(np.linalg.pinv(BASIS.reshape(10, 16).T))
+"""(10, 16): parameters of a symmetric P."""
 
 
 def pseudo_inertia(parameters: Array) -> Array:
@@ -186,56 +187,17 @@ def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
         step: Gain times period.
         scales: (b, 4) from `body_scales`.
     """
-    P, L, C = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4))
+    P, C = np.empty((4, 4)), np.empty((4, 4))
     for body in range(len(scales)):
-        scale = scales[body]
-        if not scale[3] > 0.0:
+        if not scales[body, 3] > 0.0:
             continue
-        fill_pseudo_inertia(pi, body, scale, P)
-        g = slope[10 * body : 10 * body + 10]
-        L[0, 0], L[1, 1], L[2, 2], L[3, 3] = g[6] + g[9], g[4] + g[9], g[4] + g[6], g[0]
-        L[1, 0], L[2, 0], L[2, 1] = -0.5 * g[5], -0.5 * g[7], -0.5 * g[8]
-        L[3, 0], L[3, 1], L[3, 2] = 0.5 * g[1], 0.5 * g[2], 0.5 * g[3]
-        for i in range(4):
-            for j in range(i + 1):
-                L[i, j] /= scale[i] * scale[j]
-                L[j, i] = L[i, j]
-        # rounding at the boundary: nowhere to go from there
-        if not _factor(P, 0.0, C) or not _exponentiate(step, L, C, P):
-            continue
-        for i in range(4):
-            for j in range(4):
-                P[i, j] /= scale[i] * scale[j]
-        m = pi[10 * body : 10 * body + 10]
-        m[0], m[1], m[2], m[3] = P[3, 3], P[3, 0], P[3, 1], P[3, 2]
-        m[4], m[6], m[9] = P[1, 1] + P[2, 2], P[0, 0] + P[2, 2], P[0, 0] + P[1, 1]
-        m[5], m[7], m[8] = -P[1, 0], -P[2, 0], -P[2, 1]
-
-
-@inner  # type: ignore[untyped-decorator]
-def _exponentiate(step: float, L: Array, C: Array, P: Array) -> bool:
-    """Write P = C exp(step C^T L C) C^T; whether that is still positive definite. Spoils C."""
-    exponent, half = np.zeros((4, 4)), np.zeros((4, 4))
-    _add_congruent(step, L, C, exponent)
-    values, vectors = np.linalg.eigh(exponent)
-    for e in range(4):
-        weight = math.exp(0.5 * min(max(values[e], -1.0), 1.0))
-        for i in range(4):
-            for k in range(4):
-                half[i, e] += C[i, k] * vectors[k, e] * weight
-    for i in range(4):
-        for j in range(4):
-            P[i, j] = 0.0
-            for e in range(4):
-                P[i, j] += half[i, e] * half[j, e]
-    return _factor(P, 0.0, C)
-
-
-@inner  # type: ignore[untyped-decorator]
-def _add_congruent(scale: float, A: Array, B: Array, out: Array) -> None:
-    """Add scale B^T A B."""
-    for i in range(4):
-        for j in range(4):
-            for k in range(4):
-                for m in range(4):
-                    out[i, j] += scale * B[k, i] * A[k, m] * B[m, j]
+        at, size = 10 * body, np.outer(scales[body], scales[body])
+        fill_pseudo_inertia(pi, body, scales[body], P)
+        if not _factor(P, 0.0, C):
+            continue  # rounding at the boundary: nowhere to go from there
+        L = (slope[at : at + 10] @ INVERSE).reshape(4, 4) / size
+        values, vectors = np.linalg.eigh(step * (C.T @ L @ C))
+        half = C @ vectors * np.exp(0.5 * np.minimum(np.maximum(values, -1.0), 1.0))
+        P[:] = half @ half.T
+        if _factor(P, 0.0, C):
+            pi[at : at + 10] = INVERSE @ (P / size).ravel()
