@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 from ..display import Section, Table, table
 from ..errors import IdentificationError
-from .options import Subparsers, add_command, check_file
+from .options import Subparsers, add_command, add_recording_options, check_file
 from .terminal import print_json, print_sections
 
 if TYPE_CHECKING:
     from ..identification.advice import Advice
     from ..identification.estimate import Estimate
+    from ..model.robot import Robot
+    from ..recording.record import Record
 
 METHODS = ('ml', 'recursive', 'ls')
 
 _DESCRIPTION = """\
 Estimate the momentum of the captured satellite's wheels and the minimal inertial parameters from
-a recording (rosbag2: mcap or sqlite3; an npz record; CSV or JSON). ROS is not needed.
+a recording (rosbag2: mcap or sqlite3; an npz record; CSV or JSON, with --map). ROS is not needed.
 
 methods: ml        maximum likelihood; the most accurate, with standard deviations of its own
          recursive least squares row by row in square-root form, as it can run on board
@@ -39,8 +41,10 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'identify', _DESCRIPTION, _EPILOG).add_argument
-    add('bag', metavar='BAG', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON')
+    parser = add_command(subparsers, 'identify', _DESCRIPTION, _EPILOG)
+    add_recording_options(parser)
+    add = parser.add_argument
+    add('bag', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')
     add('--robot', required=True, metavar='YAML', help='robot file')
     add('--method', choices=METHODS, default='ml', help='estimator')
     add(
@@ -48,7 +52,6 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
         choices=('physical', 'linear'),
         help='ml only: over physical bodies, or over the free minimal set (default: robot file)',
     )
-    add('--map', metavar='YAML', help='column mapping of the data (docs/data.md)')
     add('--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF')
     add('--force', action='store_true', help='overwrite what --write names')
     add('--json', action='store_true', help='print JSON, and nothing else')
@@ -63,13 +66,12 @@ def run(args: argparse.Namespace) -> int:
     from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
     from ..model.writer import write_robot_file
-    from ..recording.read import read_record
     from ..sensing.correction import corrected_record
 
     if args.write:
         check_file(args.write, args.force)
     file = load_robot_file(args.robot)
-    record = read_record(args.bag, file.robot, args.map)
+    record = _read(args, file.robot)
     record = corrected_record(record, file.robot, file.effects)
     robot, settings = file.believed, file.settings.identifier
     if args.manifold:
@@ -94,6 +96,18 @@ def run(args: argparse.Namespace) -> int:
             )
         write_robot_file(file.before_effects(result.robot), args.robot, args.write)
     return 0 if estimate.valid else 1
+
+
+def _read(args: argparse.Namespace, robot: Robot) -> Record:
+    """The recording, or the longest of the stretches between its pauses."""
+    from ..recording.read import read_record, read_records
+
+    if not args.split_gaps:
+        return read_record(args.bag, robot, args.map)
+    stretches = read_records([args.bag], robot, args.map, split_gaps=True)
+    longest = max(stretches, key=lambda part: part.span[1] - part.span[0])
+    note = f'the longest of {len(stretches)} stretches between pauses; the others are not used'
+    return replace(longest, notes=(*longest.notes, note)) if len(stretches) > 1 else longest
 
 
 def _sections(

@@ -40,6 +40,17 @@ def add_command(
     return subparsers.add_parser(name, description=text, epilog=epilog, formatter_class=Formatter)
 
 
+def add_recording_options(parser: argparse.ArgumentParser) -> None:
+    """How recordings are read."""
+    add = parser.add_argument
+    add('--map', metavar='YAML', help='column mapping of CSV, JSON or npz data (docs/data.md)')
+    add(
+        '--split-gaps',
+        action='store_true',
+        help='take a recording with long pauses as several, split at the pauses',
+    )
+
+
 def positive_float(text: str) -> float:
     """A finite number above zero."""
     try:

@@ -30,6 +30,7 @@ def noise_levels(
     Where the file states none, and where the data are clearly noisier than it states, the level
     comes from the data's fourth differences, in which a smooth motion is not seen. An effort that
     the controller itself makes rough looks noisy without being so: its stated level stands.
+    Of joints that each have a level of their own, the root mean square counts.
 
     Args:
         sensors: What the robot file states.
@@ -46,7 +47,7 @@ def noise_levels(
     }
     levels, notes = {}, []
     for name, values in measured.items():
-        stated = getattr(sensors, f'{name}_std')
+        stated = sensors.std(name)
         seen = 0.0
         if values is not None and (is_checked or stated is None):
             seen = fourth_difference_std(values)

@@ -49,10 +49,9 @@ _STEP = 1e-5  # of the bodies' coordinates, which are of order one
 
 def with_typical(sensors: SensorSettings) -> tuple[NoiseLevels, tuple[str, ...]]:
     """Stated noise, typical where none is stated, and which settings of those used are missing."""
-    stated = {name: getattr(sensors, f'{name}_std') for name in _TYPICAL}
-    missing = [name for name, std in stated.items() if std is None]
-    levels = NoiseLevels(**{**stated, **{name: _TYPICAL[name] for name in missing}})
-    return levels, tuple(f'{name}_std' for name in missing if name != 'joint_effort')
+    levels = NoiseLevels(**{name: sensors.std(name) or std for name, std in _TYPICAL.items()})
+    missing = (name for name in _TYPICAL if sensors.std(name) is None and name != 'joint_effort')
+    return levels, tuple(f'{name}_std' for name in missing)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

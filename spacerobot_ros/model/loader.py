@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ..errors import ConfigurationError
 from .body import Body, Rotor
 from .rigid_bodies import merge_bodies
 from .robot import Robot
-from .settings import RobotSettings, Settings
+from .settings import RobotSettings, SensorSettings, Settings
 from .urdf import MOVING, Tree, parse_urdf
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
 
@@ -84,6 +85,7 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
             f'{options.base_link!r} is not the root link {tree.root!r} of the URDF',
         )
     _check_joints(options, tree)
+    _check_sensors(options, settings.sensors)
     bodies, frames = merge_bodies(lock_rotors(options, tree), options.joints)
     rotors = build_rotors(options, tree, frames)
     _check_bodies(options, bodies, rotors, urdf_name)
@@ -103,7 +105,28 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         sensors=settings.sensors,
         rotors=rotors,
         inertia_uncertainty=options.inertia_uncertainty,
+        effort_kinds=_each(options, 'robot.effort_kind', options.effort_kind),
+        motor_constants=_each(options, 'robot.motor_constant', options.motor_constant),
     )
+
+
+def _check_sensors(options: RobotSettings, sensors: SensorSettings) -> None:
+    for name in ('joint_position_std', 'joint_velocity_std', 'joint_effort_std'):
+        _each(options, f'sensors.{name}', getattr(sensors, name))
+
+
+def _each(options: RobotSettings, place: str, given: Any) -> tuple[Any, ...]:
+    """One entry a joint of what is given once or once a joint; none where nothing is."""
+    n = len(options.joints)
+    if given is None:
+        return ()
+    if not isinstance(given, tuple):
+        return (given,) * n
+    if len(given) != n:
+        raise ConfigurationError(
+            place, f'expected one entry for all joints or {n}, one a joint; got {len(given)}'
+        )
+    return given
 
 
 def _check_joints(options: RobotSettings, tree: Tree) -> None:

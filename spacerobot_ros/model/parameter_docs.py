@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
-from .schema import Allowed, meanings, plain_type
+from .schema import Allowed, meanings, plain_types
 from .settings import Settings
 
 _HEAD = """# Parameters
@@ -48,7 +48,7 @@ def parameter_page() -> str:
         parts.append('|---|---|---|---|---|---|\n')
         hints, meaning = typing.get_type_hints(cls), meanings(cls)
         parts.extend(
-            _row(f, plain_type(hints[f.name]), meaning[f.name]) for f in fields(cls) if f.metadata
+            _row(f, plain_types(hints[f.name]), meaning[f.name]) for f in fields(cls) if f.metadata
         )
     return ''.join([*parts, _EFFECTS])
 
@@ -65,9 +65,10 @@ def _docstring(cls: type) -> str:
     return (inspect.getdoc(cls) or '').partition('\nArgs:\n')[0].strip()
 
 
-def _row(f: Field[Any], kind: Any, meaning: str) -> str:
+def _row(f: Field[Any], kinds: tuple[Any, ...], meaning: str) -> str:
     allowed: Allowed = f.metadata['allowed']
-    cells = (f'`{f.name}`', _kind(kind), _default(f), _allowed(allowed), allowed.unit, meaning)
+    kind = ' or '.join(_kind(kind) for kind in kinds)
+    cells = (f'`{f.name}`', kind, _default(f), _allowed(allowed), allowed.unit, meaning)
     return '| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |\n'
 
 

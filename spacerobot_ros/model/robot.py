@@ -45,6 +45,8 @@ class Robot:
         rotor_count: Number of trailing entries of `joints` that are free rotors: 0 in the gyrostat
             view, `len(rotors)` in the plant view.
         inertia_uncertainty: Standard deviation of every inertial parameter, as a share of it.
+        effort_kinds: What the measured effort of each joint of the arm is, see `RobotSettings`.
+        motor_constants: Of each joint of the arm [N m/A]; empty where they are not stated.
     """
 
     name: str
@@ -61,6 +63,28 @@ class Robot:
     rotors: tuple[Rotor, ...] = ()
     rotor_count: int = 0
     inertia_uncertainty: float = 0.1
+    effort_kinds: tuple[str, ...] = ()
+    motor_constants: tuple[float, ...] = ()
+
+    @property
+    def effort_units(self) -> Array:
+        """(n,) torque at each joint of the arm of one unit of its effort in a message [N m].
+
+        The motor constant of a joint whose effort is a current, 1 of every other.
+
+        Raises:
+            ConfigurationError: the motor constants are not stated.
+        """
+        currents = np.array([kind == 'current' for kind in self.effort_kinds], dtype=bool)
+        if not currents.any():
+            return np.ones(len(self.arm))
+        if not self.motor_constants:
+            names = ', '.join(np.array(self.arm)[currents])
+            raise ConfigurationError(
+                'robot.motor_constant',
+                f'is missing: efforts of {names} are currents, state N m/A of each joint',
+            )
+        return np.where(currents, self.motor_constants, 1.0)
 
     @property
     def n_joints(self) -> int:

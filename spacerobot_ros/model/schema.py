@@ -21,6 +21,8 @@ from ..errors import ConfigurationError
 
 FloatList = tuple[float, ...]
 TextList = tuple[str, ...]
+FloatOrList = float | FloatList
+TextOrList = str | TextList
 FreeMaps = Mapping[str, Mapping[str, float | str]]
 """Maps under free names, of numbers and texts whose meaning is checked elsewhere."""
 
@@ -71,14 +73,15 @@ class Allowed(Bounds):
 
     def check_value(self, value: Any, place: str) -> None:
         """Refuse a number, text or list of the right type that is not allowed."""
-        if self.choices and value not in self.choices:
-            raise ConfigurationError(place, f'{value!r} is not one of {", ".join(self.choices)}')
         if self.length is not None and len(value) != self.length:
             raise ConfigurationError(place, f'expected {self.length} numbers, got {len(value)}')
         entries = {place: value}
         if isinstance(value, tuple):
             entries = {f'{place}[{i}]': entry for i, entry in enumerate(value)}
         for where, entry in entries.items():
+            if self.choices and entry not in self.choices:
+                names = ', '.join(self.choices)
+                raise ConfigurationError(where, f'{entry!r} is not one of {names}')
             if not isinstance(entry, str | bool):
                 self.check(entry, where, self.unit)
 
@@ -103,11 +106,11 @@ def meanings(cls: type) -> dict[str, str]:
     return found
 
 
-def plain_type(hint: Any) -> Any:
-    """The type of a parameter, whether or not it may be None."""
+def plain_types(hint: Any) -> tuple[Any, ...]:
+    """The types of a parameter, whether or not it may be None: one, or one and a list of it."""
     if isinstance(hint, types.UnionType):
-        return next(a for a in typing.get_args(hint) if a is not type(None))
-    return hint
+        return tuple(a for a in typing.get_args(hint) if a is not type(None))
+    return (hint,)
 
 
 def parse_section(cls: type, values: Any, place: str) -> Any:
@@ -127,7 +130,7 @@ def parse_section(cls: type, values: Any, place: str) -> Any:
     for name, f in known.items():
         where = _join(place, name)
         if name in values:
-            parsed[name] = _parse_value(f, plain_type(hints[name]), values[name], where)
+            parsed[name] = _parse_value(f, plain_types(hints[name]), values[name], where)
         elif f.default is MISSING and f.default_factory is MISSING:
             meaning = meanings(cls).get(name, f.type)
             raise ConfigurationError(where, f'required parameter is missing ({meaning})')
@@ -149,9 +152,10 @@ def parse_number(value: Any, place: str, kind: type = float) -> Any:
     return kind(value)
 
 
-def _parse_value(f: Field[Any], kind: Any, value: Any, place: str) -> Any:
+def _parse_value(f: Field[Any], kinds: tuple[Any, ...], value: Any, place: str) -> Any:
     if 'parse' in f.metadata:
         return f.metadata['parse'](value, place)
+    kind = kinds[-1] if _is_list(value) else kinds[0]
     if hasattr(kind, '__dataclass_fields__'):
         return parse_section(kind, value, place)
     if kind == FreeMaps:
@@ -200,8 +204,12 @@ def _free_maps(value: Any, place: str) -> dict[str, dict[str, float | str]]:
     }
 
 
+def _is_list(value: Any) -> bool:
+    return hasattr(value, '__iter__') and not isinstance(value, str | bytes | Mapping)
+
+
 def _list(value: Any, place: str) -> list[Any]:
-    if isinstance(value, str | bytes | Mapping) or not hasattr(value, '__iter__'):
+    if not _is_list(value):
         raise ConfigurationError(place, f'expected a list, got {value!r}')
     return list(value)
 

@@ -9,12 +9,21 @@ out-of-bound numbers with the parameter named.
 
 from __future__ import annotations
 
+import math
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from .schema import FloatList, FreeMaps, TextList, param, parse_section
+from .schema import (
+    FloatList,
+    FloatOrList,
+    FreeMaps,
+    TextList,
+    TextOrList,
+    param,
+    parse_section,
+)
 
 ADAPTIVE_LAWS = (
     'passivity',
@@ -26,6 +35,7 @@ ADAPTIVE_LAWS = (
 )
 COMPUTED_TORQUE_LAWS = ('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper')
 CONSISTENCIES = ('none', 'project', 'natural')
+EFFORT_KINDS = ('motor', 'link', 'current', 'gravity_compensated', 'command')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +64,11 @@ class WheelSettings:
 class RobotSettings:
     """The robot: its URDF and what a URDF can't say.
 
+    `effort_kind` says what a measured effort is. motor: torque of the motor through the gear, the
+    joint's friction in it. link: of a torque sensor behind the gear. current: of the motor, in A
+    where a message or mapping gives it so; times `motor_constant` it is a torque of the motor.
+    gravity_compensated: torque of the motor less what holds the arm. command: what was commanded.
+
     Args:
         urdf: package:// URL, absolute path, or path beside the robot file.
         base: Free-floating base, or fixed for a ground test.
@@ -62,6 +77,8 @@ class RobotSettings:
         inertia_uncertainty: Standard deviation of every inertial parameter, as a share of its
             magnitude.
         joints: Manipulator joints in the order of every vector and message.
+        effort_kind: What measured efforts are; one for all joints, or one a joint.
+        motor_constant: Torque at the joint of one ampere; one for all joints, or one a joint.
     """
 
     urdf: str = param('')
@@ -70,6 +87,8 @@ class RobotSettings:
     gravity: FloatList = param((0.0, 0.0, 0.0), 'm/s^2', length=3)
     inertia_uncertainty: float = param(0.1, above=0.0, maximum=1.0)
     joints: TextList = param()
+    effort_kind: TextOrList = param('motor', choices=EFFORT_KINDS)
+    motor_constant: FloatOrList | None = param(None, 'N m/A', above=0.0)
     servicer_wheels: WheelSettings = field(default_factory=WheelSettings)
     target_wheels: WheelSettings = field(default_factory=WheelSettings)
 
@@ -78,7 +97,8 @@ class RobotSettings:
 class SensorSettings:
     """Noise and limits of the sensors.
 
-    A missing standard deviation is estimated from the data. What stands below the standard
+    A missing standard deviation is estimated from the data; those of joints are one number for
+    all, or one a joint. What stands below the standard
     deviations only the simulator uses: a sensor without it is continuous, unlimited and punctual.
     A gyro's angle random walk is `gyro_std` times the square root of its sample period. Jitter and
     clock drift make a stamp late; of a slow clock, say that the other sensors' clocks are fast.
@@ -107,9 +127,9 @@ class SensorSettings:
         attitude_clock_drift: How fast the tracker stamps fall late.
     """
 
-    joint_position_std: float | None = param(None, 'rad', above=0.0)
-    joint_velocity_std: float | None = param(None, 'rad/s', above=0.0)
-    joint_effort_std: float | None = param(None, 'N m', above=0.0)
+    joint_position_std: FloatOrList | None = param(None, 'rad', above=0.0)
+    joint_velocity_std: FloatOrList | None = param(None, 'rad/s', above=0.0)
+    joint_effort_std: FloatOrList | None = param(None, 'N m', above=0.0)
     gyro_std: float | None = param(None, 'rad/s', above=0.0)
     attitude_std: float | None = param(None, 'rad', above=0.0)
     gyro_bias_walk: float = param(0.0, 'rad/s/sqrt(s)', minimum=0.0)
@@ -128,6 +148,20 @@ class SensorSettings:
     joint_clock_drift: float = param(0.0, 's/s', minimum=0.0, maximum=0.1)
     imu_clock_drift: float = param(0.0, 's/s', minimum=0.0, maximum=0.1)
     attitude_clock_drift: float = param(0.0, 's/s', minimum=0.0, maximum=0.1)
+
+    def std(self, channel: str) -> float | None:
+        """One standard deviation of a channel: over joints, the root mean square of theirs [SI].
+
+        Args:
+            channel: Such as `joint_effort` or `gyro`.
+
+        Returns:
+            None where it is not stated.
+        """
+        stated: FloatOrList | None = getattr(self, f'{channel}_std')
+        if not isinstance(stated, tuple):
+            return stated
+        return math.sqrt(sum(std**2 for std in stated) / len(stated))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -131,10 +131,11 @@ class SensorNode(RobotNode):
         """
         self._sensors = tuple(sensors)
         names = list(robot.arm)
+        units = robot.effort_units if efforts else None
         read: dict[str, Callable[[Any], tuple[Any, ...]]] = {
             'imu': lambda m: messages.angular_rate(m, robot.base_link),
             'attitude': messages.attitude,
-            'joints': lambda m: messages.joint_sample(m, names, efforts=efforts),
+            'joints': lambda m: messages.joint_sample(m, names, effort_units=units),
         }
         for sensor in self._sensors:
             topic, kind = TOPICS[sensor]

@@ -22,7 +22,7 @@ from ..model.robot import Robot
 from ..types import Array, IntArray
 from . import messages
 from .message_types import typestore
-from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record
+from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, shown
 
 LATE_LIMIT = 10  # messages in a row behind the newest stamp: more is a clock that jumped back
 _TYPES = {
@@ -55,6 +55,7 @@ class _Channel:
         bad: Bad messages by kind of reason.
         reasons: The first reason of each kind.
         remarks: What was mended or assumed.
+        effort_units: (n,) N m of one unit of effort of each joint.
     """
 
     topic: str
@@ -64,6 +65,7 @@ class _Channel:
     bad: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
     remarks: dict[str, None] = field(default_factory=dict)
+    effort_units: Array | float = 1.0
 
     def reject(self, reason: object, count: int = 1) -> None:
         """Count messages that are left out."""
@@ -89,7 +91,10 @@ def read_bag(path: str | Path, robot: Robot, topics: Topics | None = None) -> Re
     """
     topics, path = topics or Topics(), Path(path)
     channels = {kind: _Channel(getattr(topics, kind)) for kind in _TYPES}
-    channels['joints'].names = robot.arm
+    joints = channels['joints']
+    joints.names, joints.effort_units = robot.arm, robot.effort_units
+    if 'current' in robot.effort_kinds:
+        joints.remarks['efforts are currents, times robot.motor_constant'] = None
     for kind, message in _messages(path, channels):
         channel = channels[kind]
         try:
@@ -165,7 +170,9 @@ def _row(kind: str, message: Any, channel: _Channel, base_link: str) -> Array:
         columns = messages.joint_columns(message, names, 'position?', 'velocity', 'effort?')
         channel.names = names
         return _stacked(columns, len(names), missing=(0.0, 0.0, np.nan))
-    columns = messages.joint_columns(message, channel.names, 'position', 'velocity?', 'effort?')
+    columns = messages.joint_columns(
+        message, channel.names, 'position', 'velocity?', 'effort?', partly=True
+    )
     if list(channel.names) != list(message.name):
         channel.remarks['joint columns reordered by name'] = None
     return _stacked(columns, len(channel.names), missing=(0.0, np.nan, np.nan))
@@ -224,7 +231,7 @@ def _check_clock(place: str, stamps: IntArray) -> None:
     back = (newest[first] - stamps[first]) / 1e9
     raise RecordingError(
         f'{place}, message {first}',
-        f'the clock jumps back by {back:.6g} s, {(newest[first] - stamps[0]) / 1e9:.6g} s '
+        f'the clock jumps back by {shown(back)}, {shown((newest[first] - stamps[0]) / 1e9)} '
         'after the first message',
     )
 
@@ -232,16 +239,21 @@ def _check_clock(place: str, stamps: IntArray) -> None:
 def _joint_series(
     channel: _Channel, stamps: IntArray, rows: Array, notes: list[str]
 ) -> JointSeries:
-    """Joint series; velocity or effort is absent unless every message has it."""
+    """Joint series; a joint's velocity or effort is absent unless every message has it."""
     columns: dict[str, Any] = {}
     for k, name in enumerate(('velocity', 'effort'), start=1):
-        gaps = int(np.isnan(rows[:, k]).any(axis=1).sum())
-        if gaps:
+        missing = np.isnan(rows[:, k])
+        absent = missing.any(axis=0)
+        of = '' if absent.all() else ' of ' + ', '.join(np.array(channel.names)[absent])
+        if absent.any():
+            gaps = int(missing.any(axis=1).sum())
             notes.append(
-                f'{channel.topic}: {gaps} of {len(rows)} messages have no {name}: not used'
+                f'{channel.topic}: {gaps} of {len(rows)} messages have no {name}{of}: not used'
             )
-        else:
-            columns[name] = rows[:, k]
+        if not absent.all():
+            columns[name] = np.where(absent, np.nan, rows[:, k])
+    if 'effort' in columns:
+        columns['effort'] = columns['effort'] * channel.effort_units
     return JointSeries(channel.names, stamps, rows[:, 0], **columns)
 
 

@@ -18,18 +18,41 @@ from scipy.spatial.transform import Rotation
 from ..errors import MessageRejectedError, RecordingError
 from ..model.robot import Robot
 from ..types import Array, IntArray
-from .mapping import DIRECTIONS, AttitudeColumns, ColumnMapping, JointColumns, MappedColumns
+from .mapping import (
+    DIRECTIONS,
+    AttitudeColumns,
+    ColumnMapping,
+    EffortColumns,
+    JointColumns,
+    MappedColumns,
+)
 from .messages import NORM_LIMIT, joint_order
-from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
-from .table import FORMATS, SampleTable, read_table
-from .units import ANGLE, ANGULAR_RATE, FORCE, LENGTH, LINEAR_RATE, TIME, TORQUE, si_size
+from .record import (
+    UNIT_TOLERANCE,
+    AttitudeSeries,
+    JointSeries,
+    RateSeries,
+    Record,
+    shown,
+    to_stamps,
+)
+from .table import FORMATS, SampleTable, kind_of, read_table
+from .units import (
+    ANGLE,
+    ANGULAR_RATE,
+    CURRENT,
+    FORCE,
+    LENGTH,
+    LINEAR_RATE,
+    TIME,
+    TORQUE,
+    is_current,
+    si_size,
+)
 
 T = TypeVar('T')
-_JOINT_UNITS = (
-    ('position', ANGLE, LENGTH),
-    ('velocity', ANGULAR_RATE, LINEAR_RATE),
-    ('effort', TORQUE, FORCE),
-)
+_JOINT_UNITS = (('position', ANGLE, LENGTH), ('velocity', ANGULAR_RATE, LINEAR_RATE))
+_MAY_LACK = ('velocity', 'effort')  # what a joint may have no sensor for
 
 
 def read_mapped(path: Path, robot: Robot, mapping: ColumnMapping) -> Record:
@@ -44,12 +67,13 @@ def read_mapped(path: Path, robot: Robot, mapping: ColumnMapping) -> Record:
         RecordingError: unreadable, a column that is missing or no number, an unknown unit, joints
             that are not the robot's, or a clock that goes backwards; the place is named.
     """
-    kind = mapping.format or path.suffix.removeprefix('.').lower()
+    kind = mapping.format or kind_of(path)
     if kind not in FORMATS:
         raise RecordingError(
             f'{mapping.place}: format', f'is missing, and {path.name!r} does not tell it'
         )
-    table = _derived(read_table(path, kind, mapping.rows, mapping.delimiter), mapping)
+    table = read_table(path, kind, mapping.rows, mapping.delimiter, mapping.header)
+    table = _derived(table, mapping)
     reader = _Reader(table, mapping)
     return Record(
         joints=reader.joints(mapping.joints, robot) if mapping.joints else None,
@@ -126,7 +150,12 @@ class _Reader:
             if columns is not None:
                 quantities = [sliding if s else turning for s in slides]
                 parts[key] = self._values(columns, quantities)
-        stamps, arrays = self._sampled(section.place, section.time, parts)
+        if section.effort is not None:
+            quantities = [FORCE if s else TORQUE for s in slides]
+            parts['effort'] = self._efforts(section.effort, quantities, names, robot)
+        stamps, arrays = self._sampled(
+            section.place, section.time, parts, may_lack=_MAY_LACK if robot else ()
+        )
         ordered = {key: values[:, order] for key, values in arrays.items()}
         zero = np.zeros((len(stamps), len(names)))  # of a wheel without an encoder
         return JointSeries(
@@ -136,6 +165,26 @@ class _Reader:
             ordered.get('velocity'),
             ordered.get('effort'),
         )
+
+    def _efforts(
+        self,
+        columns: EffortColumns,
+        quantities: list[str],
+        names: Sequence[str],
+        robot: Robot | None,
+    ) -> Array:
+        """(N, k) efforts in SI, currents times the motor constants."""
+        units = _spread(columns.unit, len(names), f'{columns.place}.unit')
+        currents = [is_current(unit) for unit in units]
+        _check_kinds(columns, names, units, robot)
+        values = self._values(
+            columns, [CURRENT if c else q for c, q in zip(currents, quantities, strict=True)]
+        )
+        if robot is None or not any(currents):
+            return values
+        constants = dict(zip(robot.arm, robot.effort_units.tolist(), strict=True))
+        self.notes.append(f'{columns.place}: currents times robot.motor_constant are the efforts')
+        return values * [constants[n] if c else 1.0 for n, c in zip(names, currents, strict=True)]
 
     def rates(self, section: MappedColumns, time: MappedColumns | None) -> RateSeries:
         """The gyro."""
@@ -173,11 +222,13 @@ class _Reader:
     def _values(self, columns: MappedColumns, quantities: list[str]) -> Array:
         """(N, k) in SI, NaN where a cell is empty; k quantities ('': a pure number)."""
         k, place = len(quantities), columns.place
-        raw = [self._table.numbers(name) for name in columns.columns]
+        raw = [self._table.numbers(name) for name in columns.columns if name]
         lengths = {len(values) for values in raw}
-        if len(lengths) > 1:
+        if len(lengths) != 1:
             raise RecordingError(place, f'columns of different lengths: {sorted(lengths)}')
-        values = np.hstack(raw)
+        absent = np.full((lengths.pop(), 1), np.nan)
+        given = iter(raw)
+        values = np.hstack([next(given) if name else absent for name in columns.columns])
         if values.shape[1] != k:
             raise RecordingError(place, f'has {values.shape[1]} columns, expected {k}')
         units = _spread(columns.unit or ('',), k, f'{place}.unit')
@@ -185,12 +236,18 @@ class _Reader:
             si_size(unit, quantity, f'{place}.unit') if quantity else 1.0
             for unit, quantity in zip(units, quantities, strict=True)
         ]
-        sign = np.array(_spread(columns.sign, k, f'{place}.sign'))
-        offset = np.array(_spread(columns.offset, k, f'{place}.offset'))
-        return np.asarray((sign * values + offset) * np.array(sizes))
+        sign, scale, offset = (
+            np.array(_spread(getattr(columns, key), k, f'{place}.{key}'))
+            for key in ('sign', 'scale', 'offset')
+        )
+        return np.asarray((sign * scale * values + offset) * np.array(sizes))
 
     def _sampled(
-        self, place: str, own_time: MappedColumns | None, parts: dict[str, Array]
+        self,
+        place: str,
+        own_time: MappedColumns | None,
+        parts: dict[str, Array],
+        may_lack: Sequence[str] = (),
     ) -> tuple[IntArray, dict[str, Array]]:
         """Stamps and values of the rows that were sampled."""
         table, time = self._table, own_time or self._mapping.time
@@ -202,7 +259,7 @@ class _Reader:
                 raise RecordingError(
                     f'{place}: {key}', f'{len(values)} samples, but {len(seconds)} sample times'
                 )
-        missing = np.isnan(np.hstack(list(parts.values())))
+        missing = np.hstack([_missing(values, key in may_lack) for key, values in parts.items()])
         empty = np.asarray(missing.all(axis=1))
         _refuse(table, missing.any(axis=1) & ~empty, f'{place}: some of its columns are empty')
         _refuse(table, np.isnan(seconds) & ~empty, f'{time.place}: the time is empty')
@@ -213,6 +270,33 @@ class _Reader:
             self.notes.append(f'{place}: sampled in {len(kept)} of {len(empty)} rows')
         stamps = _nanoseconds(seconds[kept], lambda i: table.row(int(kept[i])))
         return stamps, {key: values[kept] for key, values in parts.items()}
+
+
+def _check_kinds(
+    columns: EffortColumns, names: Sequence[str], units: Sequence[str], robot: Robot | None
+) -> None:
+    """Refuse efforts of another kind than the robot file says."""
+    believed = dict(zip(robot.arm, robot.effort_kinds, strict=True)) if robot else {}
+    said = _spread(columns.kind or ('',), len(names), f'{columns.place}.kind')
+    for name, own, unit in zip(names, said, units, strict=True):
+        kind = believed.get(name, 'motor')
+        if own not in ('', kind):
+            raise RecordingError(
+                f'{columns.place}.kind',
+                f'{name}: {own}, but robot.effort_kind of the robot file says {kind}',
+            )
+        if is_current(unit) and kind != 'current':
+            raise RecordingError(
+                f'{columns.place}.unit',
+                f'{name}: {unit!r} is a current, but robot.effort_kind of the robot file says '
+                f'{kind}: state current there, and robot.motor_constant',
+            )
+
+
+def _missing(values: Array, may_lack: bool) -> NDArray[np.bool_]:
+    """Empty cells; not those of a column that is empty throughout, where that may be."""
+    missing = np.isnan(values)
+    return np.asarray(missing[:, ~missing.all(axis=0)] if may_lack else missing)
 
 
 def _spread(given: tuple[T, ...], size: int, place: str) -> list[T]:
@@ -236,6 +320,10 @@ def _nanoseconds(seconds: Array, row: Callable[[int], str]) -> IntArray:
     if np.any(steps <= 0):
         index = int(np.argmax(steps <= 0)) + 1
         back = -steps[index - 1] / 1e9
-        what = f'jumps back by {back:g} s' if back else 'stands still'
-        raise RecordingError(row(index), f'the clock {what} at {seconds[index]:.9g} s')
+        what = f'jumps back by {shown(back)}' if back else 'stands still'
+        raise RecordingError(
+            row(index),
+            f'the clock {what} at {shown(seconds[index])}, '
+            f'{shown(seconds[index] - seconds[0])} after the first sample',
+        )
     return stamps

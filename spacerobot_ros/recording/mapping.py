@@ -1,6 +1,6 @@
 """Column mappings: a YAML that says where the sensors stand in a CSV, JSON or npz file.
 
-    value [SI] = (sign * column + offset) * size of the unit          # offset in the column's unit
+    value [SI] = (sign * scale * column + offset) * size of the unit  # offset in this unit
 
 Every unit is written down and nothing is guessed; docs/data.md shows one mapping a data set. Each
 field below says itself how its entry is read.
@@ -16,9 +16,11 @@ from typing import Any
 from ..errors import ConfigurationError
 from ..model.files import read_yaml
 from ..model.schema import entry, param, parse_number, parse_section, parse_text
+from ..model.settings import EFFORT_KINDS
 from .table import FORMATS
 
 QUATERNION_ORDERS = ('xyzw', 'wxyz')
+HEADERS = ('names', 'none')
 ORDERS = (*QUATERNION_ORDERS, 'rpy', 'yaw')  # angles about fixed axes x, y, z, or about z alone
 DIRECTIONS = ('base_to_inertial', 'inertial_to_base')
 Parser = Callable[[Any, str], Any]
@@ -31,14 +33,23 @@ def _map(value: Any, place: str) -> dict[str, Any]:
     return {str(key): content for key, content in value.items()}
 
 
-def _one_of(*allowed: float) -> Parser:
+def _one_of(*allowed: float | str) -> Parser:
     def parse(value: Any, place: str) -> Any:
         if value not in allowed:
-            words = ' or '.join(f'{number:g}' for number in allowed)
+            words = ' or '.join(str(one).removesuffix('.0') for one in allowed)
             raise ConfigurationError(place, f'expected {words}, got {value!r}')
         return value
 
     return parse
+
+
+def _column(value: Any, place: str) -> str:
+    """A column's name, its number where a file names none, or '' where there is none."""
+    if value is None:
+        return ''
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
+        return str(value)
+    return str(parse_text(value, place))
 
 
 def _delimiter(value: Any, place: str) -> str:
@@ -89,21 +100,36 @@ class MappedColumns:
     """Columns of one quantity.
 
     Args:
-        columns: Names; one name of an npz array with several columns serves for all of them.
+        columns: Names, or numbers from 0 in a file without names; one name of an npz array with
+            several columns serves for all of them. Null for a joint without a rate or effort.
         unit: To be written down, such as `deg/s`; one a column, or one for all.
         sign: 1 or -1; one a column, or one for all.
-        offset: Added in the column's unit; one a column, or one for all.
+        scale: Factor that makes the column's numbers ones of that unit; likewise.
+        offset: Added in that unit; likewise.
         place: Where this stands, for messages.
     """
 
-    columns: tuple[str, ...] = entry(_some(parse_text))
+    columns: tuple[str, ...] = entry(_some(_column))
     unit: tuple[str, ...] = entry(_some(parse_text))
+    scale: tuple[float, ...] = entry(_some(parse_number), (1.0,))
     sign: tuple[float, ...] = entry(_some(_one_of(1.0, -1.0)), (1.0,))
     offset: tuple[float, ...] = entry(_some(parse_number), (0.0,))
     place: str = param('')
 
 
 _COLUMNS = _section(MappedColumns)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffortColumns(MappedColumns):
+    """Columns of efforts.
+
+    Args:
+        kind: What they are, as `robot.effort_kind`, which they must not contradict; one a column,
+            or one for all.
+    """
+
+    kind: tuple[str, ...] = entry(_some(_one_of(*EFFORT_KINDS)), ())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +140,7 @@ class JointColumns:
         names: The joints, in the order of the columns.
         position: Positions; wheels may have none.
         velocity: Rates.
-        effort: Measured motor torques.
+        effort: Measured torques, or currents.
         time: Sample times where they are not the file's.
         place: Where this stands, for messages.
     """
@@ -122,7 +148,7 @@ class JointColumns:
     names: tuple[str, ...] = entry(_some(parse_text))
     position: MappedColumns | None = entry(_COLUMNS, None)
     velocity: MappedColumns | None = entry(_COLUMNS, None)
-    effort: MappedColumns | None = entry(_COLUMNS, None)
+    effort: EffortColumns | None = entry(_section(EffortColumns), None)
     time: MappedColumns | None = entry(_COLUMNS, None)
     place: str = param('')
 
@@ -167,9 +193,9 @@ class AttitudeColumns(GyroColumns):
 class Term:
     """One term of a derived column: `scale * column * times`; `times` is a column, or empty."""
 
-    column: str = param()
+    column: str = entry(_column)
     scale: float = param(1.0)
-    times: str = param('')
+    times: str = entry(_column, '')
     place: str = param('')
 
 
@@ -179,7 +205,8 @@ class ColumnMapping:
 
     Args:
         format: csv, npz or json; empty: by the file's suffix.
-        delimiter: CSV only: between cells.
+        delimiter: CSV only: between cells; a space: any run of spaces and tabs.
+        header: CSV only: `names`, or `none` where no line names the columns.
         rows: JSON only: name of the list of samples.
         select: Only rows in which these columns have this content.
         twos_complement: Signed integers that were written as unsigned ones, with their bits.
@@ -194,6 +221,7 @@ class ColumnMapping:
 
     format: str = param('', choices=FORMATS)
     delimiter: str = entry(_delimiter, ',')
+    header: str = param('names', choices=HEADERS)
     rows: str = param('')
     select: Named = entry(_named(lambda value, _: value), ())
     twos_complement: Named = entry(_named(_one_of(8, 16, 32)), ())

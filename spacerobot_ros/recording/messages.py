@@ -31,15 +31,20 @@ def stamp_ns(stamp: Any) -> int:
 
 
 def joint_columns(
-    message: Any, names: Sequence[str], *columns: str, others: bool = False
+    message: Any,
+    names: Sequence[str],
+    *columns: str,
+    others: bool = False,
+    partly: bool = False,
 ) -> tuple[Array | None, ...]:
     """Columns of a JointState in the order of the named joints.
 
     Args:
         message: A JointState.
         names: The joints.
-        columns: `position`, `velocity` or `effort`; with `?` behind it may be empty.
+        columns: `position`, `velocity` or `effort`; with `?` behind it may be empty, or all NaN.
         others: Whether there may be joints besides these; they are left out.
+        partly: Whether such a column may be NaN for some joints, which do not measure it.
 
     Returns:
         (n,) each; None for an empty one.
@@ -52,31 +57,39 @@ def joint_columns(
     out: list[Array | None] = []
     for column in columns:
         name = column.rstrip('?')
-        values = getattr(message, name)
-        if column != name and not len(values):
+        values = np.asarray(getattr(message, name), dtype=float)
+        absent = np.isnan(values) & (column != name)
+        if column != name and absent.all():
             out.append(None)
             continue
         if len(values) != len(message.name):
             raise MessageRejectedError(
                 f'{name} has {len(values)} entries for {len(message.name)} joints'
             )
-        out.append(finite(np.asarray(values, dtype=float)[order], name))
+        finite(values[~absent] if partly else values, name)
+        out.append(values[order])
     return tuple(out)
 
 
-def joint_sample(message: Any, names: Sequence[str], *, efforts: bool = False) -> tuple[Any, ...]:
+def joint_sample(
+    message: Any, names: Sequence[str], *, effort_units: Array | None = None
+) -> tuple[Any, ...]:
     """Stamp [ns], positions and rates (n,) of the named joints, other joints left out.
 
     Args:
         message: A JointState.
         names: The joints.
-        efforts: Whether efforts (n,) follow; None where the message has none.
+        effort_units: (n,) `Robot.effort_units`, where efforts (n,) shall follow in N m; None
+            where the message has none.
 
     Raises:
         MessageRejectedError: see `joint_columns`.
     """
-    columns = ('position', 'velocity', *(('effort?',) if efforts else ()))
-    return stamp_ns(message.header.stamp), *joint_columns(message, names, *columns, others=True)
+    columns = ('position', 'velocity', *(() if effort_units is None else ('effort?',)))
+    values = joint_columns(message, names, *columns, others=True)
+    if effort_units is not None and values[2] is not None:
+        values = (*values[:2], values[2] * effort_units)
+    return stamp_ns(message.header.stamp), *values
 
 
 def joint_efforts(message: Any, names: Sequence[str]) -> tuple[int, Array]:

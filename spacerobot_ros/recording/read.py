@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import RecordingError
 from ..model.robot import Robot
-from ..types import IntArray
 from .bag import Topics, read_bag
+from .faults.kinematics import unlike_positions
+from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
+from .gaps import gaps, split_at_gaps
 from .mapped_table import in_robot_order, read_mapped
 from .mapping import load_mapping
 from .npz import load_npz
 from .record import Record
-from .table import FORMATS
-
-GAP_PERIODS = 10.0  # a longer pause between two samples is worth a note
+from .table import FORMATS, kind_of
 
 
 def read_record(
@@ -31,7 +33,7 @@ def read_record(
     Args:
         path: A rosbag2 folder (or one mcap or db3 file), an npz written by `save_npz`, or with a
             mapping any CSV, JSON or npz file.
-        robot: Gives the joints' names and order, and the base's frame.
+        robot: Gives the joints' names and order, what their efforts are, and the base's frame.
         map_path: Column mapping YAML (docs/data.md); None for a bag or a record file.
         topics: Where the sensors are found in a bag; those of the simulator by default.
 
@@ -46,12 +48,60 @@ def read_record(
     path = Path(path)
     if not path.exists():
         raise RecordingError(str(path), 'no such file or folder')
-    record = _read(path, robot, map_path, topics)
+    record = _usable(_read(path, robot, map_path, topics), robot)
     return replace(record, notes=(*record.notes, *gaps(record)))
 
 
+def read_records(
+    paths: Sequence[str | Path],
+    robot: Robot,
+    map_path: str | Path | None = None,
+    *,
+    split_gaps: bool = False,
+) -> tuple[Record, ...]:
+    """Read recordings of one robot that shall be judged together.
+
+    Args:
+        paths: As `read_record` takes them, each once.
+        robot: The robot of them all.
+        map_path: One column mapping for all of them.
+        split_gaps: Whether each is taken as several, split at its long pauses.
+
+    Raises:
+        RecordingError: as `read_record`, the file named; one given twice, or too short.
+        ConfigurationError: the mapping can't be read as YAML.
+    """
+    records: list[Record] = []
+    files = [Path(path).resolve() for path in paths]
+    for i, path in enumerate(paths):
+        if files[i] in files[:i]:
+            raise RecordingError(str(path), 'is given twice')
+        record = _named(path, robot, map_path, paths[0])
+        if record.joints is not None and is_short(record.joint_time):
+            raise RecordingError(
+                str(path),
+                f'is too short: {len(record.joint_time)} samples of the joints in '
+                f'{np.ptp(record.joint_time):.3g} s, at least {FEWEST_SAMPLES} in '
+                f'{SHORTEST:g} s are needed',
+            )
+        records += split_at_gaps(record) if split_gaps else (record,)
+    return tuple(records)
+
+
+def _named(
+    path: str | Path, robot: Robot, map_path: str | Path | None, first: str | Path
+) -> Record:
+    """A record; errors name its file, and another that the mapping did fit."""
+    try:
+        return read_record(path, robot, map_path)
+    except RecordingError as error:
+        place = error.place if str(path) in error.place else f'{path}: {error.place}'
+        fits = f' (the mapping fits {first})' if map_path is not None and path != first else ''
+        raise RecordingError(place, f'{error.reason}{fits}') from error
+
+
 def _read(path: Path, robot: Robot, map_path: str | Path | None, topics: Topics | None) -> Record:
-    suffix = path.suffix.lower().removeprefix('.')
+    suffix = kind_of(path)
     if map_path is not None:
         mapping = load_mapping(map_path)
         if path.is_dir() or suffix in ('mcap', 'db3'):
@@ -64,26 +114,35 @@ def _read(path: Path, robot: Robot, map_path: str | Path | None, topics: Topics 
     return read_bag(path, robot, topics)
 
 
-def gaps(record: Record) -> tuple[str, ...]:
-    """A note for each sensor with its longest pause, where that is long.
+def _usable(record: Record, robot: Robot) -> Record:
+    """The record without columns that can't be used, which its notes say.
 
-    A pause is long above `GAP_PERIODS` times the median period of the sensor.
+    Rates of some joints only, as whoever takes rates takes them of all; on a fixed base also rates
+    that are not the derivative of the positions, as its positions alone tell the motion; efforts
+    of some joints only where the base is free, as its momentum tells the motion without.
     """
-    notes = []
-    for name in ('joints', 'rates', 'attitudes', 'wheels'):
-        series = getattr(record, name)
-        if series is not None and len(series.stamp_ns) > 2:
-            notes += _gap(name, series.stamp_ns)
-    return tuple(notes)
+    joints = record.joints
+    if joints is None:
+        return record
+    notes: list[str] = []
+    why, wrong = _unusable_rates(record, robot)
+    if wrong.any():
+        notes.append(f'{why} of {", ".join(np.array(joints.names)[wrong])}: no rates are used')
+        joints = replace(joints, velocity=None)
+    lacking = joints.without_effort
+    if joints.effort is not None and lacking:
+        unused = robot.is_free or len(lacking) == len(joints.names)
+        notes.append(f'no efforts of {", ".join(lacking)}' + (': none are used' if unused else ''))
+        joints = replace(joints, effort=None) if unused else joints
+    return replace(record, joints=joints, notes=(*record.notes, *notes))
 
 
-def _gap(name: str, stamps: IntArray) -> list[str]:
-    steps = np.diff(stamps)
-    long = steps > GAP_PERIODS * np.median(steps)
-    if not long.any():
-        return []
-    worst = int(np.argmax(steps))
-    return [
-        f'{name}: {int(long.sum())} gaps, the longest {steps[worst] / 1e9:.3g} s '
-        f'after {(stamps[worst] - stamps[0]) / 1e9:.6g} s'
-    ]
+def _unusable_rates(record: Record, robot: Robot) -> tuple[str, NDArray[np.bool_]]:
+    """What is wrong with rates, and (n,) of which joints."""
+    rates = record.qd
+    if rates is None:
+        return '', np.zeros(0, dtype=bool)
+    absent = np.asarray(np.isnan(rates).any(axis=0))
+    if absent.any() or robot.is_free:
+        return 'no rates', absent
+    return 'the rates are not the derivative of the positions', unlike_positions(record)

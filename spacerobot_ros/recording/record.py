@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,6 +28,7 @@ class _Series:
 
     __slots__ = ()
     stamp_ns: IntArray
+    _may_lack: ClassVar[tuple[str, ...]] = ()
 
     def __len__(self) -> int:
         """Number of samples."""
@@ -53,7 +54,8 @@ class _Series:
         for name, names in columns.items():
             values = getattr(self, name)
             if values is not None:
-                values = _values(values, (len(stamps), len(names)), f'{place}.{name}', names)
+                shape, where = (len(stamps), len(names)), f'{place}.{name}'
+                values = _values(values, shape, where, names, may_lack=name in self._may_lack)
                 object.__setattr__(self, name, values)
 
 
@@ -66,8 +68,8 @@ class JointSeries(_Series):
         stamp_ns: (N,) sample times, increasing [ns].
         position: (N, n) [rad]; zero where a wheel has no encoder.
         velocity: (N, n) [rad/s]; None where the recording has none.
-        effort: (N, n) motor torque over the step that ended at the stamp [N m]; None where the
-            recording has none.
+        effort: (N, n) torque over the step that ended at the stamp [N m], NaN throughout for a
+            joint without; None where the recording has none.
         effort_delay: Time by which the efforts are older than their stamps [s].
     """
 
@@ -77,6 +79,7 @@ class JointSeries(_Series):
     velocity: Array | None = None
     effort: Array | None = None
     effort_delay: float = 0.0
+    _may_lack: ClassVar[tuple[str, ...]] = ('velocity', 'effort')
 
     def __post_init__(self) -> None:
         """Check and freeze."""
@@ -88,6 +91,14 @@ class JointSeries(_Series):
         if self.position is None:
             raise RecordingError('joints.position', 'is missing')
         self._freeze('joints', **dict.fromkeys(('position', 'velocity', 'effort'), self.names))
+
+    @property
+    def without_effort(self) -> tuple[str, ...]:
+        """Joints that have no effort."""
+        if self.effort is None:
+            return self.names
+        columns = zip(self.names, self.effort.T, strict=True)
+        return tuple(name for name, column in columns if np.isnan(column).all())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -271,11 +282,20 @@ def _stamps(values: IntArray, place: str) -> IntArray:
     return stamps
 
 
-def _values(values: Array, shape: tuple[int, ...], place: str, columns: Sequence[str]) -> Array:
+def shown(seconds: float) -> str:
+    """A time with all its digits down to microseconds, such as `1579660012.25 s`."""
+    return f'{seconds:.6f}'.rstrip('0').rstrip('.') + ' s'
+
+
+def _values(
+    values: Array, shape: tuple[int, ...], place: str, columns: Sequence[str], *, may_lack: bool
+) -> Array:
     array = np.array(values, dtype=float)
     if array.shape != shape:
         raise RecordingError(place, f'expected shape {shape}, got {array.shape}')
     bad = ~np.isfinite(array)
+    if may_lack:
+        bad &= ~np.isnan(array).all(axis=0)
     if np.any(bad):
         row, column = (int(i) for i in np.argwhere(bad)[0])
         raise RecordingError(

@@ -7,8 +7,10 @@ reader of the columns to say. Everything else that is no finite number is refuse
 from __future__ import annotations
 
 import csv
+import gzip
 import json
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +24,7 @@ from .npz import read_arrays
 
 FORMATS = ('csv', 'npz', 'json')
 _NUMBER = (int, float)
+_COMPRESSED = '.gz'
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class SampleTable:
         return f'{self.source}: {self.row_name} {number}'
 
     def numbers(self, name: str) -> Array:
-        """A column as numbers, (N, k); NaN where a cell is empty, and only there.
+        """A column as numbers, (N, k); NaN where a cell is empty, or all are empty or NaN.
 
         Raises:
             RecordingError: no such column, or a cell that is no finite number.
@@ -54,6 +57,8 @@ class SampleTable:
         cells = self._cells(name)
         if isinstance(cells, np.ndarray):
             return self._array(name, cells)
+        if all(_is_absent(cell) for cell in cells):
+            return np.full((len(cells), 1), math.nan)
         values = np.array([[self._number(name, i, cell)] for i, cell in enumerate(cells)])
         return values.reshape(-1, 1)
 
@@ -88,7 +93,7 @@ class SampleTable:
 
     def _cells(self, name: str) -> Any:
         if name not in self.columns:
-            known = ', '.join(sorted(self.columns)) or 'none'
+            known = ', '.join(sorted(self.columns, key=_by_number)) or 'none'
             raise RecordingError(self.source, f'has no column {name!r} (it has {known})')
         return self.columns[name]
 
@@ -113,10 +118,20 @@ class SampleTable:
                 f'expected a number, or a row of them, a sample, got {cells.dtype} {cells.shape}',
             )
         values = cells.astype(float).reshape(len(cells), -1)
-        if not np.all(np.isfinite(values)):
-            index = int(np.argwhere(~np.isfinite(values))[0, 0])
+        bad = ~np.isfinite(values) & ~np.isnan(values).all(axis=0)
+        if bad.any():
+            index = int(np.argwhere(bad)[0, 0])
             raise RecordingError(self.row(index), f'{name!r} is not finite')
         return values
+
+
+def _is_absent(cell: Any) -> bool:
+    """Whether a cell is empty or NaN: what is logged of a sensor that a joint does not have."""
+    return cell is None or str(cell).lower() in ('', 'nan')
+
+
+def _by_number(name: str) -> tuple[int, str]:
+    return (int(name) if name.isdecimal() else -1, name)
 
 
 def _same(cell: Any, wanted: Any) -> bool:
@@ -124,21 +139,30 @@ def _same(cell: Any, wanted: Any) -> bool:
     return str(cell).strip().lower() == str(wanted).lower()
 
 
-def read_table(path: Path, kind: str, rows: str = '', delimiter: str = ',') -> SampleTable:
-    """Read a table.
+def kind_of(path: Path) -> str:
+    """What a file's suffix says that it is, such as `csv` for `run.csv` and `run.CSV.gz`."""
+    name = path.name.lower().removesuffix(_COMPRESSED)
+    return Path(name).suffix.removeprefix('.')
+
+
+def read_table(
+    path: Path, kind: str, rows: str = '', delimiter: str = ',', header: str = 'names'
+) -> SampleTable:
+    """Read a table; CSV and JSON may be compressed (`.gz`).
 
     Args:
         path: The file.
         kind: One of `FORMATS`.
         rows: JSON only: name of the list of samples; empty where the file is that list, or a map
             of columns.
-        delimiter: CSV only: between cells.
+        delimiter: CSV only: between cells; a space: any run of spaces and tabs.
+        header: CSV only: `none` where no line names the columns; they are named 0, 1, ... then.
 
     Raises:
         RecordingError: not readable, not of that format, or without a sample.
     """
     readers = {
-        'csv': lambda: _read_csv(path, delimiter),
+        'csv': lambda: _read_csv(path, delimiter, header),
         'npz': lambda: SampleTable(str(path), read_arrays(path), 'row'),
         'json': lambda: _read_json(path, rows),
     }
@@ -147,14 +171,19 @@ def read_table(path: Path, kind: str, rows: str = '', delimiter: str = ',') -> S
 
 def _read_text(path: Path) -> str:
     try:
+        if path.name.lower().endswith(_COMPRESSED):
+            return gzip.decompress(path.read_bytes()).decode('utf-8-sig')
         return path.read_text(encoding='utf-8-sig')
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         reason = getattr(error, 'strerror', None) or str(error)
         raise RecordingError(str(path), f'can not be read: {reason}') from error
 
 
-def _read_csv(path: Path, delimiter: str) -> SampleTable:
-    reader = csv.reader(_read_text(path).splitlines(), delimiter=delimiter, strict=True)
+def _read_csv(path: Path, delimiter: str, header: str) -> SampleTable:
+    lines = _read_text(path).splitlines()
+    if delimiter == ' ':
+        lines = [' '.join(line.split()) for line in lines]
+    reader = csv.reader(lines, delimiter=delimiter, strict=True)
     rows: list[tuple[int, list[str]]] = []
     try:
         for cells in reader:
@@ -163,8 +192,11 @@ def _read_csv(path: Path, delimiter: str) -> SampleTable:
                 rows.append((reader.line_num, stripped))
     except csv.Error as error:
         raise RecordingError(f'{path}: line {reader.line_num}', str(error)) from error
+    if header == 'none' and rows:
+        rows.insert(0, (0, [str(number) for number in range(len(rows[0][1]))]))
     if len(rows) < 2:
-        raise RecordingError(str(path), 'has no sample: expected a line of names, then numbers')
+        expected = 'numbers' if header == 'none' else 'a line of names, then numbers'
+        raise RecordingError(str(path), f'has no sample: expected {expected}')
     (_, names), *samples = rows
     twice = next((name for name in names if name and names.count(name) > 1), None)
     if twice is not None:

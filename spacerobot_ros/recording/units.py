@@ -9,7 +9,7 @@ from ..errors import RecordingError
 
 TIME, ANGLE, LENGTH = 'time', 'angle', 'length'
 ANGULAR_RATE, LINEAR_RATE = 'angular rate', 'linear rate'
-TORQUE, FORCE = 'torque', 'force'
+TORQUE, FORCE, CURRENT = 'torque', 'force', 'current'
 
 _DEG = math.pi / 180.0
 _TURN = 2.0 * math.pi
@@ -42,8 +42,14 @@ _SIZES: dict[str, dict[str, float]] = {
         'ozf in': 0.007061551814226043,
     },
     FORCE: {'N': 1.0, 'mN': 1e-3, 'kN': 1e3, 'lbf': 4.4482216152605},
+    CURRENT: {'A': 1.0, 'mA': 1e-3},
 }
 _ALIASES = {'Nm': 'N m', 'mNm': 'mN m', 'kNm': 'kN m', 'Ncm': 'N cm', 'Nmm': 'N mm'}
+
+
+def is_current(unit: str) -> bool:
+    """Whether it is a unit of current."""
+    return unit in _SIZES[CURRENT]
 
 
 def si_size(unit: str, quantity: str, place: str) -> float:

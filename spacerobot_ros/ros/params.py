@@ -20,7 +20,7 @@ from std_msgs.msg import String
 from ..errors import ConfigurationError
 from ..model.loader import build_robot, resolve_urdf
 from ..model.robot import Robot
-from ..model.schema import Allowed, FloatList, TextList, meanings, plain_type
+from ..model.schema import Allowed, FloatList, TextList, meanings, plain_types
 from ..model.settings import Settings, parse_settings
 from .qos import LATCHED
 
@@ -105,7 +105,7 @@ def leaves(section: Any, prefix: str = '') -> Iterator[Leaf]:
         if is_dataclass(value):
             yield from leaves(value, f'{prefix}{f.name}.')
         elif f.metadata:  # no entries under free names
-            kind = plain_type(hints[f.name])
+            kind, *_ = plain_types(hints[f.name])
             yield Leaf(prefix + f.name, meaning[f.name], f.metadata['allowed'], kind, value)
 
 

@@ -32,7 +32,6 @@ STREAMS = (
 CHANNELS = ('joint_position', 'joint_velocity', 'joint_effort', 'gyro', 'attitude')
 CLOCKS = {'joints': 'joint', 'imu': 'imu', 'attitude': 'attitude'}
 """Clocks, and what their settings' names begin with."""
-_TACHOMETER = ('wheel_rate', 'joint_velocity')  # it is as noisy as a joint's rate
 
 
 class Imperfections:
@@ -50,9 +49,11 @@ class Imperfections:
         }
         random = 1.0 if settings.noise else 0.0
         self._std = {
-            channel: random * (getattr(sensors, f'{name}_std') or 0.0)
-            for channel, name in (*zip(CHANNELS, CHANNELS, strict=True), _TACHOMETER)
+            channel: random * np.array(getattr(sensors, f'{channel}_std') or 0.0)
+            for channel in CHANNELS
         }
+        # a tachometer is as noisy as a joint's rate
+        self._std['wheel_rate'] = np.array(random * (sensors.std('joint_velocity') or 0.0))
         self._resolution = {
             channel: getattr(sensors, f'{channel}_resolution', 0.0) for channel in CHANNELS
         }
@@ -100,7 +101,7 @@ class Imperfections:
         """Values with white noise, rounded to the sensor's steps."""
         std = self._std[name]
         out = np.array(values, dtype=float)
-        if std:
+        if std.any():
             out = values + std * self._streams[name].standard_normal(len(values))
         return self._stepped(name, out) if stepped else out
 

@@ -36,5 +36,6 @@ def sample_messages(
         yield '/wheel_states', compose.joint_state(ns, wheels, velocity=samples.wheel_rates)
     if samples.joints is not None:
         j, names = samples.joints, robot.arm
-        message = compose.joint_state(ns, names, j.position, j.velocity, j.effort)
+        effort = j.effort / robot.effort_units
+        message = compose.joint_state(ns, names, j.position, j.velocity, effort)
         yield '/joint_states', message

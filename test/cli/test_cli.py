@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import subprocess
@@ -17,6 +18,7 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import SpaceRobotError
 from spacerobot_ros.recording.bag import read_bag
 from spacerobot_ros.recording.npz import save_npz
+from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.report.formats import decimals
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -173,6 +175,63 @@ def test_identify_takes_npz(capsys, bag, tmp_path):
         capsys, 'identify', tmp_path / 'run.npz', '--robot', ROBOT, '--json', '--method', 'ls'
     )
     assert json.loads(from_npz) == json.loads(from_bag)
+
+
+def test_identify_takes_a_compressed_log_without_names(capsys, bag, tmp_path):
+    """Every sensor at its own times, what it does not sample empty; exact but for the times."""
+    record = read_bag(bag, load_robot_file(ROBOT).robot)
+    parts = (
+        (record.joint_time, np.hstack([record.q, record.qd])),
+        (record.rate_time, record.omega),
+        (record.attitude_time, record.attitude_xyzw),
+    )
+    times = np.unique(np.concatenate([time for time, _ in parts]))
+    cells = [np.char.mod('%.17g', times)[:, None]]
+    for time, values in parts:
+        column = np.full((len(times), values.shape[1]), '', dtype='U30')
+        column[np.searchsorted(times, time)] = np.char.mod('%.17g', values)
+        cells.append(column)
+    log = tmp_path / 'run.csv.gz'
+    log.write_bytes(gzip.compress('\n'.join(map(','.join, np.hstack(cells))).encode()))
+    mapping = {
+        'header': 'none',
+        'time': {'columns': 0, 'unit': 's'},
+        'joints': {
+            'names': ['joint_1', 'joint_2', 'joint_3'],
+            'position': {'columns': [1, 2, 3], 'unit': 'rad'},
+            'velocity': {'columns': [4, 5, 6], 'unit': 'rad/s'},
+        },
+        'gyro': {'columns': [7, 8, 9], 'unit': 'rad/s'},
+        'attitude': {'columns': [10, 11, 12, 13], 'order': 'xyzw'},
+    }
+    (tmp_path / 'map.yaml').write_text(json.dumps(mapping))
+    common = ('--robot', ROBOT, '--json', '--method', 'ls')
+    _, from_bag, _ = run(capsys, 'identify', bag, *common)
+    mapped = ('--map', tmp_path / 'map.yaml', '--split-gaps')
+    _, from_log, _ = run(capsys, 'identify', log, *common, *mapped)
+    aam = [json.loads(out)['aam']['value'] for out in (from_bag, from_log)]
+    # times of the log are rounded to 1e-9 s
+    np.testing.assert_allclose(aam[1], aam[0], rtol=1e-6, atol=0)
+
+
+def test_a_simulated_machine_that_says_currents_is_read_in_newton_metres(capsys, tmp_path):
+    text = Path(ROBOT).read_text()
+    amperes = tmp_path / 'amperes.yaml'
+    stated = 'effort_kind: current\n      motor_constant: [8.0, 16.0, 32.0]\n      urdf: '
+    amperes.write_text(text.replace('urdf: ', stated, 1))
+    efforts = []
+    for name, robot in (('torque', ROBOT), ('current', amperes)):
+        options = ('-o', tmp_path / name, '--duration', '0.5')
+        assert run(capsys, 'simulate', '--robot', robot, *options)[0] == 0
+        record = read_record(tmp_path / name, load_robot_file(robot).robot)
+        efforts.append(record.effort)
+    np.testing.assert_array_equal(*efforts)  # powers of two divide and multiply exactly
+    raw = read_record(tmp_path / 'current', load_robot_file(ROBOT).robot).effort
+    np.testing.assert_array_equal(raw * [8.0, 16.0, 32.0], efforts[0])
+    mute = tmp_path / 'mute.yaml'
+    mute.write_text(text.replace('urdf: ', 'effort_kind: current\n      urdf: ', 1))
+    command = ('identify', tmp_path / 'current', '--robot', mute)
+    assert 'robot.motor_constant: is missing: efforts of joint_1' in fails(capsys, 2, *command)
 
 
 def test_identify_without_excitation_exits_with_1_and_says_why(capsys, tmp_path):

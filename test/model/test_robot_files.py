@@ -69,6 +69,22 @@ def test_relative_urdf_lies_beside_the_file(load):
     )
 
 
+def test_efforts_and_noise_for_all_joints_or_for_each(load):
+    one = load(TEXT.replace('{gyro_std', '{joint_effort_std: 0.2, gyro_std')).robot
+    assert one.effort_kinds == ('motor',) * 3
+    assert one.sensors.std('joint_effort') == 0.2
+    np.testing.assert_array_equal(one.effort_units, np.ones(3))
+    text = TEXT.replace('{gyro_std', '{joint_effort_std: [0.3, 0.4, 0.0001], gyro_std')
+    kinds = 'effort_kind: [link, current, motor]\n      motor_constant: 12.5\n      urdf: '
+    each = load(text.replace('urdf: ', kinds)).robot
+    assert each.effort_kinds == ('link', 'current', 'motor')
+    assert each.sensors.joint_effort_std == (0.3, 0.4, 0.0001)
+    # root of the mean square: 0.5 / sqrt(3), the third adds 2e-8 of it
+    np.testing.assert_allclose(each.sensors.std('joint_effort'), 0.5 / 3**0.5, rtol=1e-7, atol=0)
+    assert each.sensors.std('joint_velocity') is None
+    np.testing.assert_array_equal(each.effort_units, [1.0, 12.5, 1.0])
+
+
 def test_exponent_without_a_point_is_a_number_as_in_ros(load):
     assert load(TEXT.replace('2.0e-5', '2e-5')).settings.sensors.gyro_std == 2.0e-5
 
@@ -122,6 +138,31 @@ FILES = [
         'section null',
         TEXT + '    simulator:\n',
         'simulator: expected a map of parameters, got None',
+    ),
+    (
+        'effort kind',
+        TEXT.replace('urdf: ', 'effort_kind: [motor, torque, link]\n      urdf: '),
+        r"robot.effort_kind\[1\]: 'torque' is not one of motor, link, current, gravity_comp",
+    ),
+    (
+        'effort kinds of two',
+        TEXT.replace('urdf: ', 'effort_kind: [motor, link]\n      urdf: '),
+        'robot.effort_kind: expected one entry for all joints or 3, one a joint; got 2',
+    ),
+    (
+        'motor constant',
+        TEXT.replace('urdf: ', 'motor_constant: [1.0, 0.0, 2.0]\n      urdf: '),
+        r'robot.motor_constant\[1\]: 0 N m/A must be above 0',
+    ),
+    (
+        'noise of two joints',
+        TEXT.replace('{gyro_std', '{joint_effort_std: [0.1, 0.2], gyro_std'),
+        'sensors.joint_effort_std: expected one entry for all joints or 3, one a joint; got 2',
+    ),
+    (
+        'noise of no joint',
+        TEXT.replace('{gyro_std', '{joint_effort_std: [], gyro_std'),
+        'sensors.joint_effort_std: expected one entry for all joints or 3, one a joint; got 0',
     ),
     ('NaN', TEXT.replace('27.0', '.nan'), r'servicer_wheels.momentum\[1\]: nan is not a finite'),
     ('infinite', TEXT.replace('2.0e-5', '.inf'), r'sensors.gyro_std: inf is not a finite'),

@@ -14,7 +14,8 @@ from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.read import read_record
+from spacerobot_ros.recording.faults.check import data_faults
+from spacerobot_ros.recording.read import read_record, read_records
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get('SPACEROBOT_DATA', ROOT.parent / 'shared' / 'data'))
@@ -68,6 +69,42 @@ def test_kuka_lwr4(kuka, run):
     rms = float(np.sqrt(np.mean((model - measured) ** 2)))
     assert 0.9 < rms < 1.3  # the data's notes: 1.081 N m for the URDF without friction
     assert rms < 0.25 * float(np.sqrt(np.mean(measured**2)))
+
+
+@pytest.fixture
+def ur10e(tmp_path):
+    """The UR10e's robot, its URDF copied beside the example."""
+    folder = data_set('ur10e')
+    for path in (folder / 'ur10e.urdf', EXAMPLES / 'ur10e.yaml'):
+        shutil.copyfile(path, tmp_path / path.name)
+    return folder, load_robot_file(tmp_path / 'ur10e.yaml').robot
+
+
+@pytest.mark.parametrize(
+    ('name', 'samples'),
+    [('20_01_22-joint_1', 5889), ('20_01_22-push_pose_1', 1727), ('20_02_19_14harm50sec', 5375)],
+)
+def test_ur10e(ur10e, name, samples):
+    folder, robot = ur10e
+    paths = [folder / f'ur-{name}.csv.gz']
+    (record,) = read_records(paths, robot, EXAMPLES / 'ur10e_map.yaml')
+    assert record.q.shape == record.qd.shape == record.effort.shape == (samples, 6)
+    raw = np.loadtxt(paths[0], delimiter=',')
+    np.testing.assert_array_equal(record.q, raw[:, 1:7])
+    np.testing.assert_allclose(
+        record.effort, raw[:, 13:19] * [14.87, 13.26, 11.13, 10.62, 11.03, 11.47], rtol=1e-15
+    )
+    assert data_faults(record, robot) == ()  # joints that flicker at rest included
+
+
+def test_the_torques_of_the_ur10e_are_those_of_its_urdf_and_friction(ur10e):
+    folder, robot = ur10e
+    path = folder / 'ur-20_02_19_14harm50sec.csv.gz'
+    record = read_record(path, robot, EXAMPLES / 'ur10e_map.yaml')
+    model, measured = torques(record, robot)
+    heavy = slice(1, 3)  # shoulder and elbow, where gravity is large beside friction
+    for one, other in zip(model.T[heavy], measured.T[heavy], strict=True):
+        assert np.corrcoef(one, other)[0, 1] > 0.9
 
 
 def test_xl330_pendulum():

@@ -75,6 +75,17 @@ def test_steps_and_range():
     np.testing.assert_array_equal(said.joints.velocity, state.qd)
 
 
+def test_every_joint_has_noise_of_its_own():
+    stds = (0.01, 0.3, 2.0)
+    sensors = SensorSettings(joint_effort_std=stds, joint_velocity_std=stds)
+    suite = SensorSuite(sensors, SETTINGS, 3, n_wheels=0)
+    said = [suite.sample(k, spinning(0.0), np.zeros(3)).joints for k in range(4000)]
+    for values in ([s.effort for s in said], [s.velocity for s in said]):
+        # a standard deviation of 4000 samples has one of 1.1 %; five of them
+        np.testing.assert_allclose(np.std(values, axis=0), stds, rtol=0.056, atol=0)
+    assert np.std([s.position for s in said]) == 0.0
+
+
 def spinning(rate):
     return State(
         np.zeros(3), ATTITUDE, np.zeros(3), np.zeros(3), np.array([0.0, rate, 0.0]), np.zeros(3)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...types import Array
-from ..record import Record
+from ..record import Record, shown
 from . import thresholds
 from .signals import turns
 from .thresholds import DataFault
@@ -32,7 +32,7 @@ def clock_faults(record: Record) -> Iterator[DataFault]:
         shared = min(joints[-1], seconds[-1]) - max(joints[0], seconds[0])
         if shared < thresholds.OVERLAP * min(lasts, seconds[-1] - seconds[0]):
             apart = seconds[0] - joints[0]
-            message = f'begins {apart:.6g} s after the joints: their clocks are not the same'
+            message = f'begins {shown(apart)} after the joints: their clocks are not the same'
             yield DataFault('clock', place, message)
 
 
@@ -66,9 +66,10 @@ def _jumps(place: str, seconds: Array, values: Array) -> Iterator[DataFault]:
         paused = seconds[near]
         unpaused = paused - np.where(near > k, steps[k] - period, 0.0)
         if _misfit(paused, values[near], 2) > thresholds.SEEN * _misfit(unpaused, values[near], 3):
+            at = shown(seconds[k] - seconds[0])
             message = (
-                f'the clock jumps by {steps[k]:.4g} s, {seconds[k] - seconds[0]:.6g} s after the '
-                'start: the values go on as if no time had passed'
+                f'the clock jumps by {shown(steps[k])}, {at} after the start: the values go on '
+                'as if no time had passed'
             )
             yield DataFault('clock', place, message)
 

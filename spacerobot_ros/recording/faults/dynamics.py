@@ -25,6 +25,8 @@ from ..record import Record
 from .kinematics import DEGREES
 from .thresholds import ALIKE, FEWEST_SAMPLES, GAIN, ROWS, SPAN, SPOILED, UNLIKE, DataFault
 
+COMPENSATED = 'gravity_compensated'  # of `robot.effort_kind`
+
 
 @dataclass(frozen=True, slots=True)
 class _Slip:
@@ -36,6 +38,8 @@ class _Slip:
         effort: Factor of efforts, likewise.
         pair: Joints whose columns were exchanged; twice the same where none were.
         with_motion: Whether positions were exchanged along with the efforts.
+        gravity: Whether gravity is in the efforts against what the robot file says, or not in
+            them against it.
     """
 
     fault: DataFault
@@ -43,6 +47,7 @@ class _Slip:
     effort: Array | float = 1.0
     pair: tuple[int, int] = (0, 0)
     with_motion: bool = True
+    gravity: bool = False
 
     def undone(self, values: Array, *, effort: bool = False) -> Array:
         """(N, n) positions or efforts as they would be without it."""
@@ -68,7 +73,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     before = torques.unlike(_Slip(DataFault('', '', '')))
     if np.all(before < UNLIKE):
         return ()
-    slips = list(_slips(robot.joints))
+    slips = [*_slips(robot.joints), *_gravity_slips(robot.effort_kinds)]
     shares = np.array([torques.unlike(slip) for slip in slips])
     for way in range(2):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
@@ -109,7 +114,7 @@ class _Torques:
         time, effort = record.joint_time, record.effort
         if effort is None or robot.rotor_count or (robot.is_free and record.rates is None):
             return None
-        if len(time) < FEWEST_SAMPLES:
+        if len(time) < FEWEST_SAMPLES or np.isnan(effort).any():
             return None
         step = float(np.median(np.diff(time)))
         even = np.arange(time[0], time[-1], step)
@@ -135,6 +140,11 @@ class _Torques:
         )
         measured = slip.undone(self.effort, effort=True)
         model = joint_torques(self.robot, position, rate, acceleration, self.omega)
+        lacking = np.array([kind == COMPENSATED for kind in self.robot.effort_kinds])
+        if self.robot.gravity.any() and (lacking.any() or slip.gravity):
+            rest = np.zeros_like(position)
+            weight = joint_torques(self.robot, position, rest, rest, np.zeros_like(self.omega))
+            measured = measured + (lacking ^ slip.gravity) * weight
         return np.array(
             [_shares(*columns) for columns in zip(model.T, measured.T, rate.T, strict=True)]
         ).T
@@ -161,6 +171,14 @@ def _shares(model: Array, measured: Array, rate: Array) -> tuple[float, float]:
 def _difference(pair: Array) -> float:
     scale = float(np.max(np.sum(pair**2, axis=0)))
     return float(np.sum((pair[:, 1] - pair[:, 0]) ** 2)) / scale if scale > 0.0 else 0.0
+
+
+def _gravity_slips(kinds: tuple[str, ...]) -> Iterator[_Slip]:
+    """Efforts of all joints with or without gravity, against what the robot file says of all."""
+    are = {kind == COMPENSATED for kind in kinds}
+    if len(are) == 1:
+        words = 'is in them' if are.pop() else f'is not in them: robot.effort_kind {COMPENSATED}?'
+        yield _Slip(DataFault('gravity', 'joint_torque', f'gravity {words}'), gravity=True)
 
 
 def _slips(names: tuple[str, ...]) -> Iterator[_Slip]:

@@ -15,12 +15,13 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...types import Array
 from ..record import Record
 from .clocks import clock_jumps
 from .signals import Pair, agree, base_pair, disagree, joint_pair, turned, turns
-from .thresholds import DEAD_TURN, DataFault, in_lines
+from .thresholds import DEAD_TURN, EXTREME, MOVED, DataFault, in_lines
 
 DEGREES = 180.0 / np.pi
 _FACTORS = {
@@ -79,18 +80,60 @@ def _joint_faults(record: Record) -> Iterator[DataFault]:
     if record.joints is None or record.qd is None:
         return
     names = record.joints.names
-    if len(record.joint_time) > 2:
-        still, at_rest = (np.ptp(x, axis=0) == 0.0 for x in (record.q, record.qd))
-        for i in np.flatnonzero(still & ~at_rest):
-            message = 'never changes, its rate does'
-            yield DataFault('constant', f'joint_position/{names[i]}', message)
-        for i in np.flatnonzero(at_rest & ~still):
-            message = 'never changes, its position does'
-            yield DataFault('constant', f'joint_rate/{names[i]}', message)
     yield from clock_jumps(Record(record.joints))
     pair = joint_pair(record)
-    if pair is not None:
-        yield from _joint_slips(names, pair)
+    if pair is None:
+        return
+    still, at_rest = (np.ptp(x, axis=0) == 0.0 for x in (record.q, record.qd))
+    unlike = _beyond_noise(record, pair)
+    for i in np.flatnonzero(still & unlike):
+        message = 'never changes, its rate does'
+        yield DataFault('constant', f'joint_position/{names[i]}', message)
+    for i in np.flatnonzero(at_rest & unlike):
+        message = 'never changes, its position does'
+        yield DataFault('constant', f'joint_rate/{names[i]}', message)
+    yield from _joint_slips(names, pair)
+
+
+def unlike_positions(record: Record) -> NDArray[np.bool_]:
+    """(n,) joints whose rates are no derivative of their positions; none where a slip is named."""
+    pair = joint_pair(record)
+    if pair is None or any(_joint_faults(record)):
+        return np.zeros(record.q.shape[1], dtype=bool)
+    moved, integrated = pair.moved.T, pair.integrated.T
+    rms = [np.sqrt(np.mean(x**2, axis=1)) for x in (moved, integrated)]
+    wrong = [disagree(*motion) for motion in zip(moved, integrated, strict=True)]
+    return np.array(wrong) & (np.maximum(*rms) > MOVED)
+
+
+def _beyond_noise(record: Record, pair: Pair) -> NDArray[np.bool_]:
+    """(n,) whether positions and rates differ by more than steps and noise allow of both.
+
+    Over a window of T seconds with samples dt apart
+
+        |moved - integrated| <= 2 step + r T + EXTREME (sqrt(2) s_q + s_v sqrt(T dt))
+
+    as both ends of a motion may be read a step off, rates below r are rounded or held to zero (no
+    other joint's rate is ever smaller, unless zero), and of noise that is white the two ends and
+    the integral have these standard deviations. A column that never changes does not show its
+    step: it has the largest of the other joints.
+    """
+    time, q, qd = record.joint_time, record.q, np.asarray(record.qd)
+    steps = np.array([_smallest(np.diff(np.unique(column))) for column in q.T])
+    steps[steps == 0.0] = steps.max()
+    said = np.abs(qd[:, np.ptp(qd, axis=0) > 0.0])
+    least = _smallest(said[said > 0.0])
+    # fourth differences of a smooth motion are noise: variance 1 + 16 + 36 + 16 + 1 times its own
+    s_q, s_v = (np.std(np.diff(x, n=4, axis=0), axis=0) / np.sqrt(70.0) for x in (q, qd))
+    T = time[pair.windows[:, 1]] - time[pair.windows[:, 0]]
+    noise = np.sqrt(2.0) * s_q + s_v * np.sqrt(T * np.median(np.diff(time)))[:, None]
+    allowed = 2.0 * steps + least * T[:, None] + EXTREME * noise
+    return np.asarray(np.any(np.abs(pair.moved - pair.integrated) > allowed, axis=0))
+
+
+def _smallest(values: Array) -> float:
+    """The smallest of some positive numbers; 0 without any."""
+    return float(values.min()) if values.size else 0.0
 
 
 def _joint_slips(names: tuple[str, ...], pair: Pair) -> Iterator[DataFault]:

@@ -11,12 +11,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from ...types import Array
+
 # Kinematics: a signal against the integral of its rate.
 DISAGREE = 0.3  # share that can't be a physical cause: 55 % of scale, 0.55 rad of angle
 AGREE = 0.03  # share that a named slip may leave: 17 % of scale, so slip and cause may be together
 WINDOW = 0.2  # s, of motion that is compared: noise of an encoder is small beside it
 FEWEST_WINDOWS = 3  # fewer agree by chance
 MOST_WINDOWS = 2000  # no more are looked at: they cost time and add nothing
+EXTREME = 5.0  # standard deviations: noise is beyond them in 1 of 1000 times `MOST_WINDOWS`
 MOVED = 3e-3  # rad rms in a window; below it noise passes for disagreement where no slip is named
 
 # Dynamics: measured efforts against the model's torques.
@@ -46,7 +51,7 @@ class DataFault:
 
     Args:
         kind: `absent`, `short`, `constant`, `scale`, `sign`, `exchanged`, `order`, `frame`,
-            `clock` or `foreign`.
+            `gravity`, `clock` or `foreign`.
         place: Channel, such as `joint_rate/joint_2`.
         message: What is wrong, in a sentence without the place.
     """
@@ -58,6 +63,11 @@ class DataFault:
     def __str__(self) -> str:
         """One line."""
         return f'{self.place}: {self.message}'
+
+
+def is_short(seconds: Array) -> bool:
+    """Whether samples of the joints at (N,) times are too few, or end too early, to be judged."""
+    return len(seconds) < FEWEST_SAMPLES or float(np.ptp(seconds)) < SHORTEST
 
 
 def in_lines(faults: tuple[DataFault, ...]) -> tuple[str, ...]:

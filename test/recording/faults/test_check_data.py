@@ -170,7 +170,7 @@ BASE_FAULTS = {
         lambda r: replace(
             r, rates=RateSeries(r.rates.stamp_ns + 1_700_000_000_000_000_000, r.rates.omega)
         ),
-        'gyro: begins 1.7e+09 s after the joints',
+        'gyro: begins 1700000000 s after the joints',
     ),
     'no base': (lambda r: replace(r, rates=None, attitudes=None), 'are both missing'),
 }

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip('mujoco')
+mujoco = pytest.importorskip('mujoco')
 
-from support.mujoco_truth import ROBOTS, believing, generate
+from support.mujoco_truth import ROBOTS, believing, generate  # noqa: E402
 
-from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.recording.faults.dynamics import find_torque_faults
-from spacerobot_ros.recording.record import JointSeries, Record
+from spacerobot_ros.effects.robot_file import load_robot_file  # noqa: E402
+from spacerobot_ros.recording.faults.dynamics import find_torque_faults  # noqa: E402
+from spacerobot_ros.recording.record import JointSeries, Record  # noqa: E402
 
 DEGREES = 180.0 / np.pi
 
@@ -89,6 +89,32 @@ def test_exchanged_and_flipped_joints(known, robot, i, j):
     assert (fault.kind, fault.place) == ('sign', f'joints/{model.joints[j]}')
     (fault,) = find_torque_faults(changed(record, effort=flip(n, j)), model)
     assert (fault.kind, fault.place) == ('sign', f'joint_torque/{model.joints[j]}')
+
+
+def weightless(record, model):
+    """Efforts less what holds the arm, by MuJoCo."""
+    machine = mujoco.MjModel.from_xml_string(model.urdf)
+    state, order = mujoco.MjData(machine), [machine.joint(name).dofadr[0] for name in model.joints]
+    held = []
+    for q in record.q:
+        state.qpos[order] = q
+        mujoco.mj_forward(machine, state)
+        held.append(state.qfrc_bias[order])
+    return replace(record, joints=replace(record.joints, effort=record.effort - np.array(held)))
+
+
+@pytest.mark.parametrize('robot', ['ground', 'pendulum'])
+def test_gravity_that_is_taken_out_of_efforts(known, robot):
+    record, model = known[robot]
+    compensated = replace(model, effort_kinds=('gravity_compensated',) * model.n_joints)
+    light = weightless(record, model)
+    assert find_torque_faults(light, compensated) == ()
+    (fault,) = find_torque_faults(light, model)
+    assert (fault.kind, fault.message) == (
+        'gravity', 'gravity is not in them: robot.effort_kind gravity_compensated?'
+    )  # fmt: skip
+    (fault,) = find_torque_faults(record, compensated)
+    assert (fault.kind, fault.message) == ('gravity', 'gravity is in them')
 
 
 @pytest.mark.parametrize('robot', ROBOTS)
