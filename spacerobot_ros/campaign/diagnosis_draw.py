@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
@@ -163,16 +164,6 @@ def _direction(
 
 def _payload(rng: np.random.Generator) -> dict[str, float]:
     """A kilogram at one point: mass, first moment, inertia about the body's origin."""
-    x, y, z = rng.normal(0.0, _REACH, 3).tolist()
-    return {
-        'mass': 1.0,
-        'mx': x,
-        'my': y,
-        'mz': z,
-        'ixx': y * y + z * z,
-        'ixy': -x * y,
-        'iyy': x * x + z * z,
-        'ixz': -x * z,
-        'iyz': -y * z,
-        'izz': x * x + y * y,
-    }
+    point = pin.Inertia(1.0, rng.normal(0.0, _REACH, 3), np.zeros((3, 3)))
+    names = (p.name for p in CATALOGUE['inertial_parameters'].parameters)
+    return dict(zip(names, point.toDynamicParameters().tolist(), strict=True))

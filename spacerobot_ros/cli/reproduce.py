@@ -24,6 +24,7 @@ from ..display import (
     Section,
     Status,
     Table,
+    table,
 )
 from ..errors import ConfigurationError
 from .options import Subparsers, add_command, positive_float, whole_number
@@ -179,18 +180,15 @@ def _status(is_good: bool) -> Status:
 
 
 def _checks(checks: Sequence[Check]) -> Table:
-    return Table(
-        ['figure', 'value', 'from', 'to', 'unit', 'reached'],
-        [
-            [
-                c.what,
-                *(f'{value:.4g}' for value in (c.value, c.low, c.high)),
-                c.unit,
-                'yes' if c.is_met else 'NO',
-            ]
-            for c in checks
-        ],
-    )
+    columns = {
+        'figure': lambda c: c.what,
+        'value': lambda c: f'{c.value:.4g}',
+        'from': lambda c: f'{c.low:.4g}',
+        'to': lambda c: f'{c.high:.4g}',
+        'unit': lambda c: c.unit,
+        'reached': lambda c: 'yes' if c.is_met else 'NO',
+    }
+    return table(checks, columns)
 
 
 def _missed(checks: Sequence[Check]) -> list[str]:

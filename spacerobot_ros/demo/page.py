@@ -51,7 +51,7 @@ def demo_summary(results: Results, out: Path) -> list[Section]:
     estimate = results.estimate
     rows = []
     for place, value, std, true in zip(
-        _places(results), estimate.aam, estimate.std, results.truth.aam, strict=False
+        _places(results), estimate.aam, estimate.std, results.truth, strict=False
     ):
         percent = f'{100.0 * (value - true) / abs(true):+.3f}' if true else '-'
         rows.append((place, f'{value:.4f}', f'{3.0 * std:.4f}', f'{true:.4f}', percent))
@@ -134,7 +134,8 @@ def _convergence(results: Results) -> list[Item]:
     when = 'never' if first is None else f'{first:.1f} s after the start'
     values = np.array([e.aam for e in estimates])
     std = np.array([e.std[: e.aam.size] for e in estimates])
-    truth, places = results.truth.aam, _places(results)
+    places = _places(results)
+    truth = results.truth[: len(places)]
 
     def sizes() -> str:
         relative = 100.0 * np.abs(values - truth) / np.abs(truth)
@@ -157,13 +158,12 @@ def _convergence(results: Results) -> list[Item]:
 
 
 def _parameters(results: Results) -> Table:
-    estimate, truth = results.estimate, results.truth
+    estimate = results.estimate
     momenta = [f'momentum {axis} of {link}' for link in estimate.aam_links for axis in AXES]
     names = [*momenta, *estimate.parameter_names]
     values = np.concatenate([estimate.aam, estimate.parameters])
-    truths = np.concatenate([truth.aam, truth.parameters])
     rows = []
-    for name, value, std, true in zip(names, values, estimate.std, truths, strict=True):
+    for name, value, std, true in zip(names, values, estimate.std, results.truth, strict=True):
         percent = f'{100.0 * (value - true) / abs(true):.4f}' if true else '-'
         sigma = f'{(value - true) / std:.2f}' if std else '-'
         unit = 'N m s' if name in momenta else 'kg m^2'

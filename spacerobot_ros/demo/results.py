@@ -47,19 +47,6 @@ class DemoRun:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Truth:
-    """What the identification should find.
-
-    Args:
-        aam: (3 n_links,) wheel momentum of the captured body [N m s].
-        parameters: (k,) minimal parameters [kg m^2].
-    """
-
-    aam: Array
-    parameters: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Results:
     """All runs of the demonstration.
 
@@ -69,7 +56,8 @@ class Results:
         identification: Run that excites and identifies.
         no_aam: Tracking that knows nothing of the wheels.
         identified: Tracking with the identified robot.
-        truth: What the simulation was made with.
+        truth: (3 n_links + k,) wheel momentum of the captured body [N m s] and minimal parameters
+            [kg m^2] that the simulation was made with.
         bags: Folders of the recorded bags, the identification's first.
         wall: Wall time of everything [s].
     """
@@ -79,7 +67,7 @@ class Results:
     identification: DemoRun
     no_aam: DemoRun
     identified: DemoRun
-    truth: Truth
+    truth: Array
     bags: tuple[str, ...]
     wall: float
 
@@ -91,12 +79,14 @@ class Results:
     @property
     def aam_error_percent(self) -> float:
         """Largest error of a component of the wheel momentum, in percent of its size."""
-        return _error_percent(self.estimate.aam, self.truth.aam)
+        count = len(self.estimate.aam)
+        return _error_percent(self.estimate.aam, self.truth[:count])
 
     @property
     def parameter_error_percent(self) -> float:
         """Largest error of a minimal parameter, in percent of its size."""
-        return _error_percent(self.estimate.parameters, self.truth.parameters)
+        count = len(self.estimate.aam)
+        return _error_percent(self.estimate.parameters, self.truth[count:])
 
     @property
     def momentum_drift(self) -> float:
@@ -122,7 +112,7 @@ class Results:
             'aam': {
                 'value': self.estimate.aam.tolist(),
                 'std': self.estimate.std[:count].tolist(),
-                'truth': self.truth.aam.tolist(),
+                'truth': self.truth[:count].tolist(),
                 'max_error_percent': self.aam_error_percent,
             },
             'parameters': {'max_error_percent': self.parameter_error_percent},
@@ -136,8 +126,8 @@ class Results:
         }
 
 
-def truth_of(robot: Robot, plant: Robot, structure: str) -> Truth:
-    """What an identification of `plant` should find.
+def truth_of(robot: Robot, plant: Robot, structure: str) -> Array:
+    """(3 n_links + k,) what an identification of `plant` should find.
 
     Args:
         robot: The robot of the model, which gives the minimal set.
@@ -147,7 +137,8 @@ def truth_of(robot: Robot, plant: Robot, structure: str) -> Truth:
     minimal = minimal_set(robot, structure)
     locked = robot.with_inertial_parameters(plant.inertial_parameters[: len(robot.bodies)])
     source = robot if plant.rotor_count else locked
-    return Truth(plant.target_momentum, minimal.regrouping @ BlockTree(source).parameters(source))
+    parameters = minimal.regrouping @ BlockTree(source).parameters(source)
+    return np.concatenate([plant.target_momentum, parameters])
 
 
 def _error_percent(value: Array, truth: Array) -> float:

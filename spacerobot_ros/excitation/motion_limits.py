@@ -67,7 +67,7 @@ class Limits:
     """
 
     def __init__(self, robot: Robot, settings: ExcitationSettings) -> None:
-        joints = self._joints = robot.joints
+        joints = robot.joints
         reach, self.rate, acceleration, torque = (
             _per_joint(getattr(settings, name), len(joints), name)
             for name in ('joint_range', 'joint_rate', 'joint_acceleration', 'joint_torque')
@@ -81,8 +81,11 @@ class Limits:
         self.torque = np.minimum(torque, HEADROOM * robot.effort_limits)
         self.base_rate = np.inf if settings.base_rate is None else settings.base_rate
         turn = np.inf if settings.base_rotation is None else settings.base_rotation
-        base = ('base',)
+        base, half = ('base',), 0.5 * (self.upper - self.lower)
+        bounded = np.isfinite(half)
+        middle = np.subtract(self.upper, half, out=np.zeros_like(half), where=bounded)
         self._sizes = (
+            _Size('joint_range', 'rad', joints, half, lambda m: np.abs(m.q - middle)),
             _Size('joint_rate', 'rad/s', joints, self.rate, lambda m: np.abs(m.qd)),
             _Size('joint_acceleration', 'rad/s^2', joints, acceleration, lambda m: np.abs(m.qdd)),
             _Size('joint_torque', 'N m', joints, self.torque, lambda m: np.abs(m.torque)),
@@ -92,37 +95,30 @@ class Limits:
 
     def fractions(self, motion: BaseMotion) -> Array:
         """(B, T, m) use of every finite limit over time."""
-        half = 0.5 * (self.upper - self.lower)
-        parts = [self._range_use(motion.q)[..., np.isfinite(half)]]
+        parts = []
         for size in self._sizes:
             finite = np.isfinite(size.limits)
-            if finite.any():
-                parts.append(size.of(motion)[..., finite] / size.limits[finite])
+            parts.append(size.of(motion)[..., finite] / size.limits[finite])
         return np.concatenate(parts, axis=-1)
 
     def uses(self, motion: BaseMotion) -> tuple[Use, ...]:
         """How the worst of the candidates uses every limit, the unlimited quantities included."""
-        return (*self._range_uses(motion.q), *self._size_uses(motion))
+        return tuple(self._uses(motion))
 
-    def _size_uses(self, motion: BaseMotion) -> Iterator[Use]:
+    def _uses(self, motion: BaseMotion) -> Iterator[Use]:
         for name, unit, places, limits, of in self._sizes:
             largest = of(motion).max(axis=(0, 1))
-            for where, value, limit in zip(places, largest.tolist(), limits.tolist(), strict=True):
-                yield Use(name, where, unit, value, limit, value / limit)
+            for j, where in enumerate(places):
+                shown = float(largest[j]), float(limits[j])
+                if name == 'joint_range':
+                    shown = self._nearest_end(motion.q[..., j], j)
+                yield Use(name, where, unit, *shown, float(largest[j] / limits[j]))
 
-    def _range_uses(self, q: Array) -> Iterator[Use]:
-        fractions = np.max(self._range_use(q), axis=(0, 1))
-        for j, joint in enumerate(self._joints):
-            low, high = float(q[..., j].min()), float(q[..., j].max())
-            near_upper = self.upper[j] - high <= low - self.lower[j]
-            value, limit = (high, self.upper[j]) if near_upper else (low, self.lower[j])
-            yield Use('joint_range', joint, 'rad', value, float(limit), float(fractions[j]))
-
-    def _range_use(self, q: Array) -> Array:
-        half = 0.5 * (self.upper - self.lower)
-        bounded = np.where(np.isfinite(half), half, 1.0)
-        middle = np.where(np.isfinite(half), self.upper - bounded, 0.0)
-        return np.where(np.isfinite(half), np.abs(q - middle) / bounded, 0.0)
+    def _nearest_end(self, q: Array, joint: int) -> tuple[float, float]:
+        """Position nearest to an end of a joint's range, and that end."""
+        low, high, lower, upper = q.min(), q.max(), self.lower[joint], self.upper[joint]
+        value, limit = (high, upper) if upper - high <= low - lower else (low, lower)
+        return float(value), float(limit)
 
 
 def _rate(motion: BaseMotion) -> Array:
