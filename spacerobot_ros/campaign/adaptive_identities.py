@@ -6,11 +6,13 @@ import numpy as np
 import pinocchio as pin
 
 from ..control.adaptive.regressors import Regressors, parameter_values
+from ..identification.physical import column_rank
 from ..types import Array
 from .adaptive_scenario import minisat
 from .pinocchio_peer import peer
 
 _STATES = 100
+_KNOWN = 1e-9  # of the largest singular value
 
 
 LIMITS = {
@@ -59,8 +61,8 @@ def identities(seed: int = 0) -> dict[str, float]:
     whole = np.array(rows)
     return {
         **dict(zip(LIMITS, worst.tolist(), strict=True)),
-        'rank': _rank(whole.reshape(-1, len(pi))),
-        'rank_without_force': _rank(whole[:, 3:].reshape(-1, len(pi))),
+        'rank': column_rank(whole.reshape(-1, len(pi)), _KNOWN),
+        'rank_without_force': column_rank(whole[:, 3:].reshape(-1, len(pi)), _KNOWN),
     }
 
 
@@ -95,9 +97,3 @@ def _lyapunov_residual(
     rate = sigma @ M @ (Ar - A) + 0.5 * sigma @ (C + C.T) @ sigma
     claimed = -sigma @ K @ sigma + sigma @ Y @ (pi - wrong)
     return float(abs(rate - claimed))
-
-
-def _rank(matrix: Array) -> int:
-    norms = np.linalg.norm(matrix, axis=0)
-    singular = np.linalg.svd(matrix / np.where(norms > 0.0, norms, 1.0), compute_uv=False)
-    return int(np.sum(singular > 1e-9 * singular[0]))

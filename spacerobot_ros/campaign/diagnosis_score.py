@@ -164,9 +164,8 @@ def _evidence(lines: Sequence[Line]) -> Array:
 
 
 def _above(values: Array, thresholds: Array) -> list[float]:
-    if not len(values):
-        return [0.0] * len(thresholds)
-    return [float(np.mean(values >= t)) for t in thresholds]
+    above = np.count_nonzero(values >= thresholds[:, None], axis=1)
+    return list((above / max(len(values), 1)).tolist())
 
 
 def _compared(line: Line) -> Iterator[tuple[str, str, float | None, float | None, float]]:

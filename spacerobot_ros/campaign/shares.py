@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from scipy.stats import binomtest
+
 QUANTILE = 1.959964
 """Of two-sided 95 % intervals of a normal variable."""
 
@@ -36,10 +38,8 @@ class Share:
         """
         if not self.total:
             return 0.0, 1.0
-        n, z2 = self.total, QUANTILE**2
-        middle = (self.hits + 0.5 * z2) / (n + z2)
-        half = math.sqrt(z2 * (self.hits * (n - self.hits) / n + 0.25 * z2)) / (n + z2)
-        return max(middle - half, 0.0), min(middle + half, 1.0)
+        low, high = binomtest(self.hits, self.total).proportion_ci(method='wilson')
+        return float(low), float(high)
 
     def to_json(self) -> dict[str, Any]:
         """As in a campaign's JSON."""

@@ -240,7 +240,7 @@ def project(
     projected = constants.copy()
     projected[model.x] = values(found)
     projected[others] -= solve_triangular(own, across @ (projected[model.x] - wanted))
-    misfit, rank = fit.misfit(found), _rank(fit.root @ manifold)
+    misfit, rank = fit.misfit(found), column_rank(fit.root @ manifold)
     dof = len(wanted) - rank
     return PhysicalEstimate(
         bodies.robot(found),
@@ -316,7 +316,8 @@ def central_differences(
     return (function(at + steps) - function(at - steps)).T / (2.0 * step)
 
 
-def _rank(matrix: Array) -> int:
+def column_rank(matrix: Array, known: float = 1e-7) -> int:
+    """Rank with columns of unit norm, by the share of the largest singular value that counts."""
     norms = np.linalg.norm(matrix, axis=0)
     singular = np.linalg.svd(matrix / np.where(norms > 0.0, norms, 1.0), compute_uv=False)
-    return int(np.sum(singular > 1e-7 * singular[0]))
+    return int(np.sum(singular > known * singular[0]))
