@@ -91,23 +91,25 @@ class Matrix:
     abscissa: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Drawing:
-    """What is to be drawn.
+@dataclass(frozen=True, slots=True)
+class Bars:
+    """Horizontal bars on a logarithmic scale, the first on top.
 
     Args:
-        section: Heading under which it stands.
-        caption: What to see in it.
-        content: Panels over one abscissa, or a matrix.
-        abscissa: Of the panels, with unit.
-        file: Name under which it is kept beside the page, too; empty for none.
+        labels: One a bar.
+        values: Above zero; others leave their line empty.
+        marked: Which bars are the ones that count.
+        abscissa: Label of the scale, with unit.
     """
 
-    section: str
-    caption: str
-    content: Sequence[Panel] | Matrix
-    abscissa: str = 'time [s]'
-    file: str = ''
+    labels: Sequence[str]
+    values: Sequence[float]
+    marked: Sequence[bool]
+    abscissa: str
+
+
+Picture = str | Sequence[Panel] | Matrix | Bars
+"""What `report.plots` draws: panels over one abscissa, counts, or bars; or a drawn `<svg>`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,13 +143,19 @@ class Plot:
     """A plot.
 
     Args:
-        svg: An `<svg>` element from `plots`, or what draws it: a picture that can not be drawn
-            then costs that picture only.
+        picture: What to draw, or what makes it: a picture that can not be drawn then costs that
+            picture only.
         caption: What to see in it.
+        abscissa: Of panels, with unit.
+        height: Of a panel where the whole is 8 wide [in].
+        file: Name under which it is kept beside the page, too; empty for none.
     """
 
-    svg: str | Callable[[], str]
+    picture: Picture | Callable[[], Picture]
     caption: str = ''
+    abscissa: str = 'time [s]'
+    height: float = 2.3
+    file: str = ''
 
 
 Item = str | KeyFigures | Table | Plot

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..display import Curve, Drawing, Panel, Table, table_of
+from ..display import Curve, Panel, Plot, Section, Table, table_of
 from .adaptive_judge import mean_base_errors, median, or_infinite, select, worst
 from .description import Record, Results, grouped
 
@@ -170,7 +170,7 @@ def _periods_and_times(results: Results) -> list[Table]:
     return [periods, times]
 
 
-def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
+def drawings(records: Sequence[Record], results: Results) -> list[Section]:
     """Figures 10 to 13 and the base's inertia over time, first prior at the largest error."""
     kept = {tuple(r['key']): r['history'] for r in records if 'history' in r}
     first = {key[3:5]: history for key, history in kept.items() if key[0] == 'harmonic'}
@@ -194,4 +194,5 @@ def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
         f"Relative error of the base's parameters (Fig. 12), {name}.": base,
         'Set-point with true parameters and different Lambda (Fig. 10).': [swept],
     }
-    return [Drawing('Figures', caption, panels) for caption, panels in captions.items()]
+    plots = [Plot(panels, caption) for caption, panels in captions.items()]
+    return [Section('Figures', plots)]

@@ -14,7 +14,7 @@ from importlib import import_module
 from operator import itemgetter
 from typing import Any, Protocol, cast
 
-from ..display import Drawing, Table
+from ..display import Section, Table
 
 Record = dict[str, Any]
 """Plain JSON data of one trial, its key as `case`."""
@@ -102,7 +102,7 @@ class Campaign:
         """The campaign's functions; imports what is heavy."""
         return cast(Experiment, import_module(f'.{self.module}', __package__))
 
-    def drawings(self, records: Sequence[Record], results: Results) -> list[Drawing]:
+    def drawings(self, records: Sequence[Record], results: Results) -> list[Section]:
         """What is drawn, in order; a module that draws has a function of this name."""
         draw = getattr(self.load(), 'drawings', None)
         return draw(records, results) if draw else []

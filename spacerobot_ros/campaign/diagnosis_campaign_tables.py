@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..display import Curve, Drawing, Matrix, Panel, Table, table_of
+from ..display import Curve, Matrix, Panel, Plot, Section, Table, table_of
 from .description import Record, Results
 from .diagnosis_score import Scores
 from .shares import Share
@@ -114,28 +114,28 @@ def _times(s: Scores) -> Table:
     return Table(['median [s]', 'longest [s]'], [cells], title='Time of a diagnosis')
 
 
-def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
+def drawings(records: Sequence[Record], results: Results) -> list[Section]:
     """False alarms against detection, and who is taken for whom."""
     s = results['diagnosis']
-    section, alarms = 'Detection and confusion', np.asarray(s['roc']['false_alarm'])
+    alarms = np.asarray(s['roc']['false_alarm'])
     curves = [
         Curve(f'{name.removeprefix("found_")} x limit', alarms, np.asarray(shares))
         for name, shares in s['roc'].items()
         if name.startswith('found_')
     ]
-    out = [
-        Drawing(
-            section,
+    what = 'share of effects whose evidence is above the threshold'
+    plots = [
+        Plot(
+            [Panel(what, '1', curves)],
             'The threshold on the best evidence falls from left to right.',
-            [Panel('share of effects whose evidence is above the threshold', '1', curves)],
             'share of clean records above it',
-            ROC,
+            file=ROC,
         )
     ]
     if s['confusion']:
         caption = 'Who is taken for whom, at three times the detection limit.'
-        out.append(Drawing(section, caption, _matrix(s['confusion']), file=CONFUSION))
-    return out
+        plots.append(Plot(_matrix(s['confusion']), caption, file=CONFUSION))
+    return [Section('Detection and confusion', plots)]
 
 
 def _matrix(confusion: Mapping[str, Mapping[str, int]]) -> Matrix:

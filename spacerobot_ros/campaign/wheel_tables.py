@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..display import Curve, Drawing, Panel, Table, table_of
+from ..display import Curve, Panel, Plot, Section, Table, table_of
 from ..types import Array
 from . import paper
 from .description import Record, Results, kinds
@@ -158,11 +158,10 @@ def _tracking(results: Results) -> list[Table]:
     return [known, soft, identified]
 
 
-def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
+def drawings(records: Sequence[Record], results: Results) -> list[Section]:
     """Figures 4 to 7 of the robots of the experiments with noise."""
     out, of = [], kinds(records)
     for axes in results['table_iii']:
-        section = f'Figures 4 to 7, axes {axes}'
         runs = {
             r['law']: {name: np.array(values) for name, values in r['history'].items()}
             for r in of['track']
@@ -179,7 +178,8 @@ def drawings(records: Sequence[Record], results: Results) -> list[Drawing]:
             'Fig. 6: joint errors; what is left with the wheels known is the integrator.': errors,
             'Fig. 7: end-effector error, base frame.': [_end_effector(runs, soft)],
         }
-        out += [Drawing(section, caption, panels) for caption, panels in captions.items()]
+        plots = [Plot(panels, caption) for caption, panels in captions.items()]
+        out.append(Section(f'Figures 4 to 7, axes {axes}', plots))
     return out
 
 

@@ -9,16 +9,12 @@ import re
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from itertools import groupby
 from pathlib import Path
 
 from ..campaign.description import COVERAGE, EXPERIMENTS, WHEEL_MOMENTUM, Campaign, Check
 from ..display import (
-    Drawing,
     KeyFigure,
     KeyFigures,
-    Matrix,
     Plot,
     Report,
     Section,
@@ -116,8 +112,7 @@ def run(args: argparse.Namespace) -> int:
     data['wall_s'] = round(time.monotonic() - started, 1)
     write_text(folder / 'results.json', json_text(data))
     sections = [Section(table.title, [replace(table, title='')]) for table in tables]
-    drawings = campaign.drawings(records, results)
-    page = _write(campaign, checks, _drawn(drawings, folder), sections, folder)
+    page = _write(campaign, checks, campaign.drawings(records, results), sections, folder)
     if args.json:
         print_json(data)
     else:
@@ -132,36 +127,20 @@ def _write(
     tables: Sequence[Section],
     folder: Path,
 ) -> Path:
-    """Write `report.html` and the tables as Markdown beside it; returns the page's path."""
+    """Write `report.html`, and plots and tables that are kept beside it; returns its path."""
     from ..model.files import write_text
     from ..report.html import write_report
     from ..report.markdown import markdown
+    from ..report.plots import svg_of
 
+    for plot in (item for section in plots for item in section.items):
+        if isinstance(plot, Plot) and plot.file:
+            write_text(folder / plot.file, svg_of(plot) + '\n')
     if campaign.markdown:
         write_text(folder / campaign.markdown, markdown(campaign.title, tables))
     asked = Section('Figures to reach', [_key_figures(campaign, checks), _checks(checks)])
     report = Report(campaign.title, campaign.subtitle, [asked, *plots, *tables])
     return write_report(report, folder / 'report.html')
-
-
-def _drawn(drawings: Sequence[Drawing], folder: Path) -> list[Section]:
-    """Plots by section; those that are kept beside the page are written."""
-    from ..model.files import write_text
-    from ..report.plots import matrix, plot
-
-    def svg(drawing: Drawing) -> str:
-        content = drawing.content
-        if isinstance(content, Matrix):
-            return matrix(content)
-        return plot(content, abscissa=drawing.abscissa)
-
-    for drawing in drawings:
-        if drawing.file:
-            write_text(folder / drawing.file, svg(drawing) + '\n')
-    return [
-        Section(name, [Plot(partial(svg, drawing), drawing.caption) for drawing in group])
-        for name, group in groupby(drawings, lambda drawing: drawing.section)
-    ]
 
 
 def _key_figures(campaign: Campaign, checks: Sequence[Check]) -> KeyFigures:

@@ -19,7 +19,6 @@ from ..display import (
     Status,
     Table,
 )
-from ..report.plots import plot
 from ..types import Array
 from .results import AIM_AAM_PERCENT, AIM_DRIFT, AIM_RATIO, DemoRun, Results
 
@@ -104,7 +103,7 @@ def _figures(results: Results) -> list[Item]:
     ]
 
 
-def _tracking(results: Results) -> str:
+def _tracking(results: Results) -> list[Panel]:
     runs = {'wheels unknown': results.no_aam, 'wheels identified': results.identified}
 
     def panel(title: str, joints: slice, log: bool = False) -> Panel:
@@ -118,7 +117,7 @@ def _tracking(results: Results) -> str:
         panel(f'error of joint {j + 1}', slice(j, j + 1))
         for j in range(results.no_aam.error.shape[1])
     ]
-    return plot([panel('largest joint error', slice(None), log=True), *single])
+    return [panel('largest joint error', slice(None), log=True), *single]
 
 
 def _largest(error: Array) -> Array:
@@ -137,19 +136,19 @@ def _convergence(results: Results) -> list[Item]:
     places = _places(results)
     truth = results.truth[: len(places)]
 
-    def sizes() -> str:
+    def sizes() -> list[Panel]:
         relative = 100.0 * np.abs(values - truth) / np.abs(truth)
         curves = [Curve(place, time, relative[:, i]) for i, place in enumerate(places)]
-        return plot([Panel('error of the wheel momentum', '%', curves, log=True)])
+        return [Panel('error of the wheel momentum', '%', curves, log=True)]
 
-    def late() -> str:
+    def late() -> list[Panel]:
         shown = time > 0.2 * time[-1]
         panels = []
         for i, place in enumerate(places):
             errors = Curve('', time[shown], (values[:, i] - truth[i])[shown], 3.0 * std[shown, i])
             title = f'{place}: estimate minus truth, and 3 standard deviations'
             panels.append(Panel(title, 'N m s', [errors], levels=[(0.0, 'truth')]))
-        return plot(panels)
+        return panels
 
     return [
         Plot(sizes, f'The estimate is first given out as valid {when}.'),
@@ -172,16 +171,14 @@ def _parameters(results: Results) -> Table:
     return Table(head, rows, 'Estimates at the end of the run')
 
 
-def _ledger(run: DemoRun) -> str:
+def _ledger(run: DemoRun) -> list[Panel]:
     time = run.ledger_time
     momenta = [Curve(f'h {axis}', time, run.angular[:, i]) for i, axis in enumerate(AXES)]
     drift = Curve('', time, np.maximum(run.drift, 1e-17))
     aim = [(AIM_DRIFT, 'aim')]
     title = 'angular momentum about the centre of mass, inertial frame'
-    return plot(
-        [
-            Panel(title, 'N m s', momenta),
-            Panel('relative drift of the angular momentum', '1', [drift], log=True, levels=aim),
-            Panel('energy that no work accounts for', 'J', [Curve('', time, run.energy_drift)]),
-        ]
-    )
+    return [
+        Panel(title, 'N m s', momenta),
+        Panel('relative drift of the angular momentum', '1', [drift], log=True, levels=aim),
+        Panel('energy that no work accounts for', 'J', [Curve('', time, run.energy_drift)]),
+    ]

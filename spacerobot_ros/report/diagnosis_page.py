@@ -13,12 +13,12 @@ from scipy.signal import welch
 from .. import __version__
 from ..diagnosis.answer.result import Diagnosis, Series
 from ..diagnosis.answer.score_on import BAND
-from ..display import Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table
+from ..display import Bars, Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table
 from ..types import Array
 from . import diagnosis_tables as tables
 from .diagnosis_tables import Findings, is_balance
 from .formats import number, probability
-from .plots import bars, plot, thinned
+from .plots import thinned
 
 _SHORT = 20  # characters of a cell that stays on one line
 _SIGNALS, _SPECTRA, _RANKED = 3, 3, 12
@@ -146,7 +146,7 @@ def _signals(answer: Findings) -> Iterator[Item]:
         'it stands; after: the extended one.'
     )
     for series in worst:
-        yield Plot(partial(_signal_plot, series))
+        yield Plot(partial(_signal_panels, series))
 
 
 def _errors(answer: Findings) -> Iterator[Item]:
@@ -165,11 +165,12 @@ def _errors(answer: Findings) -> Iterator[Item]:
         caption = _KINDS.get(kind, kind)
         if is_balance(diagnosis):
             caption = f'Torque on each joint that the model does not explain, below {BAND:g} Hz.'
-        yield Plot(partial(_error_plot, list(group)), caption)
+        yield Plot(partial(_error_panels, list(group)), caption, height=1.5)
     sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
     if sampled:
         caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'
-        yield Plot(partial(_spectrum_plot, _worst(sampled, _SPECTRA)), caption)
+        spectra = partial(_spectra, _worst(sampled, _SPECTRA))
+        yield Plot(spectra, caption, 'frequency [Hz]', 1.9)
 
 
 def _ranking(answer: Findings) -> Iterator[Item]:
@@ -179,7 +180,7 @@ def _ranking(answer: Findings) -> Iterator[Item]:
     )
     if any(r.log_likelihood_gain > 0.0 for r in answer.diagnosis.ranking[:_RANKED]):
         caption = 'Twice the gain in log likelihood; dark: named causes.'
-        yield Plot(partial(_ranking_plot, answer.diagnosis), caption)
+        yield Plot(partial(_ranking_bars, answer.diagnosis), caption)
     yield tables.ranking_table(answer.diagnosis)
 
 
@@ -234,7 +235,7 @@ def _data_in_words(answer: Findings) -> str:
     return f'{(last - first) / 1e9:.1f} s of data: {", ".join(counts)}'
 
 
-def _signal_plot(series: Series) -> str:
+def _signal_panels(series: Series) -> list[Panel]:
     """Measured and simulated values of a channel, and its errors."""
     curves = [
         _curve('measured', series, series.measured, _MEASURED),
@@ -242,12 +243,12 @@ def _signal_plot(series: Series) -> str:
         _curve('simulated after', series, series.measured - series.after, _AFTER),
     ]
     errors = _error_panel(series, 'measured less simulated')
-    return plot([Panel(_title(series), series.unit, curves), errors])
+    return [Panel(_title(series), series.unit, curves), errors]
 
 
-def _error_plot(group: Sequence[Series]) -> str:
+def _error_panels(group: Sequence[Series]) -> list[Panel]:
     """Errors of the channels of a kind before and after."""
-    return plot([_error_panel(series, _title(series)) for series in group], height=1.5)
+    return [_error_panel(series, _title(series)) for series in group]
 
 
 def _error_panel(series: Series, title: str) -> Panel:
@@ -264,11 +265,9 @@ def _curve(name: str, series: Series, values: Array, color: int) -> Curve:
     return Curve(name, *thinned(series.time, values, _POINTS), None, color)
 
 
-def _spectrum_plot(channels: Sequence[Series]) -> str:
+def _spectra(channels: Sequence[Series]) -> list[Panel]:
     """Amplitude spectra of errors."""
-    return plot(
-        [_spectrum_panel(series) for series in channels], abscissa='frequency [Hz]', height=1.9
-    )
+    return [_spectrum_panel(series) for series in channels]
 
 
 def _spectrum_panel(series: Series) -> Panel:
@@ -286,15 +285,15 @@ def _spectrum_panel(series: Series) -> Panel:
     return Panel(_title(series), unit, curves, log=True, levels=((floor, 'noise floor'),))
 
 
-def _ranking_plot(diagnosis: Diagnosis) -> str:
+def _ranking_bars(diagnosis: Diagnosis) -> Bars:
     """Gains of the best single effects."""
     named = {(c.applied.id, c.applied.where) for c in diagnosis.causes}
     ranked = [r for r in diagnosis.ranking[:_RANKED] if r.log_likelihood_gain > 0.0]
-    return bars(
+    return Bars(
         [r.effect + (f' at {r.where}' if r.where else '') for r in ranked],
         [2.0 * r.log_likelihood_gain for r in ranked],
-        abscissa='twice the gain in log likelihood',
-        marked=[(r.effect, r.where) in named for r in ranked],
+        [(r.effect, r.where) in named for r in ranked],
+        'twice the gain in log likelihood',
     )
 
 

@@ -25,7 +25,6 @@ from ..excitation.precision import Prediction
 from ..excitation.problem import Problem
 from ..types import Array
 from .formats import percent
-from .plots import plot
 
 _FIGURES: dict[str, Callable[[Prediction], str]] = {
     'information [bit]': lambda p: f'{p.bits:.1f}',
@@ -161,14 +160,14 @@ def _percent(value: float) -> str:
     return percent(value, '.3g')
 
 
-def _joints(problem: Problem, motion: BaseMotion) -> str:
+def _joints(problem: Problem, motion: BaseMotion) -> list[Panel]:
     limits = problem.limits
     shown = (
         ('position', 'rad', motion.q[0], limits.upper),
         ('rate', 'rad/s', motion.qd[0], limits.rate),
         ('torque', 'N m', motion.torque[0], limits.torque),
     )
-    return plot([_joint_panel(problem, motion.time, *one) for one in shown])
+    return [_joint_panel(problem, motion.time, *one) for one in shown]
 
 
 def _joint_panel(
@@ -181,10 +180,10 @@ def _joint_panel(
     return Panel(title, unit, curves, levels=levels)
 
 
-def _base(problem: Problem, motion: BaseMotion) -> str:
+def _base(problem: Problem, motion: BaseMotion) -> list[Panel]:
     rate = problem.limits.base_rate
     size = np.linalg.norm(motion.omega[0], axis=1)
     curves = [Curve(axis, motion.time, motion.omega[0, :, i]) for i, axis in enumerate('xyz')]
     curves.append(Curve('magnitude', motion.time, size))
     levels = ((rate, 'limit'),) if np.isfinite(rate) else ()
-    return plot([Panel('base rate', 'rad/s', curves, levels=levels)])
+    return [Panel('base rate', 'rad/s', curves, levels=levels)]

@@ -12,6 +12,7 @@ from pathlib import Path
 from ..display import Item, KeyFigure, KeyFigures, Plot, Report, Section, Table
 from ..model.files import write_text
 from .formats import is_number
+from .plots import svg_of
 
 
 def write_report(report: Report, path: str | Path) -> Path:
@@ -54,7 +55,7 @@ def _item(item: Item) -> str:
 def _figure(figure: Plot) -> str:
     caption = f'<figcaption>{escape(figure.caption)}</figcaption>' if figure.caption else ''
     try:
-        svg = figure.svg if isinstance(figure.svg, str) else figure.svg()
+        svg = svg_of(figure)
     except Exception as error:  # noqa: BLE001  whatever fails in a picture costs that picture only
         why = f'This picture could not be drawn: {type(error).__name__}: {error}'
         return f'<figure><p>{escape(why)}</p>{caption}</figure>'

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..display import Matrix, Panel
+from ..display import Bars, Matrix, Panel, Plot
 from ..types import Array, IntArray
 
 COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
@@ -41,6 +41,18 @@ _RC = {
 }
 
 
+def svg_of(figure: Plot) -> str:
+    """The `<svg>` element of any picture."""
+    picture = figure.picture() if callable(figure.picture) else figure.picture
+    if isinstance(picture, str):
+        return picture
+    if isinstance(picture, Matrix):
+        return matrix(picture)
+    if isinstance(picture, Bars):
+        return bars(picture)
+    return plot(picture, abscissa=figure.abscissa, height=figure.height)
+
+
 def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float = 2.3) -> str:
     """Stacked panels over one abscissa.
 
@@ -63,34 +75,23 @@ def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float =
     return _drawn(size, ', '.join(panel.title for panel in panels), draw)
 
 
-def bars(
-    labels: Sequence[str], values: Sequence[float], *, abscissa: str, marked: Sequence[bool]
-) -> str:
-    """Horizontal bars on a logarithmic scale, the first on top.
-
-    Args:
-        labels: One a bar.
-        values: Above zero; others leave their line empty.
-        abscissa: Label of the scale, with unit.
-        marked: Which bars are the ones that count.
-
-    Returns:
-        An `<svg>` element that scales to the width of its container.
-    """
+def bars(content: Bars) -> str:
+    """Horizontal bars as an `<svg>` element that scales to the width of its container."""
+    labels = content.labels
 
     def draw(figure: Any) -> None:
         ax = figure.subplots()
         places = np.arange(len(labels))
-        heights = np.array([value if value > 0.0 else np.nan for value in values])
-        colors = [COLORS[0] if mark else '#aab4bf' for mark in marked]
+        heights = np.array([value if value > 0.0 else np.nan for value in content.values])
+        colors = [COLORS[0] if mark else '#aab4bf' for mark in content.marked]
         ax.barh(places, heights, color=colors, height=0.7)
         ax.set_xscale('log')
         ax.set_yticks(places, labels)
         ax.invert_yaxis()
         ax.grid(visible=False, axis='y')
-        ax.set_xlabel(abscissa)
+        ax.set_xlabel(content.abscissa)
 
-    return _drawn((8.0, 0.8 + 0.26 * len(labels)), abscissa, draw)
+    return _drawn((8.0, 0.8 + 0.26 * len(labels)), content.abscissa, draw)
 
 
 def matrix(content: Matrix) -> str:
