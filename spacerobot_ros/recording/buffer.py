@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import MessageRejectedError
 from ..types import Array, IntArray, Quaternion, Vector3
 from .messages import finite, unit, vector
-from .record import AttitudeSeries, JointSeries, RateSeries, Record
+from .record import AttitudeSeries, JointSeries, RateSeries, Record, shown
 
 SENSORS = ('imu', 'attitude', 'joints')  # in the order in which equal stamps are used
 PATIENCE_NS = 1_000_000_000  # for a sensor that is silent, on its stamps and on the wall
@@ -31,7 +31,7 @@ def check_later(stamp_ns: int, newest_ns: int | None, lateness_ns: int | None = 
         raise MessageRejectedError('duplicate stamp')
     back = 0 if newest_ns is None else newest_ns - stamp_ns
     if lateness_ns is not None and back > lateness_ns:
-        raise MessageRejectedError(f'stamp goes backwards by {back * 1e-9:.6g} s')
+        raise MessageRejectedError(f'stamp goes backwards by {shown(back * 1e-9)}')
 
 
 class Stream:
@@ -153,7 +153,7 @@ class SampleBuffer:
         newest = self.newest_ns
         if newest is not None and (stamp_ns - newest) * 1e-9 > self._ahead:
             raise MessageRejectedError(
-                f'stamp {(stamp_ns - newest) * 1e-9:.6g} s ahead of all others, at most '
+                f'stamp {shown((stamp_ns - newest) * 1e-9)} ahead of all others, at most '
                 f'{self._ahead:g} s can be bridged; check the clock, or reset'
             )
         self.streams[sensor].add(stamp_ns, value)

@@ -284,6 +284,8 @@ def _stamps(values: IntArray, place: str) -> IntArray:
 
 def shown(seconds: float) -> str:
     """A time with all its digits down to microseconds, such as `1579660012.25 s`."""
+    if abs(seconds) < 1e-6:
+        return f'{seconds:.3g} s'
     return f'{seconds:.6f}'.rstrip('0').rstrip('.') + ' s'
 
 

@@ -227,6 +227,19 @@ def test_a_standing_joint_whose_rate_is_noisy_is_no_fault():
     assert find_faults(standing(0.0, 1e-3)) == ()
 
 
+def test_a_joint_at_rest_says_the_same_where_encoders_have_steps():
+    record = standing(0.0)
+    coarse = replace(record, joints=replace(record.joints, position=np.round(record.q, 2)))
+    assert data_faults(coarse, ARM) == ()
+    noise = 1e-5 * np.random.default_rng(4).standard_normal(record.q.shape)
+    noise[:, 2] = 0.0
+    fine = replace(record, joints=replace(record.joints, position=record.q + noise))
+    assert data_faults(fine, ARM) == (
+        'joint_position/j_link_3: never changes: a dead sensor, or a joint to be made fixed in '
+        'the URDF',
+    )
+
+
 def test_a_dead_rate_is_a_fault_however_slow_the_joint():
     record = standing(1e-4)
     q = record.q.copy()

@@ -77,13 +77,18 @@ def _absent(record: Record, robot: Robot) -> Iterator[DataFault]:
 
 
 def _dead_joints(joints: JointSeries | None) -> Iterator[DataFault]:
-    """Channels that never change, although what they measure does."""
+    """Channels that never change, although what they measure does.
+
+    Encoders whose noise is within a step repeat their readings; there a joint at rest may say the
+    same throughout. Where no other joint ever repeats one, a joint that does is dead.
+    """
     if joints is None:
         return
     still = np.ptp(joints.position, axis=0) == 0.0
     if joints.velocity is not None:
         still &= np.ptp(joints.velocity, axis=0) == 0.0
-    for name in np.array(joints.names)[still]:
+    repeats = np.any(np.diff(joints.position[:, ~still], axis=0) == 0.0)
+    for name in np.array(joints.names)[still & ~repeats]:
         message = 'never changes: a dead sensor, or a joint to be made fixed in the URDF'
         yield DataFault('constant', f'joint_position/{name}', message)
     if joints.effort is None:
