@@ -54,14 +54,8 @@ class FeedForward:
 
     def _force(self, setpoint: Setpoint, omega_WB_B: Vector3, tau: Array) -> Array:
         """(6 + n,) generalised force of all effects."""
-        motion = Motion(
-            self._robot,
-            np.zeros(1),
-            setpoint.q[None],
-            setpoint.qd[None],
-            tau[None],
-            omega=omega_WB_B[None],
-        )
+        state = np.zeros(1), setpoint.q[None], setpoint.qd[None], tau[None]
+        motion = Motion(self._robot, *state, omega=omega_WB_B[None])
         stateless = np.zeros((1, 0))
         return np.asarray(sum(effect.force(motion, stateless)[0] for effect in self._effects))
 

@@ -19,14 +19,7 @@ from .adaptive.law_signals import Measured, Target
 from .command import Torque
 from .compensation import FeedForward
 from .feedback import NS, Feedback
-from .laws import (
-    ComputedTorque,
-    base_torque_limits,
-    law_model,
-    robot_model,
-    torque_limits,
-    within_limits,
-)
+from .laws import ComputedTorque, law_model, robot_model, torque_limits, within_limits
 from .reference_motion import ReferenceMotion
 
 _FIXED = 'passivity'
@@ -54,7 +47,8 @@ class Controller(ABC):
         options = settings.controller
         self._robot, self._law = robot, options.law
         self._structure = settings.identifier.structure
-        self._limits = torque_limits(robot, options.torque_limit)
+        given, limits = options.torque_limit, robot.effort_limits
+        self._limits = torque_limits(given, limits, 'torque_limit', 'a joint')
         self.takes_estimates = options.use_estimate
         self.estimate: Estimate | None = None
         self.joining = 4.0 / bandwidth
@@ -177,7 +171,8 @@ class FreeFlyingController(Controller):
                 f'{options.state_timeout:g} s is shorter than the {self._period:g} s between '
                 'joint states (simulator.joint_rate)',
             )
-        base = base_torque_limits(options.base_torque_limit)
+        given, unlimited = options.base_torque_limit, np.full(3, np.inf)
+        base = torque_limits(given, unlimited, 'base_torque_limit', 'an axis')
         self._all_limits = np.concatenate([base, self._limits])
         self.adaptive = self._from_file()
         self._brake = ComputedTorque(

@@ -171,31 +171,19 @@ def within_limits(tau: Array, limits: Array) -> tuple[Array, np.ndarray]:
     return limited, limited != tau
 
 
-def torque_limits(robot: Robot, limits: tuple[float, ...]) -> Array:
-    """(n,) torque limits of the arm [N m]: those given, otherwise the URDF's.
+def torque_limits(limits: tuple[float, ...], otherwise: Array, name: str, each: str) -> Array:
+    """Torque limits [N m]: those given, else others.
+
+    Args:
+        limits: Those of the robot file; may be empty.
+        otherwise: (k,) limits where none are given.
+        name: Of the parameter in section `controller`.
+        each: What has a limit each.
 
     Raises:
         ConfigurationError: a wrong number of limits.
     """
-    n = robot.n_joints
-    if not limits:
-        return robot.effort_limits
-    if len(limits) != n:
-        raise ConfigurationError(
-            'controller.torque_limit', f'expected {n} numbers (one a joint), got {len(limits)}'
-        )
-    return np.array(limits)
-
-
-def base_torque_limits(limits: tuple[float, ...]) -> Vector3:
-    """(3,) limits of the torque on the base [N m]; infinite where none are given.
-
-    Raises:
-        ConfigurationError: a wrong number of limits.
-    """
-    if len(limits) not in (0, 3):
-        raise ConfigurationError(
-            'controller.base_torque_limit',
-            f'expected 3 numbers (one an axis), got {len(limits)}',
-        )
-    return np.array(limits) if limits else np.full(3, np.inf)
+    if len(limits) not in (0, len(otherwise)):
+        expected = f'expected {len(otherwise)} numbers (one {each}), got {len(limits)}'
+        raise ConfigurationError(f'controller.{name}', expected)
+    return np.array(limits) if limits else otherwise

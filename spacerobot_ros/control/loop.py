@@ -38,6 +38,9 @@ class ControlLoop:
         settings: `controller`, `adaptive`, `reference`, `effects`, `identifier.structure` and of
             `simulator` the period and the rate of the joint states are used.
 
+    Attributes:
+        mode: What the loop is doing.
+
     Raises:
         ConfigurationError: settings that don't fit the robot.
     """
@@ -72,12 +75,7 @@ class ControlLoop:
         self.controller.restart()
         self._last: tuple[int, Array, Array] | None = None
         self._hold_ns = self._first_hold_ns
-        self._mode: Mode = 'hold'
-
-    @property
-    def mode(self) -> Mode:
-        """What the loop is doing."""
-        return self._mode
+        self.mode: Mode = 'hold'
 
     @property
     def estimate(self) -> Estimate | None:
@@ -168,10 +166,10 @@ class ControlLoop:
         self._prepare_motion(stamp_ns, sample, elapsed, bool(reason))
         self._last = (stamp_ns, q, qd)
         if reason:
-            self._mode = 'damping'
+            self.mode = 'damping'
             torque = self.controller.damp(sample)
         else:
-            self._mode = 'hold' if self._motion.rests(stamp_ns) else 'tracking'
+            self.mode = 'hold' if self._motion.rests(stamp_ns) else 'tracking'
             torque = self.controller.track(self._motion, stamp_ns, sample, self._hold_ns)
         return self._command(stamp_ns, torque, self._motion.setpoint(stamp_ns), sample, reason)
 
@@ -187,7 +185,7 @@ class ControlLoop:
         """
         if self._last is None or elapsed_ns <= self._timeout_ns:
             return None
-        self._mode = 'damping'
+        self.mode = 'damping'
         stamp_ns, q, qd = self._last
         rate = self._settings.damping
         past = (elapsed_ns - self._timeout_ns) * NS
@@ -237,7 +235,7 @@ class ControlLoop:
             motion.wait(elapsed)
         if not motion.has_begun:
             motion.begin(stamp_ns, sample.q)
-        elif not stale and (is_lost or self._mode == 'damping'):
+        elif not stale and (is_lost or self.mode == 'damping'):
             motion.rejoin(stamp_ns, sample)
             self.controller.restart()
         if stale:
@@ -256,7 +254,7 @@ class ControlLoop:
             setpoint=setpoint,
             error=setpoint.q - sample.q,
             error_rate=setpoint.qd - sample.qd,
-            mode=self._mode,
+            mode=self.mode,
             reason=reason,
             uses_estimate=self.estimate is not None and self.controller.takes_estimates,
         )

@@ -28,7 +28,7 @@ from ..types import Array
 from .compiling import Triple, compiled, inner
 from .forward_kinematics import accelerate, propagate
 from .rnea import inertia_times
-from .spatial import add, add6, cross, dot, get, get6, plus, power, put, put6, rotate, times
+from .spatial import add, add6, cross, dot, get, get6, plus, power, put, put6, rotate, times, turn
 from .tree import FREE, LINK, Records, tree_of
 
 Machine = tuple[Records, Records, bool]
@@ -185,17 +185,11 @@ def _accelerate_base(body: Any, root: Any, x: Array, wrench: Array, out: Array) 
     _solve(root.articulated, root.acceleration)
     e, eta, w = get(x, 3), x[6], get(root.velocity, 3)
     k = 2.0 / (dot(e, e) + eta * eta)
-    put(out, 0, _rotated(e, eta, k, get(root.velocity, 0)))
+    put(out, 0, turn(e, eta, k, get(root.velocity, 0)))
     put(out, 3, times(0.5, plus(times(eta, w), cross(e, w))))
     out[6] = -0.5 * dot(e, w)
-    put(out, 7 + n, plus(get(root.acceleration, 0), _rotated(e, -eta, k, g)))
+    put(out, 7 + n, plus(get(root.acceleration, 0), turn(e, -eta, k, g)))
     put(out, 10 + n, get(root.acceleration, 3))
-
-
-@inner  # type: ignore[untyped-decorator]
-def _rotated(e: Triple, eta: float, k: float, v: Triple) -> Triple:
-    """R v = v + k e x (e x v + eta v) for a quaternion, with k = 2 / (e . e + eta^2)."""
-    return plus(v, times(k, cross(e, plus(cross(e, v), times(eta, v)))))
 
 
 @inner  # type: ignore[untyped-decorator]

@@ -125,3 +125,9 @@ def force_cross(V: Array, force: Triple, torque: Triple) -> tuple[Triple, Triple
 def unit(a: int) -> Triple:
     """Unit vector of axis a."""
     return 1.0 if a == 0 else 0.0, 1.0 if a == 1 else 0.0, 1.0 if a == 2 else 0.0
+
+
+@inner  # type: ignore[untyped-decorator]
+def turn(e: Triple, eta: float, k: float, v: Triple) -> Triple:
+    """R v = v + k e x (e x v + eta v) for a quaternion, with k = 2 / (e . e + eta^2)."""
+    return plus(v, times(k, cross(e, plus(cross(e, v), times(eta, v)))))

@@ -11,28 +11,10 @@ from typing import Any
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.schema import meanings, parse_number
-from . import (
-    bodies,
-    delays,
-    drive,
-    environment,
-    flexibility,
-    friction,
-    gyrostats,
-    orbit,
-    rotors,
-    sensor_errors,
-    sprung,
-)
+from . import bodies, environment, flexibility, gyrostats, joint, rotors, sensor_errors, sprung
 from .effect import Effect
 
-_MODULES = (
-    *(friction, drive, flexibility),
-    *(sensor_errors, delays),
-    *(gyrostats, rotors),
-    *(bodies, sprung),
-    *(environment, orbit),
-)
+_MODULES = (joint, flexibility, sensor_errors, gyrostats, rotors, bodies, sprung, environment)
 
 
 def _kinds() -> Iterator[type[Effect]]:

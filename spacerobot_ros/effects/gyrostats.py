@@ -248,14 +248,13 @@ class FreeRotors(WheelEffect):
     def change(self, robot: Robot) -> Robot:
         """The link without its wheels' axial inertias."""
         index, axial = self.wheels(robot).body, self['axial_inertia']
-        bodies = list(robot.bodies)
-        least = float(np.linalg.eigvalsh(bodies[index].inertia)[0])
+        body = robot.bodies[index]
+        least = float(np.linalg.eigvalsh(body.inertia)[0])
         if axial >= least:
             raise self.refusal(
                 f'{axial:g} kg m^2 is not below {least:g} kg m^2, the smallest moment of '
                 f'{self.where}, which includes the wheels',
                 'axial_inertia',
             )
-        inertia = bodies[index].inertia - axial * np.eye(3)
-        bodies[index] = replace(bodies[index], inertia=inertia)
-        return replace(robot, bodies=tuple(bodies))
+        inertia = body.inertia - axial * np.eye(3)
+        return robot.with_body(index, replace(body, inertia=inertia))

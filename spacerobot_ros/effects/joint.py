@@ -1,11 +1,28 @@
-"""What the effects of one manipulator joint share."""
+"""Joints: friction, and motors and gears that give another torque than their command.
+
+Friction is a torque against the joint rate, whatever the motor does; the others are the motor's
+gain, ripple and rotor, and a harness.
+"""
 
 from __future__ import annotations
+
+import numpy as np
 
 from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
 from .motion import Motion, inverse_mass
+from .parameter import amount, phase, searched
+
+STICTION_RATE = 2e-3
+"""Rate over which dry friction changes its sign [rad/s]: sign(v) is smoothed to tanh(v / this)."""
+
+
+_FALLS = (0.005, 0.015, 0.05, 0.15)
+"""First guesses of the rate over which friction falls [rad/s]."""
+_HARMONICS = tuple(2.0**k for k in range(8))
+"""First guesses of a ripple's periods in one turn."""
+_TURNS = {'minimum': -20.0, 'maximum': 20.0}  # rad
 
 
 class JointEffect(Effect):
@@ -42,3 +59,233 @@ class JointTorque(JointEffect):
             effort: (N,) its motor torque [N m].
         """
         raise NotImplementedError
+
+
+def direction(qd: Array) -> Array:
+    """Smoothed sign of a joint rate."""
+    return np.tanh(qd / STICTION_RATE)
+
+
+class ViscousFriction(JointTorque):
+    """tau = -c q'.
+
+    Typical: 0.1 to 30 N m s/rad for harmonic drives of space arms.
+    Signature: a torque residual in proportion to the joint rate.
+    Source: Armstrong-Helouvry et al., Automatica 30 (1994).
+
+    Args:
+        coefficient: Torque against the joint rate, per rate.
+    """
+
+    id = 'joint_viscous_friction'
+    title = 'viscous friction in a joint'
+    parameters = (amount('coefficient', 'N m s/rad', 10.0, 0.05),)
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque against the joint rate."""
+        return -self['coefficient'] * qd
+
+    def fastest(self, robot: Robot) -> float:
+        """Rate at which the joint comes to rest."""
+        return self['coefficient'] * self.mobility(robot)
+
+
+class CoulombFriction(JointTorque):
+    """tau = -T sign(q').
+
+    Typical: 0.1 to 5 N m for harmonic drives of space arms.
+    Signature: a torque residual that jumps whenever the joint reverses.
+    Source: Armstrong-Helouvry et al., Automatica 30 (1994).
+
+    Args:
+        torque: Torque of constant size against the direction of motion.
+    """
+
+    id = 'joint_coulomb_friction'
+    title = 'Coulomb friction in a joint'
+    parameters = (amount('torque', 'N m', 3.0, 0.01),)
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque of constant size against the joint rate."""
+        return -self['torque'] * direction(qd)
+
+    def fastest(self, robot: Robot) -> float:
+        """Decay rate about rest, where the smoothed sign is a strong viscous friction."""
+        return self['torque'] / STICTION_RATE * self.mobility(robot)
+
+
+class StribeckFriction(JointTorque):
+    """tau = -(T + (S - T) exp(-(q'/v)^2)) sign(q').
+
+    Typical: static torque 1.1 to 2 times the Coulomb one, falling over 0.003 to 0.1 rad/s.
+    Signature: as Coulomb friction, with a peak of the residual at every start and reversal.
+    Source: Armstrong-Helouvry et al., Automatica 30 (1994).
+
+    Args:
+        coulomb: Torque against the direction of fast motion.
+        static: Torque against the direction of slow motion.
+        velocity: Rate over which it falls from the static to the Coulomb torque.
+    """
+
+    id = 'joint_stribeck_friction'
+    title = 'dry friction that falls as a joint gets moving'
+    refines = ('joint_coulomb_friction',)
+    parameters = (
+        amount('coulomb', 'N m', 3.0, 0.01),
+        amount('static', 'N m', 4.0, 0.01),
+        searched(
+            'velocity',
+            'rad/s',
+            0.1,
+            nominal=0.01,
+            above=STICTION_RATE,
+            maximum=10.0,
+            guesses=_FALLS,
+        ),
+    )
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque that falls from its static to its Coulomb value as the joint gets moving."""
+        share = np.exp(-((qd / self['velocity']) ** 2))
+        size = self['coulomb'] + (self['static'] - self['coulomb']) * share
+        return -size * direction(qd)
+
+    def check(self, robot: Robot) -> None:
+        """The static torque is the larger one."""
+        if self['static'] < self['coulomb']:
+            raise self.refusal(
+                f'{self["static"]:g} N m is less than the Coulomb torque of '
+                f'{self["coulomb"]:g} N m, which it exceeds at rest',
+                'static',
+            )
+
+    def fastest(self, robot: Robot) -> float:
+        """As of Coulomb friction, of the static torque."""
+        return self['static'] / STICTION_RATE * self.mobility(robot)
+
+
+class LoadFriction(JointTorque):
+    """tau = -mu |tau_m| sign(q').
+
+    Typical: 0.02 to 0.2 of the motor torque for loaded harmonic drives and gears.
+    Signature: a torque residual that jumps at reversals by an amount that follows the torque.
+    Source: Gogoussis and Donath, IEEE Int. Conf. Robotics and Automation (1987).
+
+    Args:
+        coefficient: Torque against the direction of motion per motor torque.
+    """
+
+    id = 'joint_load_friction'
+    title = 'friction in proportion to the load of a joint'
+    parameters = (amount('coefficient', '', 0.1, 1e-3, maximum=1.0),)
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque against the joint rate in proportion to the motor torque."""
+        return -self['coefficient'] * np.abs(effort) * direction(qd)
+
+
+class TorqueConstant(JointTorque):
+    """tau = (g - 1) tau_m: the motor gives g times what is measured or commanded.
+
+    Typical: 2 to 10 % off, from magnet temperature and current sensor.
+    Signature: a torque residual in proportion to the motor torque, at every speed.
+    Source: Gautier and Briot, J. Dyn. Sys. Meas. Control 136 (2014).
+
+    Args:
+        gain: True motor torque per measured one.
+    """
+
+    id = 'joint_torque_constant'
+    title = "a motor's torque constant off its nominal value"
+    parameters = (amount('gain', '', 0.1, 3e-4, nominal=1.0, maximum=10.0),)
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """What the motor gives beyond its nominal torque; friction is none of it."""
+        return (self['gain'] - 1.0) * effort
+
+
+class TorqueRipple(JointTorque):
+    """tau = A sin(k q + phi).
+
+    Typical: 0.1 to 2 N m at 2 to 200 periods a turn, from cogging and harmonic drives.
+    Signature: a torque residual that is periodic in the joint angle.
+    Source: Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996).
+
+    Args:
+        amplitude: Largest torque.
+        harmonic: Periods in one turn of the joint.
+        phase: Phase at joint angle zero.
+    """
+
+    id = 'joint_torque_ripple'
+    title = "torque ripple that goes round with a joint's angle"
+    parameters = (
+        amount('amplitude', 'N m', 1.0, 0.02),
+        searched('harmonic', '', 50.0, nominal=1.0, above=0.0, maximum=2000.0, guesses=_HARMONICS),
+        phase(),
+    )
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque that goes round with the joint."""
+        return self['amplitude'] * np.sin(self['harmonic'] * q + self['phase'])
+
+    @classmethod
+    def argument(cls, motion: Motion, where: str | None) -> Array | None:
+        """The joint's angle."""
+        return motion.q[:, motion.column(where)]
+
+    def fastest(self, robot: Robot) -> float:
+        """Of small oscillations in one of its wells."""
+        return float(np.sqrt(abs(self['amplitude'] * self['harmonic']) * self.mobility(robot)))
+
+
+class Stiffness(JointTorque):
+    """tau = -k (q - q0).
+
+    Typical: 0.5 to 20 N m/rad for harness across joints of space arms.
+    Signature: a torque residual in proportion to the joint angle, with an offset.
+    Source: Siciliano et al., Robotics: Modelling, Planning and Control (2009), 5.1.
+
+    Args:
+        stiffness: Torque towards the rest angle per angle.
+        rest_angle: Angle without torque.
+    """
+
+    id = 'joint_stiffness'
+    title = 'a spring across a joint, such as a cable harness'
+    refines = ('torque_sensor_bias',)
+    parameters = (
+        amount('stiffness', 'N m/rad', 5.0, 0.05),
+        searched('rest_angle', 'rad', 1.0, default=0.0, guesses=(-1.0, 0.0, 1.0), **_TURNS),
+    )
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque towards the rest angle."""
+        return -self['stiffness'] * (q - self['rest_angle'])
+
+    def fastest(self, robot: Robot) -> float:
+        """Of the joint on its spring."""
+        return float(np.sqrt(self['stiffness'] * self.mobility(robot)))
+
+
+class MotorInertia(JointEffect):
+    """tau = -J q'': the motor's rotor, reflected by the gear's ratio squared.
+
+    The rotor spins a gear ratio faster than the joint: of its energy 1/2 J (q' + w/ratio)^2 the
+    carrier's rate w is left out, and its momentum too, as in Pinocchio and MuJoCo.
+
+    Typical: 0.1 to 10 kg m^2 for gear ratios of 50 to 200.
+    Signature: a torque residual in proportion to the joint's own acceleration.
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), 9.6.
+
+    Args:
+        inertia: Inertia of the rotor times the gear ratio squared.
+    """
+
+    id = 'motor_inertia'
+    title = "inertia of a geared motor's rotor"
+    parameters = (amount('inertia', 'kg m^2', 3.0, 0.02),)
+
+    def change(self, robot: Robot) -> Robot:
+        """More inertia against the joint's own acceleration."""
+        return robot.with_motor_inertia(str(self.where), self['inertia'])

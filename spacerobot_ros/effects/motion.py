@@ -177,16 +177,10 @@ def motion_at(robot: Robot, time: float, state: State, torque: Array) -> Motion:
         state: The state.
         torque: (n,) motor torques [N m].
     """
-    return Motion(
-        robot,
-        np.array([time]),
-        state.q[None],
-        state.qd[None],
-        torque[None],
-        rotation=rotation_matrix(state.q_WB_xyzw)[None],
-        omega=state.omega_WB_B[None],
-        velocity=state.v_WB_B[None],
-    )
+    joints = state.q[None], state.qd[None], torque[None]
+    rotation = rotation_matrix(state.q_WB_xyzw)[None]
+    omega, v = state.omega_WB_B[None], state.v_WB_B[None]
+    return Motion(robot, np.array([time]), *joints, rotation=rotation, omega=omega, velocity=v)
 
 
 def body_index(robot: Robot, link: str | None) -> int:

@@ -104,9 +104,7 @@ class RotorImbalance(RotorEffect):
         if not robot.rotor_count:
             return robot
         index = 1 + robot.joints.index(str(self.where))
-        bodies = list(robot.bodies)
-        bodies[index] = self._unbalanced(bodies[index])
-        return replace(robot, bodies=tuple(bodies))
+        return robot.with_body(index, self._unbalanced(robot.bodies[index]))
 
     def fastest(self, robot: Robot) -> float:
         """The rotor's rate."""

@@ -134,10 +134,7 @@ def _check_joints(options: RobotSettings, tree: Tree) -> None:
     if not options.joints:
         raise ConfigurationError('robot.joints', 'is empty: name the manipulator joints')
     named = [(f'robot.joints[{i}]', name) for i, name in enumerate(options.joints)]
-    for section, wheels in (
-        ('servicer_wheels', options.servicer_wheels),
-        ('target_wheels', options.target_wheels),
-    ):
+    for section, wheels in options.wheels.items():
         named += [(f'robot.{section}.joints[{i}]', name) for i, name in enumerate(wheels.joints)]
     seen: dict[str, str] = {}
     for place, name in named:

@@ -171,9 +171,12 @@ class Robot:
     def with_motor_inertia(self, joint: str, inertia: float) -> Robot:
         """The same robot, a joint's motor of more inertia than it has [kg m^2]."""
         index = 1 + self.joints.index(joint)
-        bodies = list(self.bodies)
-        bodies[index] = replace(bodies[index], motor_inertia=bodies[index].motor_inertia + inertia)
-        return replace(self, bodies=tuple(bodies))
+        body = self.bodies[index]
+        return self.with_body(index, replace(body, motor_inertia=body.motor_inertia + inertia))
+
+    def with_body(self, index: int, body: Body) -> Robot:
+        """The same robot with another body at a place in `bodies`."""
+        return replace(self, bodies=(*self.bodies[:index], body, *self.bodies[index + 1 :]))
 
     def with_free_rotors(self, rates: Array) -> Robot:
         """The plant view: rotors become joints, and leave the carriers' inertia and gyrostats.
@@ -196,21 +199,19 @@ class Robot:
             self,
             joints=(*self.joints, *(rotor.joint for rotor in self.rotors)),
             bodies=(*bodies, *(rotor.body for rotor in self.rotors)),
-            servicer_wheels=_emptied(
-                self.servicer_wheels, [r for r in self.rotors if not r.is_target]
-            ),
-            target_wheels=tuple(
-                _emptied(g, [r for r in self.rotors if r.is_target]) for g in self.target_wheels
-            ),
+            servicer_wheels=self._without_rotors(self.servicer_wheels, False),
+            target_wheels=tuple(self._without_rotors(g, True) for g in self.target_wheels),
             effort_limits=np.concatenate([self.effort_limits, unlimited]),
-            position_limits=np.vstack(
-                [self.position_limits, np.column_stack([-unlimited, unlimited])]
-            ),
+            position_limits=np.vstack([self.position_limits, np.outer(unlimited, [-1.0, 1.0])]),
             rotors=tuple(
                 replace(r, rate=float(rate)) for r, rate in zip(self.rotors, rates, strict=True)
             ),
             rotor_count=n,
         )
+
+    def _without_rotors(self, gyrostat: Gyrostat, is_target: bool) -> Gyrostat:
+        is_rotors = any(r.is_target == is_target for r in self.rotors)
+        return replace(gyrostat, momentum=np.zeros(3)) if is_rotors else gyrostat
 
     def _free_momentum(self, gyrostat: Gyrostat, is_target: bool) -> Vector3:
         rotors = [r for r in self.rotors[: self.rotor_count] if r.is_target == is_target]
@@ -219,10 +220,6 @@ class Robot:
         return gyrostat.rotation.T @ sum(
             (r.body_momentum for r in rotors if r.link == gyrostat.link), np.zeros(3)
         )
-
-
-def _emptied(gyrostat: Gyrostat, rotors: list[Rotor]) -> Gyrostat:
-    return replace(gyrostat, momentum=np.zeros(3)) if rotors else gyrostat
 
 
 def _finite(values: Array, shape: tuple[int, ...], what: str) -> Array:

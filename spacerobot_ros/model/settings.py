@@ -92,6 +92,11 @@ class RobotSettings:
     servicer_wheels: WheelSettings = field(default_factory=WheelSettings)
     target_wheels: WheelSettings = field(default_factory=WheelSettings)
 
+    @property
+    def wheels(self) -> dict[str, WheelSettings]:
+        """Wheels of both sides by the name of their section."""
+        return {'servicer_wheels': self.servicer_wheels, 'target_wheels': self.target_wheels}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSettings:

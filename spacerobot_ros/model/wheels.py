@@ -21,7 +21,7 @@ _BALANCE_TILT = 1e-3
 
 def lock_rotors(options: RobotSettings, tree: Tree) -> Tree:
     """The same tree with the rotors' joints fixed, as the gyrostat view has them."""
-    locked = {*options.servicer_wheels.joints, *options.target_wheels.joints}
+    locked = {name for wheels in options.wheels.values() for name in wheels.joints}
     joints = {
         name: replace(j, kind='fixed') if name in locked else j for name, j in tree.joints.items()
     }
@@ -42,10 +42,7 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
             on the base.
     """
     rotors = []
-    for section, wheels in (
-        ('servicer_wheels', options.servicer_wheels),
-        ('target_wheels', options.target_wheels),
-    ):
+    for section, wheels in options.wheels.items():
         rates = _rates(wheels, f'robot.{section}')
         for i, name in enumerate(wheels.joints):
             place = f'robot.{section}.joints[{i}]'
@@ -138,10 +135,8 @@ def _check_rotor(joint: Joint, tree: Tree, place: str) -> None:
         raise ConfigurationError(
             place, f'rotor link {joint.child!r} needs a mass and an inertia about its axis'
         )
-    offset, tilt = (
-        _off_axis(link.com, joint.axis),
-        _off_axis(link.inertia @ joint.axis, joint.axis),
-    )
+    offset = _off_axis(link.com, joint.axis)
+    tilt = _off_axis(link.inertia @ joint.axis, joint.axis)
     if offset > _BALANCE_OFFSET or tilt > _BALANCE_TILT * axial:
         raise ConfigurationError(
             place,

@@ -54,17 +54,13 @@ class Step:
 
     def feed(self, listener: Listener) -> None:
         """Give a filter, buffer or monitor what the sensors measured."""
-        joints, omega, attitude = (
-            self.measured.joints,
-            self.measured.omega,
-            self.measured.attitude_xyzw,
-        )
+        measured, joints = self.measured, self.measured.joints
         if joints is not None:
             listener.add_joints(self.stamp_ns, joints.position, joints.velocity, joints.effort)
-        if omega is not None:
-            listener.add_rate(self.stamp_ns, omega)
-        if attitude is not None:
-            listener.add_attitude(self.stamp_ns, attitude)
+        if measured.omega is not None:
+            listener.add_rate(self.stamp_ns, measured.omega)
+        if measured.attitude_xyzw is not None:
+            listener.add_attitude(self.stamp_ns, measured.attitude_xyzw)
 
 
 class ClosedLoop:

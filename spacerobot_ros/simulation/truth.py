@@ -19,6 +19,8 @@ from ..types import Array
 from .plant import Plant
 from .sample_messages import wheels_of
 
+_SIDES = {'target': True, 'servicer': False}
+
 
 def build_plant(robot: Robot, settings: Settings) -> Plant:
     """The plant at its start, its centre of mass at rest.
@@ -66,36 +68,23 @@ def true_robot(robot: Robot, settings: Settings) -> Robot:
     truth = settings.truth
     plant = robot.with_free_rotors(_true_rates(robot, truth))
     plant = changed_robot(plant, bind_effects(settings.effects, robot))
-    for side, momentum in (
-        ('target', truth.target_momentum),
-        ('servicer', truth.servicer_momentum),
-    ):
-        if momentum and any(rotor.is_target == (side == 'target') for rotor in robot.rotors):
-            raise ConfigurationError(
-                f'truth.{side}_momentum', f'the wheels are rotors: give truth.{side}_rates'
-            )
-    if truth.target_momentum:
-        plant = plant.with_target_momentum(
-            np.array(truth.target_momentum), 'truth.target_momentum'
-        )
-    if truth.servicer_momentum:
-        plant = plant.with_servicer_momentum(
-            np.array(truth.servicer_momentum), 'truth.servicer_momentum'
-        )
+    for side, is_target in _SIDES.items():
+        momentum, name = getattr(truth, f'{side}_momentum'), f'truth.{side}_momentum'
+        if momentum and any(rotor.is_target == is_target for rotor in robot.rotors):
+            raise ConfigurationError(name, f'the wheels are rotors: give truth.{side}_rates')
+        if momentum:
+            plant = getattr(plant, f'with_{side}_momentum')(np.array(momentum), name)
     return _with_true_inertia(plant, truth)
 
 
 def _true_rates(robot: Robot, truth: TruthSettings) -> Array:
     rates = np.array([rotor.rate for rotor in robot.rotors])
-    for name, is_target, given in (
-        ('truth.servicer_rates', False, truth.servicer_rates),
-        ('truth.target_rates', True, truth.target_rates),
-    ):
+    for side, is_target in _SIDES.items():
+        given = getattr(truth, f'{side}_rates')
         chosen = [i for i, rotor in enumerate(robot.rotors) if rotor.is_target == is_target]
         if given and len(given) != len(chosen):
-            raise ConfigurationError(
-                name, f'expected {len(chosen)} (one a rotor), got {len(given)}'
-            )
+            expected = f'expected {len(chosen)} (one a rotor), got {len(given)}'
+            raise ConfigurationError(f'truth.{side}_rates', expected)
         if given:
             rates[chosen] = given
     return rates

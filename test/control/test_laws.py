@@ -131,6 +131,6 @@ def test_no_aam_takes_the_wheels_as_at_rest(truth, rng):
 
 def test_settings_that_do_not_fit_are_refused(truth):
     with pytest.raises(ConfigurationError, match=r'controller\.torque_limit: expected 3'):
-        torque_limits(truth, (1.0,))
+        torque_limits((1.0,), truth.effort_limits, 'torque_limit', 'a joint')
     with pytest.raises(ConfigurationError, match=r'controller\.law'):
         law_model('pid', truth)

@@ -14,7 +14,7 @@ from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
-from spacerobot_ros.effects.friction import STICTION_RATE
+from spacerobot_ros.effects.joint import STICTION_RATE
 from spacerobot_ros.errors import ConfigurationError
 
 JOINT = 'j_link_2'

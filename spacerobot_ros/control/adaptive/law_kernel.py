@@ -22,7 +22,7 @@ from ...dynamics.body_regressors import (
     rest_centre,
 )
 from ...dynamics.compiling import Triple, compiled, inner, summed
-from ...dynamics.spatial import cross, dot, get, plus, put, times
+from ...dynamics.spatial import cross, dot, get, plus, put, times, turn
 from ...types import Array
 
 _SMALL = 1e-9  # half angle below which its sine is itself
@@ -53,19 +53,12 @@ def attitude_reference(
     eps = plus(plus(times(eta, e_d), times(-eta_d, e)), cross(e_d, e))
     if scalar < 0.0:
         scalar, eps = -scalar, times(-1.0, eps)
-    feed = _rotated(eps, scalar, get(target, 4))
-    feed_rate = plus(_rotated(eps, scalar, get(target, 7)), cross(feed, omega))
+    feed = turn(eps, scalar, 2.0, get(target, 4))
+    feed_rate = plus(turn(eps, scalar, 2.0, get(target, 7)), cross(feed, omega))
     slip = plus(feed, times(-1.0, omega))
     rate = plus(feed, times(2.0 * bandwidth, eps))
     eps_rate = plus(times(scalar, slip), cross(slip, eps))
     return eps, scalar, rate, plus(feed_rate, times(bandwidth, eps_rate))
-
-
-@inner  # type: ignore[untyped-decorator]
-def _rotated(eps: Triple, eta: float, a: Triple) -> Triple:
-    """A vector turned by a unit quaternion."""
-    t = times(2.0, cross(eps, a))
-    return plus(a, plus(times(eta, t), cross(eps, t)))
 
 
 @compiled  # type: ignore[untyped-decorator]
@@ -168,4 +161,4 @@ def _rate_feedback(K: Array, rate: float, P: Array, V: Array, Vr: Array, u: Arra
 def into_base(attitude: Array, a: Array) -> tuple[float, float, float]:
     """A vector (3,) of the inertial frame in base coordinates."""
     eps = (-attitude[0], -attitude[1], -attitude[2])
-    return _rotated(eps, attitude[3], get(a, 0))
+    return turn(eps, attitude[3], 2.0, get(a, 0))
