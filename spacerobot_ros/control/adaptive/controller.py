@@ -25,7 +25,7 @@ from .law_kernel import command, into_base, reference_motion
 from .law_signals import Health, Measured, ParametersInForce, Target, Torques
 from .learner import Learner
 from .learning_kernel import is_within
-from .prior import discretisation_floor, rate_noise, torque_noise
+from .prior import rate_noise, row_variances
 from .regression import DifferencedRates, FilteredMomentum
 from .regressors import Regressors, parameter_names, parameter_units, with_parameters
 
@@ -100,23 +100,21 @@ class AdaptiveController:
         M = Dynamics(physical).mass_matrix(q)
         reduced = without_translation(M)
         self._K[3:, 3:] = self.settings.kappa * reduced
-        self._learner.weigh(self._tracking_energy(reduced), self.settings.kappa * M)
+        # twice the energy of the error dynamics at `adaptation_error` in the attitude [J]
+        rate = self.settings.attitude_bandwidth * self.settings.adaptation_error
+        energy = float(np.trace(reduced[:3, :3]) / 3.0 * rate**2)
+        self._learner.weigh(energy, self.settings.kappa * M)
         extra = (self.settings.filter_rate, self.settings.torque_noise)
-        self._variances = torque_noise(physical, q, *extra) + discretisation_floor(physical, q)
+        self._variances = row_variances(physical, M, *extra)
         self._gravity_speed[:] = 0.0
         self._is_started = True
         self._begin(measured.v_WB_B is not None)
-
-    def _tracking_energy(self, reduced: Array) -> float:
-        """Energy of the error dynamics at `adaptation_error` in the attitude, times two [J]."""
-        rate = self.settings.attitude_bandwidth * self.settings.adaptation_error
-        return float(np.trace(reduced[:3, :3]) / 3.0 * rate**2)
 
     def _begin(self, measures_velocity: bool) -> None:
         """Start regression and internal reference anew; the state has been read."""
         self._measures_velocity = measures_velocity
         self._regression.restart()
-        self._learner.forget()
+        self._learner.has_slope = False
         self._Vr[:3] = self._state[4:7]
         self._is_cut = False
 
@@ -151,7 +149,8 @@ class AdaptiveController:
         command(machine, self._q, self._motion, learner.pi, gains, at_rest, out)
         learner.has_slope = True
         self._applied[:] = self._u
-        return self._torques()
+        u, error = self._u.copy(), self._error.copy()
+        return Torques(u[3:6], u[6:], error[:3], error[3:])
 
     def _adapt(self, h: float, lost: bool) -> None:
         """Learn from the interval that ends now."""
@@ -169,7 +168,7 @@ class AdaptiveController:
             reason = self._regress(h, reason)
         if learner.uses_gradient and not reason:
             learner.descend(h, self._Y)
-        learner.forget()
+        learner.has_slope = False
         self._is_cut = False
         self._adapting, self._reason = not reason, reason
 
@@ -266,10 +265,6 @@ class AdaptiveController:
         base = (target.q_WD_xyzw, target.omega_WD_D, target.omega_dot_D)
         joints = (target.q, target.qd, target.qdd)
         _join('target', base + joints, (4, 3, 3, n, n, n), self._target)
-
-    def _torques(self) -> Torques:
-        u, error = self._u.copy(), self._error.copy()
-        return Torques(u[3:6], u[6:], error[:3], error[3:])
 
 
 def _join(what: str, parts: tuple[Array, ...], sizes: tuple[int, ...], out: Array) -> None:

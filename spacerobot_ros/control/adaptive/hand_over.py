@@ -60,7 +60,9 @@ def standard_parameters(
     for _ in range(_ITERATIONS):
         J = _jacobian(predicted, pi, steps)
         S = J @ G @ J.T + estimate.covariance
-        K = np.linalg.solve(_regular(S), J @ G).T
+        # a ridge in units of S's own diagonal: structures leave exact dependencies
+        ridge = np.diag(1e-12 * np.diag(S) + np.finfo(float).tiny)
+        K = np.linalg.solve(S + ridge, J @ G).T
         new = mean + K @ (measured - predicted(pi) - J @ (mean - pi))
         change = float(np.max(np.abs(new - pi) / np.where(steps > 0.0, steps / _STEP, 1.0)))
         pi = new
@@ -79,11 +81,6 @@ def _jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Ar
         difference = function(at + shift) - function(at - shift)
         columns.append(difference / (2.0 * step) if step > 0.0 else np.zeros(len(difference)))
     return np.array(columns).T
-
-
-def _regular(S: Array) -> Array:
-    """S with a ridge in units of its own diagonal: structures leave exact dependencies."""
-    return S + np.diag(1e-12 * np.diag(S) + np.finfo(float).tiny)
 
 
 def _check(estimate: Estimate, robot: Robot, names: tuple[str, ...]) -> None:

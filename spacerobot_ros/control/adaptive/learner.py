@@ -43,7 +43,6 @@ class Learner:
         G: (p, p) covariance.
         slope: (p,) gradient Y^T sigma, written by the law.
         has_slope: Whether it is that of the last sample.
-        notes: What had to be done to the prior; empty where nothing.
     """
 
     def __init__(self, robot: Robot, settings: AdaptiveSettings) -> None:
@@ -64,12 +63,9 @@ class Learner:
         rows = 5 + len(robot.bodies)
         self._scratch = (np.zeros((rows, size)), np.zeros((rows, rows)), np.zeros(rows))
         self.physical_pi = self.pi.copy()
-        self.notes = ''
-        if project(self.physical_pi, self.G, self.scales, self._fallback()):
-            self.notes = 'the prior is not physical'
-            if settings.physical_consistency != 'none':
-                self.pi[:] = self.physical_pi
-                self.notes += ': projected onto physical bodies'
+        project(self.physical_pi, self.G, self.scales, self._fallback())
+        if settings.physical_consistency != 'none':
+            self.pi[:] = self.physical_pi
 
     @property
     def is_physical(self) -> bool:
@@ -100,10 +96,6 @@ class Learner:
         """
         self._gain = 1.0 / energy
         self._whitener = np.linalg.inv(np.linalg.cholesky(K_D))
-
-    def forget(self) -> None:
-        """Drop the gradient of the last sample."""
-        self.has_slope = False
 
     def descend(self, h: float, Y: Array) -> None:
         """Move along the gradient of the last sample, over a time h [s].

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...dynamics.equations import Dynamics
 from ...model.robot import Robot
 from ...types import Array
 from .pseudo_inertia import INVERSE, body_scales, pseudo_inertia
@@ -80,24 +79,19 @@ def rate_noise(robot: Robot) -> Array:
     return out
 
 
-def torque_noise(robot: Robot, q: Array, filter_rate: float, extra: float) -> Array:
-    """(6 + n,) noise variances of the filtered regression's rows, from the sensors' noise.
+def row_variances(robot: Robot, M: Array, filter_rate: float, extra: float) -> Array:
+    """(6 + n,) noise variances of the filtered regression's rows.
 
-    Noise of the rates enters as that of the momentum, M dV, times the filter's rate; to it comes
-    the torque sensors' noise.
+    Noise of the rates enters as that of the momentum, M dV, times the filter's rate; to it come
+    the torque sensors' noise and what sampling leaves: the torques of 1e-4 m/s^2 or rad/s^2.
 
     Args:
         robot: A physical robot; `robot.sensors` gives the noise, a missing one counts as zero.
-        q: (n,) joint positions.
+        M: (6 + n, 6 + n) its mass matrix.
         filter_rate: [1/s].
         extra: Standard deviation of further noise [N m].
     """
-    M = Dynamics(robot).mass_matrix(q)
     effort = np.zeros(len(M))
     effort[6:] = robot.sensors.joint_effort_std or 0.0
-    return filter_rate**2 * (M**2 @ rate_noise(robot) ** 2) + effort**2 + extra**2
-
-
-def discretisation_floor(robot: Robot, q: Array) -> Array:
-    """(6 + n,) variances of what sampling leaves: the torques of 1e-4 m/s^2 or rad/s^2."""
-    return np.diag(_SAMPLING_ERROR * Dynamics(robot).mass_matrix(q)) ** 2
+    noise = filter_rate**2 * (M**2 @ rate_noise(robot) ** 2) + effort**2 + extra**2
+    return np.asarray(noise + np.diag(_SAMPLING_ERROR * M) ** 2)
