@@ -16,7 +16,7 @@ import numpy as np
 from ..types import Array
 from .compiling import Triple, compiled, inner
 from .crba import apply_inertia, compose, place_inertias
-from .forward_kinematics import accelerate, in_body, propagate
+from .forward_kinematics import accelerate, propagate
 from .spatial import (
     add,
     along,
@@ -25,6 +25,7 @@ from .spatial import (
     force_cross,
     get,
     get6,
+    in_body,
     motion_cross,
     plus,
     put,

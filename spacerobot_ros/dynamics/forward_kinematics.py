@@ -19,21 +19,7 @@ import numpy as np
 
 from ..types import Array
 from .compiling import Triple, compiled, inner
-from .spatial import (
-    add,
-    add6,
-    cross,
-    dot,
-    get,
-    get6,
-    motion_cross,
-    plus,
-    put,
-    put6,
-    rotate,
-    rotate_back,
-    times,
-)
+from .spatial import add6, cross, get, get6, in_body, motion_cross, plus, put, put6, rotate, times
 from .tree import FREE, LINK, PRISMATIC, Records
 
 
@@ -121,12 +107,6 @@ def shifted(motion: Array, d: Array) -> tuple[Triple, Triple]:
 
 
 @inner  # type: ignore[untyped-decorator]
-def in_body(R: Array, motion: Array) -> tuple[Triple, Triple]:
-    """A motion (6,) in base coordinates, in those of a body."""
-    return rotate_back(R, get(motion, 0)), rotate_back(R, get(motion, 3))
-
-
-@inner  # type: ignore[untyped-decorator]
 def accelerate(own: Any, parent: Any) -> None:
     """Write a link's acceleration but for its own joint's."""
     a, u = shifted(parent.acceleration, own.offset)
@@ -188,42 +168,13 @@ def body_accelerations(tree: Records, kinematics: BodyKinematics, acceleration: 
             if i > 0:
                 v, w = get6(forced[body.parent])
                 put6(forced[k], plus(v, cross(w, way(origins[s], k, body.parent))), w)
-                axis = times(acceleration[s, 5 + k], rotate(R, get(body.axis, 0)))
-                add(forced[k], 0 if body.kind == PRISMATIC else 3, axis)
-            for a in (0, 3):
-                total = plus(get(forced[k], a), get(drifts[s, k], a))
-                put(out[s, k], a, rotate_back(R, total))
-    return out
-
-
-@compiled  # type: ignore[untyped-decorator]
-def generalized_force(
-    tree: Records, body: int, kinematics: BodyKinematics, wrenches: Array
-) -> Array:
-    """Generalised force of a wrench on one body.
-
-    Args:
-        tree: `BODY` records.
-        body: The body's number.
-        kinematics: From `forward_kinematics`.
-        wrenches: (N, 6) [force; torque] at the body's origin, in its frame.
-
-    Returns:
-        (N, 6 + n); the first six are zero for a fixed base.
-    """
-    rotations, origins = kinematics.rotations, kinematics.origins
-    out = np.zeros((len(wrenches), 5 + len(tree)))
-    for s in range(len(wrenches)):
-        R = rotations[s, body]
-        force, torque = rotate(R, get(wrenches[s], 0)), rotate(R, get(wrenches[s], 3))
-        at = body
-        for i in range(len(tree) - 1, 0, -1):
-            if tree[i].number == at:
-                out[s, 5 + at] = along_axis(tree[i], rotations[s, at], force, torque)
-                torque = plus(torque, cross(way(origins[s], at, tree[i].parent), force))
-                at = tree[i].parent
-        if tree[0].kind == FREE:
-            put6(out[s], force, torque)
+                axis, slides = rotate(R, get(body.axis, 0)), body.kind == PRISMATIC
+                slope = acceleration[s, 5 + k]
+                along, about = (slope, 0.0) if slides else (0.0, slope)
+                add6(forced[k], times(along, axis), times(about, axis))
+            put6(out[s, k], *get6(forced[k]))
+            add6(out[s, k], *get6(drifts[s, k]))
+            put6(out[s, k], *in_body(R, out[s, k]))
     return out
 
 
@@ -231,9 +182,3 @@ def generalized_force(
 def way(origins: Array, body: int, parent: int) -> Triple:
     """From the parent's origin to the body's."""
     return plus(get(origins[body], 0), times(-1.0, get(origins[parent], 0)))
-
-
-@inner  # type: ignore[untyped-decorator]
-def along_axis(body: Any, R: Array, force: Triple, torque: Triple) -> float:
-    """What a joint feels of a wrench at its body's origin, base coordinates."""
-    return dot(rotate(R, get(body.axis, 0)), force if body.kind == PRISMATIC else torque)

@@ -18,9 +18,9 @@ import numpy as np
 
 from ..types import Array
 from .compiling import Triple, compiled, inner
-from .forward_kinematics import BodyKinematics, along_axis, way
-from .spatial import add6, cross, get, get6, plus, put6, rotate, rotate_back, times
-from .tree import FREE, Records
+from .forward_kinematics import BodyKinematics, way
+from .spatial import add6, cross, dot, get, get6, plus, put6, rotate, rotate_back, times
+from .tree import FREE, PRISMATIC, Records
 
 
 @compiled  # type: ignore[untyped-decorator]
@@ -85,3 +85,40 @@ def inertia_times(phi: Array, w: Triple) -> Triple:
         phi[5] * w[0] + phi[6] * w[1] + phi[8] * w[2],
         phi[7] * w[0] + phi[8] * w[1] + phi[9] * w[2],
     )
+
+
+@compiled  # type: ignore[untyped-decorator]
+def generalized_force(
+    tree: Records, body: int, kinematics: BodyKinematics, wrenches: Array
+) -> Array:
+    """Generalised force of a wrench on one body.
+
+    Args:
+        tree: `BODY` records.
+        body: The body's number.
+        kinematics: From `forward_kinematics`.
+        wrenches: (N, 6) [force; torque] at the body's origin, in its frame.
+
+    Returns:
+        (N, 6 + n); the first six are zero for a fixed base.
+    """
+    rotations, origins = kinematics.rotations, kinematics.origins
+    out = np.zeros((len(wrenches), 5 + len(tree)))
+    for s in range(len(wrenches)):
+        R = rotations[s, body]
+        force, torque = rotate(R, get(wrenches[s], 0)), rotate(R, get(wrenches[s], 3))
+        at = body
+        for i in range(len(tree) - 1, 0, -1):
+            if tree[i].number == at:
+                out[s, 5 + at] = along_axis(tree[i], rotations[s, at], force, torque)
+                torque = plus(torque, cross(way(origins[s], at, tree[i].parent), force))
+                at = tree[i].parent
+        if tree[0].kind == FREE:
+            put6(out[s], force, torque)
+    return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def along_axis(body: Any, R: Array, force: Triple, torque: Triple) -> float:
+    """What a joint feels of a wrench at its body's origin, base coordinates."""
+    return dot(rotate(R, get(body.axis, 0)), force if body.kind == PRISMATIC else torque)

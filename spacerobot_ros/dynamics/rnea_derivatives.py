@@ -21,21 +21,9 @@ import numpy as np
 from ..types import Array
 from .compiling import compiled, inner
 from .crba import apply_inertia, compose, crba, place_inertias, place_links
-from .forward_kinematics import BodyKinematics, body_accelerations
+from .forward_kinematics import BodyKinematics, body_accelerations, shifted
 from .rnea import rnea
-from .spatial import (
-    add6,
-    cross,
-    force_cross,
-    get,
-    get6,
-    motion_cross,
-    plus,
-    power,
-    put6,
-    rotate,
-    times,
-)
+from .spatial import add6, force_cross, get, get6, motion_cross, plus, power, put6, rotate, times
 from .tree import FREE, LINK, Records
 
 _AXES = np.eye(6)
@@ -90,6 +78,7 @@ def rnea_derivatives(
         place_inertias(tree, links)
         for i in range(len(tree)):
             own, k = links[tree[i].number], tree[i].number
+            own.offset[:] = -own.origin  # the way back
             _set_motion(own, kinematics.twists[s, k], own.velocity)
             _set_motion(own, accelerations[s, k], own.acceleration)
             add6(own.acceleration, times(-1.0, get(tree[0].gravity, 0)), (0.0, 0.0, 0.0))
@@ -109,8 +98,8 @@ def rnea_derivatives(
 def _set_motion(own: Any, motion: Array, out: Array) -> None:
     """Write a motion of a body's frame, given in it, about the base's origin."""
     v, w = get6(motion)
-    w = rotate(own.rotation, w)
-    put6(out, plus(rotate(own.rotation, v), cross(get(own.origin, 0), w)), w)
+    put6(out, rotate(own.rotation, v), rotate(own.rotation, w))
+    put6(out, *shifted(out, own.offset))
 
 
 @inner  # type: ignore[untyped-decorator]

@@ -95,6 +95,12 @@ def rotate_back(R: Array, a: Triple) -> Triple:
 
 
 @inner  # type: ignore[untyped-decorator]
+def in_body(R: Array, motion: Array) -> tuple[Triple, Triple]:
+    """A motion (6,) in base coordinates, in those of a body."""
+    return rotate_back(R, get(motion, 0)), rotate_back(R, get(motion, 3))
+
+
+@inner  # type: ignore[untyped-decorator]
 def power(x: Array, y: Array) -> float:
     """Product of a motion and a force, six numbers each."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3] + x[4] * y[4] + x[5] * y[5]

@@ -12,12 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.forward_kinematics import (
-    BodyKinematics,
-    body_accelerations,
-    forward_kinematics,
-    generalized_force,
-)
+from ..dynamics.forward_kinematics import BodyKinematics, body_accelerations, forward_kinematics
+from ..dynamics.rnea import generalized_force
 from ..dynamics.rotation import cross_rows, rotation_matrix
 from ..dynamics.state import State
 from ..dynamics.tree import Records, tree_of
