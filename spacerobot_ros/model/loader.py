@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +30,8 @@ def resolve_urdf(url: str, beside: Path | None) -> Path:
         ConfigurationError: empty, relative without a folder, unknown package, or no such file.
     """
     if not url:
-        raise ConfigurationError(
-            'robot.urdf',
-            'is missing: give package://..., an absolute path, or robot_description',
-        )
+        why = 'is missing: give package://..., an absolute path, or robot_description'
+        raise ConfigurationError('robot.urdf', why)
     if url.startswith('package://'):
         package, _, inside = url.removeprefix('package://').partition('/')
         path = package_folder(package) / inside
@@ -77,18 +76,18 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         ModelError: anything wrong in the URDF.
         ConfigurationError: settings that don't fit the URDF.
     """
-    tree = parse_urdf(urdf, urdf_name)
-    options = settings.robot
+    tree, options = parse_urdf(urdf, urdf_name), settings.robot
     if tree.root != options.base_link:
-        raise ConfigurationError(
-            'robot.base_link',
-            f'{options.base_link!r} is not the root link {tree.root!r} of the URDF',
-        )
-    _check_joints(options, tree)
+        why = f'{options.base_link!r} is not the root link {tree.root!r} of the URDF'
+        raise ConfigurationError('robot.base_link', why)
+    for place, why in _faulty_joints(options, tree):
+        raise ConfigurationError(place, why)
     _check_sensors(options, settings.sensors)
     bodies, frames = merge_bodies(lock_rotors(options, tree), options.joints)
     rotors = build_rotors(options, tree, frames)
-    _check_bodies(options, bodies, rotors, urdf_name)
+    for body, why in _faulty_bodies(options, bodies, rotors):
+        raise ConfigurationError(f'{urdf_name}: link {body.name!r}', why)
+    joints = [tree.joints[name] for name in options.joints]
     return Robot(
         name=tree.name,
         urdf=urdf,
@@ -98,10 +97,8 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         bodies=bodies,
         servicer_wheels=servicer_gyrostat(options, tree, frames, rotors),
         target_wheels=target_gyrostats(options, frames, rotors),
-        effort_limits=np.array([tree.joints[name].effort_limit for name in options.joints]),
-        position_limits=np.array(
-            [tree.joints[name].position_limit for name in options.joints]
-        ).reshape(-1, 2),
+        effort_limits=np.array([joint.effort_limit for joint in joints]),
+        position_limits=np.array([joint.position_limit for joint in joints]).reshape(-1, 2),
         sensors=settings.sensors,
         rotors=rotors,
         inertia_uncertainty=options.inertia_uncertainty,
@@ -129,53 +126,39 @@ def _each(options: RobotSettings, place: str, given: Any) -> tuple[Any, ...]:
     return given
 
 
-def _check_joints(options: RobotSettings, tree: Tree) -> None:
+def _faulty_joints(options: RobotSettings, tree: Tree) -> Iterator[tuple[str, str]]:
+    """Names of joints that don't fit the URDF: place and reason."""
     moving = [j.name for j in tree.joints.values() if j.kind in MOVING]
     if not options.joints:
-        raise ConfigurationError('robot.joints', 'is empty: name the manipulator joints')
+        yield 'robot.joints', 'is empty: name the manipulator joints'
     named = [(f'robot.joints[{i}]', name) for i, name in enumerate(options.joints)]
     for section, wheels in options.wheels.items():
         named += [(f'robot.{section}.joints[{i}]', name) for i, name in enumerate(wheels.joints)]
     seen: dict[str, str] = {}
     for place, name in named:
         if name not in moving:
-            raise ConfigurationError(
-                place, f'the URDF has no moving joint {name!r} (it has {", ".join(moving)})'
-            )
+            yield place, f'the URDF has no moving joint {name!r} (it has {", ".join(moving)})'
         if name in seen:
-            raise ConfigurationError(
-                place, f'joint {name!r} is named twice, first as {seen[name]}'
-            )
+            yield place, f'joint {name!r} is named twice, first as {seen[name]}'
         seen[name] = place
     for name in moving:
         if name not in seen:
-            raise ConfigurationError(
-                'robot.joints',
-                f'joint {name!r} of the URDF moves but is not named: list it or make it fixed',
-            )
+            why = f'joint {name!r} of the URDF moves but is not named: list it or make it fixed'
+            yield 'robot.joints', why
 
 
-def _check_bodies(
-    options: RobotSettings, bodies: tuple[Body, ...], rotors: tuple[Rotor, ...], urdf_name: str
-) -> None:
-    """Refuse a singular mass matrix: a massless base or end, or a carrier that is all rotor."""
+def _faulty_bodies(
+    options: RobotSettings, bodies: tuple[Body, ...], rotors: tuple[Rotor, ...]
+) -> Iterator[tuple[Body, str]]:
+    """What makes the mass matrix singular: a massless base or end, a carrier that is all rotor."""
     base = bodies[0]
     if options.base == 'free' and (base.mass <= 0.0 or np.linalg.eigvalsh(base.inertia)[0] <= 0.0):
-        raise ConfigurationError(
-            f'{urdf_name}: link {base.name!r}',
-            'a free base needs a mass and an inertia about every axis',
-        )
+        yield base, 'a free base needs a mass and an inertia about every axis'
     parents = {body.parent for body in bodies}
-    for index, body in enumerate(bodies[1:], start=1):
-        if index not in parents and body.effective_inertia <= 0.0:
-            raise ConfigurationError(
-                f'{urdf_name}: link {body.name!r}',
-                f'joint {options.joints[index - 1]!r} moves it, so it needs mass and inertia',
-            )
+    for index, joint in enumerate(options.joints, start=1):
+        if index not in parents and bodies[index].effective_inertia <= 0.0:
+            yield bodies[index], f'joint {joint!r} moves it, so it needs mass and inertia'
     for carrier in sorted({rotor.body.parent for rotor in rotors}):
         rotor_mass = sum(rotor.body.mass for rotor in rotors if rotor.body.parent == carrier)
         if bodies[carrier].mass <= rotor_mass * (1.0 + 1e-9):
-            raise ConfigurationError(
-                f'{urdf_name}: link {bodies[carrier].name!r}',
-                'carries rotors, so it needs a mass and an inertia of its own',
-            )
+            yield bodies[carrier], 'carries rotors, so it needs a mass and an inertia of its own'

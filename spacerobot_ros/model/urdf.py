@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,7 +92,11 @@ def parse_urdf(text: str, place: str = 'URDF') -> Tree:
         raise ModelError(place, f'the root element is <{root.tag}>, expected <robot>')
     links = _unique([_parse_link(e, place) for e in root.findall('link')], 'link', place)
     joints = _unique([_parse_joint(e, place) for e in root.findall('joint')], 'joint', place)
-    return Tree(root.get('name', 'robot'), _check_tree(links, joints, place), links, joints)
+    children = {joint.child for joint in joints.values()}
+    base = next((name for name in links if name not in children), '')
+    for where, why in _faults_of_tree(links, joints, base, place):
+        raise ModelError(where, why)
+    return Tree(root.get('name', 'robot'), base, links, joints)
 
 
 def _unique(items: list, kind: str, place: str) -> dict:  # type: ignore[type-arg]
@@ -129,10 +134,8 @@ def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:
         if mirrored not in INERTIA or mirrored not in values:
             raise ModelError(f'{where} inertia', f'unknown attribute {key!r}')
         if values[key] != values[mirrored]:
-            raise ModelError(
-                f'{where} inertia',
-                f'asymmetric: {key} = {values[key]} but {mirrored} = {values[mirrored]}',
-            )
+            both = f'{key} = {values[key]} but {mirrored} = {values[mirrored]}'
+            raise ModelError(f'{where} inertia', f'asymmetric: {both}')
     missing = [k for k in INERTIA if k not in values]
     if missing:
         raise ModelError(f'{where} inertia', f'missing {", ".join(missing)}')
@@ -180,9 +183,8 @@ def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
     if not name:
         raise ModelError(f'{place}: <joint>', 'has no name')
     if kind not in (*MOVING, 'fixed'):
-        raise ModelError(
-            where, f'joint type {kind!r} is not supported (use {", ".join(MOVING)} or fixed)'
-        )
+        known = f'{", ".join(MOVING)} or fixed'
+        raise ModelError(where, f'joint type {kind!r} is not supported (use {known})')
     if element.find('mimic') is not None:
         raise ModelError(where, 'mimic joints are not supported: list the joint or make it fixed')
     parent, child = element.find('parent'), element.find('child')
@@ -209,18 +211,14 @@ def _parse_limits(
     if kind != 'continuous' and ('lower' in given or 'upper' in given):
         low, high = limit('lower'), limit('upper')
     if effort < 0.0 or low > high:
-        raise ModelError(
-            where, f'limits make no sense: effort {effort:g}, range [{low:g}, {high:g}]'
-        )
+        limits = f'effort {effort:g}, range [{low:g}, {high:g}]'
+        raise ModelError(where, f'limits make no sense: {limits}')
     return effort, (low, high)
 
 
 def _parse_axis(element: ElementTree.Element | None, where: str) -> Vector3:
-    axis = np.array(
-        [1.0, 0.0, 0.0]
-        if element is None
-        else _parse_numbers(element.get('xyz', ''), 3, f'{where} axis')
-    )
+    text = '1 0 0' if element is None else element.get('xyz', '')
+    axis = np.array(_parse_numbers(text, 3, f'{where} axis'))
     norm = float(np.linalg.norm(axis))
     if abs(norm - 1.0) > 1e-3:
         raise ModelError(f'{where} axis', f'must be a unit vector, its length is {norm:g}')
@@ -246,34 +244,28 @@ def _parse_numbers(text: str, count: int, where: str) -> list[float]:
     return numbers
 
 
-def _check_tree(links: dict[str, Link], joints: dict[str, Joint], place: str) -> str:
-    parents: dict[str, Joint] = {}
+def _faults_of_tree(
+    links: dict[str, Link], joints: dict[str, Joint], root: str, place: str
+) -> Iterator[tuple[str, str]]:
+    """Why links and joints are not one tree: place and reason."""
+    parents: dict[str, str] = {}
     for joint in joints.values():
         for end in (joint.parent, joint.child):
             if end not in links:
-                raise ModelError(
-                    f'{place}: joint {joint.name!r}',
-                    f'names the link {end!r}, which does not exist',
-                )
+                where = f'{place}: joint {joint.name!r}'
+                yield where, f'names the link {end!r}, which does not exist'
         if joint.child in parents:
-            raise ModelError(
-                f'{place}: link {joint.child!r}',
-                f'has two parents (joints {parents[joint.child].name!r} and {joint.name!r}): '
-                'closed loops are not supported',
-            )
-        parents[joint.child] = joint
+            both = f'{parents[joint.child]!r} and {joint.name!r}'
+            why = f'has two parents (joints {both}): closed loops are not supported'
+            yield f'{place}: link {joint.child!r}', why
+        parents[joint.child] = joint.name
     roots = [name for name in links if name not in parents]
-    if len(roots) != 1:
-        raise ModelError(
-            place,
-            f'must be one tree, but its links without a parent are: {", ".join(roots) or "none"}',
-        )
-    reached, frontier = {roots[0]}, [roots[0]]
-    while frontier:
-        link = frontier.pop()
-        children = [j.child for j in joints.values() if j.parent == link]
-        reached.update(children)
-        frontier.extend(children)
+    if roots != [root]:
+        found = ', '.join(roots) or 'none'
+        yield place, f'must be one tree, but its links without a parent are: {found}'
+    reached, count = {root}, 0
+    while len(reached) > count:
+        count = len(reached)
+        reached |= {j.child for j in joints.values() if j.parent in reached}
     if len(reached) != len(links):
-        raise ModelError(place, f'links form a loop: {", ".join(sorted(set(links) - reached))}')
-    return roots[0]
+        yield place, f'links form a loop: {", ".join(sorted(set(links) - reached))}'

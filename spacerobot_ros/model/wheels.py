@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -47,7 +48,8 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
         for i, name in enumerate(wheels.joints):
             place = f'robot.{section}.joints[{i}]'
             joint = tree.joints[name]
-            _check_rotor(joint, tree, place)
+            for why in _faults_of_rotor(joint, tree):
+                raise ConfigurationError(place, why)
             body, rotation, origin = frames[joint.child]
             if section == 'servicer_wheels' and body != 0:
                 raise ConfigurationError(
@@ -119,30 +121,22 @@ def _rates(wheels: WheelSettings, place: str) -> tuple[float, ...]:
     return wheels.rates or (0.0,) * len(wheels.joints)
 
 
-def _check_rotor(joint: Joint, tree: Tree, place: str) -> None:
+def _faults_of_rotor(joint: Joint, tree: Tree) -> Iterator[str]:
+    """Why a joint can't be that of a true rotor."""
     if joint.kind == 'prismatic':
-        raise ConfigurationError(place, f'joint {joint.name!r} is prismatic: a rotor turns')
-    children = [other.name for other in tree.joints.values() if other.parent == joint.child]
-    if children:
-        raise ConfigurationError(
-            place,
-            f'rotor link {joint.child!r} must be a leaf of the tree, but carries joint '
-            f'{children[0]!r}',
-        )
-    link = tree.links[joint.child]
+        yield f'joint {joint.name!r} is prismatic: a rotor turns'
+    rotor, link = f'rotor link {joint.child!r}', tree.links[joint.child]
+    for other in tree.joints.values():
+        if other.parent == joint.child:
+            yield f'{rotor} must be a leaf of the tree, but carries joint {other.name!r}'
     axial = float(joint.axis @ link.inertia @ joint.axis)
     if axial <= 0.0:
-        raise ConfigurationError(
-            place, f'rotor link {joint.child!r} needs a mass and an inertia about its axis'
-        )
+        yield f'{rotor} needs a mass and an inertia about its axis'
     offset = _off_axis(link.com, joint.axis)
     tilt = _off_axis(link.inertia @ joint.axis, joint.axis)
     if offset > _BALANCE_OFFSET or tilt > _BALANCE_TILT * axial:
-        raise ConfigurationError(
-            place,
-            f'rotor link {joint.child!r} is not balanced about its axis: centre of mass '
-            f'{offset:.3g} m off, products of inertia {tilt:.3g} kg m^2',
-        )
+        found = f'{offset:.3g} m off, products of inertia {tilt:.3g} kg m^2'
+        yield f'{rotor} is not balanced about its axis: centre of mass {found}'
 
 
 def _off_axis(vector: Vector3, axis: Vector3) -> float:
