@@ -283,9 +283,8 @@ def check_reference(settings: ReferenceSettings, n_joints: int) -> None:
     for name, count, what in needed.get(settings.kind, ()):
         got = len(getattr(settings, name))
         if got != count:
-            raise ConfigurationError(
-                f'reference.{name}', f'expected {count} numbers ({what}), got {got}'
-            )
+            why = f'expected {count} numbers ({what}), got {got}'
+            raise ConfigurationError(f'reference.{name}', why)
 
 
 def build_reference(settings: ReferenceSettings, start: Array) -> Reference:

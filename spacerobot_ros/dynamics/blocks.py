@@ -55,14 +55,12 @@ class BlockTree:
 
     def __init__(self, robot: Robot) -> None:
         if not robot.is_free:
-            raise ConfigurationError(
-                'robot.base', 'momentum-based identification needs a free base'
-            )
+            why = 'momentum-based identification needs a free base'
+            raise ConfigurationError('robot.base', why)
         for name, body in zip(robot.joints, robot.bodies[1:], strict=True):
             if body.is_prismatic:
-                raise ConfigurationError(
-                    f'joint {name!r}', 'momentum-based identification needs revolute joints'
-                )
+                why = 'momentum-based identification needs revolute joints'
+                raise ConfigurationError(f'joint {name!r}', why)
         self.n = robot.n_joints
         self.bodies = robot.bodies
         self.pairs = tuple(itertools.combinations(range(self.n + 1), 2))

@@ -61,9 +61,8 @@ def initial_state(robot: Robot, initial: InitialSettings) -> State:
     attitude = np.array(initial.attitude_xyzw)
     norm = float(np.linalg.norm(attitude))
     if abs(norm - 1.0) > 1e-3:
-        raise ConfigurationError(
-            'initial.attitude_xyzw', f'must be a unit quaternion, its norm is {norm:g}'
-        )
+        why = f'must be a unit quaternion, its norm is {norm:g}'
+        raise ConfigurationError('initial.attitude_xyzw', why)
     if not robot.is_free and any(initial.angular_velocity):
         raise ConfigurationError('initial.angular_velocity', 'must be zero for a fixed base')
     zeros = np.zeros(3)

@@ -53,9 +53,8 @@ class MovingBodyEffect(Effect):
             raise self.refusal(f'leaves {self.where} with a mass of {mass:g} kg')
         least = float(np.linalg.eigvalsh(_central_inertia(row))[0])
         if least < -_ROUNDING * largest:
-            raise self.refusal(
-                f'leaves {self.where} with a moment of inertia of {least:.4g} kg m^2'
-            )
+            why = f'leaves {self.where} with a moment of inertia of {least:.4g} kg m^2'
+            raise self.refusal(why)
         return robot.with_inertial_parameters(parameters)
 
 

@@ -93,9 +93,8 @@ def bind_effects(section: Mapping[str, Any], robot: Robot) -> tuple[Effect, ...]
     effects = []
     for name, entry in section.items():
         if not isinstance(entry, Mapping) or 'effect' not in entry:
-            raise ConfigurationError(
-                f'effects.{name}', 'expected {effect: ..., where: ..., parameters...}'
-            )
+            why = 'expected {effect: ..., where: ..., parameters...}'
+            raise ConfigurationError(f'effects.{name}', why)
         values = {key: value for key, value in entry.items() if key not in ('effect', 'where')}
         effects.append(
             bind_effect(str(name), str(entry['effect']), entry.get('where'), values, robot)
@@ -119,9 +118,8 @@ def _checked_values(
     known = [p.name for p in kind.parameters]
     for name in given:
         if name not in known:
-            raise ConfigurationError(
-                f'{place}.{name}', f'{kind.id} has no such parameter (it has {", ".join(known)})'
-            )
+            why = f'{kind.id} has no such parameter (it has {", ".join(known)})'
+            raise ConfigurationError(f'{place}.{name}', why)
     values = {}
     for p in kind.parameters:
         at, value = f'{place}.{p.name}', given.get(p.name, p.default)
@@ -137,9 +135,8 @@ def _check_contradiction(first: Effect, second: Effect) -> None:
     excluded = first.id in second.excludes or second.id in first.excludes
     if excluded and first.where == second.where:
         at = '' if second.where is None else f' at {second.where}'
-        raise second.refusal(
-            f'{second.id}{at} contradicts {first.id} of effects.{first.name}: give one of them'
-        )
+        why = f'{second.id}{at} contradicts {first.id} of effects.{first.name}: give one of them'
+        raise second.refusal(why)
 
 
 def _wrong_place(kind: type[Effect], where: str | None, places: tuple[str | None, ...]) -> str:

@@ -94,10 +94,8 @@ class RotorImbalance(RotorEffect):
     def check(self, robot: Robot) -> None:
         """Refuse a rotor that no body could be."""
         if np.linalg.eigvalsh(self._unbalanced(self.rotor(robot).body).inertia)[0] <= 0.0:
-            raise self.refusal(
-                f'{self["dynamic"]:g} kg m^2 is more than a rotor of these moments can have',
-                'dynamic',
-            )
+            why = f'{self["dynamic"]:g} kg m^2 is more than a rotor of these moments can have'
+            raise self.refusal(why, 'dynamic')
 
     def change(self, robot: Robot) -> Robot:
         """Another rotor body, where rotors are bodies of their own."""

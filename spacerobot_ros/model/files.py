@@ -46,19 +46,16 @@ def read_parameters(path: Path) -> Mapping[str, Any]:
     """
     content = read_yaml(path, 'robot file')
     if not isinstance(content, Mapping) or len(content) != 1:
-        raise ConfigurationError(
-            str(path), "expected one entry '/**' with ros__parameters below it"
-        )
+        why = "expected one entry '/**' with ros__parameters below it"
+        raise ConfigurationError(str(path), why)
     node, parameters = next(iter(content.items()))
     if not isinstance(parameters, Mapping) or list(parameters) != ['ros__parameters']:
-        raise ConfigurationError(
-            f'{path}: {node}', 'expected ros__parameters, and nothing else, below it'
-        )
+        why = 'expected ros__parameters, and nothing else, below it'
+        raise ConfigurationError(f'{path}: {node}', why)
     values = parameters['ros__parameters']
     if not isinstance(values, Mapping):
-        raise ConfigurationError(
-            f'{path}: {node}: ros__parameters', f'expected a map of parameters, got {values!r}'
-        )
+        why = f'expected a map of parameters, got {values!r}'
+        raise ConfigurationError(f'{path}: {node}: ros__parameters', why)
     return values
 
 
@@ -71,9 +68,8 @@ def read_yaml(path: Path, what: str) -> Any:
     try:
         return yaml.load(read_text(path, what), _Loader)
     except yaml.YAMLError as error:
-        raise ConfigurationError(
-            str(path), f'not valid YAML: {" ".join(str(error).split())}'
-        ) from error
+        why = f'not valid YAML: {" ".join(str(error).split())}'
+        raise ConfigurationError(str(path), why) from error
 
 
 def read_text(path: Path, what: str) -> str:

@@ -116,15 +116,13 @@ def plain_types(hint: Any) -> tuple[Any, ...]:
 def parse_section(cls: type, values: Any, place: str) -> Any:
     """Build a settings dataclass of a map; `place` names it in error messages."""
     if not isinstance(values, Mapping):
-        raise ConfigurationError(
-            place.rstrip(': ') or 'parameters', f'expected a map of parameters, got {values!r}'
-        )
+        why = f'expected a map of parameters, got {values!r}'
+        raise ConfigurationError(place.rstrip(': ') or 'parameters', why)
     known = {f.name: f for f in fields(cls)}
     for key in values:
         if key not in known:
-            raise ConfigurationError(
-                _join(place, str(key)), f'unknown parameter{_suggest(str(key), list(known))}'
-            )
+            why = f'unknown parameter{_suggest(str(key), list(known))}'
+            raise ConfigurationError(_join(place, str(key)), why)
     hints = typing.get_type_hints(cls)
     parsed = {}
     for name, f in known.items():

@@ -52,9 +52,8 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
                 raise ConfigurationError(place, why)
             body, rotation, origin = frames[joint.child]
             if section == 'servicer_wheels' and body != 0:
-                raise ConfigurationError(
-                    place, f"the servicer's wheels are on {tree.root!r}, not on {joint.parent!r}"
-                )
+                why = f"the servicer's wheels are on {tree.root!r}, not on {joint.parent!r}"
+                raise ConfigurationError(place, why)
             link = tree.links[joint.child]
             masses = link.mass, link.com, link.inertia
             part = Body(link.name, body, rotation, origin, joint.axis, False, *masses)
@@ -91,9 +90,8 @@ def _gyrostats(
 ) -> tuple[Gyrostat, ...]:
     momentum = np.array(wheels.momentum or (0.0,) * (3 * len(links)))
     if len(momentum) != 3 * len(links):
-        raise ConfigurationError(
-            f'{place}.momentum', f'expected three a link ({3 * len(links)}), got {len(momentum)}'
-        )
+        why = f'expected three a link ({3 * len(links)}), got {len(momentum)}'
+        raise ConfigurationError(f'{place}.momentum', why)
     gyrostats = []
     for i, link in enumerate(links):
         if link not in frames:
@@ -109,15 +107,11 @@ def _gyrostats(
 
 def _rates(wheels: WheelSettings, place: str) -> tuple[float, ...]:
     if wheels.joints and (wheels.momentum or wheels.links):
-        raise ConfigurationError(
-            place,
-            'give either links and momentum (gyrostats) or joints and rates (true rotors)',
-        )
+        why = 'give either links and momentum (gyrostats) or joints and rates (true rotors)'
+        raise ConfigurationError(place, why)
     if wheels.rates and len(wheels.rates) != len(wheels.joints):
-        raise ConfigurationError(
-            f'{place}.rates',
-            f'expected {len(wheels.joints)} (one a joint), got {len(wheels.rates)}',
-        )
+        why = f'expected {len(wheels.joints)} (one a joint), got {len(wheels.rates)}'
+        raise ConfigurationError(f'{place}.rates', why)
     return wheels.rates or (0.0,) * len(wheels.joints)
 
 

@@ -78,9 +78,8 @@ class ClosedLoop:
 
     def __init__(self, robot: Robot, settings: Settings, estimate: Estimate | None = None) -> None:
         if settings.reference.kind == 'topic':
-            raise ConfigurationError(
-                'reference.kind', "'topic' needs the nodes: use fourier, set_point or hold"
-            )
+            why = "'topic' needs the nodes: use fourier, set_point or hold"
+            raise ConfigurationError('reference.kind', why)
         self.plant = build_plant(robot, settings)
         self.joints = self.plant.robot.arm
         self.controller = ControlLoop(robot, settings)

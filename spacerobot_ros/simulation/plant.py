@@ -56,14 +56,11 @@ class Plant:
         self.period_ns = round(period * 1e9)
         self.substeps = substeps
         if self.period_ns < 1 or substeps < 1:
-            raise ConfigurationError(
-                'simulator', f'period {period:g} s and {substeps} substeps must be positive'
-            )
+            why = f'period {period:g} s and {substeps} substeps must be positive'
+            raise ConfigurationError('simulator', why)
         if initial.q.shape != (robot.n_joints,) or initial.qd.shape != (robot.n_joints,):
-            raise ConfigurationError(
-                'initial',
-                f'expected {robot.n_joints} joints, rotors included, got {len(initial.q)}',
-            )
+            why = f'expected {robot.n_joints} joints, rotors included, got {len(initial.q)}'
+            raise ConfigurationError('initial', why)
         self.dynamics = Dynamics(robot)
         self.step_index = 0
         self.effort: Array = np.zeros(self.n_arm)

@@ -92,17 +92,14 @@ def _true_rates(robot: Robot, truth: TruthSettings) -> Array:
 
 def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
     if len(truth.inertial_parameters) != 10 * len(truth.links):
-        raise ConfigurationError(
-            'truth.inertial_parameters',
-            f'expected 10 a link in truth.links, got {len(truth.inertial_parameters)}',
-        )
+        why = f'expected 10 a link in truth.links, got {len(truth.inertial_parameters)}'
+        raise ConfigurationError('truth.inertial_parameters', why)
     names = [body.name for body in robot.bodies]
     parameters = robot.inertial_parameters.copy()
     for i, link in enumerate(truth.links):
         if link not in names:
-            raise ConfigurationError(
-                f'truth.links[{i}]', f'no body {link!r} (bodies: {", ".join(names)})'
-            )
+            why = f'no body {link!r} (bodies: {", ".join(names)})'
+            raise ConfigurationError(f'truth.links[{i}]', why)
         if link in truth.links[:i]:
             raise ConfigurationError(f'truth.links[{i}]', f'{link!r} is named twice')
         row = np.array(truth.inertial_parameters[10 * i : 10 * i + 10])

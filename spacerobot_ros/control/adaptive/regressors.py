@@ -32,9 +32,8 @@ class Regressors:
         if not robot.is_free:
             raise ConfigurationError('robot.base', 'adaptive laws control a free-flying base')
         if robot.rotor_count:
-            raise ConfigurationError(
-                'robot', 'adaptive laws take the model with locked rotors (gyrostat view)'
-            )
+            why = 'adaptive laws take the model with locked rotors (gyrostat view)'
+            raise ConfigurationError('robot', why)
         bodies = len(robot.bodies)
         wheels = np.zeros(len(wheel_links(robot)), WHEELS)
         for record, g in zip(wheels, wheel_links(robot), strict=True):
