@@ -218,8 +218,7 @@ def momentum_map(machine: Regression, q: Array, V: Array, pi: Array, P: Array) -
     compose(tree, links)
     root = links[0]
     for b in range(6):
-        v, w = (unit(b), _ZERO) if b < 3 else (_ZERO, unit(b - 3))
-        P[0, b], P[1, b], P[2, b] = apply_inertia(root, v, w)[0]
+        P[0, b], P[1, b], P[2, b] = apply_inertia(root, unit(b), unit(b - 3))[0]
     for k in range(1, len(tree)):
         p, _ = apply_inertia(links[k], *get6(links[k].screw))
         P[0, 5 + k], P[1, 5 + k], P[2, 5 + k] = p

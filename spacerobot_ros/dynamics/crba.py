@@ -17,7 +17,7 @@ from ..types import Array
 from .compiling import Triple, compiled, inner
 from .forward_kinematics import BodyKinematics
 from .rnea import inertia_times
-from .spatial import add, cross, dot, get, get6, plus, power, put, put6, rotate, times
+from .spatial import add, cross, dot, get, get6, plus, power, put, put6, rotate, times, unit
 from .tree import LINK, PRISMATIC, Records
 
 
@@ -97,17 +97,9 @@ def apply_inertia(own: Any, v: Triple, w: Triple) -> tuple[Triple, Triple]:
 @inner  # type: ignore[untyped-decorator]
 def mass_matrix(tree: Records, links: Records, M: Array) -> None:
     """Write the mass matrix (6 + n, 6 + n), which is zero where joints share no chain."""
-    root, held = links[0], np.zeros(6)
-    r = root.moment
-    for a in range(3):
-        M[a, a] = root.mass
-        for b in range(3):
-            M[3 + a, 3 + b] = root.tensor[a, b]
-    M[0, 4], M[1, 5], M[2, 3] = r[2], r[0], r[1]
-    M[0, 5], M[1, 3], M[2, 4] = -r[1], -r[2], -r[0]
-    for a in range(3):
-        for b in range(3):
-            M[3 + a, b] = M[b, 3 + a]
+    held = np.zeros(6)
+    for b in range(6):
+        put6(M[b], *apply_inertia(links[0], unit(b), unit(b - 3)))
     for j in range(1, len(tree)):
         column = 5 + tree[j].number
         own = links[tree[j].number]

@@ -129,7 +129,7 @@ def force_cross(V: Array, force: Triple, torque: Triple) -> tuple[Triple, Triple
 
 @inner  # type: ignore[untyped-decorator]
 def unit(a: int) -> Triple:
-    """Unit vector of axis a."""
+    """Unit vector of axis a; zero where there is no such axis."""
     return 1.0 if a == 0 else 0.0, 1.0 if a == 1 else 0.0, 1.0 if a == 2 else 0.0
 
 

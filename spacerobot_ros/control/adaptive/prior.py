@@ -60,15 +60,11 @@ def _body_covariance(row: Array, scale: Array, std: float) -> Array:
     values, vectors = np.linalg.eigh(pseudo_inertia(row) * np.outer(scale, scale))
     values = np.maximum(np.abs(values), _TINY * np.max(np.abs(values)))
     P = (vectors * values) @ vectors.T / np.outer(scale, scale)
-    columns = []
-    for i in range(4):
-        for j in range(4):
-            E = np.zeros((4, 4))
-            # entries of E in units of the body's size, so that a shift weighs like a stretch
-            E[i, j] = scale[j] / scale[i]
-            columns.append(INVERSE @ (E @ P + P @ E.T).ravel())
-    spread = 0.5 * std * np.array(columns).T
-    return spread @ spread.T
+    # entries i, j of E in units of the body's size, so that a shift weighs like a stretch: E P
+    units = np.outer(1.0 / scale, scale)
+    grown = np.einsum('ij,ia,jb->ijab', units, np.eye(4), P)
+    columns = INVERSE @ (grown + np.swapaxes(grown, 2, 3)).reshape(16, 16).T
+    return np.asarray((0.5 * std) ** 2 * columns @ columns.T)
 
 
 def rate_noise(robot: Robot) -> Array:
