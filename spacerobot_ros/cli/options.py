@@ -47,7 +47,7 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     add(
         '--split-gaps',
         action='store_true',
-        help='take a recording with long pauses as several, split at the pauses',
+        help='take a recording as several, split at long pauses and where a table begins anew',
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RecordingError
-from ..types import IntArray
+from ..types import Array, IntArray
 from .faults.thresholds import is_short
 from .record import SENSORS, Record, shown
 
@@ -20,8 +20,8 @@ GAP_PERIODS = 10.0  # a longer pause between two samples is worth a note
 SPLIT_PERIODS, SPLIT_PAUSE = 4.0, 0.125  # s
 
 
-def gaps(record: Record) -> tuple[str, ...]:
-    """A note for each sensor with its longest pause, where that is long.
+def with_gaps_noted(record: Record) -> Record:
+    """The record with a note for each sensor on its longest pause, where that is long.
 
     A pause is long above `GAP_PERIODS` times the median period of the sensor.
     """
@@ -30,7 +30,7 @@ def gaps(record: Record) -> tuple[str, ...]:
         series = getattr(record, name)
         if series is not None and len(series.stamp_ns) > 2:
             notes += _gap(name, series.stamp_ns)
-    return tuple(notes)
+    return replace(record, notes=(*record.notes, *notes))
 
 
 def split_at_gaps(record: Record) -> tuple[Record, ...]:
@@ -48,9 +48,7 @@ def split_at_gaps(record: Record) -> tuple[Record, ...]:
     if record.joints is None:
         raise RecordingError(record.source, 'can not be split at gaps: it has no joints')
     time = record.joint_time
-    steps = np.diff(time)
-    longest = max(SPLIT_PERIODS * float(np.median(steps)), SPLIT_PAUSE) if len(steps) else 0.0
-    cuts = 0.5 * (time[:-1] + time[1:])[steps > longest]
+    cuts = 0.5 * (time[:-1] + time[1:])[np.diff(time) > _longest(time)]
     edges = [-np.inf, *cuts.tolist(), np.inf]
     stretches = [record.between(*ends) for ends in itertools.pairwise(edges)]
     kept = [(i, part) for i, part in enumerate(stretches, 1) if not is_short(part.joint_time)]
@@ -63,6 +61,21 @@ def split_at_gaps(record: Record) -> tuple[Record, ...]:
     left_out = len(stretches) - len(kept)
     also = (f'{left_out} stretches between gaps are too short: left out',) if left_out else ()
     return tuple(_own(part, f'stretch {i} of {len(stretches)}', also) for i, part in kept)
+
+
+def continued(seconds: Array) -> Array:
+    """(N,) times of runs one after another, whose clock may begin anew, as those of one clock.
+
+    Where the clock goes back another run begins, after a pause that `split_at_gaps` splits at.
+    """
+    back = np.diff(seconds, prepend=seconds[:1])
+    return np.asarray(seconds + np.cumsum(np.where(back < 0.0, 2.0 * _longest(seconds) - back, 0)))
+
+
+def _longest(time: Array) -> float:
+    """The longest pause within a recording [s]."""
+    period = float(np.median(np.abs(np.diff(time)))) if len(time) > 1 else 0.0
+    return max(SPLIT_PERIODS * period, SPLIT_PAUSE)
 
 
 def _own(part: Record, name: str, also: tuple[str, ...]) -> Record:

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from ..errors import MessageRejectedError, RecordingError
 from ..model.robot import Robot
 from ..types import Array, IntArray
+from .gaps import continued
 from .mapping import (
     DIRECTIONS,
     AttitudeColumns,
@@ -55,13 +56,16 @@ _JOINT_UNITS = (('position', ANGLE, LENGTH), ('velocity', ANGULAR_RATE, LINEAR_R
 _MAY_LACK = ('velocity', 'effort')  # what a joint may have no sensor for
 
 
-def read_mapped(path: Path, robot: Robot, mapping: ColumnMapping) -> Record:
+def read_mapped(
+    path: Path, robot: Robot, mapping: ColumnMapping, *, is_joined: bool = False
+) -> Record:
     """Read a CSV, JSON or npz file.
 
     Args:
         path: The file.
         robot: Gives the joints' names and order.
         mapping: Where the sensors stand in it.
+        is_joined: Whether its clock may begin anew, with another run.
 
     Raises:
         RecordingError: unreadable, a column that is missing or no number, an unknown unit, joints
@@ -74,7 +78,7 @@ def read_mapped(path: Path, robot: Robot, mapping: ColumnMapping) -> Record:
         )
     table = read_table(path, kind, mapping.rows, mapping.delimiter, mapping.header)
     table = _derived(table, mapping)
-    reader = _Reader(table, mapping)
+    reader = _Reader(table, mapping, is_joined)
     return Record(
         joints=reader.joints(mapping.joints, robot) if mapping.joints else None,
         rates=reader.rates(mapping.gyro, mapping.gyro.time) if mapping.gyro else None,
@@ -132,8 +136,8 @@ def _derived(table: SampleTable, mapping: ColumnMapping) -> SampleTable:
 class _Reader:
     """Reads the sections of a mapping from a table; collects what is worth a note."""
 
-    def __init__(self, table: SampleTable, mapping: ColumnMapping) -> None:
-        self._table, self._mapping = table, mapping
+    def __init__(self, table: SampleTable, mapping: ColumnMapping, is_joined: bool) -> None:
+        self._table, self._mapping, self._is_joined = table, mapping, is_joined
         self.notes = [f'columns by {mapping.place}']
 
     def joints(self, section: JointColumns, robot: Robot | None = None) -> JointSeries:
@@ -254,6 +258,8 @@ class _Reader:
         if time is None:
             raise RecordingError(f'{self._mapping.place}: time', 'is missing')
         seconds = self._values(time, [TIME])[:, 0]
+        if self._is_joined:
+            seconds = continued(seconds)
         for key, values in parts.items():
             if len(values) != len(seconds):
                 raise RecordingError(

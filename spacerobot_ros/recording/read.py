@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from ..model.robot import Robot
 from .bag import Topics, read_bag
 from .faults.kinematics import unlike_positions
 from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
-from .gaps import gaps, split_at_gaps
+from .gaps import split_at_gaps, with_gaps_noted
 from .mapped_table import in_robot_order, read_mapped
 from .mapping import load_mapping
 from .npz import load_npz
@@ -27,6 +28,8 @@ def read_record(
     robot: Robot,
     map_path: str | Path | None = None,
     topics: Topics | None = None,
+    *,
+    is_joined: bool = False,
 ) -> Record:
     """Read a recording of any supported kind.
 
@@ -36,6 +39,8 @@ def read_record(
         robot: Gives the joints' names and order, what their efforts are, and the base's frame.
         map_path: Column mapping YAML (docs/data.md); None for a bag or a record file.
         topics: Where the sensors are found in a bag; those of the simulator by default.
+        is_joined: Whether it may be several runs: a table's clock may begin anew, gaps are not
+            noted.
 
     Returns:
         The record, joints in the robot's order. A sensor that is absent is None; what was left
@@ -48,8 +53,12 @@ def read_record(
     path = Path(path)
     if not path.exists():
         raise RecordingError(str(path), 'no such file or folder')
-    record = _usable(_read(path, robot, map_path, topics), robot)
-    return replace(record, notes=(*record.notes, *gaps(record)))
+    if map_path is not None:
+        record = _read_table(path, robot, map_path, is_joined=is_joined)
+    else:
+        record = _read(path, robot, topics)
+    record = _usable(record, robot)
+    return record if is_joined else with_gaps_noted(record)
 
 
 def read_records(
@@ -65,7 +74,8 @@ def read_records(
         paths: As `read_record` takes them, each once.
         robot: The robot of them all.
         map_path: One column mapping for all of them.
-        split_gaps: Whether each is taken as several, split at its long pauses.
+        split_gaps: Whether each is taken as several, split at its long pauses and, in a table,
+            where its clock begins anew.
 
     Raises:
         RecordingError: as `read_record`, the file named; one given twice, or too short.
@@ -76,7 +86,8 @@ def read_records(
     for i, path in enumerate(paths):
         if files[i] in files[:i]:
             raise RecordingError(str(path), 'is given twice')
-        record = _named(path, robot, map_path, paths[0])
+        with _naming(path, paths[0], has_map=map_path is not None):
+            record = read_record(path, robot, map_path, is_joined=split_gaps)
         if record.joints is not None and is_short(record.joint_time):
             raise RecordingError(
                 str(path),
@@ -84,32 +95,33 @@ def read_records(
                 f'{np.ptp(record.joint_time):.3g} s, at least {FEWEST_SAMPLES} in '
                 f'{SHORTEST:g} s are needed',
             )
-        records += split_at_gaps(record) if split_gaps else (record,)
+        records += map(with_gaps_noted, split_at_gaps(record)) if split_gaps else (record,)
     return tuple(records)
 
 
-def _named(
-    path: str | Path, robot: Robot, map_path: str | Path | None, first: str | Path
-) -> Record:
-    """A record; errors name its file, and another that the mapping did fit."""
+@contextmanager
+def _naming(path: str | Path, first: str | Path, *, has_map: bool) -> Iterator[None]:
+    """Make errors name the file, and another that the mapping did fit."""
     try:
-        return read_record(path, robot, map_path)
+        yield
     except RecordingError as error:
         place = error.place if str(path) in error.place else f'{path}: {error.place}'
-        fits = f' (the mapping fits {first})' if map_path is not None and path != first else ''
+        fits = f' (the mapping fits {first})' if has_map and path != first else ''
         raise RecordingError(place, f'{error.reason}{fits}') from error
 
 
-def _read(path: Path, robot: Robot, map_path: str | Path | None, topics: Topics | None) -> Record:
-    suffix = kind_of(path)
-    if map_path is not None:
-        mapping = load_mapping(map_path)
-        if path.is_dir() or suffix in ('mcap', 'db3'):
-            raise RecordingError(str(path), 'is a bag, which needs no column mapping')
-        return read_mapped(path, robot, mapping)
-    if suffix == 'npz' and path.is_file():
+def _read_table(path: Path, robot: Robot, map_path: str | Path, *, is_joined: bool) -> Record:
+    mapping = load_mapping(map_path)
+    if path.is_dir() or kind_of(path) in ('mcap', 'db3'):
+        raise RecordingError(str(path), 'is a bag, which needs no column mapping')
+    return read_mapped(path, robot, mapping, is_joined=is_joined)
+
+
+def _read(path: Path, robot: Robot, topics: Topics | None) -> Record:
+    kind = kind_of(path)
+    if kind == 'npz' and path.is_file():
         return in_robot_order(load_npz(path), robot)
-    if suffix in FORMATS and path.is_file():
+    if kind in FORMATS and path.is_file():
         raise RecordingError(str(path), 'needs a column mapping (--map YAML; docs/data.md)')
     return read_bag(path, robot, topics)
 

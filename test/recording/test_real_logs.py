@@ -282,6 +282,18 @@ def test_a_short_stretch_is_left_out():
     assert split_at_gaps(whole) == (whole,)
 
 
+def test_runs_whose_clock_begins_anew_are_recordings(tmp_path):
+    table = np.vstack([TABLE, TABLE, TABLE])
+    path, map_path = written(tmp_path, table)
+    parts = read_records([path], AMPERES, map_path, split_gaps=True)
+    assert len(parts) == 3
+    for part in parts:
+        np.testing.assert_allclose(part.joint_time, TIME, rtol=0, atol=1e-6)
+        np.testing.assert_array_equal(part.q, Q)
+        assert not any('gaps' in note for note in part.notes)
+    one_line('jumps back by 2.99 s', read_records, [path], AMPERES, map_path)
+
+
 def test_several_recordings(tmp_path):
     path, map_path = written(tmp_path)
     save_npz(paused(5.0), tmp_path / 'b.npz')
