@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..effects.catalogue import CATALOGUE
-from ..effects.effect import Effect, Values
+from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_of
+from .description import grouped
 from .diagnosis_judge import Line
 from .diagnosis_scenario import robot_file
 
@@ -30,21 +31,9 @@ def physical_limits(lines: Sequence[Line]) -> dict[str, dict[str, Any]]:
         with its `unit`; `median`, `least` and `most` of the sizes at the detection limit; the
         `relevant` size, from which it matters (median), and the number of `records`.
     """
-    own: dict[str, list[tuple[float, float]]] = {}
-    for line in lines:
-        if len(line['hidden']) == 1 and line['strength'] > 0.0:
-            (one,) = line['hidden']
-            effect = CATALOGUE[one['effect']]
-            size = _size(effect, one['values']) / line['strength']
-            robot = robot_file(line['robot']).robot
-            names = [p.name for p in effect.parameters]
-            first = names.index(main_parameters(effect)[0].name)
-            relevant = effect.parameters_at(robot, one['where'])[first].relevant
-            own.setdefault(effect.id, []).append((size, relevant))
-    return {
-        name: _limit(CATALOGUE[name], *zip(*pairs, strict=True))
-        for name, pairs in sorted(own.items())
-    }
+    single = [x for x in lines if len(x['hidden']) == 1 and x['strength'] > 0.0]
+    own = grouped(single, lambda line: line['hidden'][0]['effect'])
+    return {name: _limit(CATALOGUE[name], some) for name, some in sorted(own.items())}
 
 
 def main_parameters(effect: type[Effect]) -> tuple[Parameter, ...]:
@@ -56,18 +45,24 @@ def main_parameters(effect: type[Effect]) -> tuple[Parameter, ...]:
     return vector if len(vector) == 3 else (first,)
 
 
-def _size(effect: type[Effect], values: Values) -> float:
-    """Length of the main coordinates about no effect."""
-    return math.hypot(
-        *(coordinate_of(p, values[p.name]) - origin_of(p) for p in main_parameters(effect))
-    )
+def _size(effect: type[Effect], line: Line) -> float:
+    """Length of the main coordinates about no effect, at the detection limit."""
+    values = line['hidden'][0]['values']
+    found = [coordinate_of(p, values[p.name]) - origin_of(p) for p in main_parameters(effect)]
+    return math.hypot(*found) / float(line['strength'])
 
 
-def _limit(
-    effect: type[Effect], sizes: Sequence[float], thresholds: Sequence[float]
-) -> dict[str, Any]:
+def _relevant(effect: type[Effect], line: Line) -> float:
+    """From where on the first main parameter matters at its place."""
+    robot, where = robot_file(line['robot']).robot, line['hidden'][0]['where']
+    first = effect.parameters.index(main_parameters(effect)[0])
+    return effect.parameters_at(robot, where)[first].relevant
+
+
+def _limit(effect: type[Effect], lines: Sequence[Line]) -> dict[str, Any]:
     first, *others = main_parameters(effect)
-    shown = [_shown(first, size) for size in sizes]
+    shown = [_shown(first, _size(effect, line)) for line in lines]
+    relevant = [_shown(first, _relevant(effect, line)) for line in lines]
     name = first.name.removesuffix('x').rstrip('_') or 'vector' if others else first.name
     away = f'{name} - {first.nominal:g}' if first.role == 'linear' and first.nominal else name
     return {
@@ -76,7 +71,7 @@ def _limit(
         'median': float(np.median(shown)),
         'least': min(shown),
         'most': max(shown),
-        'relevant': float(np.median([_shown(first, t) for t in thresholds])),
+        'relevant': float(np.median(relevant)),
         'records': len(shown),
     }
 

@@ -47,9 +47,11 @@ CONDITION_REFERENCE: dict[tuple[str, str], dict[str, Any]] = {
     )
 }
 
-# (axes, plant, law, bandwidth) -> largest joint error [deg] and end-effector error [m], base frame
+TRACKING_ERRORS = ('max_joint_error_deg', 'max_end_effector_error_m')
+
+# (axes, plant, law, bandwidth) -> largest errors, of the end effector in the base frame
 TRACKING_REFERENCE = {
-    (axes, plant, law, bandwidth): errors
+    (axes, plant, law, bandwidth): dict(zip(TRACKING_ERRORS, errors, strict=True))
     for axes, plant, law, *pairs in (
         ('xyy', 'correct', 'no_aam', (16.2, 0.63), (7.5, 0.32), (2.22, 0.104), (0.59, 0.029)),
         ('xyy', 'correct', 'paper', (19.4, 0.86), (9.4, 0.44), (2.92, 0.141), (0.79, 0.044)),

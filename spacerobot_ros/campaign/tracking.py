@@ -96,15 +96,14 @@ def _simulate(
     wanted = np.array([case.reference.at(float(t)).q for t in times])
     error = wanted - np.array(states)[:, 7:10]
     miss = np.array([_miss(dynamics, y, q) for y, q in zip(states, wanted, strict=True)])
-    degrees = float(np.rad2deg(np.max(np.abs(error))))
-    reference = paper.TRACKING_REFERENCE.get((case.axes, plant, law, bandwidth))
+    largest = float(np.rad2deg(np.max(np.abs(error)))), float(np.max(miss))
     return {
         'axes': case.axes,
         'plant': plant,
         'law': law,
         'bandwidth': bandwidth,
-        **_named((degrees, float(np.max(miss)))),
-        'reference': reference and _named(reference),
+        **dict(zip(paper.TRACKING_ERRORS, largest, strict=True)),
+        'reference': paper.TRACKING_REFERENCE.get((case.axes, plant, law, bandwidth)),
         'history': {
             'time': times,
             'joint_error': error,
@@ -113,10 +112,6 @@ def _simulate(
             'omega_WB_B': np.array(states)[:, 13:16],
         },
     }
-
-
-def _named(errors: tuple[float, float]) -> dict[str, float]:
-    return dict(zip(('max_joint_error_deg', 'max_end_effector_error_m'), errors, strict=True))
 
 
 def _miss(dynamics: Dynamics, x: Array, wanted: Array) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..display import Item, Section, table
 from ..errors import ConfigurationError
@@ -21,7 +21,7 @@ from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
     from ..effects.robot_file import RobotFile
-    from ..excitation.separation import Place, Separated, Trial
+    from ..excitation.separation import Place, Separated
 
 CRITERIA = ('information', 'condition', 'unit_condition')
 
@@ -147,30 +147,14 @@ def _separate(args: argparse.Namespace, file: RobotFile) -> int:
                 'schema': 1,
                 'separate': [first.name, second.name],
                 'tried': found.tried,
-                'best': _trial_values(best),
-                'robot_file': found.own and _trial_values(found.own),
+                'best': best,
+                'robot_file': found.own,
             }
         )
     else:
         print_sections([_separated(first, second, found)])
         print(f'written: {args.output}')
     return 0
-
-
-def _trial_values(trial: Trial) -> dict[str, Any]:
-    return {
-        'origin': trial.origin,
-        'duration': trial.motions.family.duration,
-        'sides': [
-            {
-                'seen': side.visible,
-                'told': side.apart,
-                'sine': side.sine,
-                'smallest': side.smallest,
-            }
-            for side in (trial.first, trial.second)
-        ],
-    }
 
 
 def _separated(first: Place, second: Place, found: Separated) -> Section:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -74,6 +74,11 @@ class Contrast(NamedTuple):
         """Smallest share of its plausible size that is told from the other effect."""
         return math.sqrt(2.0 * EQUIVALENT) / self.apart if self.apart > 0.0 else math.inf
 
+    def to_json(self) -> dict[str, float]:
+        """As in the command's JSON."""
+        told = {'seen': self.visible, 'told': self.apart}
+        return {**told, 'sine': self.sine, 'smallest': self.smallest}
+
     @classmethod
     def of(cls, own: Array, other: Array) -> Contrast:
         """Of whitened columns (R, K) against others (R, L)."""
@@ -109,6 +114,11 @@ class Trial:
     def score(self) -> float:
         """Mean logarithm of how far the effects are apart; larger is better."""
         return 0.5 * sum(math.log(max(c.apart, _NOTHING)) for c in (self.first, self.second))
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the command's JSON."""
+        sides = [side.to_json() for side in (self.first, self.second)]
+        return {'origin': self.origin, 'duration': self.motions.family.duration, 'sides': sides}
 
 
 class Separated(NamedTuple):
