@@ -28,7 +28,6 @@ from ..estimation.momentum_process import MomentumModel
 from ..model.robot import Body, Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array
-from .estimate import Estimate, estimated_values
 from .validity_limits import MISFIT_P
 
 _STEP = 1e-6  # of the numerical Jacobian; the unknowns are of order one
@@ -59,49 +58,6 @@ class PhysicalEstimate:
     dof: int
     contradiction: str
     coordinates: Array
-
-
-def on_bodies(
-    model: MomentumModel,
-    settings: IdentifierSettings,
-    linear: Estimate,
-    constants: Array,
-    factor: Array,
-    start: Array | None = None,
-) -> tuple[Estimate, PhysicalEstimate | None]:
-    """Project a linear estimate onto physical bodies where that is asked for and possible.
-
-    Below full rank it is not: bodies would turn what the prior says into what the data seem to
-    say. Where no bodies fit, the linear estimate stands and a note says which body is at fault.
-
-    Args:
-        model: Robot and minimal set.
-        settings: Structure, manifold, prior.
-        linear: The linear estimate.
-        constants: (p,) what it is made of.
-        factor: (p, p) square root of its information.
-        start: Coordinates of an earlier projection, to start from.
-
-    Returns:
-        The estimate, and the bodies; None where there are none.
-    """
-    if settings.manifold == 'linear' or linear.unexcited:
-        return linear, None
-    found = project(model, settings, constants, factor, start)
-    if found.contradiction:
-        notes = (*linear.notes, f'{found.contradiction}; the linear estimate stands')
-        return replace(linear, notes=notes), None
-    dimension = found.dimension - 3 - model.nuisances.size
-    note = (
-        f'estimated over physical bodies: {dimension} dimensions for {linear.unknowns} numbers; '
-        f'misfit {found.misfit:.3g} for {found.dof} degrees of freedom'
-    )
-    estimate = replace(
-        linear,
-        notes=(*linear.notes, note),
-        **estimated_values(model, found.constants, found.covariance),
-    )
-    return estimate, found
 
 
 class BodyParameters:

@@ -13,7 +13,7 @@ from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate, estimated_values
-from .physical import on_bodies
+from .physical import project
 from .validity_limits import BETTER_THAN_PLACEBO, BETTER_THAN_PRIOR, LARGEST_CHI2
 from .weak_prior import Prior
 
@@ -87,6 +87,9 @@ def conclude(
 ) -> Identification:
     """The estimate, over physical bodies where the method is likelihood and no fault is seen.
 
+    Below full rank bodies are not sought: they would turn what the prior says into what the data
+    seem to say. Where none fit, the linear estimate stands and a note says which body is at fault.
+
     Args:
         model: Robot and minimal set.
         settings: Limits of validity, manifold.
@@ -95,14 +98,23 @@ def conclude(
         start: Coordinates of bodies found earlier.
     """
     linear = summarize(model, settings, solution, source)
-    if solution.placebo is None or source.faults:
+    is_linear = settings.manifold == 'linear' or solution.placebo is None
+    if is_linear or source.faults or linear.unexcited:
         return Identification(linear)
     factor = solution.information.factor[:, :-1]
-    estimate, bodies = on_bodies(model, settings, linear, solution.constants, factor, start)
-    if bodies is None:
-        return Identification(estimate)
-    robot = bodies.robot.with_target_momentum(estimate.aam)
-    return Identification(estimate, robot, bodies.coordinates)
+    found = project(model, settings, solution.constants, factor, start)
+    if found.contradiction:
+        notes = (*linear.notes, f'{found.contradiction}; the linear estimate stands')
+        return Identification(replace(linear, notes=notes))
+    dimension = found.dimension - 3 - model.nuisances.size
+    note = (
+        f'estimated over physical bodies: {dimension} dimensions for {linear.unknowns} numbers; '
+        f'misfit {found.misfit:.3g} for {found.dof} degrees of freedom'
+    )
+    values = estimated_values(model, found.constants, found.covariance)
+    estimate = replace(linear, notes=(*linear.notes, note), **values)
+    robot = found.robot.with_target_momentum(estimate.aam)
+    return Identification(estimate, robot, found.coordinates)
 
 
 def summarize(
