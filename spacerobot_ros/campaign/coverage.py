@@ -17,7 +17,7 @@ from ..types import Array
 from .description import Check, Record, Results, key
 from .estimators import bound_of, error_figures, estimate, rms, true_values
 from .noisy_records import noisy_record
-from .scenario import cached_motion, scenario
+from .scenario import momentum_motion, scenario
 from .shares import QUANTILE
 
 METHODS = ('online', 'ml', 'physical')
@@ -43,7 +43,7 @@ def run(key: str) -> Record:
     """Identify one noisy record by every method."""
     _, axes, seed = json.loads(key)
     case = scenario(axes)
-    joints, motion = case.robot.joints, cached_motion(axes)
+    joints, motion = case.robot.joints, momentum_motion(axes)
     record = noisy_record(joints, motion, 1.0, seed, _ATTITUDE_EVERY)
     found = {name: estimate(record, case, 1.0, name) for name in METHODS}
     methods = {

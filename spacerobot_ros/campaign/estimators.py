@@ -28,7 +28,7 @@ from ..types import Array
 from . import paper
 from .linear_system import linear_system, relative_errors, true_solution
 from .noisy_records import SCALES, levels_of, noise_of, noisy_record
-from .scenario import Scenario, cached_motion, scenario
+from .scenario import Scenario, momentum_motion, scenario
 from .tracking import track_identified
 
 METHODS = ('paper', 'ls', 'recursive', 'online', 'ml', 'physical')
@@ -47,7 +47,7 @@ def noisy_run(axes: str, scale: float, seed: int) -> dict[str, Any]:
         By method: (3 + k,) solutions [AAM; x] and chi2 per degree of freedom; the tracking runs.
     """
     case = scenario(axes)
-    record = noisy_record(case.robot.joints, cached_motion(axes), scale, seed)
+    record = noisy_record(case.robot.joints, momentum_motion(axes), scale, seed)
     found = {
         method: estimate(record, case, scale, method) for method in METHODS if method != 'paper'
     }
@@ -98,7 +98,7 @@ def _online(record: Record, believed: Robot, settings: IdentifierSettings) -> Es
 def bound_of(axes: str, scale: float = 1.0, attitude_every: int = 1) -> Array:
     """(3 + k,) Cramer-Rao bound of [AAM; x] for records of `noisy_record`."""
     case = scenario(axes)
-    exact = noisy_record(case.robot.joints, cached_motion(axes), 0.0, 0, attitude_every)
+    exact = noisy_record(case.robot.joints, momentum_motion(axes), 0.0, 0, attitude_every)
     model = MomentumModel(case.robot, case.minimal)
     return bound_std(information_root(model, exact, levels_of(scale)))
 

@@ -19,7 +19,7 @@ from ..estimation.reference import Kinematics
 from ..model.robot import Robot
 from ..types import Array
 from . import paper
-from .scenario import cached_motion, forward_motion, scenario
+from .scenario import forward_motion, momentum_motion, scenario
 
 _KINDS = ('momentum_integrated', 'forward_integrated')
 
@@ -107,7 +107,7 @@ def noise_free(
         reference and the paper's; `unknowns`: names and errors (3 + k,) of all unknowns.
     """
     case = scenario(axes)
-    motions = (cached_motion(axes, start), forward_motion(case, start))
+    motions = (momentum_motion(axes, start), forward_motion(case, start))
     out = []
     for structure in structures:
         minimal = minimal_set(case.robot, structure)

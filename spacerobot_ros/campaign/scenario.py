@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from ..control.feedback import Feedback
 from ..control.joint_reference import Reference as JointReference
 from ..control.joint_reference import build_reference
-from ..control.laws import ComputedTorque, robot_model
+from ..control.laws import ComputedTorque, Model, robot_model
 from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import Torque, simulate_smooth
 from ..dynamics.state import State, initial_state
@@ -108,8 +108,10 @@ def scenario(axes: str) -> Scenario:
     return Scenario(axes, believed, robot, reference, initial, file.settings.identifier)
 
 
-def momentum_motion(case: Scenario, start: str = 'moving') -> Kinematics:
+@lru_cache(maxsize=16)
+def momentum_motion(axes: str, start: str = 'moving') -> Kinematics:
     """Motion along the exact reference, body rate from the momentum at every sample."""
+    case = scenario(axes)
     state, points = case.start(start), [case.reference.at(float(t)) for t in case.times]
     q, qd, qdd = (np.array([[getattr(p, name) for p in points]]) for name in ('q', 'qd', 'qdd'))
     first = BaseStart(state.q_WB_xyzw, state.omega_WB_B)
@@ -119,9 +121,7 @@ def momentum_motion(case: Scenario, start: str = 'moving') -> Kinematics:
 
 def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -> Kinematics:
     """Motion of the plant under the corrected law, by error-controlled integration."""
-    torque = continuous_torque(
-        case, ComputedTorque(robot_model(case.robot), 1.0, np.full(3, np.inf))
-    )
+    torque = continuous_torque(case, robot_model(case.robot), 1.0)
     states = simulate_smooth(
         case.dynamics, case.start(start).to_vector(), torque, case.times, rtol, 0.1 * rtol
     )
@@ -134,17 +134,18 @@ def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -
     )
 
 
-def continuous_torque(case: Scenario, law: ComputedTorque) -> Torque:
-    """The law as a function of time and state vector, for an integrator to call at every stage."""
+def continuous_torque(case: Scenario, model: Model, bandwidth: float) -> Torque:
+    """Computed torque without limits, for an integrator to call at every stage.
+
+    Args:
+        case: Its reference is followed.
+        model: What the law knows of the robot.
+        bandwidth: Double pole of the error dynamics [rad/s].
+    """
+    law = ComputedTorque(model, bandwidth, np.full(3, np.inf))
 
     def torque(t: float, x: Array) -> Array:
         s = State.from_vector(x)
         return law.track(case.reference, t, Feedback(s.q, s.qd, s.omega_WB_B, np.zeros(3))).tau
 
     return torque
-
-
-@lru_cache(maxsize=16)
-def cached_motion(axes: str, start: str = 'moving') -> Kinematics:
-    """`momentum_motion`, once a process."""
-    return momentum_motion(scenario(axes), start)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ..control.laws import ComputedTorque, Model, estimated_model, law_model
+from ..control.laws import Model, estimated_model, law_model
 from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import RK4, rk_step
 from ..dynamics.state import State
@@ -85,7 +85,7 @@ def _simulate(
     case: Scenario, plant: str, law: str, model: Model, bandwidth: float, step: float
 ) -> Run:
     dynamics = Dynamics(case.robot, joint_reaction=plant == 'correct')
-    torque = continuous_torque(case, ComputedTorque(model, bandwidth, np.full(3, np.inf)))
+    torque = continuous_torque(case, model, bandwidth)
     times = np.array([step * k for k in range(round(_DURATION / step) + 1)])
     x = case.initial.to_vector()
     states = [x]

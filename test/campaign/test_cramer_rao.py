@@ -15,7 +15,7 @@ from support.models import H_BASE, H_TARGET, random_tree, robot_of
 
 from spacerobot_ros.campaign.estimators import bound_of
 from spacerobot_ros.campaign.noisy_records import levels_of, noisy_record
-from spacerobot_ros.campaign.scenario import cached_motion, scenario
+from spacerobot_ros.campaign.scenario import momentum_motion, scenario
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.momentum_process import MomentumModel
@@ -168,7 +168,7 @@ def test_the_bound_of_the_prototype():
 
 
 def test_joint_rates_add_little():
-    case, motion = scenario('zyx'), cached_motion('zyx')
+    case, motion = scenario('zyx'), momentum_motion('zyx')
     record = noisy_record(case.robot.joints, motion, 0.0, 0)
     record = replace(record, joints=replace(record.joints, velocity=None))
     root = information_root(MomentumModel(case.robot, case.minimal), record, levels_of(1.0))
@@ -182,7 +182,7 @@ def test_fewer_attitudes_tell_less():
 
 
 def test_joints_at_rest_tell_nothing_of_what_they_would_move():
-    case, motion = scenario('zyx'), cached_motion('zyx')
+    case, motion = scenario('zyx'), momentum_motion('zyx')
     rest = Kinematics(
         motion.time,
         np.zeros_like(motion.q),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign.linear_system import noise_free, relative_errors
-from spacerobot_ros.campaign.scenario import cached_motion, scenario
+from spacerobot_ros.campaign.scenario import momentum_motion, scenario
 from spacerobot_ros.errors import ConfigurationError
 
 
@@ -62,4 +62,4 @@ def test_unknown_axes_are_refused(axes):
 
 def test_unknown_start_is_refused():
     with pytest.raises(ConfigurationError, match='start'):
-        cached_motion('zyx', 'running')
+        momentum_motion('zyx', 'running')
