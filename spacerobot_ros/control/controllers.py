@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -126,20 +126,20 @@ class JointController(Controller):
     ) -> Torque:
         """Torque that follows the joint motion."""
         hold = hold_ns * NS if self._compensates else 0.0
-        arguments = (motion.joints, motion.time(stamp_ns), sample, hold)
-        try:
-            return self._torque.track(*arguments)
-        except (IdentificationError, np.linalg.LinAlgError):
-            self.use(None, sample.q)  # unusable in this state
-            return self._torque.track(*arguments)
+        joints, t = motion.joints, motion.time(stamp_ns)
+        return self._usable(sample, lambda: self._torque.track(joints, t, sample, hold))
 
     def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay."""
+        return self._usable(sample, lambda: self._torque.damp(sample, trust))
+
+    def _usable(self, sample: Feedback, torque: Callable[[], Torque]) -> Torque:
+        """A torque; where the estimate is unusable in this state, without it from now on."""
         try:
-            return self._torque.damp(sample, trust)
+            return torque()
         except (IdentificationError, np.linalg.LinAlgError):
             self.use(None, sample.q)
-            return self._torque.damp(sample, trust)
+            return torque()
 
 
 class FreeFlyingController(Controller):

@@ -17,6 +17,7 @@ measured slope.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -63,11 +64,7 @@ def estimated_model(
         IdentificationError: the estimate's names don't fit the robot.
     """
     dynamics = EstimatedDynamics.from_estimate(robot, structure, estimate)
-
-    def reduced(q: Array, qd: Array, omega_WB_B: Vector3) -> ReducedEquation:
-        return dynamics.reduced(q, qd, omega_WB_B, joint_reaction=joint_reaction)
-
-    return reduced
+    return partial(dynamics.reduced, joint_reaction=joint_reaction)
 
 
 def law_model(

@@ -101,8 +101,8 @@ class ForcedMotion:
             y[3:7] /= np.linalg.norm(y[3:7])
         if not np.all(np.isfinite(y)):
             names = ', '.join(e.name for e, _ in self._forces)
-            push = f'a base wrench of {np.max(np.abs(wrench)):g}'
-            cause = f'effects {names}' if names else push
+            outside = f'a base wrench of {np.max(np.abs(wrench)):g}'
+            cause = f'effects {names}' if names else outside
             raise SimulationDivergedError(t, f'non-finite state under {cause}')
         self.hidden = y[size : size + own].copy()
         return y[:size], y[size + own :]
