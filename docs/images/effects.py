@@ -29,8 +29,11 @@ PERIOD, DURATION = 0.02, 24.0  # s
 EXAMPLES: dict[str, tuple[str | None, dict[str, float]]] = {
     'joint_viscous_friction': ('joint_2', {'coefficient': 3.0}),
     'joint_coulomb_friction': ('joint_2', {'torque': 0.5}),
+    'joint_asymmetric_friction': ('joint_2', {'forward': 0.6, 'backward': 0.4}),
     'joint_stribeck_friction': ('joint_2', {'coulomb': 0.5, 'static': 0.9, 'velocity': 0.02}),
     'joint_load_friction': ('joint_2', {'coefficient': 0.05}),
+    'joint_presliding_friction': ('joint_2', {'torque': 0.5, 'displacement': 0.1}),
+    'joint_coupled_friction': ('joint_2', {'coulomb': 0.5, 'viscous': 0.5}),
     'joint_torque_constant': ('joint_2', {'gain': 1.02}),
     'joint_torque_ripple': ('joint_2', {'amplitude': 0.3, 'harmonic': 24.0}),
     'joint_stiffness': ('joint_2', {'stiffness': 2.0, 'rest_angle': 0.1}),

@@ -11,10 +11,26 @@ from typing import Any
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.schema import meanings, parse_number
-from . import bodies, environment, flexibility, gyrostats, joint, rotors, sensor_errors, sprung
+from . import (
+    appendage,
+    bodies,
+    coupled_friction,
+    environment,
+    flexibility,
+    gyrostats,
+    joint,
+    presliding,
+    rotors,
+    sensor_errors,
+    sprung,
+)
 from .effect import Effect
 
-_MODULES = (joint, flexibility, sensor_errors, gyrostats, rotors, bodies, sprung, environment)
+_MODULES = (
+    *(joint, presliding, coupled_friction, flexibility),
+    *(sensor_errors, gyrostats, rotors),
+    *(bodies, appendage, sprung, environment),
+)
 
 
 def _kinds() -> Iterator[type[Effect]]:

@@ -114,6 +114,37 @@ class CoulombFriction(JointTorque):
         return self['torque'] / STICTION_RATE * self.mobility(robot)
 
 
+class AsymmetricFriction(JointTorque):
+    """tau = -F sign(q') forward, -B sign(q') backward.
+
+    Half of F - B is a constant torque as long as the joint moves; at rest it is none, which alone
+    tells it from the bias of a torque sensor.
+
+    Typical: a tenth to a third of the Coulomb torque between the directions, for loaded gears.
+    Signature: as Coulomb friction, with a constant torque while the joint moves.
+    Source: Armstrong-Helouvry et al., Automatica 30 (1994).
+
+    Args:
+        forward: Torque against motion along the joint's axis.
+        backward: Torque against motion the other way.
+    """
+
+    id = 'joint_asymmetric_friction'
+    title = 'Coulomb friction of another size in each direction'
+    refines = ('joint_coulomb_friction',)
+    parameters = (amount('forward', 'N m', 3.0, 0.01), amount('backward', 'N m', 3.0, 0.01))
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque against the joint rate, by its sign."""
+        towards = direction(qd)
+        size = np.where(towards > 0.0, self['forward'], self['backward'])
+        return np.asarray(-size * towards)
+
+    def fastest(self, robot: Robot) -> float:
+        """As of Coulomb friction, of the larger torque."""
+        return max(self['forward'], self['backward']) / STICTION_RATE * self.mobility(robot)
+
+
 class StribeckFriction(JointTorque):
     """tau = -(T + (S - T) exp(-(q'/v)^2)) sign(q').
 

@@ -1,15 +1,15 @@
-r"""Parts that a spring holds to a body: a solar panel, a captured body in a soft grasp.
+r"""Parts that a spring holds to a body: a captured body in a soft grasp, fuel in its tank.
 
 The part is a share of what the file says of its host, so that the file's robot is the limit of a
 stiff spring: `change` takes it out, `force` brings back what it does. With V = [v; w] and A the
-velocity and acceleration of the host's frame, in that frame, S the directions in which the part
-gives way, eta by how much, and G = G S S^T its spatial inertia,
+velocity and acceleration of the host's frame, in that frame, eta (6,) by how much a body has given
+way, and G its spatial inertia,
 
-    eta'' = -S^T A - 2 zeta omega eta' - omega^2 eta
-    h     = G (V + S eta')                                      momentum of the part
-    f     = G S (2 zeta omega eta' + omega^2 eta) - V x* h      on the host
+    eta'' = -A - 2 zeta omega eta' - omega^2 eta
+    h     = G (V + eta')                                        momentum of the part
+    f     = G (2 zeta omega eta' + omega^2 eta) - V x* h        on the host
 
-These are Lagrange's equations of T = 1/2 (V + S eta')^T G (V + S eta') for small eta, and the
+These are Lagrange's equations of T = 1/2 (V + eta')^T G (V + eta') for small eta, and the
 momentum of host and part together is kept exactly. Gravity is an acceleration -g of the frame.
 
 Fuel that moves in its tank is a point mass on springs in three directions. With P = p + s its
@@ -24,7 +24,6 @@ what the file says of its host.
 
 from __future__ import annotations
 
-import itertools
 from functools import cached_property
 
 import numpy as np
@@ -34,7 +33,6 @@ from ..dynamics.rotation import cross_rows, skew
 from ..model.robot import Robot
 from ..types import Array
 from .bodies import MovingBodyEffect
-from .effect import Effect
 from .hidden import driven_states
 from .motion import Motion, body_index, inverse_mass
 from .parameter import Parameter, amount, searched
@@ -85,6 +83,12 @@ class Sprung(MovingBodyEffect):
         angular = np.einsum('nij,nj->ni', R, momentum[:, 3:]) + cross_rows(r, linear)
         return np.concatenate([linear, angular], axis=1)
 
+    def swing(self, drive: Array, time: Array) -> Array:
+        """(N, 2) one direction and its rate, from rest, under an acceleration (N,) of its own."""
+        return driven_states(
+            lambda own: np.column_stack([own[:, 1], drive - self.spring(own)[:, 0]]), time, 2
+        )
+
     @cached_property
     def directions(self) -> Array:
         """(6, k) directions S of the springs, [linear; angular] in the host's frame."""
@@ -120,136 +124,7 @@ class Sprung(MovingBodyEffect):
         return driven_states(rate, motion.time, self.hidden)
 
 
-class SprungPart(Sprung):
-    """A rigid part on springs."""
-
-    def inertia(self, host: Array, is_left: bool) -> Array:
-        """(6, 6) spatial inertia G.
-
-        Args:
-            host: (10,) inertial parameters of the host.
-            is_left: Whether the part has been taken out of them.
-        """
-        raise NotImplementedError
-
-    def change(self, robot: Robot) -> Robot:
-        """The host without the part."""
-        part = self.inertia(self.row(robot), False)
-        return self.with_addition(robot, -_parameters_of(part))
-
-    def force(self, motion: Motion, hidden: Array) -> Array:
-        """Spring, and the turning of the part's momentum with the host."""
-        return motion.wrench(self.where, *self._wrench(motion, hidden))
-
-    def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
-        """[eta', eta'']."""
-        S = self.directions
-        drive = motion.link_acceleration(self.where)
-        drive = np.concatenate([drive[:, :3] - self.gravity(motion), drive[:, 3:]], axis=1)
-        return np.concatenate([hidden[:, S.shape[1] :], -drive @ S - self.spring(hidden)], axis=1)
-
-    def driven(self, motion: Motion) -> Array:
-        """Each direction is an oscillator of its own, unless the whole recoils from the part."""
-        size = self.hidden // 2
-        if motion.coasts and self._share(motion.robot) > _LIGHT:
-            return super().driven(motion)
-        drives = self.hidden_rate(motion, np.zeros((len(motion), self.hidden)))
-
-        def states(drive: Array) -> Array:
-            return driven_states(
-                lambda own: np.column_stack([own[:, 1], drive - self.spring(own)[:, 0]]),
-                motion.time,
-                2,
-            )
-
-        return np.stack([states(drive) for drive in drives[:, size:].T], axis=2).reshape(
-            len(motion), self.hidden
-        )
-
-    def momentum(self, motion: Motion, hidden: Array) -> Array:
-        """The part's, its rigid share included."""
-        return self.to_base(motion, self._part_momentum(motion, hidden))
-
-    def moved(self, robot: Robot) -> Array:
-        """S^T G S."""
-        S = self.directions
-        return np.asarray(S.T @ self.inertia(self.row(robot), True) @ S)
-
-    def pull(self, motion: Motion, hidden: Array) -> Array:
-        """Of the springs, and of the turning momentum."""
-        return self._wrench(motion, hidden)[0]
-
-    def _wrench(self, motion: Motion, hidden: Array) -> tuple[Array, Array]:
-        """(N, 3) force and (N, 3) torque on the host, in its frame."""
-        S, V = self.directions, motion.twist(self.where)
-        pull = self.spring(hidden) @ (self.inertia(self.row(motion.robot), True) @ S).T
-        h = self._part_momentum(motion, hidden)
-        turning = cross_rows(V[:, 3:], h[:, 3:]) + cross_rows(V[:, :3], h[:, :3])
-        return pull[:, :3] - cross_rows(V[:, 3:], h[:, :3]), pull[:, 3:] - turning
-
-    def _part_momentum(self, motion: Motion, hidden: Array) -> Array:
-        """(N, 6) in the host's frame."""
-        S, G = self.directions, self.inertia(self.row(motion.robot), True)
-        return np.asarray((motion.twist(self.where) + hidden[:, S.shape[1] :] @ S.T) @ G.T)
-
-    def _share(self, robot: Robot) -> float:
-        """Mass that moves against the host, by that of all else."""
-        moved = np.linalg.norm(self.inertia(self.row(robot), True)[:3] @ self.directions)
-        return float(moved / np.sum(robot.inertial_parameters[:, 0]))
-
-
-class Appendage(SprungPart):
-    """A first bending mode: inertia about an axis of the host, G = I [0; a] [0; a]^T.
-
-    Typical: 0.5 to 10 rad/s, damping 0.002 to 0.02, 10 to 100 kg m^2 for solar panels.
-    Signature: a decaying oscillation of the body after every change of its rotation.
-    Source: Likins, AIAA J. 5 (1967); Hughes, Spacecraft Attitude Dynamics (1986), 3.6.
-
-    Args:
-        inertia: What of the body's inertia about the axis takes part.
-        x, y, z: Axis in the body's frame, of any length.
-    """
-
-    id = 'flexible_appendage'
-    title = 'a flexible panel or boom on a body'
-    hidden = 2
-    parameters = (
-        amount('inertia', 'kg m^2', 50.0, 0.05),
-        *spring_parameters(0.005),
-        *(searched(axis, '', 1.0) for axis in 'xyz'),
-    )
-
-    @cached_property
-    def directions(self) -> Array:
-        """Turning about the axis."""
-        axis = self.vector()
-        return np.concatenate([np.zeros(3), axis / np.linalg.norm(axis)])[:, None]
-
-    def inertia(self, host: Array, is_left: bool) -> Array:
-        """About the axis alone."""
-        S = self.directions
-        return np.asarray(self['inertia'] * S @ S.T)
-
-    def check(self, robot: Robot) -> None:
-        """The axis has a direction, and the host that much inertia."""
-        if not self.vector().any():
-            raise self.refusal('the axis x, y, z has no direction: all zero', 'x')
-        super().check(robot)
-
-    def canonical(self) -> Effect:
-        """The axis of unit length."""
-        return self.with_unit_axis()
-
-    @classmethod
-    def variants(cls, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:
-        """Every frequency about every axis of the host's frame."""
-        return tuple(
-            {'frequency': frequency, 'damping': FIRST_DAMPING, 'x': x, 'y': y, 'z': z}
-            for frequency, (x, y, z) in itertools.product(FREQUENCIES, np.eye(3).tolist())
-        )
-
-
-class GraspCompliance(SprungPart):
+class GraspCompliance(Sprung):
     """A share of a body that gives way to the grasp in all six directions, G = share G_host.
 
     Typical: 3 to 60 rad/s, damping 0.01 to 0.1, 50 to 99 % of the last body with its load.
@@ -276,10 +151,52 @@ class GraspCompliance(SprungPart):
         """All."""
         return np.eye(6)
 
-    def inertia(self, host: Array, is_left: bool) -> Array:
-        """In proportion to the host's."""
-        share = self['share'] / (1.0 - self['share'] if is_left else 1.0)
-        return share * spatial_inertias(host[None])[0]
+    def change(self, robot: Robot) -> Robot:
+        """The host without the part."""
+        return self.with_addition(robot, -self['share'] * self.row(robot))
+
+    def force(self, motion: Motion, hidden: Array) -> Array:
+        """Spring, and the turning of the part's momentum with the host."""
+        return motion.wrench(self.where, *self._wrench(motion, hidden))
+
+    def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
+        """[eta', eta'']."""
+        drive = motion.link_acceleration(self.where) + self.spring(hidden)
+        drive[:, :3] -= self.gravity(motion)
+        return np.concatenate([hidden[:, 6:], -drive], axis=1)
+
+    def driven(self, motion: Motion) -> Array:
+        """Each direction is an oscillator of its own, unless the whole recoils from the part."""
+        share = np.linalg.norm(self.moved(motion.robot)[:3])
+        if motion.coasts and share > _LIGHT * np.sum(motion.robot.inertial_parameters[:, 0]):
+            return super().driven(motion)
+        drives = self.hidden_rate(motion, np.zeros((len(motion), self.hidden)))
+        states = [self.swing(drive, motion.time) for drive in drives[:, 6:].T]
+        return np.stack(states, axis=2).reshape(len(motion), self.hidden)
+
+    def momentum(self, motion: Motion, hidden: Array) -> Array:
+        """The part's, its rigid share included."""
+        return self.to_base(motion, self._part_momentum(motion, hidden))
+
+    def moved(self, robot: Robot) -> Array:
+        """(6, 6) spatial inertia G."""
+        share = self['share'] / (1.0 - self['share'])
+        return np.asarray(share * spatial_inertias(self.row(robot)[None])[0])
+
+    def pull(self, motion: Motion, hidden: Array) -> Array:
+        """Of the springs, and of the turning momentum."""
+        return self._wrench(motion, hidden)[0]
+
+    def _wrench(self, motion: Motion, hidden: Array) -> tuple[Array, Array]:
+        """(N, 3) force and (N, 3) torque on the host, in its frame."""
+        V, h = motion.twist(self.where), self._part_momentum(motion, hidden)
+        pull = self.spring(hidden) @ self.moved(motion.robot)
+        turning = cross_rows(V[:, 3:], h[:, 3:]) + cross_rows(V[:, :3], h[:, :3])
+        return pull[:, :3] - cross_rows(V[:, 3:], h[:, :3]), pull[:, 3:] - turning
+
+    def _part_momentum(self, motion: Motion, hidden: Array) -> Array:
+        """(N, 6) in the host's frame."""
+        return np.asarray((motion.twist(self.where) + hidden[:, 6:]) @ self.moved(motion.robot))
 
 
 class Slosh(Sprung):
@@ -352,8 +269,3 @@ class Slosh(Sprung):
     def pull(self, motion: Motion, hidden: Array) -> Array:
         """Of the springs."""
         return np.asarray(self['mass'] * self.spring(hidden))
-
-
-def _parameters_of(G: Array) -> Array:
-    """(10,) inertial parameters of a spatial inertia."""
-    return G[[0, 5, 3, 4, 3, 3, 4, 3, 4, 5], [0, 1, 2, 0, 3, 4, 4, 5, 5, 5]]

@@ -59,6 +59,7 @@ class ForcedMotion:
         places = zip(effects, own_states(effects), strict=True)
         self._forces = [(e, own) for e, own in places if e.acts('force') or e.hidden]
         self._holders = [(e, own) for e, own in self._forces if e.acts('momentum')]
+        self._is_implicit = any(e.follows_acceleration for e, _ in self._forces)
         # what wheels hold is a couple; only effects with states of their own move a mass
         self._holds_mass = any(e.hidden for e, _ in self._holders)
         self.hidden: Array = np.zeros(sum(e.hidden for e in effects))
@@ -126,12 +127,19 @@ class ForcedMotion:
         state = State.from_vector(x)
         motion = motion_at(self._robot, t, state, torque)
         total, external = np.zeros(6 + self._robot.n_joints), wrench.copy()
+        added = np.zeros((len(total), len(total)))
         for effect, own in self._forces:
-            force = effect.force(motion, hidden[None, own])[0]
+            if effect.follows_acceleration:
+                force, by_acceleration = _affine_force(effect, motion, hidden[own])
+                added += by_acceleration
+            else:
+                force = effect.force(motion, hidden[None, own])[0]
             total += force
             if effect.is_external:
                 external += force[:6]
         dx = self._dynamics.rate(x, torque + total[6:], wrench + total[:6])
+        if self._is_implicit:
+            total += added @ self._solve(state.q, added, dx[7 + self._robot.n_joints :])
         slopes = np.empty(len(hidden))
         if len(hidden):
             motion.acceleration = dx[None, 7 + self._robot.n_joints :]
@@ -140,6 +148,13 @@ class ForcedMotion:
         rates = x[7 + self._robot.n_joints :]
         works = [wrench @ rates[:6], total @ rates]
         return np.concatenate([dx, slopes, self._impulses(state, motion, hidden, external), works])
+
+    def _solve(self, q: Array, added: Array, acceleration: Array) -> Array:
+        """(6 + n,) accelerations, in place, where forces are `added` times the accelerations."""
+        first = 0 if self._robot.is_free else 6
+        M = self._dynamics.mass_matrix(q)
+        acceleration[first:] = np.linalg.solve(M - added[first:, first:], M @ acceleration[first:])
+        return acceleration
 
     def _impulses(self, state: State, motion: Motion, hidden: Array, external: Vector6) -> Array:
         """(6,) rates of the linear and of the angular impulse, inertial frame."""
@@ -173,6 +188,27 @@ class ForcedMotion:
             return c, np.zeros(3), mass
         rates = np.concatenate([state.v_WB_B, state.omega_WB_B, state.qd])
         return c, M[:3] @ rates / mass, mass
+
+
+def _affine_force(effect: Effect, motion: Motion, hidden: Array) -> tuple[Array, Array]:
+    """Force of an effect at no acceleration (6 + n,), and its derivative by the accelerations."""
+    size = 6 + motion.robot.n_joints
+    time, q, qd, effort = (
+        np.repeat(x, 1 + size, axis=0) for x in (motion.time, motion.q, motion.qd, motion.effort)
+    )
+    each = Motion(
+        motion.robot,
+        time,
+        q,
+        qd,
+        effort,
+        rotation=motion.rotation,
+        omega=motion.omega,
+        velocity=motion.velocity,
+        acceleration=np.vstack([np.zeros(size), np.eye(size)]),
+    )
+    forces = effect.force(each, np.repeat(hidden[None], 1 + size, axis=0))
+    return forces[0], (forces[1:] - forces[0]).T
 
 
 def _steps(effect: Effect, robot: Robot, period: float, angle: float) -> int:

@@ -24,6 +24,10 @@ PERIODS = 150
 LAWS = {
     'joint_viscous_friction': ({'coefficient': 3.0}, lambda q, v, t: -3.0 * v),
     'joint_coulomb_friction': ({'torque': 0.7}, lambda q, v, t: -math.copysign(0.7, v)),
+    'joint_asymmetric_friction': (
+        {'forward': 0.7, 'backward': 0.4},
+        lambda q, v, t: -0.7 if v > 0.0 else 0.4,
+    ),
     'joint_stribeck_friction': (
         {'coulomb': 0.5, 'static': 0.9, 'velocity': 0.4},
         lambda q, v, t: -math.copysign(0.5 + 0.4 * math.exp(-((v / 0.4) ** 2)), v),
@@ -41,6 +45,8 @@ LAWS = {
 }
 INSIDE = {
     **{effect: values for effect, (values, _) in LAWS.items()},
+    'joint_presliding_friction': {'torque': 0.7, 'displacement': 0.02},
+    'joint_coupled_friction': {'coulomb': 0.5, 'viscous': 0.3, 'ratio': -0.8},
     'motor_inertia': {'inertia': 2.0},
     'joint_flexibility': {'stiffness': 800.0, 'damping': 1.5, 'rotor_inertia': 0.5},
 }

@@ -100,8 +100,11 @@ class Engine:
 
     def run(self, periods: int) -> None:
         """Some periods of the held torques."""
-        steps = round(PERIOD / self.model.opt.timestep)
         for k in range(periods):
             self.data.ctrl[:] = held_torque(k, len(self.joints))
-            for _ in range(steps):
-                self._mujoco.mj_step(self.model, self.data)
+            self.rest(1)
+
+    def rest(self, periods: int) -> None:
+        """Some periods of the torques as they are, at first none."""
+        for _ in range(periods * round(PERIOD / self.model.opt.timestep)):
+            self._mujoco.mj_step(self.model, self.data)

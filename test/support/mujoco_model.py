@@ -172,8 +172,9 @@ def add_disc(
     axis: np.ndarray,
     frequency: float,
     damping: float,
+    boom: tuple[float, np.ndarray, np.ndarray] | None = None,
 ) -> str:
-    """A disc on a sprung hinge at the host's centre of mass, taken out of the host.
+    """A disc on a sprung hinge at the host's centre of mass, or a boom, taken out of the host.
 
     Held by an infinitely stiff spring it is the host's own inertia again.
 
@@ -184,12 +185,16 @@ def add_disc(
         axis: (3,) of the hinge.
         frequency: sqrt(stiffness / inertia) [rad/s].
         damping: Ratio.
+        boom: Mass [kg], place of the hinge in the host's frame, and of the mass from there [m].
     """
     axis = axis / np.linalg.norm(axis)
     tensor = inertia * (np.outer(axis, axis) + 0.6 * (np.eye(3) - np.outer(axis, axis)))
-    com = links[host].inertial.com.copy()
-    part = Inertial(1e-3 * links[host].inertial.mass, com, tensor)
-    links[host].inertial.add(part, -1.0)
+    mass, com, lever = 1e-3 * links[host].inertial.mass, links[host].inertial.com, np.zeros(3)
+    if boom is not None:
+        mass, com, lever = boom
+        tensor = tensor * (1.0 - mass * np.sum(np.cross(axis, lever) ** 2) / inertia)
+    com = com.copy()
+    links[host].inertial.add(Inertial(mass, com + lever, tensor), -1.0)
     hinge = Hinge(
         f'{host}_appendage',
         'hinge',
@@ -198,7 +203,7 @@ def add_disc(
         damping=2.0 * damping * inertia * frequency,
     )
     name = f'{host}_disc'
-    moved = Inertial(part.mass, np.zeros(3), tensor)
+    moved = Inertial(mass, lever, tensor)
     links[name] = Link(name, host, com, np.zeros(3), moved, [hinge])
     return hinge.name
 

@@ -300,8 +300,11 @@ def appendage(
     damping: float,
     inertia: float,
     axis: tuple[float, float, float] = EZ,
+    **boom: float | tuple[float, float, float],
 ) -> None:
-    add_disc(plan.links, link or plan.base, inertia, np.asarray(axis, float), frequency, damping)
+    parts = (float(boom['mass']), np.array(boom['at']), np.array(boom['lever'])) if boom else None
+    host, along = link or plan.base, np.asarray(axis, float)
+    add_disc(plan.links, host, inertia, along, frequency, damping, parts)
     plan.fastest = max(plan.fastest, frequency)
 
 
