@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from ..errors import MessageRejectedError, RecordingError
 from ..model.robot import Robot
 from ..types import Array, IntArray
+from .effort_kinds import check_kinds
 from .gaps import continued
 from .mapping import (
     DIRECTIONS,
@@ -180,7 +181,8 @@ class _Reader:
         """(N, k) efforts in SI, currents times the motor constants."""
         units = _spread(columns.unit, len(names), f'{columns.place}.unit')
         currents = [is_current(unit) for unit in units]
-        _check_kinds(columns, names, units, robot)
+        said = _spread(columns.kind or ('',), len(names), f'{columns.place}.kind')
+        check_kinds(columns.place, robot, zip(names, said, units, strict=True))
         values = self._values(
             columns, [CURRENT if c else q for c, q in zip(currents, quantities, strict=True)]
         )
@@ -276,27 +278,6 @@ class _Reader:
             self.notes.append(f'{place}: sampled in {len(kept)} of {len(empty)} rows')
         stamps = _nanoseconds(seconds[kept], lambda i: table.row(int(kept[i])))
         return stamps, {key: values[kept] for key, values in parts.items()}
-
-
-def _check_kinds(
-    columns: EffortColumns, names: Sequence[str], units: Sequence[str], robot: Robot | None
-) -> None:
-    """Refuse efforts of another kind than the robot file says."""
-    believed = dict(zip(robot.arm, robot.effort_kinds, strict=True)) if robot else {}
-    said = _spread(columns.kind or ('',), len(names), f'{columns.place}.kind')
-    for name, own, unit in zip(names, said, units, strict=True):
-        kind = believed.get(name, 'motor')
-        if own not in ('', kind):
-            raise RecordingError(
-                f'{columns.place}.kind',
-                f'{name}: {own}, but robot.effort_kind of the robot file says {kind}',
-            )
-        if is_current(unit) and kind != 'current':
-            raise RecordingError(
-                f'{columns.place}.unit',
-                f'{name}: {unit!r} is a current, but robot.effort_kind of the robot file says '
-                f'{kind}: state current there, and robot.motor_constant',
-            )
 
 
 def _missing(values: Array, may_lack: bool) -> NDArray[np.bool_]:

@@ -32,6 +32,17 @@ def test_joint_samples_are_put_in_order_and_others_left_out():
     assert qd.tolist() == [3.0, 4.0]
 
 
+def test_efforts_of_samples_are_in_newton_metres():
+    units = np.array([1.0, 12.5])  # b says amperes
+    *_, effort = messages.joint_sample(joints(), NAMES, effort_units=units)
+    assert effort.tolist() == [5.0, 75.0]
+    for absent in ((), (np.nan, np.nan)):  # as drivers without torque sensors say it
+        *_, effort = messages.joint_sample(joints(effort=absent), NAMES, effort_units=units)
+        assert effort is None
+    with pytest.raises(MessageRejectedError, match='effort is not finite'):
+        messages.joint_sample(joints(effort=(np.nan, 1.0)), NAMES, effort_units=units)
+
+
 @pytest.mark.parametrize(
     ('message', 'reason'),
     [
