@@ -98,7 +98,8 @@ class Limits:
         parts = []
         for size in self._sizes:
             finite = np.isfinite(size.limits)
-            parts.append(size.of(motion)[..., finite] / size.limits[finite])
+            if finite.any() or not parts:
+                parts.append(size.of(motion)[..., finite] / size.limits[finite])
         return np.concatenate(parts, axis=-1)
 
     def uses(self, motion: BaseMotion) -> tuple[Use, ...]:
