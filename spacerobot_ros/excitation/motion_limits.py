@@ -95,7 +95,7 @@ class Limits:
 
     def fractions(self, motion: BaseMotion) -> Array:
         """(B, T, m) use of every finite limit over time."""
-        parts = []
+        parts: list[Array] = []
         for size in self._sizes:
             finite = np.isfinite(size.limits)
             if finite.any() or not parts:
