@@ -273,9 +273,15 @@ def _shortlist(wanted: Sequence[Judged]) -> list[Judged]:
 
 
 def _elsewhere(best: Judged, wanted: Sequence[Judged]) -> list[Judged]:
-    """The same effect at other places that do half as well: neighbours share its columns."""
+    """The same effect at other places that do half as well: neighbours share its columns.
+
+    What swings is looked at everywhere: its columns are those of first guesses, and a panel is
+    seldom one of them.
+    """
     floor = ALIKE_SHARE * best.score.evidence
     same = [j for j in wanted if j.candidate.kind is best.candidate.kind and j is not best]
+    if best.candidate.kind.hidden:
+        return same
     return [j for j in same if j.score.evidence >= floor][:MOST_ALIKE]
 
 

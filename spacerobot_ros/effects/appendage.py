@@ -61,7 +61,6 @@ class Appendage(Sprung):
     id = 'flexible_appendage'
     title = 'a flexible panel or boom on a body'
     hidden = 2
-    follows_acceleration = True
     parameters = (
         amount('inertia', 'kg m^2', 50.0, 0.05),
         *spring_parameters(0.005),
@@ -97,7 +96,7 @@ class Appendage(Sprung):
         changed = self.with_addition(
             robot, -np.array([0.0, 0.0, 0.0, 0.0, xx, xy, yy, xz, yz, zz])
         )
-        if self.translation.any():
+        if self.follows_acceleration:
             part = self['inertia'] * self.directions @ self.directions.T
             host = spatial_inertias(self.row(robot)[None])[0]
             least = float(np.linalg.eigvalsh(host - part)[0])
@@ -108,15 +107,23 @@ class Appendage(Sprung):
                 )
         return changed
 
+    @property
+    def follows_acceleration(self) -> bool:
+        """Where it takes part in translations."""
+        return bool(self.translation.any())
+
     def force(self, motion: Motion, hidden: Array) -> Array:
         """What the mode does beyond the mass that the host keeps."""
-        V, frame = motion.twist(self.where), self._frame(motion)
-        w, inertia = V[:, 3:], self['inertia']
+        w, inertia = motion.twist(self.where)[:, 3:], self['inertia']
         angle, rate = hidden[:, :1], hidden[:, 1:]
+        axial = inertia * ((w @ self.axis)[:, None] + rate) * self.axis
+        if not self.follows_acceleration:
+            torque = inertia * self.spring(hidden) * self.axis - cross_rows(w, axial)
+            return motion.wrench(self.where, None, torque)
+        frame = self._frame(motion)
         bent = self.hidden_rate(motion, hidden)[:, 1:]
         force = -inertia * bent * self.translation - self._sway(frame, w, hidden)
         at = frame[:, :3] + force / self._recoiling(motion)
-        axial = inertia * ((w @ self.axis)[:, None] + rate) * self.axis
         torque = -inertia * (bent + (frame[:, 3:] @ self.axis)[:, None]) * self.axis
         torque = torque - cross_rows(w, axial) - inertia * cross_rows(angle * self.translation, at)
         grown = inertia * w @ self.growth
@@ -126,18 +133,21 @@ class Appendage(Sprung):
 
     def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
         """[eta', eta'']; of a motion that coasts, with the recoil of the whole."""
+        turn = motion.link_acceleration(self.where)[:, 3:] @ self.axis
+        if not self.follows_acceleration:
+            return np.column_stack([hidden[:, 1], -turn - self.spring(hidden)[:, 0]])
         frame, whole = self._frame(motion), self._recoiling(motion)
         w = motion.twist(self.where)[:, 3:]
         sway = self._sway(frame, w, hidden)
         centrifugal = 0.5 * np.sum(w @ self.growth * w, axis=1)
-        drive = (frame[:, :3] - sway / whole) @ self.translation + frame[:, 3:] @ self.axis
+        drive = (frame[:, :3] - sway / whole) @ self.translation + turn
         share = self['inertia'] * self.translation @ self.translation / whole
         bent = (centrifugal - drive - self.spring(hidden)[:, 0]) / (1.0 - share)
         return np.column_stack([hidden[:, 1], bent])
 
     def driven(self, motion: Motion) -> Array:
         """An oscillator along the motion; the sway matters to it where there is a translation."""
-        if self.translation.any():
+        if self.follows_acceleration:
             return driven_states(lambda own: self.hidden_rate(motion, own), motion.time, 2)
         return self.swing(self.hidden_rate(motion, np.zeros((len(motion), 2)))[:, 1], motion.time)
 

@@ -63,8 +63,6 @@ class Effect:
         is_external: Whether its force comes from outside the system, so that it changes the
             system's momentum; the force of any other effect takes from one part what it gives to
             another, `momentum` included.
-        follows_acceleration: Whether its force is affine in the accelerations of the motion, which
-            it then needs; the integrator solves for both together.
         is_timed: Whether its force depends on the time since the start, which only the simulator
             and a record know.
         excludes: Ids of what can not act at the same place beside it, its own id among them where
@@ -81,7 +79,6 @@ class Effect:
     needs_free_base: ClassVar[bool] = False
     hidden: ClassVar[int] = 0
     is_external: ClassVar[bool] = False
-    follows_acceleration: ClassVar[bool] = False
     is_timed: ClassVar[bool] = False
     excludes: ClassVar[tuple[str, ...]] = ()
     is_fitted: ClassVar[bool] = True
@@ -180,6 +177,14 @@ class Effect:
             hidden: (N, hidden) its own states.
         """
         return motion.zeros()
+
+    @property
+    def follows_acceleration(self) -> bool:
+        """Whether its force is affine in the accelerations of the motion, which it then needs.
+
+        The integrator solves for both together.
+        """
+        return False
 
     def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
         """(N, hidden) time derivative of its own states; `motion.acceleration` is known."""

@@ -31,7 +31,7 @@ from .scaling import (
     value_std,
 )
 
-_PASSES = 6
+_PASSES = 12  # a panel of a dozen numbers takes ten from a first guess of its axis
 _SETTLED = 0.02  # of a standard deviation
 _HALVINGS = 3
 _DRAWS = 30

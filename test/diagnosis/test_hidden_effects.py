@@ -102,3 +102,35 @@ def test_a_payload_is_weighed(tmp_path):
 def test_an_arm_on_the_ground_as_it_is_gives_none(tmp_path):
     said = answer(hide(tmp_path, 'pendulum', seed=29))
     assert (said.verdict, said.causes) == ('consistent', ()), said.sentence
+
+
+BOOMS = {
+    'on a mast at the side': (3.71, (0.0, 1.0, 0.0), 4.0, (0.0, 3.0, 0.0), (1.0, 0.3, 0.0)),
+    'of three metres': (2.26, (0.0, 0.0, 1.0), 2.1, (0.3, 0.3, 0.2), (0.0, 1.5, 0.0)),
+}
+
+
+@pytest.mark.parametrize('name', BOOMS)
+def test_a_boom_hinged_off_its_mass_is_named(tmp_path, name):
+    """Its mode takes part in translations, and in squares of the rate: 6.5 kg m^2 at the hinge."""
+    frequency, axis, mass, at, lever = BOOMS[name]
+    boom = {'inertia': 6.5, 'frequency': frequency, 'damping': 0.01, 'axis': axis}
+    boom |= {'mass': mass, 'at': at, 'lever': lever}
+    case = generate(
+        'servicer',
+        (('flexible_appendage', None, boom),),
+        folder=tmp_path,
+        seed=42,
+        duration=20.0,
+        bag=True,
+    )
+    said = answer(case)
+    assert said.verdict == 'explained', said.sentence
+    (cause,) = said.causes
+    assert (cause.applied.id, cause.applied.where) == ('flexible_appendage', 'base_link')
+    assert cause.parameters['frequency'].value == pytest.approx(frequency, rel=0.01)
+    sway = mass * np.cross(axis, lever)
+    axial = 6.5 - np.cross(axis, lever) @ sway
+    turn = axial * np.array(axis) + np.cross(np.add(at, lever), sway)
+    # small for the panel's angle, some per cent, and the scatter of so many numbers
+    assert cause.parameters['inertia'].value == pytest.approx(turn @ turn / 6.5, rel=0.15)
