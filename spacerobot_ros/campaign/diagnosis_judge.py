@@ -23,7 +23,6 @@ EQUIVALENTS: tuple[tuple[str, str, str], ...] = (
         'joint_stribeck_friction',
         'static torque as the Coulomb one',
     ),
-    ('joint_coulomb_friction', 'joint_asymmetric_friction', 'both directions alike'),
     ('joint_coulomb_friction', 'joint_presliding_friction', 'no displacement'),
     ('motor_inertia', 'joint_flexibility', 'a gear without flexibility'),
     ('external_torque_body', 'thruster_leak', 'no force at a long lever, the torque kept'),

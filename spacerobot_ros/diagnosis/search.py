@@ -196,7 +196,7 @@ class Search:
         """
         p_value, channels = fit.rows.whiteness()
         asks = p_value is not None and p_value < SUSPICIOUS
-        kinds = [kind for kind in self._kinds if asks or not kind.hidden]
+        kinds = [kind for kind in self._kinds if asks or not (kind.hidden or kind.is_rare)]
         found = candidates(kinds, fit.rows, spectral_lines(channels))
         return [c for c in found if not c.contradicts(fit.causes)]
 

@@ -29,6 +29,7 @@ class CoupledFriction(JointEffect):
 
     id = 'joint_coupled_friction'
     title = 'friction of a motor that two joints of an arm turn'
+    is_rare = True
     parameters = (
         amount('coulomb', 'N m', 3.0, 0.01, default=0.0),
         amount('viscous', 'N m s/rad', 10.0, 0.05, default=0.0),

@@ -68,6 +68,8 @@ class Effect:
         excludes: Ids of what can not act at the same place beside it, its own id among them where
             two of it would contradict each other.
         refines: Ids of simpler laws that are special cases of it.
+        is_rare: Whether the diagnosis looks for it only where a test of whiteness asks for more
+            than common causes: beside an unknown leftover it would take what is theirs.
         is_fitted: Whether the diagnosis considers it; False for what a record can not tell from
             another effect of the catalogue.
     """
@@ -81,6 +83,7 @@ class Effect:
     is_external: ClassVar[bool] = False
     is_timed: ClassVar[bool] = False
     excludes: ClassVar[tuple[str, ...]] = ()
+    is_rare: ClassVar[bool] = False
     is_fitted: ClassVar[bool] = True
     refines: ClassVar[tuple[str, ...]] = ()
 

@@ -117,8 +117,8 @@ class CoulombFriction(JointTorque):
 class AsymmetricFriction(JointTorque):
     """tau = -F sign(q') forward, -B sign(q') backward.
 
-    Half of F - B is a constant torque as long as the joint moves; at rest it is none, which alone
-    tells it from the bias of a torque sensor.
+    While the joint moves this is Coulomb friction of (F + B) / 2 and a torque sensor's bias of
+    (F - B) / 2, which the diagnosis names instead: only at rest is the bias felt alone.
 
     Typical: a tenth to a third of the Coulomb torque between the directions, for loaded gears.
     Signature: as Coulomb friction, with a constant torque while the joint moves.
@@ -131,7 +131,7 @@ class AsymmetricFriction(JointTorque):
 
     id = 'joint_asymmetric_friction'
     title = 'Coulomb friction of another size in each direction'
-    refines = ('joint_coulomb_friction',)
+    is_fitted = False
     parameters = (amount('forward', 'N m', 3.0, 0.01), amount('backward', 'N m', 3.0, 0.01))
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:

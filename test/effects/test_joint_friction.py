@@ -197,6 +197,23 @@ def test_no_rate_is_too_fast_for_it(single):
     assert plant.state.qd[0] - 20.0 == pytest.approx(slowed, rel=1e-2)  # within 1e-3 s
 
 
+# ------------------------------------------------------------------ by direction
+
+
+def test_a_moving_joint_of_two_frictions_has_one_and_a_bias(robot, rng):
+    """F = T + b and B = T - b, b what the torque sensor says too much."""
+    motion = motion_of(robot, rng, 30)
+    motion.qd += np.copysign(9.0 * STICTION_RATE, motion.qd)
+    values = {'forward': 0.9, 'backward': 0.4}
+    ours = bind_effect('x', 'joint_asymmetric_friction', JOINT, values, robot)
+    one = bind_effect('y', 'joint_coulomb_friction', JOINT, {'torque': 0.65}, robot)
+    bias = bind_effect('z', 'torque_sensor_bias', JOINT, {'bias': 0.25}, robot)
+    none = np.zeros((30, 0))
+    felt = one.force(motion, none)
+    felt[:, 6:] += motion.effort - bias.sense('joint_effort', motion.effort, motion)
+    np.testing.assert_allclose(ours.force(motion, none), felt, rtol=0, atol=1e-7)
+
+
 # ------------------------------------------------------------------ coupled
 
 
