@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 Vector3 = Array  # (3,)
 Vector6 = Array  # (6,) [linear; angular]
 Matrix3 = Array  # (3, 3)

@@ -6,6 +6,8 @@ gain, ripple and rotor, and a harness.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..model.robot import Robot
@@ -163,7 +165,7 @@ class StribeckFriction(JointTorque):
     refines = ('joint_coulomb_friction',)
     parameters = (
         amount('coulomb', 'N m', 3.0, 0.01),
-        amount('static', 'N m', 4.0, 0.01),
+        amount('static', 'N m', 4.0, 0.01, beyond='coulomb'),
         searched(
             'velocity',
             'rad/s',
@@ -181,6 +183,11 @@ class StribeckFriction(JointTorque):
         size = self['coulomb'] + (self['static'] - self['coulomb']) * share
         return -size * direction(qd)
 
+    def canonical(self) -> Effect:
+        """Without a static torque below the Coulomb one."""
+        static = max(self['static'], self['coulomb'])
+        return replace(self, values={**self.values, 'static': static})
+
     def check(self, robot: Robot) -> None:
         """The static torque is the larger one."""
         if self['static'] < self['coulomb']:
@@ -193,6 +200,41 @@ class StribeckFriction(JointTorque):
     def fastest(self, robot: Robot) -> float:
         """As of Coulomb friction, of the static torque."""
         return self['static'] / STICTION_RATE * self.mobility(robot)
+
+
+class FrictionCurvature(JointTorque):
+    """tau = -k (sqrt(x) - 4/15 - 4/5 x) sign(q') with x = min(|q'| / v, 1).
+
+    What a law of Coulomb and viscous friction misses of one that bends towards the axis of the
+    rate, as that of grease does. The two numbers taken off make it orthogonal to both over all
+    rates up to v, so that theirs keep their meaning: int_0^1 (sqrt(x) - 4/15 - 4/5 x) x^i dx = 0
+    for i = 0, 1. It takes 4/15 k from the Coulomb friction at the lowest rates.
+
+    Typical: 0.3 to 3 times the Coulomb torque for greased harmonic drives.
+    Signature: a torque residual that bends towards the axis of the joint rate.
+    Source: Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996).
+
+    Args:
+        torque: k, torque against the joint rate by which the law bends.
+        rate: v, the fastest rate at which it does.
+    """
+
+    id = 'joint_friction_curvature'
+    title = 'friction that grows ever less with the joint rate'
+    excludes = ('joint_friction_curvature',)
+    parameters = (
+        amount('torque', 'N m', 3.0, 0.01),
+        searched('rate', 'rad/s', 1.0, nominal=1.0, above=0.0, maximum=100.0, guesses=(0.3, 1.0)),
+    )
+
+    def torque(self, q: Array, qd: Array, effort: Array) -> Array:
+        """Torque against the joint rate beyond a straight law."""
+        x = np.minimum(np.abs(qd) / self['rate'], 1.0)
+        return -self['torque'] * (np.sqrt(x) - 4.0 / 15.0 - 0.8 * x) * direction(qd)
+
+    def fastest(self, robot: Robot) -> float:
+        """Decay rate about rest, where the smoothed sign is a strong viscous friction."""
+        return self['torque'] / STICTION_RATE * self.mobility(robot)
 
 
 class LoadFriction(JointTorque):

@@ -28,6 +28,7 @@ class Parameter(Bounds):
             every one of `guesses`. Size and threshold are those of what the action is in
             proportion to: of the inverse, or of the square.
         guesses: First guesses where the role is `search`.
+        beyond: Another linear parameter, which it is not below where an effect is estimated.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Parameter(Bounds):
     default: float | None = None
     role: str = 'linear'
     guesses: tuple[float, ...] = ()
+    beyond: str = ''
 
     @property
     def grows_with_mass(self) -> bool:

@@ -89,7 +89,8 @@ class Candidate:
                 values[parameter.name] = math.hypot(first, second)
                 values[phase.name] = math.atan2(second, first)
             else:
-                values[parameter.name] = value_of(parameter, first + origin_of(parameter))
+                least = values.get(parameter.beyond, 0.0)
+                values[parameter.name] = value_of(parameter, first + origin_of(parameter) + least)
             used += 1 if phase is None else 2
         return values
 
@@ -182,6 +183,7 @@ def _candidate(
         value = value_of(parameter, origin_of(parameter) + step)
         for turn in (None,) if phase is None else (0.0, 0.5 * math.pi):
             direction = {**still, parameter.name: value}
+            direction |= {p.name: value for p in kind.parameters if p.beyond == parameter.name}
             if phase is not None and turn is not None:
                 direction[phase.name] = turn
             directions.append(direction)

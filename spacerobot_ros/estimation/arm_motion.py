@@ -1,0 +1,137 @@
+"""Motion and torques of a fixed-base arm on even times, low-passed without delay.
+
+Logged rates are not used: many are made of positions by a filter, smooth and late. Rates and
+accelerations are derivatives of the low-passed positions, and efforts pass the same filter, so
+that all that a torque balance is made of is smooth alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_opening
+from scipy.signal import butter, sosfiltfilt
+from scipy.spatial.transform import Rotation
+
+from ..recording.record import Record
+from ..types import Array, BoolArray
+from .reference import Kinematics
+
+BAND = 4.0
+"""Hz; motions of arms and what friction makes of them lie below, most noise above."""
+_SAMPLES = 6.0  # a period of the band at the least
+_SMOOTHED = 2.5  # bands: where positions and efforts are cut
+RATE = 100.0
+"""Hz at which torques are balanced, where the record is that fast."""
+_GAP = 4.0  # sample intervals without a sample
+_REST_SHARE = 0.01  # of a joint's, and of the fastest joint's, 95 % rate
+_REST_RATE = 3e-3  # rad/s
+_REST_TIME = 0.2  # s
+_REST_MARGIN = 0.35  # periods of the band, which the filter spreads an end of rest over
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMotion:
+    """One recording on N even times.
+
+    Args:
+        record: Joint positions and efforts; sensor effects already undone.
+    """
+
+    record: Record
+
+    @cached_property
+    def interval(self) -> float:
+        """Usual sample interval [s]."""
+        return float(np.median(np.diff(self.record.joint_time)))
+
+    @cached_property
+    def band(self) -> float:
+        """Frequency below which torques are compared [Hz]."""
+        return min(BAND, 1.0 / (_SAMPLES * self.interval))
+
+    @cached_property
+    def _dense(self) -> Array:
+        """Even times at the record's own rate [s]."""
+        start, end = self.record.span
+        return np.linspace(start, end, round((end - start) / self.interval) + 1)
+
+    @property
+    def _stride(self) -> int:
+        return max(1, int(1.0 / (self.interval * RATE) + 1e-6))
+
+    @cached_property
+    def times(self) -> Array:
+        """(N,) [s]."""
+        return self._dense[:: self._stride]
+
+    @cached_property
+    def step(self) -> float:
+        """Distance of the times [s]."""
+        return float(self.times[1] - self.times[0])
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Positions, rates and accelerations."""
+        q = self._smooth(self.record.joint_time, self.record.q)
+        qd = np.gradient(q, self.step, axis=0)
+        none = np.zeros((len(q), 3))
+        still = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(q), 1)))
+        return Kinematics(
+            self.times, q, qd, none, still, np.gradient(qd, self.step, axis=0), none
+        )
+
+    @cached_property
+    def effort(self) -> Array:
+        """(N, n) [N m]."""
+        if self.record.effort is None:
+            raise ValueError('a torque balance needs efforts')
+        return self._smooth(self.record.effort_time, np.nan_to_num(self.record.effort))
+
+    @cached_property
+    def is_known(self) -> BoolArray:
+        """(N,) whether samples lie close by; False in gaps and next to the ends."""
+        at = self.record.joint_time
+        after = np.clip(np.searchsorted(at, self.times), 1, len(at) - 1)
+        known = at[after] - at[after - 1] <= _GAP * max(self.interval, self.step)
+        margin = round(_REST_MARGIN / self.band / self.step)
+        known[:margin] = known[-margin:] = False
+        return np.asarray(~_widened(~known, margin))
+
+    @cached_property
+    def is_moving(self) -> BoolArray:
+        """(N, n) where a joint with a known effort moves; at rest friction takes any value."""
+        speed = np.abs(self.kinematics.qd)
+        usual = np.quantile(speed[self.is_known], 0.95, axis=0) if self.is_known.any() else speed[0]
+        slow = np.maximum(_REST_SHARE * np.maximum(usual, np.max(usual)), _REST_RATE)
+        resting = binary_opening(speed < slow, np.ones((max(1, round(_REST_TIME / self.step)), 1)))
+        margin = round(_REST_MARGIN / self.band / self.step)
+        is_measured = ~np.isnan(self.record.effort[0]) if self.record.effort is not None else False
+        return np.asarray(~_widened(resting, margin) & self.is_known[:, None] & is_measured)
+
+    def in_band(self, values: Array) -> Array:
+        """(N, ...) values without what is faster than the band."""
+        return _low_passed(values, self.band, self.step)
+
+    @property
+    def stride(self) -> int:
+        """Steps from row to row: 2.5 rows a period of the band."""
+        return max(1, int(1.0 / (_SMOOTHED * self.band * self.step) + 1e-6))
+
+    def _smooth(self, at: Array, values: Array) -> Array:
+        dense = np.column_stack([np.interp(self._dense, at, column) for column in values.T])
+        cut = _low_passed(dense, _SMOOTHED * self.band, self._dense[1] - self._dense[0])
+        return cut[:: self._stride]
+
+
+def _low_passed(values: Array, cut: float, step: float) -> Array:
+    """Third-order Butterworth, forwards and backwards: no delay."""
+    sections = butter(3, cut, fs=1.0 / step, output='sos')
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(values) - 1, 100)))
+
+
+def _widened(where: BoolArray, margin: int) -> BoolArray:
+    structure = np.ones((2 * margin + 1, *[1] * (where.ndim - 1)), dtype=bool)
+    return np.asarray(binary_dilation(where, structure))

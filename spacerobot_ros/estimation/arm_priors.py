@@ -1,0 +1,141 @@
+"""How large a cause may be on a machine, and how wrong every machine's file is at the least.
+
+A cause's size is the standard deviation that its coefficients are thought to have where it is one;
+its tolerance the one that they have anyway, on any real machine, without being worth a name. Both
+are in the machine's own units: torques by the rms that it needs, masses by its own. The figures
+are those of a campaign on measured arms and on simulated ones with a coloured leftover
+(docs/real_machines.md): tolerances of half the size are named falsely, of twice the size hide
+what they should show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..dynamics.equations import Dynamics
+from ..model.robot import Robot
+from ..types import Array
+from .balance import Balance
+from .columns import Candidate
+
+_GAIN_TOLERANCE, _SENSOR_TOLERANCE = 0.08, 0.03
+"""Of a torque that is a motor current times a constant from a data sheet; of a torque sensor."""
+_BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
+_NONE = 1e-4  # of a size: no tolerance, and still a number
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """Magnitudes of a robot and its recordings.
+
+    Args:
+        robot: As the file says.
+        balances: Of every recording.
+    """
+
+    robot: Robot
+    balances: Sequence[Balance]
+
+    @cached_property
+    def torque(self) -> Array:
+        """(n,) rms of the measured torques where the joints move [N m]."""
+        return self._rms('effort')
+
+    @cached_property
+    def rate(self) -> Array:
+        """(n,) rms [rad/s]."""
+        return self._rms('qd')
+
+    @cached_property
+    def range(self) -> Array:
+        """(n,) [rad]."""
+        q = np.concatenate([b.motion.q for b in self.balances])
+        return np.maximum(np.ptp(q, axis=0), 1e-3)
+
+    @cached_property
+    def inertia(self) -> Array:
+        """(n,) diagonal of the mass matrix, all joints at zero [kg m^2]."""
+        n = self.robot.n_joints
+        return np.diag(Dynamics(self.robot).mass_matrix(np.zeros(n)))[-n:]
+
+    @cached_property
+    def mass(self) -> float:
+        """Of all that moves [kg]."""
+        return float(np.sum(self.robot.inertial_parameters[1:, 0]))
+
+    @cached_property
+    def length(self) -> float:
+        """Longest distance from one joint to the next [m]."""
+        offsets = [float(np.linalg.norm(b.translation)) for b in self.robot.bodies[1:]]
+        return max(*offsets, 1e-3)
+
+    def prior(self, candidate: Candidate) -> tuple[Array, Array] | None:
+        """(K,) sizes and (K,) tolerances of its coefficients; None: it is no cause on an arm."""
+        kind, where = candidate.kind.id, candidate.where
+        if kind == 'inertial_parameters':
+            return self._body(str(where))
+        if where in self.robot.joints:
+            j = self.robot.joints.index(str(where))
+            torque, rate = float(self.torque[j]), max(float(self.rate[j]), 1e-6)
+            inertia = 0.5 * float(self.inertia[j])
+        else:
+            j, torque, rate, inertia = 0, 0.0, 1.0, 0.0
+        sizes: dict[str, tuple[float, float]] = {
+            'joint_coulomb_friction': (torque, 0.0),
+            'joint_viscous_friction': (torque / rate, 0.0),
+            'joint_stribeck_friction': (0.3 * torque, 0.0),
+            'joint_friction_curvature': (torque, 0.0),
+            'joint_load_friction': (0.1, 0.0),
+            'joint_torque_constant': (0.15, self._gain_tolerance(where)),
+            'joint_torque_ripple': (0.1 * torque, 0.0),
+            'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
+            'motor_inertia': (inertia, 0.0),
+            'torque_sensor_bias': (0.3 * torque, 0.0),
+            'encoder_offset': (0.02, 0.0),
+            'effort_delay': (0.01, 0.0),
+            'gravity_error': (0.2, 0.0),
+        }
+        if kind not in sizes:
+            return None
+        size, tolerance = sizes[kind]
+        shares = np.ones(len(candidate.sizes))
+        if kind == 'gravity_error':  # a tilt: its magnitude is known, and no scale of all masses
+            down = self.robot.gravity / max(float(np.linalg.norm(self.robot.gravity)), 1e-9)
+            shares = np.where(np.abs(down) > 0.9, _NONE, 1.0)
+        return size * shares, max(tolerance, _NONE * size) * shares
+
+    def _gain_tolerance(self, where: str | None) -> float:
+        kinds = dict(zip(self.robot.arm, self.robot.effort_kinds, strict=False))
+        return _SENSOR_TOLERANCE if kinds.get(str(where)) == 'link' else _GAIN_TOLERANCE
+
+    def _body(self, where: str) -> tuple[Array, Array]:
+        names = [body.name for body in self.robot.bodies]
+        row = self.robot.inertial_parameters[names.index(where)]
+        if where == names[-1]:
+            arm = 0.3 * self.length
+            scales = 0.1 * self.mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
+            return scales, _NONE * scales
+        mass = max(float(row[0]), 1e-3 * self.mass)
+        com = float(np.linalg.norm(row[1:4])) / mass
+        gyration = float(np.sqrt(max(row[4] + row[6] + row[9], 0.0) / mass))
+        arm = max(com, gyration, 0.2 * self.length)
+        scales = mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
+        return _BODY_SIZE * scales, _BODY_TOLERANCE * scales
+
+    def _rms(self, name: str) -> Array:
+        total, count = np.zeros(self.robot.n_joints), np.zeros(self.robot.n_joints)
+        for b in self.balances:
+            values = b.arm.effort if name == 'effort' else b.motion.qd
+            moving = b.arm.is_moving
+            total += np.sum(values**2 * moving, axis=0)
+            count += np.sum(moving, axis=0)
+        return np.sqrt(total / np.maximum(count, 1))
+
+
+def with_prior(candidate: Candidate, sizes: Array) -> Candidate:
+    """The candidate with other plausible sizes."""
+    return replace(candidate, sizes=sizes)

@@ -1,0 +1,183 @@
+"""Recordings of one arm as linear rows: every cause that an arm may have, at every place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from ..effects.effect import Effect
+from ..types import Array, IntArray
+from .arm_priors import Machine, with_prior
+from .balance import Balance
+from .columns import Candidate, candidate_at
+from .evidence import Gram
+from .leftover import JointRows, level_of
+
+_BLOCKS, _FEW = 4, 2
+_LEAST_BLOCK = 4.0  # s
+_PER_TURN = (1.0, 2.0)
+"""Harmonics of a torque ripple: eccentricity and misalignment. Faster ones of a usual motion are
+above the band, and what the data seem to say of them is something else (docs/real_machines.md)."""
+_STRIBECK = 0.1  # of the 95 % rate
+
+
+@dataclass(frozen=True, eq=False)
+class ArmRows:
+    """R recordings of one robot about one model.
+
+    Args:
+        balances: The model along every recording.
+        candidates: Causes that may be, with plausible sizes.
+        tolerances: (K,) what their coefficients are on any machine.
+    """
+
+    balances: tuple[Balance, ...]
+    candidates: tuple[Candidate, ...]
+    tolerances: Array
+
+    @classmethod
+    def of(cls, balances: Sequence[Balance], kinds: Iterable[type[Effect]]) -> ArmRows:
+        """With every effect of a catalogue that an arm may have."""
+        robot = balances[0].robot
+        machine = Machine(robot, balances)
+        found, tolerances = [], []
+        for candidate in _candidates(kinds, balances):
+            prior = machine.prior(candidate)
+            if prior is not None:
+                found.append(with_prior(candidate, prior[0]))
+                tolerances.append(prior[1])
+        return cls(tuple(balances), tuple(found), np.concatenate(tolerances))
+
+    @cached_property
+    def sizes(self) -> Array:
+        """(K,) plausible sizes."""
+        return np.concatenate([c.sizes for c in self.candidates])
+
+    @cached_property
+    def places(self) -> list[IntArray]:
+        """Columns of every candidate."""
+        ends = np.cumsum([len(c.sizes) for c in self.candidates]).tolist()
+        return [np.arange(a, b) for a, b in pairwise([0, *ends])]
+
+    def deviations(self, chosen: Iterable[int]) -> Array:
+        """(K,) the sizes of what is chosen and the tolerances of the rest."""
+        out = self.tolerances.copy()
+        for i in chosen:
+            out[self.places[i]] = self.sizes[self.places[i]]
+        return out
+
+    @cached_property
+    def columns(self) -> list[Array]:
+        """(M, n, K) of every recording [N m by coefficient]."""
+        steps = [step for c in self.candidates for step in c.small_steps]
+        return [balance.columns(steps) for balance in self.balances]
+
+    @cached_property
+    def scale(self) -> Array:
+        """(n,) rms of the torques where the joints move [N m]."""
+        return Machine(self.balances[0].robot, self.balances).torque
+
+    @cached_property
+    def blocks(self) -> list[IntArray]:
+        """(M,) number of the block of each row, recording by recording."""
+        out, first = [], 0
+        for balance in self.balances:
+            times = balance.row_times
+            length = times[-1] - times[0]
+            count = _BLOCKS if length >= _BLOCKS * _LEAST_BLOCK else _FEW
+            count = count if length >= count * _LEAST_BLOCK else 1
+            own = np.minimum((count * (times - times[0]) / length).astype(int), count - 1)
+            out.append(first + own)
+            first += count
+        return out
+
+    @cached_property
+    def folds(self) -> IntArray:
+        """(B,) the part that each block belongs to, which is predicted from the others."""
+        if len(self.balances) == 1:
+            return np.arange(self.blocks[0][-1] + 1)
+        return np.concatenate(
+            [np.full(b[-1] - b[0] + 1, i) for i, b in enumerate(self.blocks)]
+        )
+
+    def joint(self, j: int) -> JointRows:
+        """Rows of one joint where it moves."""
+        torque, columns, observed, block, gap = [], [], [], [], []
+        for balance, full, own in zip(self.balances, self.columns, self.blocks, strict=True):
+            stride = balance.arm.stride
+            at = np.flatnonzero(balance.arm.is_moving[::stride, j])
+            times = balance.row_times[at]
+            torque.append(balance.torque[at, j])
+            columns.append(full[at, j])
+            needed = balance.motion.effort[::stride, j][at]
+            direction = np.sign(balance.motion.qd[::stride, j][at])
+            observed.append(np.column_stack([direction, needed / self.scale[j]]))
+            block.append(own[at])
+            gap.append(np.diff(times, prepend=times[:1]))
+        return JointRows(*map(np.concatenate, (torque, columns, observed, block, gap)))
+
+    @cached_property
+    def joints(self) -> list[JointRows]:
+        """Rows of every joint."""
+        return [self.joint(j) for j in range(self.balances[0].robot.n_joints)]
+
+    def levels(self, priors: Array, friction: Array) -> list[Array]:
+        """(6,) variances of every joint's leftover.
+
+        Args:
+            priors: (K,) standard deviation of every coefficient.
+            friction: (n,) Coulomb friction that was found [N m].
+        """
+        return [
+            level_of(rows, priors, float(scale), float(c)) if len(rows.torque) else np.ones(6)
+            for rows, scale, c in zip(self.joints, self.scale, friction, strict=True)
+        ]
+
+    def parts(self, levels: Sequence[Array]) -> list[Gram]:
+        """Gram matrices of every fold."""
+        k = len(self.sizes)
+        out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in range(self.folds[-1] + 1)]
+        for rows, variances in zip(self.joints, levels, strict=True):
+            if len(rows.torque):
+                torque, columns, _ = rows.whitened(variances)
+                fold = self.folds[rows.block]
+                for f in range(len(out)):
+                    out[f] += Gram.of(columns[fold == f], torque[fold == f])
+        return out
+
+
+def _candidates(
+    kinds: Iterable[type[Effect]], balances: Sequence[Balance]
+) -> Iterable[Candidate]:
+    robot = balances[0].robot
+    for kind in kinds:
+        if not kind.is_fitted or kind.needs_free_base or kind.hidden:
+            continue
+        for where in kind.places(robot):
+            for variant in _variants(kind, where, balances):
+                candidate = candidate_at(kind, robot, where, variant)
+                if candidate is not None:
+                    yield candidate
+
+
+def _variants(
+    kind: type[Effect], where: str | None, balances: Sequence[Balance]
+) -> list[dict[str, float]]:
+    """Values of what an effect is not linear in, as an arm's motion suggests them."""
+    if kind.id == 'joint_torque_ripple':
+        return [{'harmonic': p} for p in _PER_TURN]
+    if where not in balances[0].robot.joints:
+        return [{}]
+    j = balances[0].robot.joints.index(str(where))
+    if kind.id in ('joint_stribeck_friction', 'joint_friction_curvature'):
+        speed = np.abs(np.concatenate([b.motion.qd[:, j] for b in balances]))
+        fast = max(float(np.quantile(speed, 0.95)), 1e-2)
+        is_curve = kind.id == 'joint_friction_curvature'
+        return [{'rate': fast} if is_curve else {'velocity': max(_STRIBECK * fast, 3e-3)}]
+    if kind.id == 'joint_stiffness':
+        return [{'rest_angle': float(np.mean([np.mean(b.motion.q[:, j]) for b in balances]))}]
+    return [{}]

@@ -1,0 +1,156 @@
+r"""What no cause explains of a joint's torque: its level against frequency, estimated along.
+
+    d = white + OU(0.3 s) + OU(1.5 s) + OU(8 s) + OU(30 s) sign(q') + OU(30 s) tau
+
+with OU an Ornstein-Uhlenbeck process (Gaussian, correlation exp(-|t|/T)): the last two are
+friction whose level drifts and a gain that drifts. A Kalman filter whitens torques and columns
+alike, its gains do not depend on them, and rows that are missing are passed over. The six
+variances are those of the restricted likelihood (REML; Patterson and Thompson, Biometrika 58
+(1971)): the coefficients of all columns are integrated out under their priors. White noise of a
+sensor is the special case in which only the first is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ..dynamics.spatial import compiled
+from ..types import Array, BoolArray, IntArray
+
+_TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])  # s
+_LEAST = 1e-3  # of a torque's rms: no torque sensor is as good
+_MOST = 10.0  # times a torque's rms
+_DRIFT = 0.03  # of a torque's rms: more would be friction or a gain itself
+_PASSES = 15
+_RANK = 1e-6  # of the largest singular value of the columns that a joint sees
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointRows:
+    """Rows of one joint, of all recordings one after another.
+
+    Args:
+        torque: (M,) that the model misses, in the band [N m].
+        columns: (M, K) of the candidates [N m].
+        observed: (M, 2) sign of the rate, and the torque that the model needs by its own rms.
+        block: (M,) number of the block of rows, not decreasing; each is filtered for itself.
+        gap: (M,) time since the row before [s].
+    """
+
+    torque: Array
+    columns: Array
+    observed: Array
+    block: IntArray
+    gap: Array
+
+    def whitened(self, variances: Array) -> tuple[Array, Array, float]:
+        """(M,) torques and (M, K) columns, and the log determinant of their covariance.
+
+        Args:
+            variances: (6,) of the white part and the five processes [N^2 m^2].
+        """
+        both = np.column_stack([self.torque, self.columns])
+        out, logs = _whiten(
+            np.ascontiguousarray(both), self.observed, self.block, self.gap, variances, _TIMES
+        )
+        return out[:, 0], out[:, 1:], float(logs)
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _whiten(
+    values: Array, observed: Array, block: IntArray, gap: Array, variances: Array, times: Array
+) -> tuple[Array, float]:
+    """Innovations by their standard deviations; every block starts from the stationary state."""
+    rows, width = values.shape
+    size = len(times)
+    out = np.empty((rows, width))
+    state, cov = np.zeros((size, width)), np.zeros((size, size))
+    h, gain = np.ones(size), np.zeros(size)
+    logs = 0.0
+    for k in range(rows):
+        fresh = k == 0 or block[k] != block[k - 1]
+        for i in range(size):
+            for j in range(size):
+                if fresh:
+                    cov[i, j] = variances[1 + i] if i == j else 0.0
+                else:
+                    cov[i, j] *= np.exp(-gap[k] / times[i] - gap[k] / times[j])
+                    if i == j:
+                        cov[i, i] += variances[1 + i] * (1.0 - np.exp(-2.0 * gap[k] / times[i]))
+            for c in range(width):
+                state[i, c] = 0.0 if fresh else state[i, c] * np.exp(-gap[k] / times[i])
+        h[size - 2], h[size - 1] = observed[k, 0], observed[k, 1]
+        variance = variances[0]
+        for i in range(size):
+            gain[i] = 0.0
+            for j in range(size):
+                gain[i] += cov[i, j] * h[j]
+            variance += h[i] * gain[i]
+        logs += np.log(variance)
+        root = np.sqrt(variance)
+        for c in range(width):
+            left = values[k, c]
+            for i in range(size):
+                left -= h[i] * state[i, c]
+            out[k, c] = left / root
+            for i in range(size):
+                state[i, c] += gain[i] / variance * left
+        for i in range(size):
+            for j in range(size):
+                cov[i, j] -= gain[i] * gain[j] / variance
+    return out, logs
+
+
+def level_of(
+    rows: JointRows, priors: Array, scale: float, friction: float = 0.0, floor: float = 0.0
+) -> Array:
+    """(6,) variances of what the columns leave, by REML.
+
+    Args:
+        rows: Of one joint.
+        priors: (K,) standard deviation of every column's coefficient.
+        scale: Rms of the joint's torque [N m].
+        friction: Coulomb friction found at the joint [N m]; its drift may be a tenth of it.
+        floor: Standard deviation of a sample's noise, as far as it is stated [N m].
+    """
+    compressed = JointRows(
+        rows.torque, _compressed(rows.columns * priors), rows.observed, rows.block, rows.gap
+    )
+    least = max(_LEAST * scale, floor)
+    drift = max(_DRIFT * scale, 0.1 * friction)
+    low = 2.0 * np.log(np.array([least, *[0.1 * least] * 5]))
+    high = 2.0 * np.log(np.array([*[_MOST * scale] * 4, drift, _DRIFT * scale]))
+    high = np.maximum(high, low + 1e-3)
+    start = np.clip(2.0 * np.log(np.array([0.03, 0.03, 0.03, 0.03, 0.01, 0.01]) * scale), low, high)
+    found = minimize(
+        lambda x: _cost(compressed, np.exp(x)),
+        start,
+        method='L-BFGS-B',
+        bounds=list(zip(low, high, strict=True)),
+        options={'maxiter': _PASSES, 'eps': 1e-3},
+    )
+    return np.exp(np.clip(found.x, low, high))
+
+
+def _compressed(columns: Array) -> Array:
+    """(M, r) with the same Gram matrix over rows: what coefficients of unit prior can make."""
+    columns = columns[:, np.any(columns != 0.0, axis=0)]
+    if not columns.size:
+        return columns
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    return np.asarray(columns @ vectors[:, values > _RANK**2 * values[-1]])
+
+
+def _cost(rows: JointRows, variances: Array) -> float:
+    """Minus twice the restricted log likelihood, but for a constant."""
+    torque, columns, logs = rows.whitened(variances)
+    matrix = columns.T @ columns + np.eye(columns.shape[1])
+    vector = columns.T @ torque
+    factor = np.linalg.cholesky(matrix)
+    part = np.linalg.solve(factor, vector)
+    logs += 2.0 * float(np.sum(np.log(np.diag(factor))))
+    return float(torque @ torque) - float(part @ part) + logs
