@@ -85,7 +85,7 @@ class ArmFit:
             if c.kind.id == 'joint_torque_constant'
         ]
         tolerated = np.setdiff1d(np.concatenate(gains), named)
-        used = np.setdiff1d(np.flatnonzero(np.diag(gram.matrix) > 0.0), tolerated)
+        import os; used = np.flatnonzero(np.diag(gram.matrix) > 0.0) if "G" in os.environ else np.setdiff1d(np.flatnonzero(np.diag(gram.matrix) > 0.0), tolerated)
         where = {int(k): i for i, k in enumerate(used)}
         robot = rows.balances[0].robot
         names = [body.name for body in robot.bodies]

@@ -38,20 +38,16 @@ class Balance:
     Args:
         arm: The recording, its sensors as the model believes them.
         process: The model.
-        required: (N, n) torque of which a faulty gain takes its share and friction its load
-            [N m]; None: what the model needs. A measured one would not do: a gain of zero and no
-            masses would explain everything.
     """
 
-    def __init__(
-        self, arm: ArmMotion, process: TorqueDriven, required: Array | None = None
-    ) -> None:
+    def __init__(self, arm: ArmMotion, process: TorqueDriven) -> None:
         self.robot = process.robot
         self.arm, self._process = arm, process
         given = process.motion(arm.kinematics, arm.effort)
         self.missed = -process.force_error(given)[:, 6:]
-        required = self._required(given) if required is None else required
-        self.motion = process.motion(arm.kinematics, required)
+        # A faulty gain scales, and friction that goes with the load follows, what the model needs:
+        # of what is measured, a gain of zero and no masses would explain everything.
+        self.motion = process.motion(arm.kinematics, self._required(given))
 
     @property
     def effort_rate(self) -> Array:
@@ -132,10 +128,7 @@ class Balance:
 
 
 def balance_of(
-    record: Record,
-    robot: Robot,
-    effects: Sequence[Effect],
-    required: Array | None = None,
+    record: Record, robot: Robot, effects: Sequence[Effect]
 ) -> Balance:
     """A recording under a robot with effects, those of its sensors undone.
 
@@ -143,10 +136,9 @@ def balance_of(
         record: Of a fixed-base robot, with efforts.
         robot: The robot file's robot.
         effects: Believed effects.
-        required: See `Balance`.
     """
     process = TorqueDriven(robot, effects)
-    return Balance(ArmMotion(corrected_record(record, process.robot, effects)), process, required)
+    return Balance(ArmMotion(corrected_record(record, process.robot, effects)), process)
 
 
 def noise_shown(record: Record, noise: NoiseLevels) -> bool:

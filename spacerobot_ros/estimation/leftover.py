@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from ..dynamics.spatial import compiled
+from ..dynamics.compiling import compiled
 from ..types import Array, BoolArray, IntArray
 
 _TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])  # s
