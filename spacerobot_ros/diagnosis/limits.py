@@ -28,17 +28,6 @@ FREEDOM = 3.0
 """Times `EQUIVALENT` that a cause of more numbers may lose by its freedom alone and stay a rival:
 two numbers more cost up to 2 * ln(1 + rows) / 2, some 10 nats, without fitting any worse."""
 
-SIMPLER = 0.85
-"""Share of the best evidence that is enough for a cause of fewer numbers at the same place, where
-the leftover is not white. The evidence of finer shapes is overstated there by what is left beside
-them; on the measured arms of docs/data.md a law of two numbers holds on the other run, one of four
-or ten does not."""
-
-OBVIOUS = 0.02
-"""Share of the first cause's evidence down to which causes are chosen together before the model is
-fitted again. Columns that scale the torques (gains, loads) are off by the share of the torque that
-friction takes until it is fitted, which is a tenth to a half: what is small beside that waits."""
-
 SUSPICIOUS = 0.1
 """Probability of the fit below which effects with states of their own are looked at, too. They
 leave slow errors or spectral lines where they are visible at all, so this costs no name: a tenth
@@ -64,3 +53,30 @@ of the evidence; the number bounds the run time."""
 ALIKE_SHARE, MOST_ALIKE = 0.5, 2
 """The same effect elsewhere that is fitted, too: neighbouring links share their columns, so that
 half the evidence may belong to the other place."""
+
+
+FAMILYWISE = 3.0
+"""Nats of log evidence beyond ln of the number of hypotheses: exp(-3) = 5 % of all records with a
+false name, were the level of what is left right (docs/real_machines.md: 1 of 64)."""
+
+SPECIAL = {
+    'joint_torque_ripple': 3.0,
+    'joint_stiffness': 2.0,
+    'inertial_parameters': 1.0,
+}
+"""Nats beyond that for what a smooth leftover that nobody knows looks like most."""
+
+SIMPLER_MARGIN = 0.9
+"""Share of the best margin that is enough for a cause of fewer numbers at the same place: the
+evidence of finer shapes is overstated by what is left beside them."""
+
+MOST_PRUNED = 2
+"""Times that a cause may be chosen and found superfluous before it is left out for good: two that
+take turns would do so for ever."""
+
+HELD_OUT = 3.0
+"""Nats by which a cause must help to predict what it was not fitted to: odds of 20."""
+
+UNEXPLAINED = {'link': 0.03, 'other': 0.08}
+"""Share of a joint's torque that may be left and still be called consistent: as much as its
+torque sensor or its torque constant is uncertain by (`arm_priors`)."""

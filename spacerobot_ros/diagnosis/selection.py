@@ -1,7 +1,7 @@
 """Which causes recordings of an arm want: forward selection on Gram matrices.
 
 Columns hold for effects of any size, so every hypothesis is algebra on sums over the rows. What
-every machine has (`tolerance`) stands beside all of them. A cause is worth its name where the
+every machine has (its tolerance) stands beside all of them. A cause is worth its name where the
 evidence of its plausible size over its tolerance exceeds what the number of hypotheses makes
 likely by chance, where every part of the data is better predicted with it from the others, and
 where it lowers what is left as it is, too, not only its fast content.
@@ -11,22 +11,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..estimation.arm_fit import Posterior
 from ..estimation.arm_rows import ArmRows
-from ..estimation.columns import Candidate
 from ..estimation.evidence import Gram, Score, score, sum_of
-from ..types import Array, IntArray
+from ..types import Array
+from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL
 
 _FRICTION = ('joint_coulomb_friction', 'joint_viscous_friction')
 _AFTER_FRICTION = ('joint_stribeck_friction', 'joint_friction_curvature', 'joint_load_friction')
-_EXTRA = {'joint_torque_ripple': 3.0, 'joint_stiffness': 2.0, 'inertial_parameters': 1.0}
-_FAMILYWISE = 3.0  # nats: -ln of 5 % of all hypotheses together
-_SIMPLER = 0.9
-_MOST_PRUNED = 2
 
 
 class Selection:
@@ -35,112 +30,135 @@ class Selection:
     Args:
         rows: The recordings.
         parts: Their Gram matrices, fold by fold.
+        always: Sums that are in every fold's rest.
     """
 
-    def __init__(self, rows: ArmRows, parts: Sequence[Gram]) -> None:
-        self.rows, self.parts = rows, list(parts)
-        self.whole = sum_of(parts)
+    def __init__(self, rows: ArmRows, parts: Sequence[Gram], always: Gram | None = None) -> None:
+        self.rows, self.parts = rows, tuple(parts)
+        self._always = () if always is None else (always,)
+        self.whole = sum_of([*self._always, *parts])
         self.chosen: list[int] = []
         self._pruned: dict[int, int] = {}
-        live = [i for i, at in enumerate(rows.places) if self.whole.matrix[at, at].any()]
-        self.live = live
-        self._count = math.log(max(len(live), 1))
+        seen = np.diag(sum_of(parts).matrix) > 0.0
+        self.live = [i for i, at in enumerate(rows.places) if seen[at].any()]
 
-    def precision(self, chosen: Sequence[int]) -> Array:
-        """(K,) with the sizes of what is chosen and the tolerances of the rest."""
-        return self.rows.deviations(chosen) ** -2.0
+    def rest(self, fold: int) -> Gram:
+        """Sums over all other folds."""
+        return sum_of([*self._always, *self.parts[:fold], *self.parts[fold + 1 :]])
 
     def need(self, i: int) -> float:
-        c = self.rows.candidates[i]
-        size = len(c.sizes)
-        extra = _EXTRA.get(c.kind.id, 0.0)
-        return self._count + _FAMILYWISE + 0.5 * (min(size, 4) - 1) + extra
+        """Log evidence from which a cause is worth a name."""
+        candidate = self.rows.candidates[i]
+        size = min(len(candidate.sizes), 4)
+        extra = SPECIAL.get(candidate.kind.id, 0.0)
+        return math.log(len(self.live)) + FAMILYWISE + 0.5 * (size - 1) + extra
 
-    def gain(self, gram: Gram, i: int, chosen: Sequence[int]) -> float:
-        """Log evidence for a cause beside others."""
-        others = [k for k in chosen if k != i]
-        return self._gain(Posterior.of(gram, self.precision(others)), i)
+    def gain(self, gram: Gram, i: int) -> float:
+        """Log evidence for a cause beside the chosen ones."""
+        others = [k for k in self.chosen if k != i]
+        return self._gain(Posterior.of(gram, self.rows.deviations(others)), i)
 
-    def _gain(self, posterior: Posterior, i: int) -> float:
+    def score(self, i: int) -> Score:
+        """All that is to be said of a cause beside the chosen ones."""
+        others = [k for k in self.chosen if k != i]
+        return self._score(Posterior.of(self.whole, self.rows.deviations(others)), i)
+
+    def _score(self, beside: Posterior, i: int) -> Score:
+        candidate = self.rows.candidates[i]
+        gram = beside.group(self.rows.places[i])
+        return score(gram, candidate.sizes, (candidate.lower, candidate.upper), None)
+
+    def _gain(self, beside: Posterior, i: int) -> float:
         own = self.rows.places[i]
-        c = self.rows.candidates[i]
-        gram = posterior.group(own)
-        bounds = (c.lower, c.upper)
         free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
-        size = score(gram, c.sizes, bounds, None).evidence
-        return size - score(gram, self.rows.tolerances[own], free, None).evidence
+        tolerated = score(beside.group(own), self.rows.tolerances[own], free, None)
+        return self._score(beside, i).evidence - tolerated.evidence
 
-    def run(self) -> list[int]:
-        while True:
-            best = self._next()
-            if best is None:
-                return self.chosen
-            self.chosen.append(best)
-            self._prune()
-
-    def _next(self) -> int | None:
-        posterior = Posterior.of(self.whole, self.precision(self.chosen))
-        margins = {
-            i: self._gain(posterior, i) - self.need(i)
+    def ranking(self) -> list[tuple[int, float]]:
+        """Candidates that may be chosen, with the log evidence beyond their need, best first."""
+        beside = Posterior.of(self.whole, self.rows.deviations(self.chosen))
+        margins = [
+            (i, self._gain(beside, i) - self.need(i))
             for i in self.live
             if i not in self.chosen and self._is_open(i)
-        }
-        wanted = {i: m for i, m in margins.items() if m > 0.0}
-        if not wanted:
-            return None
-        top = max(wanted, key=wanted.__getitem__)
-        where = self.rows.candidates[top].where
-        near = [
-            i
-            for i, m in wanted.items()
-            if self.rows.candidates[i].where == where and m > _SIMPLER * wanted[top]
         ]
-        return min(near, key=lambda i: (len(self.rows.candidates[i].sizes), -wanted[i]))
+        return sorted(margins, key=lambda pair: -pair[1])
+
+    def run(self) -> None:
+        """Choose until nothing more is wanted."""
+        while wanted := [(i, margin) for i, margin in self.ranking() if margin > 0.0]:
+            self.chosen.append(self._simplest(wanted))
+            self._prune()
+
+    def _simplest(self, wanted: Sequence[tuple[int, float]]) -> int:
+        """The cause of fewest numbers that does nearly as well as the best at the same place."""
+        candidates = self.rows.candidates
+        where = candidates[wanted[0][0]].where
+        near = [
+            (i, margin)
+            for i, margin in wanted
+            if candidates[i].where == where and margin > SIMPLER_MARGIN * wanted[0][1]
+        ]
+        return min(near, key=lambda pair: (len(candidates[pair[0]].sizes), -pair[1]))[0]
 
     def _is_open(self, i: int) -> bool:
-        c = self.rows.candidates[i]
-        if self._pruned.get(i, 0) >= _MOST_PRUNED:
-            return False
+        candidate = self.rows.candidates[i]
         taken = [self.rows.candidates[k] for k in self.chosen]
-        if c.contradicts(taken):
+        if self._pruned.get(i, 0) >= MOST_PRUNED or candidate.contradicts(taken):
             return False
-        if c.kind.id in _AFTER_FRICTION:
-            return any(t.where == c.where and t.kind.id in _FRICTION for t in taken)
-        return True
+        here = [t.kind.id for t in taken if t.where == candidate.where]
+        return candidate.kind.id not in _AFTER_FRICTION or any(k in _FRICTION for k in here)
 
     def _prune(self) -> None:
         while len(self.chosen) > 1:
-            gains = {i: self.gain(self.whole, i, self.chosen) - self.need(i) for i in self.chosen}
-            worst = min(gains, key=gains.__getitem__)
-            if gains[worst] > 0.0:
+            margins = {i: self.gain(self.whole, i) - self.need(i) for i in self.chosen}
+            worst = min(margins, key=margins.__getitem__)
+            if margins[worst] > 0.0:
                 return
-            self._drop(worst)
+            self.drop(worst)
 
-    def _drop(self, i: int) -> None:
+    def drop(self, i: int) -> None:
+        """Take a cause back."""
         self.chosen.remove(i)
         self._pruned[i] = self._pruned.get(i, 0) + 1
 
     def held_out(self, i: int) -> Array:
-        """(F,) predictive gain of every fold."""
-        whole = self.gain(self.whole, i, self.chosen)
-        rests = [sum_of([*self.parts[:f], *self.parts[f + 1 :]]) for f in range(len(self.parts))]
-        return np.array([whole - self.gain(rest, i, self.chosen) for rest in rests])
+        """(F,) log evidence that a cause adds to the prediction of each fold from the others."""
+        whole = self.gain(self.whole, i)
+        return np.array([whole - self.gain(self.rest(f), i) for f in range(len(self.parts))])
 
-    def gate(self) -> None:
+    def check_held_out(self) -> None:
         """Drop what does not hold on folds, weakest first."""
-        if len(self.parts) < 2:
-            return
-        while self.chosen:
+        while len(self.parts) > 1 and self.chosen:
             gains = {i: self.held_out(i) for i in self.chosen}
             failing = {i: float(np.sum(g)) for i, g in gains.items() if not holds(g)}
             if not failing:
                 return
-            self._drop(min(failing, key=failing.__getitem__))
+            self.drop(min(failing, key=failing.__getitem__))
+
+    def check_plain(self, plain: Gram) -> None:
+        """Drop what only helps after whitening: without it less is left, as it is.
+
+        Args:
+            plain: Sums of the rows by the rms of each joint's leftover, not whitened.
+        """
+        for i in list(self.chosen):
+            others = [k for k in self.chosen if k != i]
+            here, without = (
+                plain.misfit(Posterior.of(self.whole, self.rows.deviations(kept)).mean)
+                for kept in (self.chosen, others)
+            )
+            if without < here:
+                self.drop(i)
 
 
 def holds(gains: Array) -> bool:
-    """Whether a cause predicts parts of the data that it was not fitted to."""
+    """Whether a cause predicts parts of the data that it was not fitted to.
+
+    The worst part loses less than half of what the others gain, and of three or more no single
+    one decides.
+    """
     total, worst = float(np.sum(gains)), min(float(np.min(gains)), 0.0)
-    if total <= 3.0 or -worst > 0.5 * (total - worst):
+    if total <= HELD_OUT or -worst > 0.5 * (total - worst):
         return False
     return len(gains) < 3 or total - float(np.max(gains)) > 0.0

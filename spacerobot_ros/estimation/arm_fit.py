@@ -14,8 +14,6 @@ from .arm_rows import ArmRows
 from .constrained import ConstrainedProblem, PhysicalBody
 from .evidence import Gram, sum_of
 
-_FEW_NATS = 0.5
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
@@ -31,8 +29,9 @@ class Posterior:
     rows: int
 
     @classmethod
-    def of(cls, gram: Gram, precision: Array) -> Posterior:
-        """From sums over rows and the precision (K,) of every prior."""
+    def of(cls, gram: Gram, deviations: Array) -> Posterior:
+        """From sums over rows and the standard deviation (K,) of every prior."""
+        precision = deviations**-2.0
         scale = 1.0 / np.sqrt(np.diag(gram.matrix) + precision)
         scaled = scale[:, None] * gram.matrix * scale + np.diag(precision * scale**2)
         covariance = scale[:, None] * np.linalg.inv(scaled) * scale
@@ -60,6 +59,11 @@ class ArmFit:
     chosen: tuple[int, ...]
 
     @cached_property
+    def whole(self) -> Gram:
+        """Sums over all rows."""
+        return sum_of(self.parts)
+
+    @cached_property
     def deviations(self) -> Array:
         """(K,) prior standard deviations: sizes of what is chosen, tolerances of the rest."""
         return self.rows.deviations(self.chosen)
@@ -67,79 +71,85 @@ class ArmFit:
     @cached_property
     def posterior(self) -> Posterior:
         """Over all recordings."""
-        return Posterior.of(sum_of(self.parts), self.deviations**-2.0)
+        return Posterior.of(self.whole, self.deviations)
 
     @cached_property
     def values(self) -> Array:
         """(K,) most probable coefficients within bounds, bodies bodies."""
-        gram, rows = sum_of(self.parts), self.rows
-        lower, upper = (
-            np.concatenate([getattr(c, name) for c in rows.candidates])
-            for name in ('lower', 'upper')
-        )
-        # what is not named of a gain stays in the measured torques, in whose units all values are
-        named = np.concatenate([rows.places[i] for i in self.chosen] or [np.zeros(0, int)])
-        gains = [
-            at
-            for c, at in zip(rows.candidates, rows.places, strict=True)
-            if c.kind.id == 'joint_torque_constant'
-        ]
-        tolerated = np.setdiff1d(np.concatenate(gains), named)
-        import os; used = np.flatnonzero(np.diag(gram.matrix) > 0.0) if "G" in os.environ else np.setdiff1d(np.flatnonzero(np.diag(gram.matrix) > 0.0), tolerated)
-        where = {int(k): i for i, k in enumerate(used)}
-        robot = rows.balances[0].robot
-        names = [body.name for body in robot.bodies]
-        bodies = tuple(
-            PhysicalBody(
-                np.array([where[int(k)] for k in at]),
-                robot.inertial_parameters[names.index(str(c.where))],
-            )
-            for i, (c, at) in enumerate(zip(rows.candidates, rows.places, strict=True))
-            if c.kind.id == 'inertial_parameters'
-            and all(int(k) in where for k in at)
-            and (i in self.chosen or np.any(rows.tolerances[at] > 1e-3 * rows.sizes[at]))
-        )
-        information = gram.matrix[np.ix_(used, used)] + np.diag(self.deviations[used] ** -2.0)
+        gram, used = self.whole, self._used
+        at = np.ix_(used, used)
         problem = ConstrainedProblem(
-            information,
+            gram.matrix[at] + np.diag(self.deviations[used] ** -2.0),
             gram.vector[used],
             self.deviations[used],
-            lower[used],
-            upper[used],
-            tuple(b for b in bodies if b.inverse(np.zeros(len(used))) is not None),
+            self.rows.lower[used],
+            self.rows.upper[used],
+            self._bodies(used),
         )
         out = np.zeros(len(self.deviations))
         out[used] = problem.solve()
         return out
 
+    @property
+    def _used(self) -> IntArray:
+        """Columns with a say.
+
+        A gain that is not named stays in the measured torques, in whose units all values are.
+        """
+        named = [self.rows.candidates[i].where for i in self.chosen if self._is_gain(i)]
+        out = np.diag(self.whole.matrix) > 0.0
+        for i, at in enumerate(self.rows.places):
+            if self._is_gain(i) and self.rows.candidates[i].where not in named:
+                out[at] = False
+        return np.flatnonzero(out)
+
+    def _is_gain(self, i: int) -> bool:
+        return self.rows.candidates[i].kind.id == 'joint_torque_constant'
+
+    def _bodies(self, used: IntArray) -> tuple[PhysicalBody, ...]:
+        robot = self.rows.robot
+        names = [body.name for body in robot.bodies]
+        found = [
+            PhysicalBody(
+                np.searchsorted(used, self.rows.places[i]),
+                robot.inertial_parameters[names.index(str(c.where))],
+            )
+            for i, c in enumerate(self.rows.candidates)
+            if c.kind.id == 'inertial_parameters'
+            and (i in self.chosen or self.rows.is_tolerated(i))
+            and np.all(np.isin(self.rows.places[i], used))
+        ]
+        still = np.zeros(len(used))
+        return tuple(body for body in found if body.inverse(still) is not None)
+
     def effects(self, which: Sequence[int]) -> list[Effect]:
         """Some candidates with their values.
 
         With a gain of g a motor gives g times what is measured: columns are of measured torques,
-        needed / g + effects / g, so that a coefficient c of the gain is 1 - 1 / g.
+        needed / g + effects / g, so that the coefficient of the gain is 1 - 1 / g.
         """
         rows = self.rows
-        gains = {}
-        for c, at in zip(rows.candidates, rows.places, strict=True):
-            if c.kind.id == 'joint_torque_constant':
-                gains[c.where] = 1.0 / (1.0 - min(float(self.values[at[0]]), 0.9))
+        gains = {
+            rows.candidates[i].where: 1.0 / (1.0 - min(float(self.values[rows.places[i][0]]), 0.9))
+            for i in self.chosen
+            if self._is_gain(i)
+        }
         out = []
         for i in which:
             c, values = rows.candidates[i], self.values[rows.places[i]]
-            if c.kind.id == 'joint_torque_constant':
+            if self._is_gain(i):
                 values = np.array([gains[c.where] - 1.0])
-            elif c.kind.group == 'joint' or c.kind.id == 'torque_sensor_bias':
-                values = gains.get(c.where, 1.0) * values
-            out.append(c.applied(c.values(values)))
+            elif c.where in gains:
+                values = gains[c.where] * values
+            out.append(c.applied(c.values(values)).canonical())
         return out
 
-    @cached_property
+    @property
     def calibration(self) -> list[int]:
-        """Candidates within their tolerance: what every machine has."""
-        rows = self.rows
+        """Candidates that stay within the tolerance of any file, fitted beside what is named."""
+        used = self._used
         return [
             i
-            for i, at in enumerate(rows.places)
-            if i not in self.chosen and np.any(self.values[at] != 0.0)
-            and np.any(rows.tolerances[at] > 1e-3 * rows.sizes[at])
+            for i, at in enumerate(self.rows.places)
+            if i not in self.chosen and self.rows.is_tolerated(i) and np.all(np.isin(at, used))
         ]

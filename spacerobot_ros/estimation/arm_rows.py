@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..effects.effect import Effect
+from ..model.robot import Robot
 from ..types import Array, IntArray
 from .arm_priors import Machine, with_prior
 from .balance import Balance
@@ -23,6 +24,7 @@ _PER_TURN = (1.0, 2.0)
 """Harmonics of a torque ripple: eccentricity and misalignment. Faster ones of a usual motion are
 above the band, and what the data seem to say of them is something else (docs/real_machines.md)."""
 _STRIBECK = 0.1  # of the 95 % rate
+_TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,26 @@ class ArmRows:
         """(K,) plausible sizes."""
         return np.concatenate([c.sizes for c in self.candidates])
 
+    @property
+    def robot(self) -> Robot:
+        """The model's."""
+        return self.balances[0].robot
+
+    @cached_property
+    def lower(self) -> Array:
+        """(K,) least coefficients."""
+        return np.concatenate([c.lower for c in self.candidates])
+
+    @cached_property
+    def upper(self) -> Array:
+        """(K,) largest coefficients."""
+        return np.concatenate([c.upper for c in self.candidates])
+
+    def is_tolerated(self, i: int) -> bool:
+        """Whether a candidate is a little there on any machine."""
+        at = self.places[i]
+        return bool(np.any(self.tolerances[at] > _TOLERATED * self.sizes[at]))
+
     @cached_property
     def places(self) -> list[IntArray]:
         """Columns of every candidate."""
@@ -79,7 +101,7 @@ class ArmRows:
     @cached_property
     def scale(self) -> Array:
         """(n,) rms of the torques where the joints move [N m]."""
-        return Machine(self.balances[0].robot, self.balances).torque
+        return Machine(self.robot, self.balances).torque
 
     @cached_property
     def blocks(self) -> list[IntArray]:
@@ -123,7 +145,7 @@ class ArmRows:
     @cached_property
     def joints(self) -> list[JointRows]:
         """Rows of every joint."""
-        return [self.joint(j) for j in range(self.balances[0].robot.n_joints)]
+        return [self.joint(j) for j in range(self.robot.n_joints)]
 
     def levels(self, priors: Array, friction: Array) -> list[Array]:
         """(6,) variances of every joint's leftover.

@@ -54,6 +54,14 @@ class Gram:
             self.rows + other.rows,
         )
 
+    def misfit(self, coefficients: Array) -> float:
+        """Squared rows that coefficients (K,) leave."""
+        return float(
+            self.square
+            - 2.0 * self.vector @ coefficients
+            + coefficients @ self.matrix @ coefficients
+        )
+
     def part(self, chosen: IntArray) -> Gram:
         """The same with only the chosen columns."""
         return Gram(
