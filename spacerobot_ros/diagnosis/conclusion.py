@@ -51,7 +51,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     fit_p, white_left = _with(found, sound).rows.whiteness()
     extended = _with(found, named)  # what is shown is the model that is written
     verdict = _verdict(fit_p, bool(named))
-    channels = series(null.rows, extended.rows)
+    channels = series(null.rows.channels(), extended.rows.channels())
     joints = null.run.robot.joints
     return Diagnosis(
         verdict=verdict,

@@ -111,7 +111,6 @@ class ArmRows:
             times = balance.row_times
             length = times[-1] - times[0]
             count = _BLOCKS if length >= _BLOCKS * _LEAST_BLOCK else _FEW
-            count = count if length >= count * _LEAST_BLOCK else 1
             own = np.minimum((count * (times - times[0]) / length).astype(int), count - 1)
             out.append(first + own)
             first += count
@@ -141,6 +140,12 @@ class ArmRows:
             block.append(own[at])
             gap.append(np.diff(times, prepend=times[:1]))
         return JointRows(*map(np.concatenate, (torque, columns, observed, block, gap)))
+
+    def joint_times(self, j: int) -> Array:
+        """(M,) times of a joint's rows, each of its recording [s]."""
+        return np.concatenate(
+            [b.row_times[b.arm.is_moving[:: b.arm.stride, j]] for b in self.balances]
+        )
 
     @cached_property
     def joints(self) -> list[JointRows]:

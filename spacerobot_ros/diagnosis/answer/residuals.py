@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...estimation.prediction_rows import LABELS
-from ...estimation.rows import ChannelFit, Rows
+from ...estimation.rows import ChannelError, ChannelFit
 from ...types import Array
 from .result import Residual, Series
 
 
-def series(before: Rows, after: Rows) -> tuple[Series, ...]:
+def series(before: Sequence[ChannelError], after: Sequence[ChannelError]) -> tuple[Series, ...]:
     """Every channel along the record, under two models of one run.
 
     Args:
-        before: The model as it stands.
-        after: The extended model.
+        before: Of the model as it stands.
+        after: Of the extended model.
     """
     return tuple(
         Series(
@@ -28,7 +30,7 @@ def series(before: Rows, after: Rows) -> tuple[Series, ...]:
             a.error if len(a.time) == len(b.time) else np.interp(b.time, a.time, a.error),
             a.noise_floor,
         )
-        for b, a in zip(before.channels(), after.channels(), strict=True)
+        for b, a in zip(before, after, strict=True)
     )
 
 

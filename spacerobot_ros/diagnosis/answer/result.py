@@ -68,6 +68,8 @@ class Cause:
         relevant: Whether any parameter is beyond its threshold of relevance; if not it is fitted
             and printed, but not named.
         constant_p: Probability that its parameters are the same all along the record.
+        held_out_recordings: Log evidence that it adds to the prediction of every recording from
+            the others; None where there is one recording, or where that was not computed.
     """
 
     applied: Effect
@@ -77,6 +79,7 @@ class Cause:
     thresholds: Mapping[str, Parameter]
     relevant: bool
     constant_p: float
+    held_out_recordings: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +140,20 @@ class Ranked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingMisfit:
+    """Rms of the torques that models miss of one recording, over all joints where they move.
+
+    Args:
+        source: Where it came from.
+        rms_before: Of the model as it stands [N m]. rms_after: Of the extended one [N m].
+    """
+
+    source: str
+    rms_before: float
+    rms_after: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Gain:
     """Held-out prediction error, in standard deviations of the noise: 1 is perfect.
 
@@ -172,6 +189,9 @@ class Diagnosis:
         null_p: The same for the model as it stands.
         next_motion: What to fly to know more.
         notes: What else a user should know.
+        calibration: Corrections of the file within the tolerance that any file has, fitted beside
+            the causes: they stand in the extended model and are not named.
+        recordings: Every recording, where torques were balanced.
     """
 
     verdict: str
@@ -186,3 +206,5 @@ class Diagnosis:
     null_p: float | None
     next_motion: tuple[str, ...]
     notes: tuple[str, ...]
+    calibration: tuple[Effect, ...] = ()
+    recordings: tuple[RecordingMisfit, ...] = ()

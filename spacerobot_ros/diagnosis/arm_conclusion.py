@@ -1,0 +1,274 @@
+"""From an arm's causes to an answer: how surely each is one, what is left, and the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from ..estimation.arm_fit import Posterior
+from ..estimation.evidence import Gram, score
+from ..estimation.rows import ChannelError
+from ..estimation.scaling import is_relevant, value_std
+from ..types import Array, IntArray
+from .answer.residuals import series
+from .answer.result import (
+    Cause,
+    Diagnosis,
+    Estimated,
+    Gain,
+    Ranked,
+    RecordingMisfit,
+    Residual,
+    Rival,
+)
+from .arm_evidence import held_out_misfit
+from .arms import ArmFound, rms
+from .limits import EQUIVALENT, UNEXPLAINED
+from .selection import Selection
+
+_RUN_TO_RUN = 0.05
+"""Of a friction torque: by so much it differs from run to run of one machine, which a single
+recording can not show (docs/real_machines.md)."""
+
+
+def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
+    """What a search says.
+
+    Args:
+        found: Its result.
+        notes: What else a user should know.
+    """
+    order = sorted(
+        range(len(found.fit.chosen)),
+        key=lambda k: -found.selection.gain(found.selection.whole, found.fit.chosen[k]),
+    )
+    causes = tuple(_cause(found, k) for k in order)
+    named = tuple(c for c in causes if c.relevant)
+    before, after = rms(found.fit.rows.balances), rms(found.extended)
+    verdict = _verdict(found, bool(named), after)
+    channels = series(
+        _levelled(found.fit.rows.balances[0].channels(), found.levels),
+        _levelled(found.extended[0].channels(), found.levels),
+    )
+    residuals = tuple(
+        Residual(
+            channel=s.channel,
+            unit=s.unit,
+            rms_before=float(b),
+            rms_after=float(a),
+            noise_floor=s.noise_floor,
+            whiteness_p=math.nan,
+            whiteness_p_before=math.nan,
+        )
+        for s, b, a in zip(channels, before, after, strict=True)
+    )
+    return Diagnosis(
+        verdict=verdict,
+        sentence=_sentence(verdict, named, float(_overall(before)), float(_overall(after))),
+        causes=named,
+        minor=tuple(c for c in causes if not c.relevant),
+        residuals=residuals,
+        series=channels,
+        gain=_gain(found),
+        ranking=tuple(_ranked(found.first)),
+        fit_p=None,
+        null_p=None,
+        next_motion=(),
+        notes=notes,
+        calibration=found.calibration,
+        recordings=_recordings(found),
+    )
+
+
+def _cause(found: ArmFound, k: int) -> Cause:
+    """A cause with what speaks for it beside all others."""
+    fit, i = found.fit, found.fit.chosen[k]
+    applied, own = found.named[k], found.fit.rows.places[i]
+    thresholds = applied.parameters_at(found.robot, applied.where)
+    scatter, dof = _scatter(found.selection, fit.posterior, own)
+    birge = math.sqrt(max(1.0, scatter / dof, _usual_scatter(found)))
+    spread = birge * np.sqrt(np.diag(fit.posterior.covariance)[own])
+    stds = _in_values(found, i, spread)
+    gains = found.selection.held_out(i)
+    return Cause(
+        applied=applied,
+        parameters={
+            p.name: Estimated(
+                value=applied.values[p.name], std=_whole_std(found, k, p.name, std), unit=p.unit
+            )
+            for p, std in zip(applied.parameters, stds, strict=True)
+        },
+        evidence=found.evidence[i],
+        rivals=tuple(_rivals(found.selection, i)),
+        thresholds={p.name: p for p in thresholds},
+        relevant=any(is_relevant(p, applied.values[p.name]) for p in thresholds),
+        constant_p=float(chi2.sf(scatter / birge**2, dof)),
+        held_out_recordings=tuple(gains.tolist()) if len(found.records) > 1 else None,
+    )
+
+
+def _in_values(found: ArmFound, i: int, spread: Array) -> list[float]:
+    """Standard deviations of a candidate's parameters from those of its coefficients."""
+    candidate, applied = found.fit.rows.candidates[i], found.named[found.fit.chosen.index(i)]
+    mean = found.fit.values[found.fit.rows.places[i]]
+    here = candidate.values(mean)
+    total = dict.fromkeys(here, 0.0)
+    for k, std in enumerate(spread):
+        step = 1e-3 * float(std) * np.eye(len(mean))[k]
+        moved = candidate.values(mean + step)
+        for name in total:
+            total[name] += ((moved[name] - here[name]) / 1e-3) ** 2
+    return [
+        value_std(p, applied.values[p.name], math.sqrt(total[p.name]))
+        if p.role in ('reciprocal', 'square')
+        else math.sqrt(total[p.name])
+        for p in applied.parameters
+    ]
+
+
+def _whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
+    """With what one recording can not show: friction from run to run, the scale of torques."""
+    applied = found.named[k]
+    value = abs(applied.values[name])
+    if applied.id in ('joint_coulomb_friction', 'joint_stribeck_friction') and name != 'velocity':
+        return math.hypot(std, _RUN_TO_RUN * value if len(found.records) == 1 else 0.0)
+    if applied.id == 'inertial_parameters':
+        return math.hypot(std, _scale_error(found) * value)
+    return std
+
+
+def _scale_error(found: ArmFound) -> float:
+    """Uncertainty of all torques' common scale."""
+    return max(UNEXPLAINED['link' if k == 'link' else 'other'] for k in found.robot.effort_kinds)
+
+
+def _scatter(selection: Selection, posterior: Posterior, own: IntArray) -> tuple[float, float]:
+    """Chi-square of a cause's coefficients between the parts of the data, and its freedom."""
+    total, dof = 0.0, 0.0
+    free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
+    deviations = posterior.precision**-0.5
+    for part in selection.parts:
+        left = _less(part, posterior.mean)
+        alone = Posterior.of(left, deviations).group(own)
+        judged = score(alone, deviations[own], free, None)
+        total, dof = total + judged.gain, dof + judged.dof
+    return total, max(dof - len(own), 1.0)
+
+
+def _less(part: Gram, mean: Array) -> Gram:
+    """Sums with coefficients taken off the rows."""
+    return Gram(part.matrix, part.vector - part.matrix @ mean, part.misfit(mean), part.rows)
+
+
+def _usual_scatter(found: ArmFound) -> float:
+    """Half of all causes are taken to be as constant as they should be (Birge's ratio)."""
+    ratios = [
+        total / dof
+        for i in found.fit.chosen
+        for total, dof in [_scatter(found.selection, found.fit.posterior, found.fit.rows.places[i])]
+    ]
+    return float(np.median(ratios)) if ratios else 1.0
+
+
+def _rivals(selection: Selection, i: int) -> list[Rival]:
+    """What could stand in a cause's place as well."""
+    others = Selection(selection.rows, selection.parts)
+    others.chosen = [k for k in selection.chosen if k != i]
+    own = selection.gain(selection.whole, i)
+    out = []
+    for k, margin in others.ranking():
+        gap = own - (margin + others.need(k))
+        if k != i and abs(gap) < EQUIVALENT:
+            c = selection.rows.candidates[k]
+            out.append(Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0), motion=''))
+    return out
+
+
+def _verdict(found: ArmFound, is_named: bool, after: Array) -> str:
+    """Without a test of the fit nothing is wholly explained.
+
+    A model is consistent up to what its torques are uncertain by as a whole.
+    """
+    if is_named:
+        return 'partly_explained'
+    kinds = found.robot.effort_kinds
+    least = np.array([UNEXPLAINED['link' if kind == 'link' else 'other'] for kind in kinds])
+    small = after <= least * found.fit.rows.scale
+    return 'consistent' if bool(np.all(small | np.isnan(after))) else 'unexplained'
+
+
+def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelError]:
+    """Channels with the level of what is left as their floor."""
+    return [
+        replace(channel, noise_floor=float(np.sqrt(np.sum(variances))))
+        for channel, variances in zip(channels, levels, strict=True)
+    ]
+
+
+def _overall(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else math.nan
+
+
+def _gain(found: ArmFound) -> Gain:
+    """Held-out errors by the level of what is left, each part with values from the others."""
+    selection = found.selection
+    count = selection.whole.rows
+    before = sum(part.square for part in selection.parts)
+    after = held_out_misfit(selection, found.fit.chosen)
+    return Gain(
+        before=math.sqrt(before / count), after=math.sqrt(after / count), placebo=math.nan
+    )
+
+
+def _ranked(first: Selection) -> list[Ranked]:
+    out = []
+    for i, margin in first.ranking():
+        c, judged = first.rows.candidates[i], first.score(i)
+        out.append(
+            Ranked(
+                effect=c.kind.id,
+                where=c.where,
+                values=c.values(judged.estimate),
+                evidence=margin + first.need(i),
+                log_likelihood_gain=0.5 * judged.gain,
+                p_value=judged.p_value,
+            )
+        )
+    return sorted(out, key=lambda r: -r.evidence)
+
+
+def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:
+    """What is left of every recording, before and after."""
+    return tuple(
+        RecordingMisfit(
+            source=record.source,
+            rms_before=_overall(rms([before])),
+            rms_after=_overall(rms([after])),
+        )
+        for record, before, after in zip(
+            found.records, found.fit.rows.balances, found.extended, strict=True
+        )
+    )
+
+
+def _sentence(verdict: str, named: Sequence[Cause], before: float, after: float) -> str:
+    """The verdict as a test engineer would say it: the three causes that matter, and the rest."""
+    left = f'{after:.3g} of {before:.3g} N m (rms)'
+    if verdict == 'consistent':
+        return f'The model explains the data up to {after:.3g} N m (rms).'
+    if verdict == 'unexplained':
+        return f'The model does not explain the data ({left} is left), and no known effect does.'
+    what = '; '.join(_in_words(cause) for cause in named[:3])
+    more = f'; and {len(named) - 3} more' if len(named) > 3 else ''
+    return f'The data differ from the model by {what}{more}. {left} remains unexplained.'
+
+
+def _in_words(cause: Cause) -> str:
+    where = f' at {cause.applied.where}' if cause.applied.where else ''
+    name, first = next(iter(cause.parameters.items()))
+    unit = f' {first.unit}' if first.unit else ''
+    return f'{cause.applied.title}{where} ({name} {first.value:.4g} +- {first.std:.2g}{unit})'

@@ -1,0 +1,197 @@
+"""Recordings of an arm whose noise nobody knows: level of what is left, causes, values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..effects.effect import Effect
+from ..errors import ConfigurationError
+from ..estimation.arm_fit import ArmFit
+from ..estimation.arm_rows import ArmRows
+from ..estimation.balance import Balance, balance_of
+from ..estimation.evidence import Gram
+from ..model.robot import Robot
+from ..recording.record import Record
+from ..types import Array
+from .answer.result import Evidence
+from .arm_evidence import evidence_of
+from .selection import Selection
+
+_WORSE = 1.02
+"""Of a joint's rms as it is: the most that an extended model may leave of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFound:
+    """What a search says.
+
+    Args:
+        records: The recordings.
+        robot: The robot file's robot.
+        believed: Its own effects.
+        first: The search before anything was chosen, whose ranking is shown.
+        selection: Its end.
+        fit: The chosen causes with values.
+        evidence: Of every chosen cause.
+        levels: (n, 6) variances of every joint's leftover [N^2 m^2].
+        named: The causes as they are applied.
+        calibration: What of the file is corrected within its tolerance beside them.
+    """
+
+    records: tuple[Record, ...]
+    robot: Robot
+    believed: tuple[Effect, ...]
+    first: Selection
+    selection: Selection
+    fit: ArmFit
+    evidence: Mapping[int, Evidence]
+    levels: Array
+    named: tuple[Effect, ...]
+    calibration: tuple[Effect, ...]
+
+    @cached_property
+    def extended(self) -> tuple[Balance, ...]:
+        """The recordings under the extended model."""
+        effects = (*self.believed, *self.named, *self.calibration)
+        return tuple(balance_of(record, self.robot, effects) for record in self.records)
+
+
+def find_arm_causes(
+    records: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> ArmFound:
+    """Causes that hold on all recordings.
+
+    The level of what is left is found twice: beside the whole catalogue, then beside what was
+    chosen, since a catalogue explains some of any leftover.
+    """
+    report('balancing torques along the motion', 0.1)
+    balances = [balance_of(record, robot, believed) for record in records]
+    rows = ArmRows.of(balances, kinds)
+    report('finding the level of what no cause explains', 0.2)
+    first = Selection(rows, rows.parts(rows.levels(rows.sizes, np.zeros(robot.n_joints))))
+    report('choosing causes', 0.4)
+    rough = Selection(rows, first.parts)
+    rough.run()
+    levels = _levels(rows, rough)
+    report('choosing causes at the level that is left', 0.6)
+    selection = Selection(rows, rows.parts(levels))
+    selection.run()
+    selection.check_held_out()
+    selection.check_plain(plain(rows, levels))
+    evidence = _beyond_placebos(selection, levels)
+    report('fitting all causes together', 0.8)
+    fit, named, calibration = _applicable(rows, selection, records, robot, believed)
+    return ArmFound(
+        tuple(records),
+        robot,
+        tuple(believed),
+        first,
+        selection,
+        fit,
+        evidence,
+        np.array(levels),
+        named,
+        calibration,
+    )
+
+
+def _levels(rows: ArmRows, chosen: Selection) -> list[Array]:
+    """(6,) variances of each joint, with what is chosen beside the tolerances."""
+    fit = ArmFit(rows, chosen.parts, tuple(chosen.chosen))
+    friction = np.zeros(rows.robot.n_joints)
+    for i in chosen.chosen:
+        candidate = rows.candidates[i]
+        if candidate.kind.id in ('joint_coulomb_friction', 'joint_stribeck_friction'):
+            value = abs(float(fit.posterior.mean[rows.places[i][0]]))
+            friction[rows.robot.joints.index(str(candidate.where))] = value
+    return rows.levels(fit.deviations, friction)
+
+
+def plain(rows: ArmRows, levels: Sequence[Array]) -> Gram:
+    """Sums over all rows, each joint by the rms of its leftover, not whitened."""
+    k = len(rows.sizes)
+    total = Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0)
+    for joint, variances in zip(rows.joints, levels, strict=True):
+        scale = np.sqrt(np.sum(variances))
+        total += Gram.of(joint.columns / scale, joint.torque / scale)
+    return total
+
+
+def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int, Evidence]:
+    """Evidence of every cause; what predicts no better than columns without meaning goes."""
+    while True:
+        evidence = {i: evidence_of(selection, levels, i) for i in selection.chosen}
+        excess = {i: e.held_out_gain - e.placebo_gain for i, e in evidence.items()}
+        worst = min(excess, key=excess.__getitem__, default=None)
+        if worst is None or excess[worst] > 0.0 or math.isnan(excess[worst]):
+            return evidence
+        selection.drop(worst)
+
+
+def _applicable(
+    rows: ArmRows,
+    selection: Selection,
+    records: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect],
+) -> tuple[ArmFit, tuple[Effect, ...], tuple[Effect, ...]]:
+    """The causes as they are applied: no joint may be worse with them than without.
+
+    Where one is, the cause at that joint with the least evidence goes; what of the file is
+    corrected within its tolerance goes before any.
+    """
+    before = rms(rows.balances)
+    while True:
+        fit = ArmFit(rows, selection.parts, tuple(selection.chosen))
+        named = fit.effects(fit.chosen)
+        for calibration in (fit.effects(fit.calibration), []):
+            after = _applied_rms(records, robot, [*believed, *named, *calibration])
+            if after is not None and np.all(after <= _WORSE * before, where=np.isfinite(before)):
+                return fit, tuple(named), tuple(calibration)
+        if not selection.chosen:
+            return fit, (), ()
+        selection.drop(_weakest(selection, before, after))
+
+
+def _applied_rms(
+    records: Sequence[Record], robot: Robot, effects: Sequence[Effect]
+) -> Array | None:
+    """(n,) rms that a model leaves; None where there is no such robot."""
+    try:
+        return rms([balance_of(record, robot, effects) for record in records])
+    except ConfigurationError:
+        return None
+
+
+def _weakest(selection: Selection, before: Array, after: Array | None) -> int:
+    """The chosen cause of least evidence, of those at joints that got worse if there are any."""
+    rows = selection.rows
+    worse = set()
+    if after is not None:
+        worse = {j for j, b, a in zip(rows.robot.joints, before, after, strict=True) if a > b}
+    gains = {i: selection.gain(selection.whole, i) for i in selection.chosen}
+    there = {i: gain for i, gain in gains.items() if rows.candidates[i].where in worse}
+    return min(there or gains, key=gains.__getitem__)
+
+
+def rms(balances: Sequence[Balance]) -> Array:
+    """(n,) rms of the torques that a model misses in the band where joints move [N m].
+
+    NaN for a joint that never does.
+    """
+    total, count = 0.0, 0
+    for balance in balances:
+        moving = balance.arm.is_moving[:: balance.arm.stride]
+        total = total + np.sum(balance.torque**2 * moving, axis=0)
+        count = count + np.sum(moving, axis=0)
+    with np.errstate(invalid='ignore'):
+        return np.asarray(np.sqrt(total / np.where(count, count, np.nan)))

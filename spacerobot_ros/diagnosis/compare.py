@@ -1,0 +1,158 @@
+"""What changed between two groups of recordings of one machine, what both share cancelled.
+
+Every cause has its coefficients twice: those that both groups share, with the sizes of a machine
+that nobody knows, and what was added before the second group, within the tolerance of a machine
+that did not change. The level of what is left is each group's own, beside coefficients of its
+own: beside shared ones the change itself would pass for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..effects.effect import Effect
+from ..errors import RecordingError
+from ..estimation.arm_fit import ArmFit
+from ..estimation.arm_rows import ArmRows
+from ..estimation.balance import balance_of
+from ..estimation.evidence import Gram, sum_of
+from ..model.robot import Robot
+from ..recording.record import Record
+from ..types import Array, IntArray
+from .selection import Selection
+
+_TOLERANCE = {
+    'inertial_parameters': 0.04,
+    'joint_torque_constant': 0.05,
+    'effort_delay': 0.3,
+    'encoder_offset': 0.02,
+    'gravity_error': 0.02,
+}
+_USUAL = 0.1
+"""Of a plausible size: by how much a machine that nobody touched changes from run to run, by
+effect and otherwise; warm-up changes friction by some percent (docs/real_machines.md)."""
+_PAYLOAD = 1e-4  # of a size: what hangs on the last link does not change by itself
+_NO_CHANGES = ('joint_stribeck_friction', 'joint_friction_curvature')
+_MEASURED = 1e-9  # of the common coefficients' information: what the rows say nothing of
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedRows(ArmRows):
+    """Columns of two groups: K that they share, then what changed in the second.
+
+    Args:
+        common: (K,) standard deviations of the shared coefficients.
+    """
+
+    common: Array
+
+    @property
+    def sizes(self) -> Array:
+        """(2 K,) plausible sizes."""
+        own = np.concatenate([c.sizes for c in self.candidates])
+        return np.concatenate([self.common, own])
+
+    @property
+    def places(self) -> list[IntArray]:
+        """Columns of every candidate's change."""
+        ends = len(self.common) + np.cumsum([len(c.sizes) for c in self.candidates])
+        starts = [end - len(c.sizes) for c, end in zip(self.candidates, ends, strict=True)]
+        return [np.arange(a, b) for a, b in zip(starts, ends, strict=True)]
+
+    @property
+    def lower(self) -> Array:
+        """(2 K,) what is shared is not bounded, and a change goes both ways."""
+        return np.full(len(self.sizes), -np.inf)
+
+    @property
+    def upper(self) -> Array:
+        """(2 K,) see `lower`."""
+        return np.full(len(self.sizes), np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What a comparison says.
+
+    Args:
+        before: Rows of the first group. after: Of the second.
+        selection: The choice among changes.
+        fit: The chosen ones with values.
+        levels: (n, 6) variances of every joint's leftover [N^2 m^2].
+    """
+
+    before: ArmRows
+    after: ArmRows
+    selection: Selection
+    fit: ArmFit
+    levels: Array
+
+
+def find_changes(
+    before: Sequence[Record],
+    after: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> Changes:
+    """Changes that every part of the second group wants.
+
+    Raises:
+        RecordingError: recordings in which no joint moves.
+    """
+    report('balancing torques along the motion', 0.1)
+    groups = [
+        [balance_of(record, robot, believed) for record in records] for records in (before, after)
+    ]
+    both = ArmRows.of([*groups[0], *groups[1]], kinds)
+    first, second = (replace(both, balances=tuple(group)) for group in groups)
+    report('finding the level of what no cause explains', 0.3)
+    still = np.zeros(robot.n_joints)
+    pairs = zip(first.levels(both.sizes, still), second.levels(both.sizes, still), strict=True)
+    levels = [0.5 * (a + b) for a, b in pairs]
+    report('choosing changes', 0.7)
+    rows = _changed_rows(both)
+    shared = len(both.sizes)
+    selection = Selection(
+        rows,
+        [_doubled(part, shared, is_changed=True) for part in second.parts(levels)],
+        _doubled(sum_of(first.parts(levels)), shared, is_changed=False),
+    )
+    if not selection.live:
+        raise RecordingError(after[0].source or 'AFTER', 'no joint moves in it')
+    selection.run()
+    selection.check_held_out()
+    fit = ArmFit(rows, (selection.whole,), tuple(selection.chosen))
+    return Changes(first, second, selection, fit, np.array(levels))
+
+
+def _changed_rows(both: ArmRows) -> ChangedRows:
+    kept = [c for c in both.candidates if c.kind.id not in _NO_CHANGES]
+    last = both.robot.bodies[-1].name
+    tolerances = []
+    for c in both.candidates:
+        share = _TOLERANCE.get(c.kind.id, _USUAL)
+        share = _PAYLOAD if c.where == last else share
+        share = share if c in kept else _PAYLOAD
+        tolerances.append(share * c.sizes)
+    free = np.inf
+    candidates = tuple(
+        replace(c, lower=np.full(len(c.sizes), -free), upper=np.full(len(c.sizes), free))
+        for c in both.candidates
+    )
+    common = np.maximum(both.sizes, both.tolerances)
+    return ChangedRows(
+        both.balances, candidates, np.concatenate([common, *tolerances]), common
+    )
+
+
+def _doubled(gram: Gram, shared: int, *, is_changed: bool) -> Gram:
+    """Sums by shared and by changed coefficients."""
+    g, b = gram.matrix, gram.vector
+    none = np.zeros((shared, shared))
+    matrix = np.block([[g, g], [g, g]]) if is_changed else np.block([[g, none], [none, none]])
+    return Gram(matrix, np.concatenate([b, b if is_changed else 0.0 * b]), gram.square, gram.rows)
