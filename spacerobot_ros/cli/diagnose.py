@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from .options import Subparsers, add_command, check_folder
+from .options import Subparsers, add_command, add_recording_options, check_folder
 from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ _EPILOG = """\
 examples:
   spacerobot diagnose run --robot config/servicer.yaml --out out/diagnosis
   spacerobot diagnose arm.csv --map arm_columns.yaml --robot arm.yaml --out out/arm
+  spacerobot diagnose run1.csv run2.csv --map arm_columns.yaml --robot arm.yaml --out out/arm
   spacerobot diagnose run --robot config/servicer.yaml --out out/d --json | jq .causes
   spacerobot simulate --robot out/diagnosis/extended_model.yaml -o again
 
@@ -44,12 +45,18 @@ exit status: 0 consistent with the model, 1 something was found, 2 unusable inpu
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'diagnose', _DESCRIPTION, _EPILOG).add_argument
-    add('data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON')
+    parser = add_command(subparsers, 'diagnose', _DESCRIPTION, _EPILOG)
+    add_recording_options(parser)
+    add = parser.add_argument
+    add(
+        'data',
+        metavar='DATA',
+        nargs='+',
+        help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON; several of one machine together',
+    )
     add('--robot', required=True, metavar='YAML', help='robot file')
     add('--out', '-o', required=True, metavar='DIR', help='folder to write')
     add('--score', metavar='DATA2', help='another recording: what the extended model misses of it')
-    add('--map', metavar='YAML', help='column mapping of the data (docs/data.md)')
     add(
         '--no-closed-loop',
         action='store_true',
@@ -73,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     with progress() as stage:
         answer = _answer(args, stage('reading', 1.0))
     values = answer.to_dict()
-    write_extended_model(args.robot, answer.added, out / EXTENDED_MODEL)
+    write_extended_model(args.robot, (*answer.added, *answer.calibration), out / EXTENDED_MODEL)
     write_text(out / JSON_NAME, json_text(values))
     write_report(diagnosis_page(answer), out / REPORT_NAME)
     if args.json:
@@ -93,38 +100,45 @@ def _answer(args: argparse.Namespace, report: Callable[[float, str], None]) -> F
     from ..diagnosis.answer.score_on import score_on
     from ..diagnosis.diagnose import diagnose
     from ..effects.robot_file import load_robot_file
-    from ..recording.read import read_record
+    from ..recording.read import read_record, read_records
     from ..report.diagnosis_tables import Findings
 
     file = load_robot_file(args.robot)
-    record = read_record(args.data, file.robot, args.map)
+    records = read_records(args.data, file.robot, args.map, split_gaps=args.split_gaps)
     diagnosis = diagnose(
-        record, file.robot, file.effects, report=lambda what, share: report(share, what)
+        records, file.robot, file.effects, report=lambda what, share: report(share, what)
     )
-    diagnosis = replace(diagnosis, notes=(*record.notes, *diagnosis.notes))
+    said = dict.fromkeys(note for record in records for note in record.notes)
+    diagnosis = replace(diagnosis, notes=(*said, *diagnosis.notes))
     diagnosis = with_motions(diagnosis, args.robot)
     added = named((cause.applied for cause in diagnosis.causes), file.effects)
+    calibration = named(diagnosis.calibration, (*file.effects, *added))
+    extension = (*added, *calibration)
     closed, why = None, 'left out (--no-closed-loop)'
     if not args.no_closed_loop:
         report(0.95, 'simulating a controller with the old and the extended model')
-        closed, why = closed_loop_gain(file, added)
+        closed, why = closed_loop_gain(file, extension)
     other = read_record(args.score, file.robot, args.map) if args.score else None
     return Findings(
         diagnosis=diagnosis,
         file=file,
-        record=record,
+        records=records,
         added=added,
+        calibration=calibration,
         closed_loop=closed,
         why_open=why,
-        appearances=appearances(diagnosis.series, record),
+        appearances=appearances(diagnosis.series, records[0]),
         command=_command(args),
-        score=() if other is None else score_on(other, file.robot, added, file.effects),
+        score=()
+        if other is None
+        else score_on(other, file.robot, (*added, *calibration), file.effects),
     )
 
 
 def _command(args: argparse.Namespace) -> str:
-    words = ['spacerobot', 'diagnose', args.data, '--robot', args.robot, '--out', args.out]
+    words = ['spacerobot', 'diagnose', *args.data, '--robot', args.robot, '--out', args.out]
     words += ['--map', args.map] if args.map else []
+    words += ['--split-gaps'] if args.split_gaps else []
     words += ['--score', args.score] if args.score else []
     words += ['--no-closed-loop'] if args.no_closed_loop else []
     return shlex.join(words)

@@ -23,6 +23,7 @@ COMMANDS = {
     'simulate': 'simulate a robot in closed loop (no ROS needed) and record a bag',
     'identify': 'estimate wheel momentum and inertial parameters from a recording',
     'diagnose': 'name what a simulation gets wrong about measured data, and extend its model',
+    'compare': 'say what changed on an arm between two recordings, or that nothing did',
     'excite': 'design the motion that an identification learns most from',
     'reproduce': 'repeat published experiments and campaigns beside their figures',
 }

@@ -13,6 +13,7 @@ from ..estimation.arm_fit import Posterior
 from ..estimation.evidence import Gram, score
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import is_relevant, value_std
+from ..model.robot import Robot
 from ..types import Array, IntArray
 from .answer.residuals import series
 from .answer.result import (
@@ -137,13 +138,13 @@ def _whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
     if applied.id in ('joint_coulomb_friction', 'joint_stribeck_friction') and name != 'velocity':
         return math.hypot(std, _RUN_TO_RUN * value if len(found.records) == 1 else 0.0)
     if applied.id == 'inertial_parameters':
-        return math.hypot(std, _scale_error(found) * value)
+        return math.hypot(std, scale_error(found.robot) * value)
     return std
 
 
-def _scale_error(found: ArmFound) -> float:
-    """Uncertainty of all torques' common scale."""
-    return max(UNEXPLAINED['link' if k == 'link' else 'other'] for k in found.robot.effort_kinds)
+def scale_error(robot: Robot) -> float:
+    """Share by which the common scale of all torques is uncertain."""
+    return max(UNEXPLAINED['link' if k == 'link' else 'other'] for k in robot.effort_kinds)
 
 
 def _scatter(selection: Selection, posterior: Posterior, own: IntArray) -> tuple[float, float]:
@@ -169,7 +170,9 @@ def _usual_scatter(found: ArmFound) -> float:
     ratios = [
         total / dof
         for i in found.fit.chosen
-        for total, dof in [_scatter(found.selection, found.fit.posterior, found.fit.rows.places[i])]
+        for total, dof in [
+            _scatter(found.selection, found.fit.posterior, found.fit.rows.places[i])
+        ]
     ]
     return float(np.median(ratios)) if ratios else 1.0
 
@@ -182,9 +185,11 @@ def _rivals(selection: Selection, i: int) -> list[Rival]:
     out = []
     for k, margin in others.ranking():
         gap = own - (margin + others.need(k))
-        if k != i and abs(gap) < EQUIVALENT:
-            c = selection.rows.candidates[k]
-            out.append(Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0), motion=''))
+        c = selection.rows.candidates[k]
+        if k != i and abs(gap) < EQUIVALENT and not c.repeats([selection.rows.candidates[i]]):
+            out.append(
+                Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0), motion='')
+            )
     return out
 
 
@@ -219,9 +224,7 @@ def _gain(found: ArmFound) -> Gain:
     count = selection.whole.rows
     before = sum(part.square for part in selection.parts)
     after = held_out_misfit(selection, found.fit.chosen)
-    return Gain(
-        before=math.sqrt(before / count), after=math.sqrt(after / count), placebo=math.nan
-    )
+    return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count), placebo=math.nan)
 
 
 def _ranked(first: Selection) -> list[Ranked]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -69,6 +70,6 @@ def _placebo(selection: Selection, levels: Sequence[Array], i: int) -> float:
         np.concatenate(columns)[order],
         np.concatenate(data)[order],
         rows.sizes[own],
-        [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)],
+        [slice(a, b) for a, b in pairwise(ends.tolist())],
         np.concatenate(times)[order],
     )

@@ -13,13 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..errors import RecordingError
 from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
 from ..estimation.evidence import Gram, sum_of
+from ..estimation.observations import observed, refuse_unbalanced
 from ..model.robot import Robot
+from ..recording.faults.check import check_data
 from ..recording.record import Record
 from ..types import Array, IntArray
 from .selection import Selection
@@ -91,6 +94,36 @@ class Changes:
     levels: Array
 
 
+def compare(
+    before: Sequence[Record],
+    after: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect] = (),
+    report: Callable[[str, float], None] = lambda what, share: None,
+) -> Changes:
+    """What changed between two groups of recordings.
+
+    Args:
+        before: Of a machine with a fixed base and measured efforts.
+        after: Of the same machine, later.
+        robot: The robot file's robot.
+        believed: The robot file's own effects.
+        report: Called with what is being done and the share done, from 0 to 1.
+
+    Raises:
+        RecordingError: faulty data, a free base or no efforts, or no joint that moves.
+    """
+    groups = []
+    for records in (before, after):
+        for record in records:
+            check_data(record, robot)
+        measured = [observed(record, robot) for record in records]
+        refuse_unbalanced(measured, robot)
+        groups.append(measured)
+    kinds = list(CATALOGUE.values())
+    return find_changes(groups[0], groups[1], robot, believed, kinds, report)
+
+
 def find_changes(
     before: Sequence[Record],
     after: Sequence[Record],
@@ -145,9 +178,7 @@ def _changed_rows(both: ArmRows) -> ChangedRows:
         for c in both.candidates
     )
     common = np.maximum(both.sizes, both.tolerances)
-    return ChangedRows(
-        both.balances, candidates, np.concatenate([common, *tolerances]), common
-    )
+    return ChangedRows(both.balances, candidates, np.concatenate([common, *tolerances]), common)
 
 
 def _doubled(gram: Gram, shared: int, *, is_changed: bool) -> Gram:

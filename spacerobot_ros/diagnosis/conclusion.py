@@ -12,7 +12,7 @@ from ..estimation.evidence import Gram, score
 from ..estimation.placebo import held_out_gain
 from ..estimation.refit import Fit, refine
 from ..estimation.rows import ChannelFit, blocks
-from ..estimation.scaling import PROPORTIONAL, is_relevant
+from ..estimation.scaling import is_relevant
 from ..types import Array
 from .answer.residuals import residuals, series
 from .answer.result import (
@@ -23,9 +23,8 @@ from .answer.result import (
     Gain,
     Ranked,
     Rival,
-    Series,
 )
-from .limits import INCONSTANT, MISFIT, SIGNIFICANT
+from .limits import INCONSTANT, MISFIT
 from .search import Choice, Found
 
 
@@ -37,15 +36,9 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         notes: What else a user should know.
     """
     null = found.null
-    scatters = [_scatter(found.fit, i) for i in range(len(found.choices))]
-    birge = _birge_ratio(found.fit, scatters)
-    causes = [_cause(found, i, scatter, birge) for i, scatter in enumerate(scatters)]
+    causes = [_cause(found, i) for i in range(len(found.choices))]
     null_p, white_before = null.rows.whiteness()
-    clear = [_is_clear(found.fit, i, birge) for i in range(len(causes))]
-    is_white = null_p is not None
-    sound = [
-        c for c, is_clear in zip(causes, clear, strict=True) if _is_sound(c, is_white, is_clear)
-    ]
+    sound = [c for c in causes if _is_sound(c)]
     named = tuple(c for c in sound if c.relevant)
     minor = tuple(c for c in sound if not c.relevant)
     fit_p, white_left = _with(found, sound).rows.whiteness()
@@ -55,7 +48,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     joints = null.run.robot.joints
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, named, minor, _left(white_left, channels)),
+        sentence=_sentence(verdict, named, minor, _left(white_left)),
         causes=named,
         minor=minor,
         residuals=residuals(channels, white_before, extended.rows.whiteness()[1], joints),
@@ -76,33 +69,19 @@ def _with(found: Found, causes: Sequence[Cause]) -> Fit:
     return refine(found.fit.run, [c.applied for c in causes]) if causes else found.null
 
 
-def _is_clear(fit: Fit, index: int, birge: float) -> bool:
-    """Whether any number of a cause is clearly not that of no effect."""
-    own = [k for k in fit.own(index) if fit.free[k][1].role in PROPORTIONAL]
-    spread = birge * np.sqrt(np.diag(fit.covariance()))
-    return bool(np.any(np.abs(fit.offsets[own]) > SIGNIFICANT * spread[own]))
-
-
-def _is_sound(cause: Cause, is_white: bool, is_clear: bool) -> bool:
-    """Whether a cause beats placebos, and stays the same along the record as far as that shows.
-
-    Where what is left is not white, it scatters the parameters of the parts by more than anyone
-    knows: there the held-out parts decide, and whether it is clear beside that scatter.
-    """
+def _is_sound(cause: Cause) -> bool:
+    """Whether a cause beats placebos, and stays the same along the record."""
     evidence = cause.evidence
-    return evidence.held_out_gain > evidence.placebo_gain and (
-        cause.constant_p >= INCONSTANT if is_white else is_clear
-    )
+    return evidence.held_out_gain > evidence.placebo_gain and cause.constant_p >= INCONSTANT
 
 
 def _verdict(fit_p: float | None, named: bool) -> str:
-    """Without a test of the fit nothing is consistent, and nothing wholly explained."""
     if fit_p is not None and fit_p >= MISFIT:
         return 'explained' if named else 'consistent'
     return 'partly_explained' if named else 'unexplained'
 
 
-def _cause(found: Found, index: int, scatter: tuple[float, float], birge: float) -> Cause:
+def _cause(found: Found, index: int) -> Cause:
     """A cause with what speaks for it beside all others."""
     fit, choice = found.fit, found.choices[index]
     applied = fit.causes[index]
@@ -111,9 +90,7 @@ def _cause(found: Found, index: int, scatter: tuple[float, float], birge: float)
     return Cause(
         applied=applied,
         parameters={
-            p.name: Estimated(
-                value=applied.values[p.name], std=birge * spread[p.name], unit=p.unit
-            )
+            p.name: Estimated(value=applied.values[p.name], std=spread[p.name], unit=p.unit)
             for p in applied.parameters
         },
         evidence=_evidence(found, index, choice),
@@ -123,7 +100,7 @@ def _cause(found: Found, index: int, scatter: tuple[float, float], birge: float)
         ),
         thresholds={p.name: p for p in own},
         relevant=any(is_relevant(p, applied.values[p.name]) for p in own),
-        constant_p=float(chi2.sf(scatter[0] / birge**2, scatter[1])),
+        constant_p=_constant_p(fit, index),
     )
 
 
@@ -145,8 +122,8 @@ def _evidence(found: Found, index: int, choice: Choice) -> Evidence:
     )
 
 
-def _scatter(fit: Fit, index: int) -> tuple[float, float]:
-    """Chi-square of a cause's parameters between the parts of the record, and its freedom."""
+def _constant_p(fit: Fit, index: int) -> float:
+    """Probability that a cause's parameters scatter so between the parts of the record."""
     own = fit.own(index)
     others = np.setdiff1d(np.arange(len(fit.free)), own)
     order = np.concatenate([others, own])
@@ -159,20 +136,7 @@ def _scatter(fit: Fit, index: int) -> tuple[float, float]:
         alone = gram.without(len(others), fit.precision[others] + 1e-12)
         found = score(alone, sizes, unbounded, None)
         total, dof = total + found.gain, dof + found.dof
-    return total, max(dof - len(own), 1.0)
-
-
-def _birge_ratio(fit: Fit, scatters: Sequence[tuple[float, float]]) -> float:
-    """Factor of all standard deviations, 1 or more (Birge, Phys. Rev. 40 (1932)).
-
-    Where the level of the noise comes from the data, what is left is no white noise either: it
-    goes with the motion. So half of all causes are taken to be as constant as they should be.
-    """
-    if fit.rows.whiteness()[0] is not None or not scatters:
-        return 1.0
-    left = float(fit.data @ fit.data) / max(len(fit.data) - len(fit.free), 1)
-    usual = float(np.median([total / dof for total, dof in scatters]))
-    return math.sqrt(max(1.0, left, usual))
+    return float(chi2.sf(total, max(dof - len(own), 1.0)))
 
 
 def _gain(null: Fit, fit: Fit, causes: Sequence[Cause]) -> Gain:
@@ -217,18 +181,12 @@ def _sentence(verdict: str, named: Sequence[Cause], minor: Sequence[Cause], left
     return f'The model does not explain the data ({left}), and no known effect does.'
 
 
-def _left(fits: Sequence[ChannelFit], channels: Sequence[Series]) -> str:
-    """What stands out most of what is left; without a test of whiteness, how much is left."""
-    if fits:
-        worst = min(fits, key=lambda fit: fit.p_value)
-        is_line = worst.question == 'line'
-        kind = f'a spectral line at {worst.frequency:.3g} Hz' if is_line else 'a slow error'
-        return f'{kind} in {worst.channel.replace("_", " ")} {worst.axis + 1}'
-    before, after = (
-        float(np.sqrt(np.mean([np.mean(getattr(s, when) ** 2) for s in channels])))
-        for when in ('before', 'after')
-    )
-    return f'{after:.3g} of {before:.3g} N m (rms)'
+def _left(fits: Sequence[ChannelFit]) -> str:
+    """What stands out most of what is left."""
+    worst = min(fits, key=lambda fit: fit.p_value)
+    is_line = worst.question == 'line'
+    kind = f'a spectral line at {worst.frequency:.3g} Hz' if is_line else 'a slow error'
+    return f'{kind} in {worst.channel.replace("_", " ")} {worst.axis + 1}'
 
 
 def _in_words(cause: Cause) -> str:

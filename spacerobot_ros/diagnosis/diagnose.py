@@ -1,4 +1,4 @@
-"""A run against a robot: what is wrong, what causes it, what remains."""
+"""Runs against a robot: what is wrong, what causes it, what remains."""
 
 from __future__ import annotations
 
@@ -6,74 +6,99 @@ from collections.abc import Callable, Iterable, Sequence
 
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
-from ..estimation.balance import noise_shown
+from ..estimation.balance import noise_in_band
 from ..estimation.noise_levels import noise_levels
-from ..estimation.observations import observed
+from ..estimation.observations import observed, refuse_unbalanced
 from ..estimation.prediction import TIMINGS
+from ..estimation.reference import NoiseLevels
 from ..estimation.refit import refine
-from ..estimation.runs import BalanceRun, Run
+from ..estimation.runs import Run
 from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record
 from .answer.result import Diagnosis
+from .arm_conclusion import conclude_arm
+from .arms import ArmFound, find_arm_causes, rms
 from .conclusion import conclude
-from .limits import MISFIT, MOST
+from .limits import LIKE_NOISE, MISFIT, MOST
 from .search import Search
 from .timing import better_timing, first_timing, held_after_all, in_words
 
 _UNFINISHED = 'the search was ended before all that stands out was looked into'
 _BALANCED = (
-    'the robot file states no joint_effort_std, and the efforts say more than noise of their own '
-    'allows: what the whole catalogue leaves of the torques is taken for noise instead'
+    'the robot file states no joint_effort_std, and more is left of the torques than noise of '
+    'their own: the level of what no cause explains was estimated along'
+)
+_TOGETHER = (
+    'torques of all recordings were balanced; the level of what no cause explains was found'
 )
 
 
 def diagnose(
-    record: Record,
+    records: Record | Sequence[Record],
     robot: Robot,
     believed: Sequence[Effect] = (),
     catalogue: Iterable[type[Effect]] | None = None,
     report: Callable[[str, float], None] = lambda what, share: None,
 ) -> Diagnosis:
-    """Compare a run with the robot's simulation and name what is different.
+    """Compare runs with the robot's simulation and name what is different.
 
     Args:
-        record: What was measured.
+        records: What was measured, in one run or several of the same machine.
         robot: The robot file's robot, gyrostat view.
         believed: The robot file's own effects.
         catalogue: Effects that may be causes; the whole catalogue without it.
         report: Called with what is being done and the share done, from 0 to 1.
 
     Raises:
-        RecordingError: a record from which nothing can be said, or only what is wrong.
+        RecordingError: a record from which nothing can be said, or only what is wrong; several
+            of a robot whose torques can not be balanced.
     """
-    check_data(record, robot)
-    measured = observed(record, robot)
-    noise, notes = noise_levels(robot.sensors, measured)
-    report('finding how efforts act', 0.02)
+    every = [records] if isinstance(records, Record) else list(records)
+    measured = []
+    for record in every:
+        check_data(record, robot)
+        measured.append(observed(record, robot))
     kinds = list(CATALOGUE.values() if catalogue is None else catalogue)
-    timing = first_timing(measured, robot, believed, noise, kinds)
-    run = Run(measured, robot, believed, noise, timing)
-    if not _is_of_unknown_noise(run):
-        return _predicted(run, kinds, notes, report)
-    found = Search(BalanceRun(run, kinds), kinds, report).find()
-    if noise_shown(run.record, noise) and _may_fit(run, found.fit.causes, kinds):
-        diagnosis = _predicted(run, kinds, notes, report)
-        if (diagnosis.fit_p or 0.0) >= MISFIT:
-            return diagnosis
-    report('measuring the gain', 0.9)
-    return conclude(found, (*notes, _BALANCED))
+    if len(measured) > 1:
+        refuse_unbalanced(measured, robot)
+        found = find_arm_causes(measured, robot, believed, kinds, report)
+        return conclude_arm(found, (_TOGETHER,))
+    noise, notes = noise_levels(robot.sensors, measured[0])
+    if _is_of_unknown_noise(measured[0], robot):
+        found = find_arm_causes(measured, robot, believed, kinds, report)
+        if not (_is_like_noise(found, noise) and _may_fit(found, noise, kinds)):
+            return conclude_arm(found, (*notes, _BALANCED))
+    report('finding how efforts act', 0.02)
+    timing = first_timing(measured[0], robot, believed, noise, kinds)
+    run = Run(measured[0], robot, believed, noise, timing)
+    return _predicted(run, kinds, notes, report)
 
 
-def _may_fit(run: Run, causes: Sequence[Effect], kinds: Sequence[type[Effect]]) -> bool:
+def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:
+    """Whether torques are measured on a fixed base, and nobody says how well."""
+    stated = robot.sensors.joint_effort_std is not None
+    return not (robot.is_free or stated or record.effort is None)
+
+
+def _is_like_noise(found: ArmFound, noise: NoiseLevels) -> bool:
+    """Whether no more is left of the torques than sensor noise leaves in the band."""
+    left = rms(found.extended)
+    floor = noise_in_band(found.extended[0], noise)
+    return bool((left <= LIKE_NOISE * floor)[left == left].all())
+
+
+def _may_fit(found: ArmFound, noise: NoiseLevels, kinds: Sequence[type[Effect]]) -> bool:
     """Whether a search could explain the record to the noise of its sensors.
 
     It can where the causes that the balance of torques names do so, or where one effect with
     states of its own, which that balance does not judge, takes most of what they leave.
     """
-    fit = refine(run, causes)
+    record, robot, believed = found.records[0], found.robot, found.believed
+    run = Run(record, robot, believed, noise, first_timing(record, robot, believed, noise, kinds))
+    fit = refine(run, found.named)
     if timing := better_timing(fit, (run.timing,)):
-        fit = refine(run.timed(timing), causes)
+        fit = refine(run.timed(timing), found.named)
     if (fit.rows.whiteness()[0] or 0.0) >= MISFIT:
         return True
     hidden = Search(fit.run, [kind for kind in kinds if kind.hidden], lambda what, share: None)
@@ -95,9 +120,3 @@ def _predicted(
     if not found.is_complete:
         notes = (*notes, _UNFINISHED)
     return conclude(found, (*notes, *in_words(found.fit.run.timing)))
-
-
-def _is_of_unknown_noise(run: Run) -> bool:
-    """Whether torques are measured on a fixed base, and nobody says how well."""
-    stated = run.robot.sensors.joint_effort_std is not None
-    return not (run.robot.is_free or stated or run.record.effort is None)

@@ -10,11 +10,6 @@ INCONSTANT = 1e-4
 """Probability below which a cause's parameters are not the same all along the record. The same
 error rate as `MISFIT`, for the same reason: a cause that changes is no constant cause."""
 
-SIGNIFICANT = 3.3
-"""Standard deviations from no effect, scatter between the parts of the record included, that one
-number of a cause must be where the level of the noise comes from the data: two-sided probability
-of 1e-3, as `FALSE_ALARMS`."""
-
 FALSE_ALARMS = 1e-3
 """Expected false names a record, over all candidates and the values that were searched
 (Bonferroni). The campaign saw 1 in 284 clean records, 95 % bound 2 %."""
@@ -80,3 +75,8 @@ HELD_OUT = 3.0
 UNEXPLAINED = {'link': 0.03, 'other': 0.08}
 """Share of a joint's torque that may be left and still be called consistent: as much as its
 torque sensor or its torque constant is uncertain by (`arm_priors`)."""
+
+LIKE_NOISE = 3.0
+"""Times what sensor noise leaves of a torque in the band that may be left for a search to the
+noise of the sensors to be tried: what a mass matrix at other angles, and a noise level that is
+itself estimated, may be off by. On measured arms 10 to 100 times are left."""

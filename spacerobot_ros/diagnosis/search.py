@@ -1,11 +1,9 @@
 """Which effects the data want: forward selection over the whole catalogue, with second thoughts.
 
 Each round scores every candidate beside the causes chosen so far, and asks each fifth of the
-record whether it agrees with the estimate from the other four. Where columns hold for small
-effects only (`Run.is_linear` is false), the best few are fitted as they really are before one is
-chosen; a chosen cause is dropped when later ones make it superfluous, and exchanged when another
-one now does better in its place. Where they hold for any size, causes are chosen on the Gram
-matrices until nothing more is wanted, and then fitted together.
+record whether it agrees with the estimate from the other four. Columns hold for small effects
+only: the best few are fitted as they really are before one is chosen; a chosen cause is dropped
+when later ones make it superfluous, and exchanged when another one now does better in its place.
 """
 
 from __future__ import annotations
@@ -32,9 +30,7 @@ from .limits import (
     MOST_ALIKE,
     MOST_CAUSES,
     MOST_MODELS,
-    OBVIOUS,
     SHORTLIST,
-    SIMPLER,
     SUSPICIOUS,
 )
 from .pool import Judged, Pool
@@ -42,7 +38,6 @@ from .timing import better_timing
 
 _BATCH = 32  # candidates whose columns are made at once: as many as fit into a processor's cache
 _TINY = 1e-12  # keeps a column without any effect from making the elimination singular
-_JOINT_PASSES = 2  # of a fit that starts from a joint estimate on linear columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,9 +99,6 @@ class Search:
     def find(self) -> Found:
         """Select until nothing more is wanted."""
         self.report('judging every effect at every place', 0.1)
-        return self._find_together() if self.run.is_linear else self._find_singly()
-
-    def _find_singly(self) -> Found:
         null = fit = Fit(self.run, ())
         ranking = first = self.judge(null)
         choices: list[Choice] = []
@@ -127,54 +119,6 @@ class Search:
         is_complete = not (self._is_spent and wanted_of(ranking))
         return Found(null, fit, tuple(choices), tuple(first), is_complete)
 
-    def _find_together(self) -> Found:
-        null = fit = Fit(self.run, ())
-        choices: list[Choice] = []
-        first: list[Judged] = []
-        for floor in (OBVIOUS, 0.0, 0.0):
-            open_ = [c for c in self._candidates(fit) if not c.repeats(fit.causes)]
-            pool = self._pool(fit, open_)
-            ranking, chosen = self._chosen(pool, fit, floor)
-            first = first or ranking
-            if not chosen:
-                break
-            choices += [choice for _, choice in chosen]
-            self.report('fitting all causes together', 0.3 + 0.02 * len(choices))
-            guesses = pool.estimate([candidate for candidate, _ in chosen], fit.rows.robot)
-            fit = refine(self.run, [*fit.causes, *guesses], _JOINT_PASSES)
-        return Found(null, fit, tuple(choices), tuple(first), is_complete=True)
-
-    def _chosen(
-        self, pool: Pool, fit: Fit, floor: float
-    ) -> tuple[list[Judged], list[tuple[Candidate, Choice]]]:
-        """Every candidate's score beside a fit, and what is chosen on the Gram matrices alone.
-
-        Args:
-            pool: Candidates beside the fit.
-            fit: The causes so far.
-            floor: Share of the first one's evidence below which nothing is chosen.
-        """
-        named = {(c.id, c.where) for c in fit.causes}
-        beside = [
-            c for c in pool.candidates if c.kind.id in self.run.companions and c.key not in named
-        ]
-        first = ranking = _ranked(pool.judge(beside))
-        chosen: list[tuple[Candidate, Choice]] = []
-        while wanted := wanted_of(ranking):
-            best = _simplest(wanted)
-            if chosen and best.score.evidence < floor * chosen[0][1].score.evidence:
-                break
-            chosen.append(
-                (best.candidate, Choice(best.candidate.key, best.score, _equals(best, wanted)))
-            )
-            own = [candidate for candidate, _ in chosen]
-            rest = [c for c in beside if c not in own]
-            judged = pool.judge([*own, *rest])
-            ranking = _ranked(
-                j for j in judged if not (j.candidate.contradicts(own) or j.candidate.repeats(own))
-            )
-        return first, chosen
-
     @property
     def _is_spent(self) -> bool:
         return self.run.models >= MOST_MODELS
@@ -184,7 +128,7 @@ class Search:
         pool = self._candidates(fit)
         judged: list[Judged] = []
         for start in range(0, len(pool), _BATCH):
-            judged += self._pool(fit, pool[start : start + _BATCH]).judge(())
+            judged += self._pool(fit, pool[start : start + _BATCH]).judge()
         return _ranked(judged)
 
     def _candidates(self, fit: Fit) -> list[Candidate]:
@@ -283,27 +227,6 @@ def _elsewhere(best: Judged, wanted: Sequence[Judged]) -> list[Judged]:
     if best.candidate.kind.hidden:
         return same
     return [j for j in same if j.score.evidence >= floor][:MOST_ALIKE]
-
-
-def _simplest(wanted: Sequence[Judged]) -> Judged:
-    """The cause of fewest numbers that does nearly as well as the best at the same place.
-
-    Evidence is overstated where the rest is not white, and with it what finer shapes are worth.
-    """
-    best = wanted[0]
-    good = [
-        j
-        for j in wanted
-        if j.candidate.where == best.candidate.where
-        and j.score.evidence > SIMPLER * best.score.evidence
-    ]
-    return min(good, key=lambda j: (len(j.candidate.kind.parameters), -j.score.evidence))
-
-
-def _equals(best: Judged, wanted: Sequence[Judged]) -> tuple[tuple[str, str | None, float], ...]:
-    """What could stand in a cause's place as well."""
-    gaps = ((j, best.score.evidence - j.score.evidence) for j in wanted if j is not best)
-    return tuple((*j.candidate.key, max(gap, 0.0)) for j, gap in gaps if abs(gap) < EQUIVALENT)
 
 
 def _is_rival(other: Fit, top: Fit) -> bool:

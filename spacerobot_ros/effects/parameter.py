@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
+from typing import Any
 
 from ..model.schema import Bounds
 
@@ -54,7 +55,7 @@ amount = partial(Parameter, minimum=0.0)
 
 
 def searched(
-    name: str, unit: str, size: float = math.inf, *, guesses: Sequence[float] = (), **rest: float
+    name: str, unit: str, size: float = math.inf, *, guesses: Sequence[float] = (), **rest: Any
 ) -> Parameter:
     """A parameter that the fit starts from every one of some guesses."""
     return Parameter(name, unit, size, role='search', guesses=tuple(guesses), **rest)

@@ -79,9 +79,7 @@ class ArmMotion:
         qd = np.gradient(q, self.step, axis=0)
         none = np.zeros((len(q), 3))
         still = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(q), 1)))
-        return Kinematics(
-            self.times, q, qd, none, still, np.gradient(qd, self.step, axis=0), none
-        )
+        return Kinematics(self.times, q, qd, none, still, np.gradient(qd, self.step, axis=0), none)
 
     @cached_property
     def effort(self) -> Array:
@@ -104,7 +102,9 @@ class ArmMotion:
     def is_moving(self) -> BoolArray:
         """(N, n) where a joint with a known effort moves; at rest friction takes any value."""
         speed = np.abs(self.kinematics.qd)
-        usual = np.quantile(speed[self.is_known], 0.95, axis=0) if self.is_known.any() else speed[0]
+        usual = (
+            np.quantile(speed[self.is_known], 0.95, axis=0) if self.is_known.any() else speed[0]
+        )
         slow = np.maximum(_REST_SHARE * np.maximum(usual, np.max(usual)), _REST_RATE)
         resting = binary_opening(speed < slow, np.ones((max(1, round(_REST_TIME / self.step)), 1)))
         margin = round(_REST_MARGIN / self.band / self.step)

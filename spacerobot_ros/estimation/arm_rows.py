@@ -121,9 +121,7 @@ class ArmRows:
         """(B,) the part that each block belongs to, which is predicted from the others."""
         if len(self.balances) == 1:
             return np.arange(self.blocks[0][-1] + 1)
-        return np.concatenate(
-            [np.full(b[-1] - b[0] + 1, i) for i, b in enumerate(self.blocks)]
-        )
+        return np.concatenate([np.full(b[-1] - b[0] + 1, i) for i, b in enumerate(self.blocks)])
 
     def joint(self, j: int) -> JointRows:
         """Rows of one joint where it moves."""
@@ -177,9 +175,7 @@ class ArmRows:
         return out
 
 
-def _candidates(
-    kinds: Iterable[type[Effect]], balances: Sequence[Balance]
-) -> Iterable[Candidate]:
+def _candidates(kinds: Iterable[type[Effect]], balances: Sequence[Balance]) -> Iterable[Candidate]:
     robot = balances[0].robot
     for kind in kinds:
         if not kind.is_fitted or kind.needs_free_base or kind.hidden:

@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..dynamics.equations import Dynamics
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
@@ -29,7 +30,6 @@ from .torque_process import TorqueDriven
 
 _SMALL = 1e-4  # rad; a position error so small that inverse dynamics are linear in it
 _SHOWN = 25.0  # Hz, of the channels
-_FILTERED = 1e-4  # of the efforts' spread: noise below it is no sensor's
 
 
 class Balance:
@@ -127,9 +127,7 @@ class Balance:
         return np.asarray((required - self._required(self.motion)) / scale)
 
 
-def balance_of(
-    record: Record, robot: Robot, effects: Sequence[Effect]
-) -> Balance:
+def balance_of(record: Record, robot: Robot, effects: Sequence[Effect]) -> Balance:
     """A recording under a robot with effects, those of its sensors undone.
 
     Args:
@@ -141,7 +139,14 @@ def balance_of(
     return Balance(ArmMotion(corrected_record(record, process.robot, effects)), process)
 
 
-def noise_shown(record: Record, noise: NoiseLevels) -> bool:
-    """Whether measured efforts show noise of their own; those filtered before logging do not."""
-    effort = record.effort
-    return effort is None or noise.joint_effort >= _FILTERED * float(np.std(effort))
+def noise_in_band(balance: Balance, noise: NoiseLevels) -> Array:
+    """(n,) rms of the torques that sensor noise alone leaves in the band [N m].
+
+    White noise of a sample keeps 2 B dt of its variance below B. Of positions it is that of the
+    accelerations: ((2 pi B)^4 / 5)^1/2 times it on the joint's own inertia.
+    """
+    band, n = balance.arm.band, balance.robot.n_joints
+    kept = np.sqrt(2.0 * band * balance.arm.interval)
+    inertia = np.diag(Dynamics(balance.robot).mass_matrix(np.zeros(n)))[-n:]
+    moved = (2.0 * np.pi * band) ** 2 / np.sqrt(5.0) * noise.joint_position * inertia
+    return np.asarray(kept * np.hypot(noise.joint_effort, moved))

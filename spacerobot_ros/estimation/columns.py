@@ -15,7 +15,7 @@ from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
 from .response import Response
-from .rows import Rows
+from .rows import MotionModel, Rows
 from .sampled_motion import misreading
 from .scaling import PROPORTIONAL, bounds_of, origin_of, value_of
 from .spectral_search import propose, searched
@@ -222,7 +222,7 @@ class Signatures:
         rows: The model's rows.
     """
 
-    def __init__(self, rows: Rows) -> None:
+    def __init__(self, rows: MotionModel) -> None:
         self._rows = rows
         self._response = Response(rows.robot, rows.motion)
 

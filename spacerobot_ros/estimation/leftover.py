@@ -12,14 +12,13 @@ sensor is the special case in which only the first is there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
 
-from ..dynamics.compiling import compiled
-from ..types import Array, BoolArray, IntArray
+from ..dynamics.compiling import compiled, inner
+from ..types import Array, IntArray
 
 _TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])  # s
 _LEAST = 1e-3  # of a torque's rms: no torque sensor is as good
@@ -60,48 +59,47 @@ class JointRows:
         return out[:, 0], out[:, 1:], float(logs)
 
 
+@inner  # type: ignore[untyped-decorator]
+def _predict(state: Array, cov: Array, decay: Array, variances: Array) -> None:
+    """To the next row; `decay` (5,) of zero is a fresh start from the stationary state."""
+    for i in range(len(decay)):
+        for j in range(len(decay)):
+            cov[i, j] *= decay[i] * decay[j]
+        cov[i, i] += variances[1 + i] * (1.0 - decay[i] ** 2)
+        state[i] *= decay[i]
+
+
+@inner  # type: ignore[untyped-decorator]
+def _gain(cov: Array, h: Array, white: float) -> tuple[Array, float]:
+    """Covariance with the innovation (5,), and its variance."""
+    across = cov @ h
+    return across, white + float(h @ across)
+
+
 @compiled  # type: ignore[untyped-decorator]
 def _whiten(
     values: Array, observed: Array, block: IntArray, gap: Array, variances: Array, times: Array
 ) -> tuple[Array, float]:
     """Innovations by their standard deviations; every block starts from the stationary state."""
     rows, width = values.shape
-    size = len(times)
     out = np.empty((rows, width))
-    state, cov = np.zeros((size, width)), np.zeros((size, size))
-    h, gain = np.ones(size), np.zeros(size)
+    state, cov = np.zeros((len(times), width)), np.zeros((len(times), len(times)))
+    h = np.ones(len(times))
     logs = 0.0
     for k in range(rows):
-        fresh = k == 0 or block[k] != block[k - 1]
-        for i in range(size):
-            for j in range(size):
-                if fresh:
-                    cov[i, j] = variances[1 + i] if i == j else 0.0
-                else:
-                    cov[i, j] *= np.exp(-gap[k] / times[i] - gap[k] / times[j])
-                    if i == j:
-                        cov[i, i] += variances[1 + i] * (1.0 - np.exp(-2.0 * gap[k] / times[i]))
-            for c in range(width):
-                state[i, c] = 0.0 if fresh else state[i, c] * np.exp(-gap[k] / times[i])
-        h[size - 2], h[size - 1] = observed[k, 0], observed[k, 1]
-        variance = variances[0]
-        for i in range(size):
-            gain[i] = 0.0
-            for j in range(size):
-                gain[i] += cov[i, j] * h[j]
-            variance += h[i] * gain[i]
+        follows = k > 0 and block[k] == block[k - 1]
+        decay = np.exp(-gap[k] / times) if follows else np.zeros(len(times))
+        _predict(state, cov, decay, variances)
+        h[3:] = observed[k]
+        across, variance = _gain(cov, h, variances[0])
+        left = values[k].copy()
+        for i in range(len(times)):
+            left -= h[i] * state[i]
+        out[k] = left / np.sqrt(variance)
         logs += np.log(variance)
-        root = np.sqrt(variance)
-        for c in range(width):
-            left = values[k, c]
-            for i in range(size):
-                left -= h[i] * state[i, c]
-            out[k, c] = left / root
-            for i in range(size):
-                state[i, c] += gain[i] / variance * left
-        for i in range(size):
-            for j in range(size):
-                cov[i, j] -= gain[i] * gain[j] / variance
+        for i in range(len(times)):
+            state[i] += across[i] / variance * left
+            cov[i] -= across[i] / variance * across
     return out, logs
 
 
@@ -125,7 +123,9 @@ def level_of(
     low = 2.0 * np.log(np.array([least, *[0.1 * least] * 5]))
     high = 2.0 * np.log(np.array([*[_MOST * scale] * 4, drift, _DRIFT * scale]))
     high = np.maximum(high, low + 1e-3)
-    start = np.clip(2.0 * np.log(np.array([0.03, 0.03, 0.03, 0.03, 0.01, 0.01]) * scale), low, high)
+    start = np.clip(
+        2.0 * np.log(np.array([0.03, 0.03, 0.03, 0.03, 0.01, 0.01]) * scale), low, high
+    )
     found = minimize(
         lambda x: _cost(compressed, np.exp(x)),
         start,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..errors import RecordingError
@@ -33,3 +34,19 @@ def observed(record: Record, robot: Robot) -> Record:
             'are both missing: the motion of a free base is not seen (robot.base: fixed?)',
         )
     return record
+
+
+def refuse_unbalanced(records: Sequence[Record], robot: Robot) -> None:
+    """Refuse recordings that can not be judged together.
+
+    Raises:
+        RecordingError: a free base, or no efforts.
+    """
+    for record in records:
+        if robot.is_free or record.effort is None:
+            why = 'a free base' if robot.is_free else 'no efforts'
+            raise RecordingError(
+                record.source or 'recordings',
+                f'has {why}: recordings are judged together, or compared, where the torques of a '
+                'fixed base are measured; diagnose this one alone',
+            )

@@ -2,7 +2,7 @@
 
 Two ways exist: `prediction` (an error-state filter under the measured torques: free flight and
 simulation, white sensor noise) and `balance` (torques along the smoothed motion: real arms, whose
-leftover nobody knows). Selection, refit, evidence, placebos and verdict know no more than this.
+leftover is coloured, `leftover`). Columns, evidence and placebos know no more than this.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ class ChannelError:
     noise_floor: float
 
 
-class Rows(Protocol):
-    """R rows of one model of one record."""
+class MotionModel(Protocol):
+    """A motion along which columns are made."""
 
     @property
     def robot(self) -> Robot:
@@ -82,6 +82,23 @@ class Rows(Protocol):
         """(N, n) time derivative of the measured torques there [N m/s]."""
         ...
 
+    def samples(self) -> Mapping[str, tuple[Kinematics, Motion]]:
+        """The reference at the samples of every channel that a sensor's fault shows in."""
+        ...
+
+    def whitened(self, forces: Array, measured: Mapping[str, Array]) -> Array:
+        """(R, K) what each column leaves in the data of a model without it.
+
+        Args:
+            forces: (N, 6 + n, K) generalised forces that the truth has and the model has not.
+            measured: Channel to (samples, width, K) by which it reads more than the truth.
+        """
+        ...
+
+
+class Rows(MotionModel, Protocol):
+    """R rows of one model of one record."""
+
     @property
     def data(self) -> Array:
         """(R,) whitened residuals: white and of unit variance under a right model."""
@@ -95,19 +112,6 @@ class Rows(Protocol):
     @property
     def log_determinant(self) -> float:
         """Sum of ln of the residuals' variances, but for a constant of the record."""
-        ...
-
-    def samples(self) -> Mapping[str, tuple[Kinematics, Motion]]:
-        """The reference at the samples of every channel that a sensor's fault shows in."""
-        ...
-
-    def whitened(self, forces: Array, measured: Mapping[str, Array]) -> Array:
-        """(R, K) what each column leaves in the data of a model without it.
-
-        Args:
-            forces: (N, 6 + n, K) generalised forces that the truth has and the model has not.
-            measured: Channel to (samples, width, K) by which it reads more than the truth.
-        """
         ...
 
     def force_correlation(self, weights: Array) -> Array:

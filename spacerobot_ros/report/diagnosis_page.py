@@ -35,12 +35,16 @@ _PREDICTION = (
     'other four say. '
 )
 _BALANCE = (
-    'The robot file does not say how noisy the efforts are, so the torques that the model needs '
-    f'along the smoothed motion are compared with the measured ones below {BAND:g} Hz. Every '
-    'effect of the catalogue at every place adds its own torques to the balance; what inertial '
-    'errors and the whole catalogue together leave is taken for noise, and causes are what '
-    'explains more than that. Standard deviations are widened as far as what is left scatters. No '
-    'fit was tested: the verdict is at most partly explained. '
+    'The torques that the model needs along the smoothed motion are compared with the measured '
+    f'ones below {BAND:g} Hz, joint by joint where it moves; a joint at rest says nothing, since '
+    'its friction holds any torque. Every effect of the catalogue at every place adds its own '
+    'torques to the balance. What no cause explains has a level against frequency, estimated '
+    'along, and a tolerance stands for what the file of any machine misses. A cause is named '
+    'where its evidence exceeds the price of looking at all of them, where the parts of the data '
+    '(recordings, or quarters of the only one) are better predicted with it from each other, by '
+    'more than with columns without meaning, and where it lowers the rms error, too. Standard '
+    'deviations are widened as far as the parts scatter. No fit was tested against sensor noise: '
+    'the verdict is at most partly explained. '
 )
 _HELD_OUT = (
     'Held-out errors are those of each fifth of the record with the values that the other four '
@@ -151,7 +155,11 @@ def _signals(answer: Findings) -> Iterator[Item]:
 
 def _errors(answer: Findings) -> Iterator[Item]:
     diagnosis = answer.diagnosis
-    floor = 'what is taken for noise' if is_balance(diagnosis) else 'what a right model has'
+    floor = (
+        'the level of what no cause explains'
+        if is_balance(diagnosis)
+        else 'what a right model has'
+    )
     yield tables.residual_table(
         diagnosis,
         f'Noise floor: {floor}; white p: probability of as much structure in white noise.',
@@ -200,7 +208,7 @@ def _closed_loop(answer: Findings) -> Iterator[Item]:
 def _remains(answer: Findings) -> Iterator[Item]:
     lines = tables.remaining(answer.diagnosis)
     if not lines and is_balance(answer.diagnosis):
-        yield 'Not tested: what no effect explains was taken for noise.'
+        yield 'Not tested: the level of what no cause explains comes from the data.'
     elif not lines:
         yield 'Nothing: every channel is down to its noise floor and white.'
     yield from lines
@@ -214,25 +222,24 @@ def _next(answer: Findings) -> Iterator[Item]:
 
 def _how(answer: Findings) -> Iterator[Item]:
     yield f'{answer.command}   (spacerobot {__version__})'
-    way = _BALANCE if is_balance(answer.diagnosis) else _PREDICTION
-    yield f'{way}{_HELD_OUT}See docs/diagnosis.md.'
+    way = _BALANCE if is_balance(answer.diagnosis) else _PREDICTION + _HELD_OUT
+    yield f'{way}See docs/diagnosis.md.'
     for note in answer.diagnosis.notes:
         yield f'Note: {note}.'
 
 
 def _data_in_words(answer: Findings) -> str:
-    record = answer.record
-    first, last = record.span_ns
-    counts = [
-        f'{len(series.stamp_ns)} {name}'
-        for name, series in (
-            ('joint samples', record.joints),
-            ('gyro samples', record.rates),
-            ('attitudes', record.attitudes),
-        )
-        if series is not None
-    ]
-    return f'{(last - first) / 1e9:.1f} s of data: {", ".join(counts)}'
+    counts = {'joint samples': 0, 'gyro samples': 0, 'attitudes': 0}
+    seconds = 0.0
+    for record in answer.records:
+        first, last = record.span_ns
+        seconds += (last - first) / 1e9
+        series = (record.joints, record.rates, record.attitudes)
+        for name, samples in zip(counts, series, strict=True):
+            counts[name] += 0 if samples is None else len(samples)
+    several = f' in {len(answer.records)} recordings' if len(answer.records) > 1 else ''
+    said = ', '.join(f'{count} {name}' for name, count in counts.items() if count)
+    return f'{seconds:.1f} s of data{several}: {said}'
 
 
 def _signal_panels(series: Series) -> list[Panel]:

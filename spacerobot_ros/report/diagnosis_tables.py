@@ -34,8 +34,9 @@ class Findings:
     Args:
         diagnosis: The diagnosis, its rivals with the motions that separate them.
         file: The robot file.
-        record: The data.
+        records: The data.
         added: The causes as they stand in the extended model.
+        calibration: What else stands there: corrections within the tolerance of any file.
         closed_loop: Worth of the extended model to a controller; None where it was not measured.
         why_open: Why it was not.
         appearances: Where in the motion each channel's error appears, by channel.
@@ -45,8 +46,9 @@ class Findings:
 
     diagnosis: Diagnosis
     file: RobotFile
-    record: Record
+    records: tuple[Record, ...]
     added: tuple[Effect, ...]
+    calibration: tuple[Effect, ...]
     closed_loop: ClosedLoopGain | None
     why_open: str
     appearances: Mapping[str, Appearance]

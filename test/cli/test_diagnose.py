@@ -124,11 +124,14 @@ def answer(tmp_path, verdict='explained'):
     return Findings(
         diagnosis=with_motions(hand_made(verdict, (rival,)), 'robot.yaml'),
         file=load_robot_file(ROBOT),
-        record=Record(
-            JointSeries(('joint_1', 'joint_2', 'joint_3'), stamps, zeros),
-            RateSeries(stamps, zeros),
+        records=(
+            Record(
+                JointSeries(('joint_1', 'joint_2', 'joint_3'), stamps, zeros),
+                RateSeries(stamps, zeros),
+            ),
         ),
         added=(hand_made().causes[0].applied,),
+        calibration=(),
         closed_loop=ClosedLoopGain(task='a task', duration=5.0, joints={'joint_2': (1e-2, 1e-3)}),
         why_open='',
         appearances={},

@@ -57,7 +57,7 @@ def beside(tmp_path):
 def test_json_has_the_documented_keys_and_only_finite_numbers():
     diagnosis = hand_made(rivals=(RIVAL,))
     values = json.loads(json.dumps(to_dict(diagnosis), allow_nan=False))
-    assert values['schema'] == 1
+    assert values['schema'] == 2
     assert values['verdict'] == 'explained'
     assert values['extended_model'] == 'extended_model.yaml'
     cause = values['causes'][0]

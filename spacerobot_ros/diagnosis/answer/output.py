@@ -14,7 +14,7 @@ from .appearance import Appearance
 from .closed_loop_gain import ClosedLoopGain
 from .result import Cause, Diagnosis, Gain, Residual
 
-SCHEMA = 1
+SCHEMA = 2
 EXTENDED_MODEL = 'extended_model.yaml'
 
 
@@ -53,6 +53,8 @@ def to_dict(
         'null_p': diagnosis.null_p,
         'next_motion': list(diagnosis.next_motion),
         'notes': list(diagnosis.notes),
+        'recordings': [asdict(r) for r in diagnosis.recordings] or None,
+        'calibration': [_calibration(effect) for effect in diagnosis.calibration],
     }
     return dict(json_value(values))
 
@@ -74,7 +76,12 @@ def _cause(cause: Cause) -> dict[str, Any]:
         'indistinguishable_from': [asdict(rival) for rival in cause.rivals],
         'relevant': cause.relevant,
         'constant_p': cause.constant_p,
+        'held_out_recordings': cause.held_out_recordings,
     }
+
+
+def _calibration(effect: Effect) -> dict[str, Any]:
+    return {'effect': effect.id, 'where': effect.where, 'parameters': dict(effect.values)}
 
 
 def relevance(parameter: Parameter) -> float | None:

@@ -10,16 +10,13 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import RecordingError
-from ...estimation.balance import BAND as BAND
-from ...estimation.balance import band_limited
-from ...estimation.noise_levels import noise_levels
+from ...estimation.arm_motion import BAND as BAND
+from ...estimation.balance import balance_of
 from ...estimation.observations import observed
-from ...estimation.runs import BalanceRun, Run
 from ...model.robot import Robot
 from ...recording.faults.check import check_data
 from ...recording.record import Record
-
-_EDGE = 1.0  # s at both ends, where splines and filters are less sure
+from ..arms import rms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +55,9 @@ def score_on(
     if record.joints is None or record.joints.effort is None:
         raise RecordingError(record.source or 'score', 'has no efforts to hold a model against')
     measured = observed(record, robot)
-    run = BalanceRun(Run(measured, robot, believed, noise_levels(robot.sensors, measured)[0]), ())
-    before, after = (_rms(run, chosen) for chosen in ((), tuple(causes)))
+    before, after = (
+        rms([balance_of(measured, robot, (*believed, *chosen))]) for chosen in ((), causes)
+    )
     return tuple(
         JointScore(joint=joint, before=float(b), after=float(a))
         for joint, b, a in zip(robot.joints, before, after, strict=True)
@@ -68,8 +66,8 @@ def score_on(
 
 def total(scores: Sequence[JointScore]) -> tuple[float, float]:
     """Root mean square over the joints, before and after [N m]."""
-    before = float(np.sqrt(np.mean([s.before**2 for s in scores])))
-    return before, float(np.sqrt(np.mean([s.after**2 for s in scores])))
+    before = float(np.sqrt(np.nanmean([s.before**2 for s in scores])))
+    return before, float(np.sqrt(np.nanmean([s.after**2 for s in scores])))
 
 
 def to_dict(scores: Sequence[JointScore]) -> dict[str, Any]:
@@ -82,10 +80,3 @@ def to_dict(scores: Sequence[JointScore]) -> dict[str, Any]:
         'rms_after': after,
         'joints': {s.joint: {'rms_before': s.before, 'rms_after': s.after} for s in scores},
     }
-
-
-def _rms(run: BalanceRun, causes: Sequence[Effect]) -> np.ndarray:
-    balance = run.unscaled(causes)
-    times = balance.times
-    inside = (times > times[0] + _EDGE) & (times < times[-1] - _EDGE)
-    return np.sqrt(np.mean(band_limited(balance.missed, times)[inside] ** 2, axis=0))

@@ -1,0 +1,149 @@
+"""From a comparison to an answer: what changed, how surely, and what would have been seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..estimation.arm_fit import Posterior
+from .answer.result import Estimated
+from .arm_conclusion import scale_error
+from .compare import Changes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """A change from one group of recordings to another.
+
+    Args:
+        effect: Its id. where: Its place. title: What it is, in words.
+        parameters: What was added to each parameter.
+        log_evidence: For it over what any machine changes by itself.
+        held_out_gain: The same for each part of the second group, predicted from the others.
+    """
+
+    effect: str
+    where: str | None
+    title: str
+    parameters: Mapping[str, Estimated]
+    log_evidence: float
+    held_out_gain: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detectable:
+    """The smallest change of one parameter that would have been named."""
+
+    effect: str
+    where: str | None
+    parameter: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """The whole answer.
+
+    Args:
+        verdict: changed or unchanged. sentence: The same in words.
+        changes: By evidence.
+        detectable: Of every cause the change that would have been seen; infinite where the motion
+            shows nothing of it.
+        left: Rms of what no cause explains of each joint's torque [N m].
+    """
+
+    verdict: str
+    sentence: str
+    changes: tuple[Change, ...]
+    detectable: tuple[Detectable, ...]
+    left: Mapping[str, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values; `causes` as in diagnosis.json."""
+        return {
+            'schema': 2,
+            'verdict': self.verdict,
+            'sentence': self.sentence,
+            'causes': [asdict(change) for change in self.changes],
+            'detectable': [asdict(one) for one in self.detectable],
+            'left_unexplained': {'unit': 'N m', 'joints': dict(self.left)},
+        }
+
+
+def conclude_changes(found: Changes) -> Comparison:
+    """What a comparison says."""
+    selection = found.selection
+    order = sorted(selection.chosen, key=lambda i: -selection.gain(selection.whole, i))
+    changes = tuple(_change(found, i) for i in order)
+    verdict = 'changed' if changes else 'unchanged'
+    levels = np.sqrt(np.sum(found.levels, axis=1))
+    return Comparison(
+        verdict=verdict,
+        sentence=_sentence(changes),
+        changes=changes,
+        detectable=tuple(_detectable(found, i) for i in selection.live),
+        left=dict(zip(found.after.robot.joints, levels.tolist(), strict=True)),
+    )
+
+
+def _change(found: Changes, i: int) -> Change:
+    selection, posterior = found.selection, found.fit.posterior
+    candidate, own = selection.rows.candidates[i], selection.rows.places[i]
+    spread = np.sqrt(np.diag(posterior.covariance)[own])
+    names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
+    scale = scale_error(found.after.robot) if candidate.kind.id == 'inertial_parameters' else 0.0
+    # A ripple's two coefficients are its parts in sine and cosine.
+    values = posterior.mean[own]
+    if len(names) == 1 and len(own) == 2:
+        values, spread = np.array([np.hypot(*values)]), np.array([np.max(spread)])
+    return Change(
+        effect=candidate.kind.id,
+        where=candidate.where,
+        title=candidate.kind.title,
+        parameters={
+            p.name: Estimated(value=float(value), std=math.hypot(std, scale * value), unit=p.unit)
+            for p, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
+        },
+        log_evidence=selection.gain(selection.whole, i),
+        held_out_gain=tuple(selection.held_out(i).tolist()),
+    )
+
+
+def _detectable(found: Changes, i: int) -> Detectable:
+    """From evidence = 1/2 S x^2 - price of the freedom = need, S the information of x."""
+    selection = found.selection
+    candidate, own = selection.rows.candidates[i], selection.rows.places[i]
+    beside = Posterior.of(selection.whole, selection.rows.deviations(()))
+    matrix, sizes = beside.group(own).matrix, candidate.sizes
+    values = np.linalg.eigvalsh(sizes[:, None] * matrix * sizes)
+    price = 0.5 * float(np.sum(np.log1p(np.maximum(values, 0.0))))
+    information = float(matrix[0, 0])
+    squared = 2.0 * (selection.need(i) + price) / information if information > 0.0 else math.inf
+    first = candidate.kind.parameters[0]
+    return Detectable(
+        effect=candidate.kind.id,
+        where=candidate.where,
+        parameter=first.name,
+        value=math.sqrt(squared),
+        unit=first.unit,
+    )
+
+
+def _sentence(changes: tuple[Change, ...]) -> str:
+    if not changes:
+        return 'Nothing changed by more than would have been seen (detectable).'
+    what = '; '.join(_in_words(change) for change in changes[:3])
+    more = f'; and {len(changes) - 3} more' if len(changes) > 3 else ''
+    return f'What changed: {what}{more}.'
+
+
+def _in_words(change: Change) -> str:
+    where = f' at {change.where}' if change.where else ''
+    name, first = next(iter(change.parameters.items()))
+    unit = f' {first.unit}' if first.unit else ''
+    return f'{change.title}{where} ({name} {first.value:+.4g} +- {first.std:.2g}{unit})'
