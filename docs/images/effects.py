@@ -31,6 +31,7 @@ EXAMPLES: dict[str, tuple[str | None, dict[str, float]]] = {
     'joint_coulomb_friction': ('joint_2', {'torque': 0.5}),
     'joint_asymmetric_friction': ('joint_2', {'forward': 0.6, 'backward': 0.4}),
     'joint_stribeck_friction': ('joint_2', {'coulomb': 0.5, 'static': 0.9, 'velocity': 0.02}),
+    'joint_friction_curvature': ('joint_2', {'torque': 1.0, 'rate': 0.2}),
     'joint_load_friction': ('joint_2', {'coefficient': 0.05}),
     'joint_presliding_friction': ('joint_2', {'torque': 0.5, 'displacement': 0.1}),
     'joint_coupled_friction': ('joint_2', {'coulomb': 0.5, 'viscous': 0.5}),

@@ -58,6 +58,7 @@ SPECIAL = {
     'joint_torque_ripple': 3.0,
     'joint_stiffness': 2.0,
     'inertial_parameters': 1.0,
+    'joint_coupled_friction': 5.0,
 }
 """Nats beyond that for what a smooth leftover that nobody knows looks like most."""
 

@@ -21,7 +21,12 @@ from ..types import Array
 from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL
 
 _FRICTION = ('joint_coulomb_friction', 'joint_viscous_friction')
-_AFTER_FRICTION = ('joint_stribeck_friction', 'joint_friction_curvature', 'joint_load_friction')
+_AFTER_FRICTION = (
+    'joint_stribeck_friction',
+    'joint_friction_curvature',
+    'joint_load_friction',
+    'joint_coupled_friction',
+)
 
 
 class Selection:

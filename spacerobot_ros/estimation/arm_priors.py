@@ -84,12 +84,14 @@ class Machine:
             inertia = 0.5 * float(self.inertia[j])
         else:
             j, torque, rate, inertia = 0, 0.0, 1.0, 0.0
-        sizes: dict[str, tuple[float, float]] = {
+        own = 0.2 * np.array([torque, torque / rate])
+        sizes: dict[str, tuple[float | Array, float]] = {
             'joint_coulomb_friction': (torque, 0.0),
             'joint_viscous_friction': (torque / rate, 0.0),
             'joint_stribeck_friction': (0.3 * torque, 0.0),
             'joint_friction_curvature': (torque, 0.0),
             'joint_load_friction': (0.1, 0.0),
+            'joint_coupled_friction': (own, 0.0),
             'joint_torque_constant': (0.15, self._gain_tolerance(where)),
             'joint_torque_ripple': (0.1 * torque, 0.0),
             'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
@@ -106,7 +108,7 @@ class Machine:
         if kind == 'gravity_error':  # a tilt: its magnitude is known, and no scale of all masses
             down = self.robot.gravity / max(float(np.linalg.norm(self.robot.gravity)), 1e-9)
             shares = np.where(np.abs(down) > 0.9, _NONE, 1.0)
-        return size * shares, max(tolerance, _NONE * size) * shares
+        return size * shares, np.maximum(tolerance, _NONE * size) * shares
 
     def _gain_tolerance(self, where: str | None) -> float:
         kinds = dict(zip(self.robot.arm, self.robot.effort_kinds, strict=False))

@@ -32,6 +32,12 @@ LAWS = {
         {'coulomb': 0.5, 'static': 0.9, 'velocity': 0.4},
         lambda q, v, t: -math.copysign(0.5 + 0.4 * math.exp(-((v / 0.4) ** 2)), v),
     ),
+    'joint_friction_curvature': (
+        {'torque': 0.6, 'rate': 0.5},
+        lambda q, v, t: -math.copysign(
+            0.6 * (math.sqrt(min(abs(v) / 0.5, 1.0)) - 4 / 15 - 0.8 * min(abs(v) / 0.5, 1.0)), v
+        ),
+    ),
     'joint_load_friction': ({'coefficient': 0.1}, lambda q, v, t: -math.copysign(0.1 * t, v)),
     'joint_torque_constant': ({'gain': 0.93}, lambda q, v, t: -0.07 * t),
     'joint_torque_ripple': (
