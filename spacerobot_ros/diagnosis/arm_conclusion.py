@@ -14,7 +14,7 @@ from ..estimation.evidence import Gram, score
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import is_relevant, value_std
 from ..model.robot import Robot
-from ..types import Array, IntArray
+from ..types import Array
 from .answer.residuals import series
 from .answer.result import (
     Cause,
@@ -28,6 +28,7 @@ from .answer.result import (
 )
 from .arm_evidence import held_out_misfit
 from .arms import ArmFound, rms
+from .friction_law import friction_laws
 from .limits import EQUIVALENT, UNEXPLAINED
 from .selection import Selection
 
@@ -82,6 +83,7 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
         notes=notes,
         calibration=found.calibration,
         recordings=_recordings(found),
+        friction=friction_laws(found),
     )
 
 
@@ -90,11 +92,10 @@ def _cause(found: ArmFound, k: int) -> Cause:
     fit, i = found.fit, found.fit.chosen[k]
     applied, own = found.named[k], found.fit.rows.places[i]
     thresholds = applied.parameters_at(found.robot, applied.where)
-    scatter, dof = _scatter(found.selection, fit.posterior, own)
+    scatter, dof = _scatter(found, i)
     birge = math.sqrt(max(1.0, scatter / dof, _usual_scatter(found)))
     spread = birge * np.sqrt(np.diag(fit.posterior.covariance)[own])
     stds = _in_values(found, i, spread)
-    gains = found.selection.held_out(i)
     return Cause(
         applied=applied,
         parameters={
@@ -108,8 +109,14 @@ def _cause(found: ArmFound, k: int) -> Cause:
         thresholds={p.name: p for p in thresholds},
         relevant=any(is_relevant(p, applied.values[p.name]) for p in thresholds),
         constant_p=float(chi2.sf(scatter / birge**2, dof)),
-        held_out_recordings=tuple(gains.tolist()) if len(found.records) > 1 else None,
+        held_out_recordings=_by_recording(found, i),
     )
+
+
+def _by_recording(found: ArmFound, i: int) -> tuple[float, ...] | None:
+    """Log evidence that a cause adds to each recording; None where only one could judge it."""
+    gains = found.selection.held_out(i)
+    return tuple(gains.tolist()) if found.selection.is_told_by_recordings(i) else None
 
 
 def _in_values(found: ArmFound, i: int, spread: Array) -> list[float]:
@@ -147,12 +154,13 @@ def scale_error(robot: Robot) -> float:
     return max(UNEXPLAINED['link' if k == 'link' else 'other'] for k in robot.effort_kinds)
 
 
-def _scatter(selection: Selection, posterior: Posterior, own: IntArray) -> tuple[float, float]:
+def _scatter(found: ArmFound, i: int) -> tuple[float, float]:
     """Chi-square of a cause's coefficients between the parts of the data, and its freedom."""
+    posterior, own = found.fit.posterior, found.fit.rows.places[i]
     total, dof = 0.0, 0.0
     free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
     deviations = posterior.precision**-0.5
-    for part in selection.parts:
+    for part in found.selection.parts(i):
         left = _less(part, posterior.mean)
         alone = Posterior.of(left, deviations).group(own)
         judged = score(alone, deviations[own], free, None)
@@ -167,26 +175,19 @@ def _less(part: Gram, mean: Array) -> Gram:
 
 def _usual_scatter(found: ArmFound) -> float:
     """Half of all causes are taken to be as constant as they should be (Birge's ratio)."""
-    ratios = [
-        total / dof
-        for i in found.fit.chosen
-        for total, dof in [
-            _scatter(found.selection, found.fit.posterior, found.fit.rows.places[i])
-        ]
-    ]
+    ratios = [total / dof for total, dof in (_scatter(found, i) for i in found.fit.chosen)]
     return float(np.median(ratios)) if ratios else 1.0
 
 
 def _rivals(selection: Selection, i: int) -> list[Rival]:
     """What could stand in a cause's place as well."""
-    others = Selection(selection.rows, selection.parts)
-    others.chosen = [k for k in selection.chosen if k != i]
     own = selection.gain(selection.whole, i)
     out = []
-    for k, margin in others.ranking():
-        gap = own - (margin + others.need(k))
+    for k, margin in selection.ranking(without=i):
+        gap = own - (margin + selection.need(k))
         c = selection.rows.candidates[k]
-        if k != i and abs(gap) < EQUIVALENT and not c.repeats([selection.rows.candidates[i]]):
+        is_other = k != i and not c.repeats([selection.rows.candidates[i]])
+        if is_other and margin > 0.0 and abs(gap) < EQUIVALENT:
             out.append(
                 Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0), motion='')
             )
@@ -221,9 +222,9 @@ def _overall(values: Array) -> float:
 def _gain(found: ArmFound) -> Gain:
     """Held-out errors by the level of what is left, each part with values from the others."""
     selection = found.selection
-    count = selection.whole.rows
-    before = sum(part.square for part in selection.parts)
-    after = held_out_misfit(selection, found.fit.chosen)
+    count, parts = selection.whole.rows, selection.parts()
+    before = sum(part.square for part in parts)
+    after = held_out_misfit(selection, found.fit.chosen, parts)
     return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count), placebo=math.nan)
 
 

@@ -77,13 +77,13 @@ def find_arm_causes(
     balances = [balance_of(record, robot, believed) for record in records]
     rows = ArmRows.of(balances, kinds)
     report('finding the level of what no cause explains', 0.2)
-    first = Selection(rows, rows.parts(rows.levels(rows.sizes, np.zeros(robot.n_joints))))
+    parts = rows.parts(rows.levels(rows.sizes, np.zeros(robot.n_joints)))
+    first, rough = (Selection(rows, parts, rows.recording) for _ in range(2))
     report('choosing causes', 0.4)
-    rough = Selection(rows, first.parts)
     rough.run()
     levels = _levels(rows, rough)
     report('choosing causes at the level that is left', 0.6)
-    selection = Selection(rows, rows.parts(levels))
+    selection = Selection(rows, rows.parts(levels), rows.recording)
     selection.run()
     selection.check_held_out()
     selection.check_plain(plain(rows, levels))
@@ -106,7 +106,7 @@ def find_arm_causes(
 
 def _levels(rows: ArmRows, chosen: Selection) -> list[Array]:
     """(6,) variances of each joint, with what is chosen beside the tolerances."""
-    fit = ArmFit(rows, chosen.parts, tuple(chosen.chosen))
+    fit = ArmFit(rows, chosen.whole, tuple(chosen.chosen))
     friction = np.zeros(rows.robot.n_joints)
     for i in chosen.chosen:
         candidate = rows.candidates[i]
@@ -151,7 +151,7 @@ def _applicable(
     """
     before = rms(rows.balances)
     while True:
-        fit = ArmFit(rows, selection.parts, tuple(selection.chosen))
+        fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
         named = fit.effects(fit.chosen)
         for calibration in (fit.effects(fit.calibration), []):
             after = _applied_rms(records, robot, [*believed, *named, *calibration])

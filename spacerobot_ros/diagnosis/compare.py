@@ -38,8 +38,12 @@ _USUAL = 0.1
 """Of a plausible size: by how much a machine that nobody touched changes from run to run, by
 effect and otherwise; warm-up changes friction by some percent (docs/real_machines.md)."""
 _PAYLOAD = 1e-4  # of a size: what hangs on the last link does not change by itself
-_NO_CHANGES = ('joint_stribeck_friction', 'joint_friction_curvature')
-_MEASURED = 1e-9  # of the common coefficients' information: what the rows say nothing of
+_NO_CHANGES = (
+    'joint_stribeck_friction',
+    'joint_friction_curvature',
+    'joint_coupled_friction',
+    'joint_torque_ripple',
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,10 @@ class ChangedRows(ArmRows):
         ends = len(self.common) + np.cumsum([len(c.sizes) for c in self.candidates])
         starts = [end - len(c.sizes) for c, end in zip(self.candidates, ends, strict=True)]
         return [np.arange(a, b) for a, b in zip(starts, ends, strict=True)]
+
+    def may_be_chosen(self, i: int) -> bool:
+        """Whether a change may be named: of a finer shape of friction it may not."""
+        return self.candidates[i].kind.id not in _NO_CHANGES
 
     @property
     def lower(self) -> Array:
@@ -153,24 +161,24 @@ def find_changes(
     selection = Selection(
         rows,
         [_doubled(part, shared, is_changed=True) for part in second.parts(levels)],
+        second.recording,
         _doubled(sum_of(first.parts(levels)), shared, is_changed=False),
     )
     if not selection.live:
         raise RecordingError(after[0].source or 'AFTER', 'no joint moves in it')
     selection.run()
     selection.check_held_out()
-    fit = ArmFit(rows, (selection.whole,), tuple(selection.chosen))
+    fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
     return Changes(first, second, selection, fit, np.array(levels))
 
 
 def _changed_rows(both: ArmRows) -> ChangedRows:
-    kept = [c for c in both.candidates if c.kind.id not in _NO_CHANGES]
     last = both.robot.bodies[-1].name
     tolerances = []
     for c in both.candidates:
         share = _TOLERANCE.get(c.kind.id, _USUAL)
         share = _PAYLOAD if c.where == last else share
-        share = share if c in kept else _PAYLOAD
+        share = _PAYLOAD if c.kind.id in _NO_CHANGES else share
         tolerances.append(share * c.sizes)
     free = np.inf
     candidates = tuple(

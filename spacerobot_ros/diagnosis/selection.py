@@ -17,8 +17,8 @@ import numpy as np
 from ..estimation.arm_fit import Posterior
 from ..estimation.arm_rows import ArmRows
 from ..estimation.evidence import Gram, Score, score, sum_of
-from ..types import Array
-from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL
+from ..types import Array, IntArray
+from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
 _FRICTION = ('joint_coulomb_friction', 'joint_viscous_friction')
 _AFTER_FRICTION = (
@@ -34,22 +34,62 @@ class Selection:
 
     Args:
         rows: The recordings.
-        parts: Their Gram matrices, fold by fold.
-        always: Sums that are in every fold's rest.
+        parts: Gram matrices of the blocks of rows that may be held out.
+        recording: (B,) number of the recording of each block.
+        always: Sums that are never held out.
     """
 
-    def __init__(self, rows: ArmRows, parts: Sequence[Gram], always: Gram | None = None) -> None:
-        self.rows, self.parts = rows, tuple(parts)
-        self._always = () if always is None else (always,)
-        self.whole = sum_of([*self._always, *parts])
+    def __init__(
+        self,
+        rows: ArmRows,
+        parts: Sequence[Gram],
+        recording: IntArray,
+        always: Gram | None = None,
+    ) -> None:
+        self.rows, self._blocks = rows, tuple(parts)
+        self._recording = recording
+        self.whole = sum_of([*parts, *([] if always is None else [always])])
+        self.recordings = [
+            sum_of([part for part, r in zip(parts, recording, strict=True) if r == number])
+            for number in np.unique(recording)
+        ]
         self.chosen: list[int] = []
         self._pruned: dict[int, int] = {}
         seen = np.diag(sum_of(parts).matrix) > 0.0
-        self.live = [i for i, at in enumerate(rows.places) if seen[at].any()]
+        self.live = [
+            i for i, at in enumerate(rows.places) if seen[at].any() and rows.may_be_chosen(i)
+        ]
 
-    def rest(self, fold: int) -> Gram:
-        """Sums over all other folds."""
-        return sum_of([*self._always, *self.parts[:fold], *self.parts[fold + 1 :]])
+    def labels(self, i: int | None = None) -> IntArray:
+        """(B,) the part that each block belongs to; -1: to none that judges.
+
+        Parts are recordings where two or more say something of a cause, else the blocks of the
+        one that does.
+
+        Args:
+            i: The cause; None: all that is chosen.
+        """
+        numbers = np.unique(self._recording)
+        own = slice(None) if i is None else self.rows.places[i]
+        told = np.array(
+            [np.diag(r.matrix)[own] @ self.rows.sizes[own] ** 2 for r in self.recordings]
+        )
+        if np.sum(told > TELLING * told.sum()) > 1:
+            return np.searchsorted(numbers, self._recording)
+        inside = self._recording == numbers[np.argmax(told)]
+        return np.where(inside, np.cumsum(inside) - 1, -1)
+
+    def is_told_by_recordings(self, i: int) -> bool:
+        """Whether two recordings or more say something of a cause."""
+        return len(self.recordings) > 1 and bool(np.all(self.labels(i) >= 0))
+
+    def parts(self, i: int | None = None) -> list[Gram]:
+        """Sums over each part of the data, see `labels`."""
+        labels = self.labels(i)
+        return [
+            sum_of([b for b, label in zip(self._blocks, labels, strict=True) if label == part])
+            for part in range(labels.max() + 1)
+        ]
 
     def need(self, i: int) -> float:
         """Log evidence from which a cause is worth a name."""
@@ -79,13 +119,18 @@ class Selection:
         tolerated = score(beside.group(own), self.rows.tolerances[own], free, None)
         return self._score(beside, i).evidence - tolerated.evidence
 
-    def ranking(self) -> list[tuple[int, float]]:
-        """Candidates that may be chosen, with the log evidence beyond their need, best first."""
-        beside = Posterior.of(self.whole, self.rows.deviations(self.chosen))
+    def ranking(self, without: int | None = None) -> list[tuple[int, float]]:
+        """Candidates that may be chosen, with the log evidence beyond their need, best first.
+
+        Args:
+            without: A chosen cause that is left out.
+        """
+        taken = [i for i in self.chosen if i != without]
+        beside = Posterior.of(self.whole, self.rows.deviations(taken))
         margins = [
             (i, self._gain(beside, i) - self.need(i))
             for i in self.live
-            if i not in self.chosen and self._is_open(i)
+            if i not in taken and self._is_open(i, taken)
         ]
         return sorted(margins, key=lambda pair: -pair[1])
 
@@ -106,9 +151,9 @@ class Selection:
         ]
         return min(near, key=lambda pair: (len(candidates[pair[0]].sizes), -pair[1]))[0]
 
-    def _is_open(self, i: int) -> bool:
+    def _is_open(self, i: int, chosen: Sequence[int]) -> bool:
         candidate = self.rows.candidates[i]
-        taken = [self.rows.candidates[k] for k in self.chosen]
+        taken = [self.rows.candidates[k] for k in chosen]
         if self._pruned.get(i, 0) >= MOST_PRUNED or candidate.contradicts(taken):
             return False
         here = [t.kind.id for t in taken if t.where == candidate.where]
@@ -128,13 +173,13 @@ class Selection:
         self._pruned[i] = self._pruned.get(i, 0) + 1
 
     def held_out(self, i: int) -> Array:
-        """(F,) log evidence that a cause adds to the prediction of each fold from the others."""
+        """(F,) log evidence that a cause adds to the prediction of each part from the others."""
         whole = self.gain(self.whole, i)
-        return np.array([whole - self.gain(self.rest(f), i) for f in range(len(self.parts))])
+        return np.array([whole - self.gain(self.whole - part, i) for part in self.parts(i)])
 
     def check_held_out(self) -> None:
-        """Drop what does not hold on folds, weakest first."""
-        while len(self.parts) > 1 and self.chosen:
+        """Drop what does not hold on parts that it was not fitted to, weakest first."""
+        while self.chosen:
             gains = {i: self.held_out(i) for i in self.chosen}
             failing = {i: float(np.sum(g)) for i, g in gains.items() if not holds(g)}
             if not failing:

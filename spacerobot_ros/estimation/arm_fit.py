@@ -12,7 +12,7 @@ from ..effects.effect import Effect
 from ..types import Array, IntArray
 from .arm_rows import ArmRows
 from .constrained import ConstrainedProblem, PhysicalBody
-from .evidence import Gram, sum_of
+from .evidence import Gram
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,18 +50,13 @@ class ArmFit:
 
     Args:
         rows: The recordings.
-        parts: Their Gram matrices, fold by fold.
+        whole: Sums over all rows.
         chosen: Numbers of candidates.
     """
 
     rows: ArmRows
-    parts: Sequence[Gram]
+    whole: Gram
     chosen: tuple[int, ...]
-
-    @cached_property
-    def whole(self) -> Gram:
-        """Sums over all rows."""
-        return sum_of(self.parts)
 
     @cached_property
     def deviations(self) -> Array:

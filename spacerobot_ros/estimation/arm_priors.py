@@ -74,12 +74,17 @@ class Machine:
         return max(*offsets, 1e-3)
 
     def prior(self, candidate: Candidate) -> tuple[Array, Array] | None:
-        """(K,) sizes and (K,) tolerances of its coefficients; None: it is no cause on an arm."""
+        """(K,) sizes and (K,) tolerances of its coefficients.
+
+        None: it is no cause on an arm, or nothing of it can show.
+        """
         kind, where = candidate.kind.id, candidate.where
         if kind == 'inertial_parameters':
             return self._body(str(where))
         if where in self.robot.joints:
             j = self.robot.joints.index(str(where))
+            if not self.torque[j]:  # it never moves, or has no effort
+                return None
             torque, rate = float(self.torque[j]), max(float(self.rate[j]), 1e-6)
             inertia = 0.5 * float(self.inertia[j])
         else:

@@ -79,6 +79,10 @@ class ArmRows:
         at = self.places[i]
         return bool(np.any(self.tolerances[at] > _TOLERATED * self.sizes[at]))
 
+    def may_be_chosen(self, i: int) -> bool:
+        """Whether a candidate may be named."""
+        return True
+
     @cached_property
     def places(self) -> list[IntArray]:
         """Columns of every candidate."""
@@ -117,11 +121,10 @@ class ArmRows:
         return out
 
     @cached_property
-    def folds(self) -> IntArray:
-        """(B,) the part that each block belongs to, which is predicted from the others."""
-        if len(self.balances) == 1:
-            return np.arange(self.blocks[0][-1] + 1)
-        return np.concatenate([np.full(b[-1] - b[0] + 1, i) for i, b in enumerate(self.blocks)])
+    def recording(self) -> IntArray:
+        """(B,) number of the recording of each block."""
+        counts = [b[-1] - b[0] + 1 for b in self.blocks]
+        return np.repeat(np.arange(len(counts)), counts)
 
     def joint(self, j: int) -> JointRows:
         """Rows of one joint where it moves."""
@@ -151,27 +154,29 @@ class ArmRows:
         return [self.joint(j) for j in range(self.robot.n_joints)]
 
     def levels(self, priors: Array, friction: Array) -> list[Array]:
-        """(6,) variances of every joint's leftover.
+        """(6,) variances of every joint's leftover; NaN of one that never moves.
 
         Args:
             priors: (K,) standard deviation of every coefficient.
             friction: (n,) Coulomb friction that was found [N m].
         """
         return [
-            level_of(rows, priors, float(scale), float(c)) if len(rows.torque) else np.ones(6)
+            level_of(rows, priors, float(scale), float(c))
+            if len(rows.torque)
+            else np.full(6, np.nan)
             for rows, scale, c in zip(self.joints, self.scale, friction, strict=True)
         ]
 
     def parts(self, levels: Sequence[Array]) -> list[Gram]:
-        """Gram matrices of every fold."""
-        k = len(self.sizes)
-        out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in range(self.folds[-1] + 1)]
+        """Gram matrices of every block."""
+        k = len(self.tolerances)
+        out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in self.recording]
         for rows, variances in zip(self.joints, levels, strict=True):
             if len(rows.torque):
                 torque, columns, _ = rows.whitened(variances)
-                fold = self.folds[rows.block]
-                for f in range(len(out)):
-                    out[f] += Gram.of(columns[fold == f], torque[fold == f])
+                for block in np.unique(rows.block):
+                    own = rows.block == block
+                    out[block] += Gram.of(columns[own], torque[own])
         return out
 
 

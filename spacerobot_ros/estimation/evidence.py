@@ -54,6 +54,15 @@ class Gram:
             self.rows + other.rows,
         )
 
+    def __sub__(self, other: Gram) -> Gram:
+        """Sums over rows without some of them."""
+        return Gram(
+            self.matrix - other.matrix,
+            self.vector - other.vector,
+            self.square - other.square,
+            self.rows - other.rows,
+        )
+
     def misfit(self, coefficients: Array) -> float:
         """Squared rows that coefficients (K,) leave."""
         return float(

@@ -125,6 +125,12 @@ def _causes(answer: Findings) -> Iterator[Item]:
             'the held-out excess misfit that it removes, placebo: the best of its placebos; '
             'constant p: probability that its values are the same all along the record.',
         )
+    if answer.diagnosis.friction:
+        yield tables.friction_table(
+            answer.diagnosis,
+            'Friction of each joint as one law: the straight line that comes closest to all its '
+            'named frictions over the rates of the record.',
+        )
     for line in tables.rival_lines(causes):
         yield line
     for line in tables.minor_lines(minor):

@@ -69,6 +69,8 @@ def summary(answer: Findings) -> Iterator[Section]:
     if causes:
         yield Section('causes', [parameter_table(causes)])
         yield Section('evidence', [evidence_table(causes)])
+    if diagnosis.friction:
+        yield Section('friction of each joint, all laws together', [friction_table(diagnosis)])
     yield Section('rivals:', rival_lines(causes))
     yield Section('found, but too small to matter:', minor_lines(diagnosis.minor))
     if diagnosis.verdict != 'consistent':
@@ -118,6 +120,16 @@ def evidence_table(causes: Sequence[Cause], caption: str = '') -> Table:
         'constant p': lambda c: probability(c.constant_p),
     }
     return table(causes, columns, caption)
+
+
+def friction_table(diagnosis: Diagnosis, caption: str = '') -> Table:
+    """One row a joint."""
+    columns = {
+        'joint': lambda law: law.joint,
+        'Coulomb [N m]': lambda law: number(law.coulomb, 3),
+        'viscous [N m s/rad]': lambda law: number(law.viscous, 3),
+    }
+    return table(diagnosis.friction, columns, caption)
 
 
 def residual_table(diagnosis: Diagnosis, caption: str = '') -> Table:

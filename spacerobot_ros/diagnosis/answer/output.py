@@ -54,6 +54,7 @@ def to_dict(
         'next_motion': list(diagnosis.next_motion),
         'notes': list(diagnosis.notes),
         'recordings': [asdict(r) for r in diagnosis.recordings] or None,
+        'friction': [asdict(law) for law in diagnosis.friction],
         'calibration': [_calibration(effect) for effect in diagnosis.calibration],
     }
     return dict(json_value(values))

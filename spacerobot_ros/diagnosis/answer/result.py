@@ -140,6 +140,15 @@ class Ranked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionLaw:
+    """Coulomb [N m] and viscous [N m s/rad] friction closest to all named frictions of a joint."""
+
+    joint: str
+    coulomb: float
+    viscous: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingMisfit:
     """Rms of the torques that models miss of one recording, over all joints where they move.
 
@@ -192,6 +201,7 @@ class Diagnosis:
         calibration: Corrections of the file within the tolerance that any file has, fitted beside
             the causes: they stand in the extended model and are not named.
         recordings: Every recording, where torques were balanced.
+        friction: There, the friction of each joint as one law.
     """
 
     verdict: str
@@ -208,3 +218,4 @@ class Diagnosis:
     notes: tuple[str, ...]
     calibration: tuple[Effect, ...] = ()
     recordings: tuple[RecordingMisfit, ...] = ()
+    friction: tuple[FrictionLaw, ...] = ()

@@ -1,0 +1,41 @@
+"""The friction of a joint as one law: what all its named frictions are together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..effects.effect import Effect
+from ..estimation.balance import Balance
+from ..types import Array
+from .answer.result import FrictionLaw
+from .arms import ArmFound
+
+
+def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
+    """Coulomb and viscous friction that come closest to each joint's, over its rates.
+
+    Least squares of the torques of all named frictions on [sign(q'), q'], where the joint moves:
+    a Coulomb torque beside friction that goes with the load is not what a textbook calls one.
+    """
+    laws = []
+    for joint in found.robot.arm:
+        effects = [e for e in found.named if e.where == joint and e.id.endswith('_friction')]
+        effects += [e for e in found.named if e.where == joint and e.id.endswith('_curvature')]
+        if effects:
+            rates, torques = zip(
+                *(_friction(balance, effects, joint) for balance in found.fit.rows.balances),
+                strict=True,
+            )
+            rate = np.concatenate(rates)
+            design = np.column_stack([np.sign(rate), rate])
+            coulomb, viscous = np.linalg.lstsq(design, -np.concatenate(torques))[0]
+            laws.append(FrictionLaw(joint=joint, coulomb=float(coulomb), viscous=float(viscous)))
+    return tuple(laws)
+
+
+def _friction(balance: Balance, effects: list[Effect], joint: str) -> tuple[Array, Array]:
+    """(M,) rates of a joint where it moves, and (M,) torques of its frictions."""
+    motion, column = balance.motion, balance.robot.joints.index(joint)
+    moving = balance.arm.is_moving[:, column]
+    total = sum(e.force(motion, np.zeros((len(motion), e.hidden)))[:, 6 + column] for e in effects)
+    return motion.qd[moving, column], np.asarray(total)[moving]
