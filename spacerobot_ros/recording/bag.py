@@ -1,26 +1,26 @@
 """Reading rosbag2 recordings (mcap or sqlite3) into a `Record`, without ROS.
 
 Sample times are the header stamps, not the times at which the recorder happened to write. A bad
-message is left out and counted in the notes; a topic without one good message is refused with the
-reason of its first bad one.
+message is left out and counted in the notes, which also say what damage to the file took; a topic
+without one good message is refused with the reason of its first bad one.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.rosbag2 import Reader
 from rosbags.typesys.store import Typestore
 
 from ..errors import MessageRejectedError, RecordingError
 from ..model.robot import Robot
 from ..types import Array, IntArray
 from . import messages
+from .bag_storage import StoredMessages, read_messages
 from .message_types import typestore
 from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, shown
 
@@ -95,54 +95,39 @@ def read_bag(path: str | Path, robot: Robot, topics: Topics | None = None) -> Re
     joints.names, joints.effort_units = robot.arm, robot.effort_units
     if 'current' in robot.effort_kinds:
         joints.remarks['efforts are currents, times robot.motor_constant'] = None
-    for kind, message in _messages(path, channels):
+    kinds = {channel.topic: kind for kind, channel in channels.items()}
+    stored = read_messages(path, kinds)
+    _check_topics(path, stored, channels)
+    store = typestore(with_package=False)
+    for topic, msgtype, data in stored.messages:
+        kind = kinds[topic]
         channel = channels[kind]
+        message = _decode(store, data, msgtype)
+        if message is None:
+            channel.reject('can not be decoded')
+            continue
         try:
             row = _row(kind, message, channel, robot.base_link)
             channel.stamps.append(messages.stamp_ns(message.header.stamp))
             channel.rows.append(row)
         except MessageRejectedError as error:
             channel.reject(error)
-    return _build(path, channels)
+    return _build(path, channels, stored.notes)
 
 
-def _messages(path: Path, channels: dict[str, _Channel]) -> Iterator[tuple[str, Any]]:
-    """Every decodable message of the wanted topics with its kind."""
-    store = typestore(with_package=False)
-    if not path.exists():
-        raise RecordingError(str(path), 'no such file or folder')
-    if path.is_dir() and not (path / 'metadata.yaml').is_file():
-        raise RecordingError(str(path), 'has no metadata.yaml, so it is no rosbag2 folder')
+def _check_topics(path: Path, stored: StoredMessages, channels: dict[str, _Channel]) -> None:
+    """Refuse a wanted topic of another type, and a bag without messages of any."""
     kinds = {channel.topic: kind for kind, channel in channels.items()}
-    try:
-        with Reader(path) as reader:
-            wanted = [c for c in reader.connections if c.topic in kinds]
-            for c in wanted:
-                expected = _TYPES[kinds[c.topic]]
-                if c.msgtype != expected:
-                    place = f'{path}: {c.topic}'
-                    raise RecordingError(place, f'carries {c.msgtype}, expected {expected}')
-            if not any(kinds[c.topic] != 'wheels' and c.msgcount for c in wanted):
-                present = ', '.join(sorted({c.topic for c in reader.connections})) or 'nothing'
-                joints, imu, attitude, _ = kinds
-                raise RecordingError(
-                    str(path),
-                    f'has no message on {joints}, {imu} or {attitude} (it has {present})',
-                )
-            for connection, _, data in reader.messages(wanted):
-                kind = kinds[connection.topic]
-                message = _decode(store, data, connection.msgtype)
-                if message is None:
-                    channels[kind].reject('can not be decoded')
-                else:
-                    yield kind, message
-    except RecordingError:
-        raise
-    except Exception as error:  # a damaged file makes the storage readers raise nearly anything
-        reason = ' '.join(str(error).split()) or type(error).__name__
+    for topic, msgtype in sorted(stored.channels):
+        expected = _TYPES[kinds[topic]] if topic in kinds else msgtype
+        if msgtype != expected:
+            raise RecordingError(f'{path}: {topic}', f'carries {msgtype}, expected {expected}')
+    if not any(kinds[topic] != 'wheels' for topic, _, _ in stored.messages):
+        present = ', '.join(sorted({topic for topic, _ in stored.channels})) or 'nothing'
+        joints, imu, attitude, _ = kinds
         raise RecordingError(
-            str(path), f'can not be read as a rosbag2 recording: {reason}'
-        ) from error
+            str(path), f'has no message on {joints}, {imu} or {attitude} (it has {present})'
+        )
 
 
 def _decode(store: Typestore, data: bytes, msgtype: str) -> Any | None:
@@ -184,8 +169,8 @@ def _stacked(columns: Sequence[Array | None], n: int, missing: Sequence[float]) 
     )
 
 
-def _build(path: Path, channels: dict[str, _Channel]) -> Record:
-    notes = ['sample times are header stamps']
+def _build(path: Path, channels: dict[str, _Channel], lost: list[str]) -> Record:
+    notes = ['sample times are header stamps', *lost]
     series: dict[str, Any] = {}
     for kind, channel in channels.items():
         samples = _sorted(path, channel)

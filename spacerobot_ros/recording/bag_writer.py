@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import heapq
+import os
 import shutil
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from rosbags import interfaces as bags
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
+from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.serde import SerdeError
 
 from ..errors import RecordingError
@@ -22,6 +26,8 @@ from .messages import stamp_ns
 
 _VERSION = 9  # of the bag's metadata: Jazzy and later
 _REORDER_NS = 1_000_000_000
+_CHUNK_NS = 1_000_000_000  # the most that a killed process or damage to a chunk costs
+_CHECKSUM_AT = 9 + 24  # of a chunk: after opcode and length, two times and a size
 _NAME = (
     'recording'  # of the file inside the folder: the content must not depend on the folder's name
 )
@@ -46,6 +52,29 @@ def check_target(path: str | Path, overwrite: bool) -> Path:
     if not (path / 'metadata.yaml').is_file():
         raise RecordingError(str(path), 'exists and is not a bag, so it is not replaced')
     return path
+
+
+class _ChunkWriter(McapWriter):  # type: ignore[misc]  # rosbags is untyped
+    """Chunks of a second at most, on the disk as soon as they are full, with a checksum."""
+
+    def write(self, connection: bags.Connection, timestamp: int, data: bytes | memoryview) -> None:
+        """Write a message, after the second before it."""
+        if timestamp - self.chunk.message_start_time >= _CHUNK_NS:
+            self.close_chunk()
+        super().write(connection, timestamp, data)
+
+    def close_chunk(self) -> None:
+        """Write the chunk; the checksum, which `McapWriter` leaves out, where it belongs."""
+        start, checksum = self.bio.tell(), crc32(self.chunk.bio.getvalue())
+        super().close_chunk()
+        self.bio.seek(start + _CHECKSUM_AT)
+        self.bio.write(checksum.to_bytes(4, 'little'))
+        self.bio.seek(0, os.SEEK_END)
+        self.bio.flush()
+
+
+class _ChunkedWriter(Writer):  # type: ignore[misc]
+    STORAGE_PLUGINS = {**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: _ChunkWriter}  # noqa: RUF012  as in Writer
 
 
 class BagWriter:
@@ -81,12 +110,13 @@ class BagWriter:
             if self._work.exists():
                 shutil.rmtree(self._work)
             self._work.mkdir(parents=True)
-            self._writer = Writer(
+            self._writer = _ChunkedWriter(
                 self._work / _NAME, version=_VERSION, storage_plugin=StoragePlugin.MCAP
             )
             self._writer.open()
         except (OSError, WriterError) as error:
-            raise RecordingError(str(self._path), f'can not be written: {error}') from error
+            shutil.rmtree(self._work, ignore_errors=True)
+            raise self._unwritten(error) from error
         return self
 
     def __exit__(
@@ -100,9 +130,10 @@ class BagWriter:
             if kind is None:
                 self._finish()
         except OSError as failure:
-            raise RecordingError(str(self._path), f'can not be written: {failure}') from failure
+            raise self._unwritten(failure) from failure
         finally:
-            self._writer.abort()  # nothing to do where it is closed
+            with suppress(OSError):  # what it still holds has no place on a full disk
+                self._writer.abort()  # nothing to do where it is closed
             shutil.rmtree(self._work, ignore_errors=True)
 
     @property
@@ -147,8 +178,15 @@ class BagWriter:
         heapq.heappush(self._queue, (stamp_ns, topic, self._count, msgtype, cdr, latched))
         self._count += 1
         self._newest_ns = max(self._newest_ns, stamp_ns)
-        while self._queue[0][0] < self._newest_ns - _REORDER_NS:
-            self._write_oldest()
+        try:
+            while self._queue[0][0] < self._newest_ns - _REORDER_NS:
+                self._write_oldest()
+        except OSError as error:
+            raise self._unwritten(error) from error
+
+    def _unwritten(self, error: Exception) -> RecordingError:
+        why = error.strerror if isinstance(error, OSError) else None
+        return RecordingError(str(self._path), f'can not be written: {why or error}')
 
     def _write_oldest(self) -> None:
         stamp_ns, topic, _, msgtype, cdr, latched = heapq.heappop(self._queue)
