@@ -6,6 +6,13 @@ to do. Command line and nodes print `str(error)` as one line and exit with statu
 
 from __future__ import annotations
 
+_LONGEST = 1000  # characters of a reason, which may quote the input
+
+
+def shortened(text: str, most: int) -> str:
+    """A text of at most so many characters, its end left out where it has more."""
+    return text if len(text) <= most else f'{text[: most - 4]} ...'
+
 
 class SpaceRobotError(Exception):
     """Base of every error raised on purpose by this project."""
@@ -20,6 +27,7 @@ class PlacedError(SpaceRobotError, ValueError):
     """
 
     def __init__(self, place: str, reason: str) -> None:
+        reason = shortened(reason, _LONGEST)
         super().__init__(f'{place}: {reason}')
         self.place = place
         self.reason = reason

@@ -10,13 +10,56 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from yaml import composer, constructor, cyaml, resolver
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, shortened
 from ..json_values import plain
 
+# Text that makes a robot in 2 s on a slow core, measured: 0.5 MB of YAML a second, and 2 MB of a
+# URDF, which are 6000 links; robots have a tenth of it.
+MOST_YAML = 1_000_000  # bytes
+MOST_URDF = 4_000_000
+_DEEPEST = 50  # levels; a robot file has six, the interpreter's stack ends at some 300
 
-class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml is untyped
-    """YAML as ROS 2 reads it (`1e-5` is a number), refusing a key that is given twice."""
+
+class _Loader(  # yaml is untyped
+    composer.Composer,  # type: ignore[misc]
+    cyaml.CParser,  # type: ignore[misc]
+    constructor.SafeConstructor,  # type: ignore[misc]
+    resolver.Resolver,  # type: ignore[misc]
+):
+    """YAML as ROS 2 reads it: `1e-5` is a number; no aliases, and no key that is given twice."""
+
+    def __init__(self, text: str) -> None:
+        cyaml.CParser.__init__(self, text)
+        composer.Composer.__init__(self)
+        constructor.SafeConstructor.__init__(self)
+        resolver.Resolver.__init__(self)
+        self._depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node:
+        """One value, unless it is an alias or too deep below others."""
+        event = self.peek_event()
+        if isinstance(event, yaml.AliasEvent):
+            raise _refused(f'alias *{event.anchor}: not known in ROS 2, write it out', event)
+        if self._depth >= _DEEPEST:
+            raise _refused(f'more than {_DEEPEST} levels of lists or maps', event)
+        self._depth += 1
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """The value of a node; what its tag can not mean is refused."""
+        try:
+            value = super().construct_object(node, deep)
+            repr(value)  # which a number of too many digits has not
+        except yaml.YAMLError:
+            raise
+        except Exception as error:  # a text that is no date or number raises nearly anything
+            kind = node.tag.rpartition(':')[2]
+            raise _refused(f'{shortened(str(node.value), 60)!r} is no {kind}', node) from error
+        return value
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Build a map, refusing duplicate keys."""
@@ -25,10 +68,13 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml is untyped
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if key in seen:
-                problem = f'key {key!r} is given twice'
-                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+                raise _refused(f'key {shortened(repr(key), 60)} is given twice', key_node)
             seen.add(key)
         return mapping
+
+
+def _refused(why: str, where: yaml.Node | yaml.Event) -> yaml.YAMLError:
+    return constructor.ConstructorError(None, None, why, where.start_mark)
 
 
 _Loader.add_implicit_resolver(
@@ -65,22 +111,46 @@ def read_yaml(path: Path, what: str) -> Any:
     Raises:
         ConfigurationError: unreadable, or not YAML.
     """
+    loader = None
     try:
-        return yaml.load(read_text(path, what), _Loader)
+        loader = _Loader(read_text(path, what, MOST_YAML))
+        return loader.get_single_data()
     except yaml.YAMLError as error:
-        why = f'not valid YAML: {" ".join(str(error).split())}'
+        said = ' '.join(str(error).split()).replace('in "<unicode string>", ', 'at ')
+        why = f'not valid YAML: {said}'
         raise ConfigurationError(str(path), why) from error
+    finally:
+        if loader is not None:
+            loader.dispose()
 
 
-def read_text(path: Path, what: str) -> str:
-    """Text of a UTF-8 file; `what` it is, for the error message."""
+def read_text(path: Path, what: str, most: int = MOST_URDF) -> str:
+    """Text of a UTF-8 file.
+
+    Args:
+        path: The file.
+        what: What it is, for the error message.
+        most: Bytes that it may have.
+
+    Raises:
+        ConfigurationError: unreadable, larger, or not UTF-8.
+    """
     try:
-        return path.read_text(encoding='utf-8')
+        if path.exists() and not path.is_file():  # a pipe, a device or a folder
+            raise ConfigurationError(str(path), f'{what} can not be read: it is not a file')
+        with path.open('rb') as file:
+            content = file.read(most + 1)
     except OSError as error:
         why = error.strerror or str(error)
         raise ConfigurationError(str(path), f'{what} can not be read: {why}') from error
+    if len(content) > most:
+        why = f'{what} is larger than {most / 1e6:g} MB, the most that is read'
+        raise ConfigurationError(str(path), why)
+    try:
+        return content.decode()
     except UnicodeDecodeError as error:
-        raise ConfigurationError(str(path), f'{what} can not be read: {error}') from error
+        why = f'{what} is not UTF-8 (byte {error.start}): save it as that'
+        raise ConfigurationError(str(path), why) from error
 
 
 def write_text(path: str | Path, text: str) -> Path:

@@ -17,6 +17,8 @@ from .settings import RobotSettings, SensorSettings, Settings
 from .urdf import MOVING, Tree, parse_urdf
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
 
+_MOST_JOINTS = 500  # of n, the torque regressor of a single sample has 10 n^2 numbers: 20 MB
+
 
 def resolve_urdf(url: str, beside: Path | None) -> Path:
     """Find a URDF named by `package://`, `file://`, an absolute or a relative path.
@@ -131,6 +133,8 @@ def _faulty_joints(options: RobotSettings, tree: Tree) -> Iterator[tuple[str, st
     moving = [j.name for j in tree.joints.values() if j.kind in MOVING]
     if not options.joints:
         yield 'robot.joints', 'is empty: name the manipulator joints'
+    if len(options.joints) > _MOST_JOINTS:
+        yield 'robot.joints', f'has {len(options.joints)} joints; the most is {_MOST_JOINTS}'
     named = [(f'robot.joints[{i}]', name) for i, name in enumerate(options.joints)]
     for section, wheels in options.wheels.items():
         named += [(f'robot.{section}.joints[{i}]', name) for i, name in enumerate(wheels.joints)]

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from ..types import Matrix3, Vector3
 from .body import Body
-from .urdf import Tree
+from .urdf import Tree, by_parent
 
 Frames = dict[str, tuple[int, Matrix3, Vector3]]
 """Of every link: its body's index, rotation to body coordinates, origin in the body frame [m]."""
@@ -28,11 +28,11 @@ def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...],
     frames: Frames = {tree.root: (0, *here)}
     x = np.array([1.0, 0.0, 0.0])
     bodies = {0: Body(tree.root, -1, *here, x, False)}
-    frontier = [tree.root]
+    below, frontier = by_parent(tree.joints), [tree.root]
     while frontier:
         link = frontier.pop()
         body, rotation, origin = frames[link]
-        for joint in (j for j in tree.joints.values() if j.parent == link):
+        for joint in below.get(link, ()):
             mount = rotation @ joint.rotation, origin + rotation @ joint.translation
             if joint.kind == 'fixed':
                 frames[joint.child] = (body, *mount)

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import ModelError
 from ..types import Matrix3, Vector3
+from .files import MOST_URDF
 
 MOVING = ('revolute', 'continuous', 'prismatic')
 INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
@@ -84,9 +85,11 @@ def parse_urdf(text: str, place: str = 'URDF') -> Tree:
         ModelError: malformed XML or numbers, unphysical inertia, unsupported joint, or not one
             tree.
     """
+    if len(text) > MOST_URDF:
+        raise ModelError(place, f'is larger than {MOST_URDF / 1e6:g} MB, the most that is read')
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise ModelError(place, f'not well-formed XML: {error}') from error
     if root.tag != 'robot':
         raise ModelError(place, f'the root element is <{root.tag}>, expected <robot>')
@@ -97,6 +100,14 @@ def parse_urdf(text: str, place: str = 'URDF') -> Tree:
     for where, why in _faults_of_tree(links, joints, base, place):
         raise ModelError(where, why)
     return Tree(root.get('name', 'robot'), base, links, joints)
+
+
+def by_parent(joints: dict[str, Joint]) -> dict[str, list[Joint]]:
+    """The joints below each link that has some, in URDF order."""
+    below: dict[str, list[Joint]] = {}
+    for joint in joints.values():
+        below.setdefault(joint.parent, []).append(joint)
+    return below
 
 
 def _unique(items: list, kind: str, place: str) -> dict:  # type: ignore[type-arg]
@@ -263,9 +274,11 @@ def _faults_of_tree(
     if roots != [root]:
         found = ', '.join(roots) or 'none'
         yield place, f'must be one tree, but its links without a parent are: {found}'
-    reached, count = {root}, 0
-    while len(reached) > count:
-        count = len(reached)
-        reached |= {j.child for j in joints.values() if j.parent in reached}
+    below = by_parent(joints)
+    reached, waiting = {root}, [root]
+    while waiting:
+        new = [j.child for j in below.get(waiting.pop(), ()) if j.child not in reached]
+        reached.update(new)
+        waiting += new
     if len(reached) != len(links):
         yield place, f'links form a loop: {", ".join(sorted(set(links) - reached))}'

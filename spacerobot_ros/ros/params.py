@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from ..errors import ConfigurationError
+from ..model.files import read_text
 from ..model.loader import build_robot, resolve_urdf
 from ..model.robot import Robot
 from ..model.schema import Allowed, FloatList, TextList, meanings, plain_types
@@ -127,7 +128,7 @@ def open_robot(node: Node, settings: Settings, use: Callable[[Robot], None]) -> 
         use(build_robot(settings, description, 'robot_description'))
     elif settings.robot.urdf:
         path = resolve_urdf(settings.robot.urdf, beside=None)
-        use(build_robot(settings, path.read_text(encoding='utf-8'), str(path)))
+        use(build_robot(settings, read_text(path, 'robot.urdf'), str(path)))
     else:
         node.get_logger().info('no robot.urdf: waiting for /robot_description')
         seen: list[Robot] = []

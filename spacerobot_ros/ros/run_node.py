@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -12,6 +14,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from ..errors import ConfigurationError, SpaceRobotError
+from ..model.files import read_yaml
 
 CONFIGURATION = (ConfigurationError, ParameterException, rclpy_implementation.RCLError)
 STOPPED = (rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle)
@@ -28,6 +31,7 @@ def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> 
         0 when stopped from outside, 1 when the run failed, 2 for an unusable configuration.
     """
     try:
+        _check_parameter_files(sys.argv if args is None else args)
         with rclpy.init(args=None if args is None else list(args)):
             node = factory()
             try:
@@ -44,6 +48,13 @@ def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> 
     except SpaceRobotError as error:
         return _fail(error, 1)
     return 0
+
+
+def _check_parameter_files(args: Sequence[str]) -> None:
+    """Refuse what rcl takes in silence: of a key that is given twice it takes the last."""
+    for option, path in pairwise(args):
+        if option == '--params-file':
+            read_yaml(Path(path), 'parameter file')
 
 
 def _fail(error: Exception, status: int) -> int:

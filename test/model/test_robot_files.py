@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.loader import build_robot, resolve_urdf
 from spacerobot_ros.model.settings import InitialSettings, TruthSettings, parse_settings
+from spacerobot_ros.model.urdf import parse_urdf
 from spacerobot_ros.simulation.truth import true_robot
 
 SERVICER = Path(__file__).parents[2] / 'config' / 'servicer.yaml'
@@ -332,8 +334,79 @@ def test_unreadable_files(tmp_path):
         load_robot_file(tmp_path)
     binary = tmp_path / 'binary.yaml'
     binary.write_bytes(b'\xff\xfe\x00\x80')
-    with pytest.raises(ConfigurationError, match=r'binary\.yaml: robot file can not be read'):
+    with pytest.raises(ConfigurationError, match=r'binary\.yaml: robot file is not UTF-8'):
         load_robot_file(binary)
+
+
+HOSTILE = {
+    'tag': ('!!int abc', "'abc' is no int"),
+    'empty tag': ('!!int ""', "'' is no int"),
+    'float tag': ('!!float abc', "'abc' is no float"),
+    'bool tag': ('!!bool abc', "'abc' is no bool"),
+    'date tag': ('!!timestamp abc', "'abc' is no timestamp"),
+    'date': ('2024-01-99', "'2024-01-99' is no timestamp"),
+    'digits': ('9' * 5000, r"'9{56} \.\.\.' is no int"),
+    'hexadecimal': ('0x' + 'f' * 5000, r"'0xf{54} \.\.\.' is no int"),
+    'python': ('!!python/object/apply:os.getcwd []', 'could not determine a constructor'),
+    'deep list': ('[' * 100_000, 'more than 50 levels of lists or maps'),
+    'deep map': ('{a: ' * 100_000, 'more than 50 levels of lists or maps'),
+    'alias': ('[&a 1, *a]', r'alias \*a: not known in ROS 2'),
+    'itself': ('&a [*a]', r'alias \*a: not known in ROS 2'),
+    'list as key': ('{[1]: 2}', 'found unhashable key'),
+    'long text': ('a' * 100_000, r'expected a number, got .a{900,} \.\.\.$'),
+}
+
+
+@pytest.mark.parametrize(('value', 'match'), HOSTILE.values(), ids=HOSTILE.keys())
+def test_hostile_values_are_one_line(load, value, match):
+    with pytest.raises(ConfigurationError, match=match) as caught:
+        load(f'/**:\n  ros__parameters:\n    robot:\n      inertia_uncertainty: {value}\n')
+    assert '\n' not in str(caught.value)
+    assert len(str(caught.value)) < 1300
+
+
+def test_what_is_no_file_or_too_large_is_not_read(load, tmp_path):
+    load(TEXT)
+    os.mkfifo(tmp_path / 'pipe.yaml')
+    for path in (tmp_path / 'pipe.yaml', '/dev/zero'):
+        with pytest.raises(ConfigurationError, match='can not be read: it is not a file'):
+            load_robot_file(path)
+    (tmp_path / 'large.yaml').write_bytes(b'# ' * 600_000)
+    with pytest.raises(ConfigurationError, match='is larger than 1 MB, the most that is read'):
+        load_robot_file(tmp_path / 'large.yaml')
+    large = '<robot>' + '<link name="a"/>' * 300_000 + '</robot>'
+    with pytest.raises(ConfigurationError, match='is larger than 4 MB, the most that is read'):
+        load(TEXT, large)
+    with pytest.raises(ConfigurationError, match='robot_description: is larger than 4 MB'):
+        parse_urdf(large, 'robot_description')
+    with pytest.raises(ConfigurationError, match='has 501 joints; the most is 500'):
+        build_robot(parse_settings({'robot': {'joints': ['a'] * 501}}), to_urdf(table_one()))
+
+
+def test_a_urdf_in_another_encoding_is_one_line(load, tmp_path):
+    load(TEXT)
+    text = '<?xml version="1.0" encoding="ISO-8859-1"?><robot name="\xe9"/>'
+    (tmp_path / 'robot.urdf').write_bytes(text.encode('latin-1'))
+    with pytest.raises(ConfigurationError, match=r'robot\.urdf is not UTF-8 \(byte 56\): save it'):
+        load_robot_file(tmp_path / 'robot.yaml')
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        '<a>' * 100_000,
+        '<robot>' + '<a>' * 100_000 + '</a>' * 100_000 + '</robot>',
+        '<?xml version="1.0" encoding="none"?><robot/>',
+        '\0',
+        '<!DOCTYPE r [<!ENTITY a "' + 'b' * 10_000 + '"><!ENTITY c "' + '&a;' * 1000
+        + '">]><robot name="' + '&c;' * 1000 + '"/>',
+    ],
+    ids=['open', 'deep', 'encoding', 'null', 'entities'],
+)  # fmt: skip
+def test_hostile_xml_is_one_line(load, text):
+    with pytest.raises(ConfigurationError) as caught:
+        load(TEXT, text)
+    assert '\n' not in str(caught.value)
 
 
 def test_urdf_errors_name_the_file(load):
