@@ -12,7 +12,7 @@ import numpy as np
 from ..estimation.arm_fit import Posterior
 from .answer.result import Estimated
 from .arm_conclusion import scale_error
-from .compare import Changes
+from .changes import Changes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ def conclude_changes(found: Changes) -> Comparison:
         sentence=_sentence(changes),
         changes=changes,
         detectable=tuple(_detectable(found, i) for i in selection.live),
-        left=dict(zip(found.after.robot.joints, levels.tolist(), strict=True)),
+        left=dict(zip(found.robot.joints, levels.tolist(), strict=True)),
     )
 
 
@@ -96,7 +96,7 @@ def _change(found: Changes, i: int) -> Change:
     candidate, own = selection.rows.candidates[i], selection.rows.places[i]
     spread = np.sqrt(np.diag(posterior.covariance)[own])
     names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
-    scale = scale_error(found.after.robot) if candidate.kind.id == 'inertial_parameters' else 0.0
+    scale = scale_error(found.robot) if candidate.kind.id == 'inertial_parameters' else 0.0
     # A ripple's two coefficients are its parts in sine and cosine.
     values = posterior.mean[own]
     if len(names) == 1 and len(own) == 2:

@@ -25,6 +25,8 @@ from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record
 from ..types import Array, IntArray
+from .changes import Changes, is_lasting
+from .repeats import FEWEST, aligned, find_changes_of_repeats
 from .selection import Selection
 
 _TOLERANCE = {
@@ -38,12 +40,6 @@ _USUAL = 0.1
 """Of a plausible size: by how much a machine that nobody touched changes from run to run, by
 effect and otherwise; warm-up changes friction by some percent (docs/real_machines.md)."""
 _PAYLOAD = 1e-4  # of a size: what hangs on the last link does not change by itself
-_NO_CHANGES = (
-    'joint_stribeck_friction',
-    'joint_friction_curvature',
-    'joint_coupled_friction',
-    'joint_torque_ripple',
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +67,7 @@ class ChangedRows(ArmRows):
 
     def may_be_chosen(self, i: int) -> bool:
         """Whether a change may be named: of a finer shape of friction it may not."""
-        return self.candidates[i].kind.id not in _NO_CHANGES
+        return is_lasting(self.candidates[i])
 
     @property
     def lower(self) -> Array:
@@ -82,24 +78,6 @@ class ChangedRows(ArmRows):
     def upper(self) -> Array:
         """(2 K,) see `lower`."""
         return np.full(len(self.sizes), np.inf)
-
-
-@dataclass(frozen=True, eq=False)
-class Changes:
-    """What a comparison says.
-
-    Args:
-        before: Rows of the first group. after: Of the second.
-        selection: The choice among changes.
-        fit: The chosen ones with values.
-        levels: (n, 6) variances of every joint's leftover [N^2 m^2].
-    """
-
-    before: ArmRows
-    after: ArmRows
-    selection: Selection
-    fit: ArmFit
-    levels: Array
 
 
 def compare(
@@ -129,6 +107,10 @@ def compare(
         refuse_unbalanced(measured, robot)
         groups.append(measured)
     kinds = list(CATALOGUE.values())
+    count = len(before)
+    if count >= FEWEST and (runs := aligned([*groups[0], *groups[1]])):
+        report('balancing torques of repeats of one motion', 0.2)
+        return find_changes_of_repeats(runs[:count], runs[count:], robot, believed, kinds)
     return find_changes(groups[0], groups[1], robot, believed, kinds, report)
 
 
@@ -169,7 +151,7 @@ def find_changes(
     selection.run()
     selection.check_held_out()
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
-    return Changes(first, second, selection, fit, np.array(levels))
+    return Changes(robot, selection, fit, np.array(levels))
 
 
 def _changed_rows(both: ArmRows) -> ChangedRows:
@@ -178,7 +160,7 @@ def _changed_rows(both: ArmRows) -> ChangedRows:
     for c in both.candidates:
         share = _TOLERANCE.get(c.kind.id, _USUAL)
         share = _PAYLOAD if c.where == last else share
-        share = _PAYLOAD if c.kind.id in _NO_CHANGES else share
+        share = share if is_lasting(c) else _PAYLOAD
         tolerances.append(share * c.sizes)
     free = np.inf
     candidates = tuple(

@@ -117,7 +117,12 @@ class Selection:
         own = self.rows.places[i]
         free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
         tolerated = score(beside.group(own), self.rows.tolerances[own], free, None)
-        return self._score(beside, i).evidence - tolerated.evidence
+        gain = self._score(beside, i).evidence - tolerated.evidence
+        freedom = self.rows.freedom(i)
+        if gain <= 0.0 or math.isinf(freedom):
+            return gain
+        # Student's t in place of a normal distribution: the level is that of few runs.
+        return 0.5 * (freedom + 1.0) * math.log1p(2.0 * gain / freedom)
 
     def ranking(self, without: int | None = None) -> list[tuple[int, float]]:
         """Candidates that may be chosen, with the log evidence beyond their need, best first.
@@ -141,14 +146,19 @@ class Selection:
             self._prune()
 
     def _simplest(self, wanted: Sequence[tuple[int, float]]) -> int:
-        """The cause of fewest numbers that does nearly as well as the best at the same place."""
-        candidates = self.rows.candidates
-        where = candidates[wanted[0][0]].where
-        near = [
-            (i, margin)
-            for i, margin in wanted
-            if candidates[i].where == where and margin > SIMPLER_MARGIN * wanted[0][1]
-        ]
+        """The likeliest beforehand of those that do nearly as well as the best.
+
+        That is the cause of fewest numbers at the same place; of bodies, whose columns are much
+        the same as their neighbours', what hangs on the last link.
+        """
+        candidates, last = self.rows.candidates, self.rows.robot.bodies[-1].name
+        close = [(i, m) for i, m in wanted if m > SIMPLER_MARGIN * wanted[0][1]]
+        best = candidates[wanted[0][0]]
+        if best.kind.id == 'inertial_parameters':
+            for i, _ in close:
+                if candidates[i].kind is best.kind and candidates[i].where == last:
+                    return i
+        near = [(i, margin) for i, margin in close if candidates[i].where == best.where]
         return min(near, key=lambda pair: (len(candidates[pair[0]].sizes), -pair[1]))[0]
 
     def _is_open(self, i: int, chosen: Sequence[int]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,10 @@ _PER_TURN = (1.0, 2.0)
 """Harmonics of a torque ripple: eccentricity and misalignment. Faster ones of a usual motion are
 above the band, and what the data seem to say of them is something else (docs/real_machines.md)."""
 _STRIBECK = 0.1  # of the 95 % rate
+_DRIFT = 0.03
+"""Of a torque's rms: how far the level of friction and a gain may drift unnamed. More would be the
+friction or the gain themselves (docs/real_machines.md)."""
+_FRICTION_DRIFT = 0.1  # of the friction that was found
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
 
@@ -79,6 +84,10 @@ class ArmRows:
         at = self.places[i]
         return bool(np.any(self.tolerances[at] > _TOLERATED * self.sizes[at]))
 
+    def freedom(self, i: int) -> float:
+        """Degrees of freedom of the level that judges a candidate."""
+        return math.inf
+
     def may_be_chosen(self, i: int) -> bool:
         """Whether a candidate may be named."""
         return True
@@ -126,14 +135,19 @@ class ArmRows:
         counts = [b[-1] - b[0] + 1 for b in self.blocks]
         return np.repeat(np.arange(len(counts)), counts)
 
+    def torque(self, run: int) -> Array:
+        """(M, n) torques that the model misses in a recording [N m]."""
+        return self.balances[run].torque
+
     def joint(self, j: int) -> JointRows:
         """Rows of one joint where it moves."""
         torque, columns, observed, block, gap = [], [], [], [], []
-        for balance, full, own in zip(self.balances, self.columns, self.blocks, strict=True):
+        parts = zip(self.balances, self.columns, self.blocks, strict=True)
+        for run, (balance, full, own) in enumerate(parts):
             stride = balance.arm.stride
             at = np.flatnonzero(balance.arm.is_moving[::stride, j])
             times = balance.row_times[at]
-            torque.append(balance.torque[at, j])
+            torque.append(self.torque(run)[at, j])
             columns.append(full[at, j])
             needed = balance.motion.effort[::stride, j][at]
             direction = np.sign(balance.motion.qd[::stride, j][at])
@@ -160,11 +174,12 @@ class ArmRows:
             priors: (K,) standard deviation of every coefficient.
             friction: (n,) Coulomb friction that was found [N m].
         """
+        drifts = np.column_stack(
+            [np.maximum(_DRIFT * self.scale, _FRICTION_DRIFT * friction), _DRIFT * self.scale]
+        )
         return [
-            level_of(rows, priors, float(scale), float(c))
-            if len(rows.torque)
-            else np.full(6, np.nan)
-            for rows, scale, c in zip(self.joints, self.scale, friction, strict=True)
+            level_of(rows, priors, scale, drift) if len(rows.torque) else np.full(6, np.nan)
+            for rows, scale, drift in zip(self.joints, self.scale.tolist(), drifts, strict=True)
         ]
 
     def parts(self, levels: Sequence[Array]) -> list[Gram]:

@@ -23,7 +23,6 @@ from ..types import Array, IntArray
 _TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])  # s
 _LEAST = 1e-3  # of a torque's rms: no torque sensor is as good
 _MOST = 10.0  # times a torque's rms
-_DRIFT = 0.03  # of a torque's rms: more would be friction or a gain itself
 _PASSES = 15
 _RANK = 1e-6  # of the largest singular value of the columns that a joint sees
 
@@ -103,25 +102,21 @@ def _whiten(
     return out, logs
 
 
-def level_of(
-    rows: JointRows, priors: Array, scale: float, friction: float = 0.0, floor: float = 0.0
-) -> Array:
+def level_of(rows: JointRows, priors: Array, scale: float, drift: Array) -> Array:
     """(6,) variances of what the columns leave, by REML.
 
     Args:
         rows: Of one joint.
         priors: (K,) standard deviation of every column's coefficient.
         scale: Rms of the joint's torque [N m].
-        friction: Coulomb friction found at the joint [N m]; its drift may be a tenth of it.
-        floor: Standard deviation of a sample's noise, as far as it is stated [N m].
+        drift: (2,) largest standard deviations that friction and a gain may drift by [N m].
     """
     compressed = JointRows(
         rows.torque, _compressed(rows.columns * priors), rows.observed, rows.block, rows.gap
     )
-    least = max(_LEAST * scale, floor)
-    drift = max(_DRIFT * scale, 0.1 * friction)
+    least = _LEAST * scale
     low = 2.0 * np.log(np.array([least, *[0.1 * least] * 5]))
-    high = 2.0 * np.log(np.array([*[_MOST * scale] * 4, drift, _DRIFT * scale]))
+    high = 2.0 * np.log(np.array([*[_MOST * scale] * 4, *drift]))
     high = np.maximum(high, low + 1e-3)
     start = np.clip(
         2.0 * np.log(np.array([0.03, 0.03, 0.03, 0.03, 0.01, 0.01]) * scale), low, high

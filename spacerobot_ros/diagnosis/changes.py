@@ -1,0 +1,42 @@
+"""What a comparison of recordings says, whichever way it was made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..estimation.arm_fit import ArmFit
+from ..estimation.columns import Candidate
+from ..model.robot import Robot
+from ..types import Array
+from .selection import Selection
+
+_FINE = (
+    'joint_stribeck_friction',
+    'joint_friction_curvature',
+    'joint_coupled_friction',
+    'joint_torque_ripple',
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What a comparison says.
+
+    Args:
+        robot: The robot file's robot.
+        selection: The choice among changes.
+        fit: The chosen ones with values.
+        levels: (n, 6) variances of every joint's leftover [N^2 m^2].
+        is_repeated: Whether all recordings are of one motion, what is usual from run to run known.
+    """
+
+    robot: Robot
+    selection: Selection
+    fit: ArmFit
+    levels: Array
+    is_repeated: bool = False
+
+
+def is_lasting(candidate: Candidate) -> bool:
+    """Whether a change may be named: of a finer shape of friction it may not."""
+    return candidate.kind.id not in _FINE
