@@ -38,6 +38,9 @@ examples:
 """
 
 
+_BAGS = ('bag', 'bag_no_aam', 'bag_identified')
+
+
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
     add = add_command(subparsers, 'demo', _DESCRIPTION, _EPILOG).add_argument
@@ -56,21 +59,26 @@ def run(args: argparse.Namespace) -> int:
     """Run the demonstration; 0 when it reached its aims, 1 when not."""
     if not args.live:  # other nodes on these topics would disturb it
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
-    out = check_folder(args.out)
-    (out / 'summary.json').unlink(missing_ok=True)  # an old one would pass for this run's
-    results = _results(args)
-    from ..demo.page import demo_report, demo_summary
-    from ..json_values import json_text
-    from ..model.files import write_text
-    from ..report.html import write_report
+    from ..model.files import written_whole
+    from ..recording.bag_writer import check_target
 
-    write_text(out / 'summary.json', json_text(results.summary()))
-    write_report(demo_report(results), out / 'report.html')
+    out = check_folder(args.out)
+    for name in _BAGS:
+        check_target(out / name, overwrite=True)
+    with written_whole(out) as work:  # an interrupted run leaves the results before it
+        results = _results(args, work)
+        from ..demo.page import demo_report, demo_summary
+        from ..json_values import json_text
+        from ..model.files import write_text
+        from ..report.html import write_report
+
+        write_text(work / 'summary.json', json_text(results.summary()))
+        write_report(demo_report(results), work / 'report.html')
     print_sections(demo_summary(results, out))
     return 0 if results.reached else 1
 
 
-def _results(args: argparse.Namespace) -> Results:
+def _results(args: argparse.Namespace, work: Path) -> Results:
     from ..demo.results import Results, truth_of
     from ..demo.run import check_file, identify, track
     from ..simulation.truth import true_robot
@@ -79,7 +87,7 @@ def _results(args: argparse.Namespace) -> Results:
     file = _robot_file(args)
     check_file(file)
     settings = file.settings
-    bags = [Path(args.out) / name for name in ('bag', 'bag_no_aam', 'bag_identified')]
+    bags = [work / name for name in _BAGS]
     passes, length = 1 if args.quick else 2, settings.reference.duration
     with progress() as bars:
         stage = partial(_stage, bars)
@@ -95,7 +103,7 @@ def _results(args: argparse.Namespace) -> Results:
         no_aam=no_aam,
         identified=identified,
         truth=truth_of(file.robot, plant, settings.identifier.structure),
-        bags=tuple(str(bag) for bag in bags),
+        bags=tuple(str(Path(args.out) / name) for name in _BAGS),
         wall=time.perf_counter() - started,
     )
 

@@ -6,14 +6,20 @@ what is heavy inside `run`; only the one that is asked for is imported at all.
 
 from __future__ import annotations
 
+import _thread
 import argparse
+import errno
 import importlib
 import os
 import shlex
+import signal
 import sys
 import tempfile
+import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
 from ..errors import SpaceRobotError
 from .options import Formatter
@@ -28,6 +34,8 @@ COMMANDS = {
     'reproduce': 'repeat published experiments and campaigns beside their figures',
 }
 """Commands, and what they do in a line."""
+
+_AGAIN = 0.05  # s after which an interrupt that had to wait is tried again
 
 _DESCRIPTION = """\
 Estimation and control of a free-floating space robot that has captured a satellite whose
@@ -58,26 +66,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         can't be used, 3 a fault of ours, 130 interrupted, 141 the reader of the output went away.
     """
     words = sys.argv[1:] if argv is None else list(argv)
-    parser = argparse.ArgumentParser(
-        prog='spacerobot', description=_DESCRIPTION, epilog=_EPILOG, formatter_class=Formatter
-    )
-    parser.add_argument('--version', action='version', version=_version())
-    subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)
     asked = next((word for word in words if not word.startswith('-')), '')
-    for name, summary in COMMANDS.items():
-        if name == asked:
-            module = importlib.import_module(f'{__package__}.{name}')
-            module.add_parser(subparsers)
-        else:
-            subparsers.add_parser(name, help=summary)
-    args = parser.parse_args(words)
     try:
-        status = int(module.run(args))
+        with _interruptible():
+            status = _run(words, asked)
         sys.stdout.flush()
     except SpaceRobotError as error:
-        return _fails(args.command, 2, str(error))
+        return _fails(asked, 2, str(error))
     except KeyboardInterrupt:
-        return _fails(args.command, 130, 'interrupted')
+        return _fails(asked, 130, 'interrupted')
     except BrokenPipeError:
         # the interpreter would complain again when it flushes at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -85,11 +82,59 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if not (missing := str(error.name)).startswith(__package__.partition('.')[0]):
             why = f'{missing} is not installed: make setup, then source env.sh (or your ROS 2)'
-            return _fails(args.command, 2, why)
-        return _fails(args.command, 3, _fault(error, words))
+            return _fails(asked, 2, why)
+        return _fails(asked, 3, _fault(error, words))
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            return _fails(asked, 3, _fault(error, words))
+        return _fails(asked, 2, f'{error.filename or "results"}: {error.strerror}')
     except Exception as error:  # noqa: BLE001  whatever nobody foresaw is a fault of ours
-        return _fails(args.command, 3, _fault(error, words))
+        return _fails(asked, 3, _fault(error, words))
     return status
+
+
+def _run(words: Sequence[str], asked: str) -> int:
+    """Parse, with the parser of the one command that is asked for, and run it."""
+    parser = argparse.ArgumentParser(
+        prog='spacerobot', description=_DESCRIPTION, epilog=_EPILOG, formatter_class=Formatter
+    )
+    parser.add_argument('--version', action='version', version=_version())
+    subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)
+    for name, summary in COMMANDS.items():
+        if name == asked:
+            module = importlib.import_module(f'{__package__}.{name}')
+            module.add_parser(subparsers)
+        else:
+            subparsers.add_parser(name, help=summary)
+    args = parser.parse_args(words)
+    return int(module.run(args))
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Let Ctrl-C wait while kernels load: llvmlite's callbacks lose an exception, or crash."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if str(frame.f_globals.get('__name__')).startswith('llvmlite'):
+                again = threading.Timer(_AGAIN, _thread.interrupt_main)
+                again.daemon = True
+                return again.start()
+            frame = frame.f_back
+        raise KeyboardInterrupt
+
+    before = signal.getsignal(signal.SIGINT)
+    is_ours = (
+        before is signal.default_int_handler
+        and threading.current_thread() is threading.main_thread()
+    )
+    if is_ours:
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        if is_ours:
+            signal.signal(signal.SIGINT, before)
 
 
 def _fails(command: str, status: int, why: str) -> int:
@@ -101,14 +146,17 @@ def _fails(command: str, status: int, why: str) -> int:
 def _fault(error: Exception, words: Sequence[str]) -> str:
     """What to send about a fault of ours; the traceback goes to a file."""
     trace = ''.join(traceback.format_exception(error))
-    with tempfile.NamedTemporaryFile(
-        'w', prefix='spacerobot-fault-', suffix='.txt', delete=False
-    ) as file:
-        file.write(
-            f'{_version()}, Python {sys.version}\nspacerobot {shlex.join(words)}\n\n{trace}'
-        )
+    text = f'{_version()}, Python {sys.version}\nspacerobot {shlex.join(words)}\n\n{trace}'
+    try:
+        with tempfile.NamedTemporaryFile(
+            'w', prefix='spacerobot-fault-', suffix='.txt', delete=False
+        ) as file:
+            file.write(text)
+        sent = file.name
+    except OSError:  # nowhere to keep it
+        sent = 'this line'
     return (
-        f'this is a fault of ours ({type(error).__name__}: {error}); please send {file.name} '
+        f'this is a fault of ours ({type(error).__name__}: {error}); please send {sent} '
         'and the robot file'
     )
 

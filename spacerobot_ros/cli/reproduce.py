@@ -23,7 +23,7 @@ from ..display import (
     table,
 )
 from ..errors import ConfigurationError
-from .options import Subparsers, add_command, positive_float, whole_number
+from .options import Subparsers, add_command, check_folder, positive_float, whole_number
 
 _DESCRIPTION = """\
 Repeat experiments and show every figure beside the one that is printed or wanted.
@@ -94,8 +94,8 @@ def run(args: argparse.Namespace) -> int:
     from ..model.files import write_text
     from .terminal import print_json, print_sections, progress
 
-    started, campaign, folder = time.monotonic(), EXPERIMENTS[args.experiment], Path(args.out)
-    write_text(folder / 'results.json', '')  # before the work is done, not after
+    started, campaign = time.monotonic(), EXPERIMENTS[args.experiment]
+    folder = check_folder(args.out)  # before the work is done, not after
     if args.campaign and campaign is not WHEEL_MOMENTUM:
         raise ConfigurationError('--campaign coverage', 'belongs to wheel-momentum')
     campaign = COVERAGE if args.campaign else campaign

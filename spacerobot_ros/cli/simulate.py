@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..errors import ConfigurationError
 from ..model.settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
 from .options import Subparsers, add_command, positive_float, seed
 from .terminal import progress
 
 if TYPE_CHECKING:
     from ..simulation.to_bag import RunSummary
+
+_LAST_STAMP = 2**31 - 1  # s, of builtin_interfaces/Time
+_STEP_BYTES = 500  # of joints and commands in a period, at least
 
 _DESCRIPTION = """\
 Simulate the robot of a robot file in closed loop, without ROS, and record a rosbag2 (mcap).
@@ -80,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
         },
     )
     duration = args.duration or settings.reference.duration
+    _check_duration(duration, settings.simulator.period, Path(args.output))
     steps = max(1, round(duration / settings.simulator.period))
     loop = ClosedLoop(file.robot, settings)
     adaptive = loop.controller.adaptive
@@ -91,6 +98,21 @@ def run(args: argparse.Namespace) -> int:
         summary = record_run(loop, steps, args.output, overwrite=args.force, progress=advance)
     print(_line(args.output, summary, time.perf_counter() - started))
     return 0
+
+
+def _check_duration(duration: float, period: float, output: Path) -> None:
+    """Refuse a run longer than stamps can say, or than the disk can hold.
+
+    Raises:
+        ConfigurationError: it is.
+    """
+    if duration > _LAST_STAMP:
+        raise ConfigurationError('--duration', f'{duration:g} s: stamps end at {_LAST_STAMP} s')
+    above = next(folder for folder in output.absolute().parents if folder.is_dir())
+    needed, free = duration / period * _STEP_BYTES, shutil.disk_usage(above).free
+    if needed > free:
+        why = f'a bag of {duration:g} s needs {needed / 1e9:.3g} GB, free are {free / 1e9:.3g} GB'
+        raise ConfigurationError('--duration', why)
 
 
 def _line(path: str, summary: RunSummary, wall: float) -> str:

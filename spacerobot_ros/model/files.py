@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
-from contextlib import suppress
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +171,36 @@ def write_text(path: str | Path, text: str) -> Path:
             partial.unlink(missing_ok=True)
         raise ConfigurationError(str(path), f'can not be written: {error.strerror}') from error
     return path
+
+
+@contextmanager
+def written_whole(folder: str | Path) -> Iterator[Path]:
+    """A folder to write to, whose entries take their places in another when all are complete.
+
+    After an error, or when interrupted, the other folder is as it was.
+
+    Args:
+        folder: Where the entries belong; made where it is missing, its other entries stay.
+
+    Raises:
+        ConfigurationError: it can't be written.
+    """
+    folder = Path(folder).absolute()
+    work = folder.with_name(f'.{folder.name}.partial')
+    shutil.rmtree(work, ignore_errors=True)
+    try:
+        work.mkdir(parents=True)
+        yield work
+        folder.mkdir(exist_ok=True)
+        for entry in work.iterdir():
+            target = folder / entry.name
+            if target.is_dir():
+                shutil.rmtree(target)
+            os.replace(entry, target)
+    except OSError as error:
+        raise ConfigurationError(str(folder), f'can not be written: {error.strerror}') from error
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
 
 
 def write_parameters(path: str | Path, values: Mapping[str, Any], head: str = '') -> Path:

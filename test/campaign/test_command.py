@@ -94,7 +94,17 @@ def test_a_folder_that_can_not_be_written(tmp_path, capsys, monkeypatch):
     (tmp_path / 'file').write_text('')
     monkeypatch.setattr(wheel_experiments, 'trials', lambda *_: [])
     assert main([*COMMAND, str(tmp_path / 'file' / 'out')]) == 2
-    assert 'can not be written' in capsys.readouterr().err
+    assert 'is a file, not a folder' in capsys.readouterr().err
+
+
+def test_an_interrupted_run_keeps_the_results_before(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    (tmp_path / 'results.json').write_text('old')
+    monkeypatch.setattr(wheel_experiments, 'trials', interrupted)
+    assert main([*COMMAND, str(tmp_path)]) == 130
+    assert (tmp_path / 'results.json').read_text() == 'old'
 
 
 def test_every_trial_once_and_less_when_quick():

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -302,6 +305,11 @@ def test_no_command_and_version(capsys):
         (SpaceRobotError('two\n  lines'), 2, 'spacerobot identify: two lines\n'),
         (KeyboardInterrupt(), 130, 'spacerobot identify: interrupted\n'),
         (
+            OSError(errno.ENOSPC, 'No space left on device', 'out/a'),
+            2,
+            'spacerobot identify: out/a: No space left on device\n',
+        ),
+        (
             ModuleNotFoundError(name='rclpy'),
             2,
             'spacerobot identify: rclpy is not installed: make setup, then source env.sh (or your '
@@ -317,6 +325,44 @@ def test_errors_become_statuses(capsys, monkeypatch, error, status, message):
     assert fails(capsys, status, 'identify', 'x', '--robot', 'y') == message
 
 
+LOADING = """
+def load():
+    signal.raise_signal(signal.SIGINT)
+    return 'whole'
+"""
+
+
+def test_ctrl_c_waits_while_kernels_load(capsys, monkeypatch):
+    # an exception in one of llvmlite's callbacks is lost, or crashes the process
+    llvmlite, loaded = {'__name__': 'llvmlite.binding', 'signal': signal}, []
+    exec(LOADING, llvmlite)
+
+    def load_then_work(_):
+        loaded.append(llvmlite['load']())
+        assert threading.Event().wait(60.0), 'the interrupt was lost'
+
+    monkeypatch.setattr(identify, 'run', load_then_work)
+    before = signal.getsignal(signal.SIGINT)
+    message = fails(capsys, 130, 'identify', 'x', '--robot', 'y')
+    assert message == 'spacerobot identify: interrupted\n'
+    assert loaded == ['whole']
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize(
+    ('duration', 'why'),
+    [('1e30', 'stamps end at 2147483647 s'), ('2e9', 'a bag of 2e+09 s needs 100,000 GB')],
+)
+def test_a_run_that_never_ends_is_not_begun(capsys, tmp_path, duration, why):
+    why = why.replace('100,000', '1e+05')  # 500 bytes a period of 0.01 s
+    target = tmp_path / 'new' / 'bag'
+    args = ['simulate', '--robot', 'config/servicer.yaml', '-o', str(target)]
+    assert f'--duration: {"" if "bag" in why else "1e+30 s: "}{why}' in fails(
+        capsys, 2, *args, '--duration', duration
+    )
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_fault_of_ours_is_status_3_and_says_what_to_send(capsys, monkeypatch, tmp_path):
     def stop(_):
         raise ZeroDivisionError('by\nzero')
@@ -327,6 +373,8 @@ def test_a_fault_of_ours_is_status_3_and_says_what_to_send(capsys, monkeypatch, 
     assert 'a fault of ours (ZeroDivisionError: by zero)' in line
     (sent,) = tmp_path.iterdir()
     assert f'please send {sent}' in line
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path / 'none'))
+    assert 'a fault of ours' in fails(capsys, 3, 'simulate', '--robot', 'x', '-o', 'y')
     text = sent.read_text()
     assert 'simulate --robot x -o y' in text
     assert 'Traceback' in text

@@ -13,6 +13,7 @@ from support.models import Part, robot_of, settings_of, table_one, to_urdf
 from spacerobot_ros.dynamics.state import initial_state
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.model.files import written_whole
 from spacerobot_ros.model.loader import build_robot, resolve_urdf
 from spacerobot_ros.model.settings import InitialSettings, TruthSettings, parse_settings
 from spacerobot_ros.model.urdf import parse_urdf
@@ -407,6 +408,31 @@ def test_hostile_xml_is_one_line(load, text):
     with pytest.raises(ConfigurationError) as caught:
         load(TEXT, text)
     assert '\n' not in str(caught.value)
+
+
+def test_a_folder_changes_when_all_is_written_and_not_before(tmp_path):
+    out = tmp_path / 'out'
+    (out / 'bag').mkdir(parents=True)
+    (out / 'bag' / 'old').write_text('')
+    (out / 'own').write_text('stays')
+
+    def write(error=None):
+        with written_whole(out) as work:
+            (work / 'bag').mkdir()
+            (work / 'summary').write_text('new')
+            if error:
+                raise error
+
+    for error in (KeyboardInterrupt(), ConfigurationError('a', 'b')):
+        with pytest.raises(type(error)):
+            write(error)
+        assert (out / 'bag' / 'old').exists()
+        assert not (out / 'summary').exists()
+    write()
+    assert not list((out / 'bag').iterdir())
+    assert (out / 'summary').read_text() == 'new'
+    assert (out / 'own').read_text() == 'stays'
+    assert list(tmp_path.iterdir()) == [out]
 
 
 def test_urdf_errors_name_the_file(load):

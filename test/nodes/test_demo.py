@@ -55,7 +55,12 @@ def test_a_robot_with_nothing_to_show_is_refused(tmp_path, capsys, change, messa
     file = tmp_path / 'robot.yaml'
     text = text.replace(*change).replace('target_momentum: [42.0, 49.0, 41.0]', 'links: []')
     file.write_text(text, encoding='utf-8')
-    assert main(['demo', '--robot', str(file), '--out', str(tmp_path)]) == 2
+    out = tmp_path / 'out'
+    out.mkdir()
+    (out / 'summary.json').write_text('before')
+    assert main(['demo', '--robot', str(file), '--out', str(out)]) == 2
+    assert (out / 'summary.json').read_text() == 'before'
+    assert {path.name for path in tmp_path.iterdir()} == {'out', 'robot.yaml'}
     error = capsys.readouterr().err.strip()
     assert message in error
     assert '\n' not in error
