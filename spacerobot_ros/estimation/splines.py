@@ -14,6 +14,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
 
+from ..errors import IdentificationError
 from ..types import Array
 
 DEGREE = 5
@@ -74,6 +75,9 @@ def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
         samples: One or more sets of samples of the same m signals.
         start: Start of the interval [s].
         end: End of the interval [s].
+
+    Raises:
+        IdentificationError: no usable samples.
     """
     count = sum(len(s.time) for s in samples)
     intervals = [max(1, round((end - start) / spacing)) for spacing in _SPACINGS]
@@ -99,6 +103,8 @@ def _fit(
     # A coefficient without data nearby is held near its neighbours by a ridge far below any
     # measurement's weight.
     ridge = 1e-12 * normal.diagonal().max()
+    if not ridge > 0.0:
+        raise IdentificationError(f'no usable samples between {start:.6g} s and {end:.6g} s')
     factor = splu(normal + ridge * sparse.identity(normal.shape[0], format='csc'))
     coefficients = factor.solve(design.T @ target)
     coefficients += factor.solve(design.T @ (target - design @ coefficients))

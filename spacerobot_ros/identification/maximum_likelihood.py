@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..estimation.momentum_filter import MomentumFilter, Stretch
+from ..estimation.momentum_filter import MomentumFilter, SquareRootInformation, Stretch
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import NoiseLevels, ReferenceTrajectory
 from ..estimation.time_base import channel_stamps, filter_times, refuse_long_gaps
@@ -12,11 +14,43 @@ from ..estimation.torque_hold import Holds
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
-from .summary import Solution
+from .summary import Solution, marginal
 from .validity_limits import CONVERGED
 from .weak_prior import Prior, weak_prior
 
 _PASSES = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """What is known of some of the constants: |factor (t - origin) - values|^2 is least.
+
+    Args:
+        part: Which m of [h_W; AAM; x; nuisances].
+        origin: (m,) about which everything was linearized.
+        factor: (m, m) square-root information, upper triangular.
+        values: (m,).
+    """
+
+    part: slice
+    origin: Array
+    factor: Array
+    values: Array
+
+    @property
+    def best(self) -> Array:
+        """(m,) most probable values."""
+        return np.asarray(self.origin + np.linalg.solve(self.factor, self.values))
+
+    def of_robot(self) -> Known:
+        """Without total momentum, which another frame or another run does not share."""
+        first = 3 - self.part.start
+        return Known(
+            slice(3, self.part.stop),
+            self.origin[first:],
+            self.factor[first:, first:],
+            self.values[first:],
+        )
 
 
 class MaximumLikelihood:
@@ -25,18 +59,30 @@ class MaximumLikelihood:
     Args:
         model: Robot and minimal set.
         settings: The identifier's settings, for the prior.
+        known: What earlier data of the same robot told; None: nothing.
 
     Attributes:
         constants: (p,) about which everything is linearized; the robot file's at first.
         is_converged: Whether the last pass of `solve` moved them by less than 0.01 sigma.
     """
 
-    def __init__(self, model: MomentumModel, settings: IdentifierSettings) -> None:
-        self._model, self._settings = model, settings
+    def __init__(
+        self, model: MomentumModel, settings: IdentifierSettings, known: Known | None = None
+    ) -> None:
+        self._model, self._settings, self._known = model, settings, known
         self._prior: Prior | None = None
         self._filter = MomentumFilter(model)
         self.constants = model.prior()
         self.is_converged = False
+
+    @property
+    def known(self) -> Known | None:
+        """What other segments of the run may know: all but nuisances; None: nothing yet."""
+        if self._prior is None or not self.is_converged:
+            return self._known
+        part = slice(0, self._model.x.stop)
+        factor, values = marginal(self._filter.information.factor, part)
+        return Known(part, self.constants[part].copy(), factor, values)
 
     def solve(self, stretch: Stretch) -> None:
         """Estimate from a stretch alone, from the prior or from what was found last."""
@@ -44,12 +90,14 @@ class MaximumLikelihood:
             self._prior = weak_prior(
                 self._model, stretch.kinematics, self._settings, stretch.holds
             )
-            self.constants = self._prior.mean
+            self.constants = self._prior.mean.copy()
+            if self._known is not None:
+                self.constants[self._known.part] = self._known.best
         prior = self._prior
         for _ in range(_PASSES):
             self._filter = MomentumFilter(self._model)
             information = self._filter.information
-            information.add(np.diag(1.0 / prior.std), (prior.mean - self.constants) / prior.std)
+            self._add_prior(information, prior)
             information.reset_residual()
             change = self._advance(stretch, prior)
             self.is_converged = bool(np.max(np.abs(change) / self.std) < CONVERGED)
@@ -93,6 +141,16 @@ class MaximumLikelihood:
         information = self._filter.information
         best = self.constants + information.solve()[0]
         return Solution(method, best, information, self._prior, self._filter.placebo)
+
+    def _add_prior(self, information: SquareRootInformation, prior: Prior) -> None:
+        """What was known before: what earlier segments told of the robot, and the prior."""
+        rows, values = np.diag(1.0 / prior.std), (prior.mean - self.constants) / prior.std
+        if (known := self._known) is not None:
+            part = known.part
+            rows[part, :], values[part] = 0.0, 0.0
+            rows[part, part] = known.factor
+            values[part] = known.values - known.factor @ (self.constants[part] - known.origin)
+        information.add(rows, values)
 
     def _advance(self, stretch: Stretch, prior: Prior) -> Array:
         """Run through a stretch and move the constants; (p,) change that the data ask for."""

@@ -124,7 +124,7 @@ def summarize(
     constants, prior = solution.constants, solution.prior
     _, covariance = solution.information.solve()
     wanted = slice(3, model.x.stop)
-    factor = _marginal(solution.information.factor[:, :-1], wanted)
+    factor, _ = marginal(solution.information.factor, wanted)
     made_up = np.zeros_like(factor)
     if solution.placebo is not None:
         made_up = solution.placebo.factor[:, wanted]
@@ -157,14 +157,23 @@ def summarize(
     return replace(estimate, valid=not reason, reason=reason)
 
 
-def _marginal(factor: Array, wanted: slice) -> Array:
-    """Square-root information of some constants, the others eliminated."""
-    others = np.ones(factor.shape[1], dtype=bool)
+def marginal(factor: Array, wanted: slice) -> tuple[Array, Array]:
+    """Square-root information of some constants, the others eliminated.
+
+    Args:
+        factor: (p, p + 1) of all, with its right-hand side.
+        wanted: The m that are kept.
+
+    Returns:
+        (m, m) upper triangular, and (m,) right-hand side.
+    """
+    others = np.ones(len(factor), dtype=bool)
     others[wanted] = False
-    ordered = np.column_stack([factor[:, others], factor[:, wanted]])
-    count = int(np.sum(others))
+    ordered = np.column_stack([factor[:, :-1][:, others], factor[:, wanted], factor[:, -1]])
     (triangle,) = scipy.linalg.qr(ordered, mode='r')
-    return np.asarray(triangle[count:, count:])
+    rest = triangle[int(np.sum(others)) : len(factor)]
+    size = rest.shape[0]
+    return np.asarray(rest[:, -size - 1 : -1]), np.asarray(rest[:, -1])
 
 
 def _weak_directions(factor: Array, made_up: Array) -> list[Array]:

@@ -62,6 +62,10 @@ class Stream:
             check_later(stamp_ns, stamp_ns if is_known else self.newest_ns, self._lateness_ns)
         self.stamps.insert(place, stamp_ns)
         self.values.insert(place, value)
+        self.note(stamp_ns)
+
+    def note(self, stamp_ns: int) -> None:
+        """Hear of a sample, whether it can be used or not."""
         self.newest_ns = max(stamp_ns, stamp_ns if self.newest_ns is None else self.newest_ns)
 
     def silent_ns(self, now_ns: int) -> int:
@@ -123,8 +127,8 @@ class SampleBuffer:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Sensors that are waited for and have no sample."""
-        return tuple(name for name in self._sensors if not self.streams[name].stamps)
+        """Sensors that are waited for and never had a sample."""
+        return tuple(name for name in self._sensors if self.streams[name].newest_ns is None)
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array, effort: Array | None = None) -> None:
         """Add positions (n,) [rad], rates (n,) [rad/s] and torques (n,) [N m]; raises as `add`."""
@@ -149,6 +153,7 @@ class SampleBuffer:
             MessageRejectedError: see the top of this file.
         """
         if self.closed_ns is not None and stamp_ns <= self.closed_ns:
+            self.streams[sensor].note(stamp_ns)  # it is heard again, and waited for from now on
             raise MessageRejectedError('stamp goes backwards, too late to be used')
         newest = self.newest_ns
         if newest is not None and (stamp_ns - newest) * 1e-9 > self._ahead:
@@ -181,6 +186,12 @@ class SampleBuffer:
             if not (is_silent and newest - reached > PATIENCE_NS):
                 settled = min(settled, reached)
         return settled
+
+    def forget(self, keep: float) -> None:
+        """Drop samples older than the newest of all by more than a time [s], used or not."""
+        if self.newest_ns is not None:
+            for stream in self.streams.values():
+                stream.forget(self.newest_ns - round(keep * 1e9))
 
     def record(self, start_ns: int | None = None, end_ns: int | None = None) -> Record:
         """The samples from start to end, both included, in seconds from the first of all."""
