@@ -173,6 +173,9 @@ class Blend:
         t_start: Time of the motion at which it is joined [s].
         start: Where the joints are at that time; its acceleration counts too.
         duration: Time over which the offset dies away [s].
+
+    Attributes:
+        begins: Time of the motion at which it is joined [s]. joining: `duration`.
     """
 
     def __init__(
@@ -180,17 +183,17 @@ class Blend:
     ) -> None:
         wanted = reference.at(t_start)
         offset = Setpoint(start.q - wanted.q, start.qd - wanted.qd, start.qdd - wanted.qdd)
-        self._reference, self._t_start, self._blend = reference, t_start, duration
+        self._reference, self.begins, self.joining = reference, t_start, duration
         self._offset = quintic_coefficients(duration, offset, rest(np.zeros(len(start.q))))
         self.duration = max(reference.duration, t_start + duration)
 
     def at(self, t: float) -> Setpoint:
         """The setpoint at time t [s]."""
         point = self._reference.at(t)
-        since = t - self._t_start
-        if since >= self._blend:
+        since = t - self.begins
+        if since >= self.joining:
             return point
-        offset = evaluate_quintic(self._offset, self._blend, max(since, 0.0))
+        offset = evaluate_quintic(self._offset, self.joining, max(since, 0.0))
         return Setpoint(point.q + offset.q, point.qd + offset.qd, point.qdd + offset.qdd)
 
 
@@ -251,7 +254,8 @@ class Waypoints:
         self._last = rest(columns[0][-1])
         self._start_time = float(times[0])
         self.duration = float(times[-1])
-        self._curves = _curves(times, columns) if len(times) > 1 else ()
+        with np.errstate(all='ignore'):  # what overflows is refused by whoever knows the limits
+            self._curves = _curves(times, columns) if len(times) > 1 else ()
 
     def at(self, t: float) -> Setpoint:
         """The setpoint at time t [s]."""
@@ -260,6 +264,19 @@ class Waypoints:
         if t < self._start_time:
             return self._first
         return Setpoint(*(np.asarray(curve(t)) for curve in self._curves))
+
+    def sampled(self) -> tuple[Array, Array]:
+        """Positions (T, n) [rad] and rates (T, n) [rad/s] along the motion, 32 a piece.
+
+        A quintic has at most two extrema of its rate in a piece: between two samples it can be
+        missed by some 0.1 % of its change in the piece.
+        """
+        if not self._curves:
+            return self._last.q[None], self._last.qd[None]
+        breaks = self._curves[0].x
+        times = breaks[:-1, None] + np.linspace(0.0, 1.0, 32) * np.diff(breaks)[:, None]
+        q, qd = (np.asarray(curve(times.ravel())) for curve in self._curves[:2])
+        return q, qd
 
 
 def check_reference(settings: ReferenceSettings, n_joints: int) -> None:

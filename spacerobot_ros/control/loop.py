@@ -23,8 +23,12 @@ from .attitude import check_attitude
 from .command import Command, Mode, Torque
 from .controllers import Controller, FreeFlyingController, JointController
 from .feedback import NS, AttitudeHistory, Feedback, RateHistory
-from .joint_reference import Reference, Setpoint, check_reference, rest
+from .joint_reference import Reference, Setpoint, Waypoints, check_reference, rest
+from .plausible import MotionLimits
 from .reference_motion import ReferenceMotion
+
+_MOVING = 6.0  # standard deviations of a rate, from which on a joint is not at rest
+_BRAKED = 5.0  # time constants of the damping, after which 0.7 % of a rate is left
 
 
 class ControlLoop:
@@ -64,18 +68,25 @@ class ControlLoop:
         self._timeout_ns = round(self._settings.state_timeout * 1e9)
         self._attitude_timeout_ns = round(self._settings.attitude_timeout * 1e9)
         self._first_hold_ns = round(settings.simulator.period * 1e9)
+        self._limits = MotionLimits(robot, settings.simulator.joint_rate)
+        self._rest_std = settings.sensors.std('joint_velocity') or 0.0
         self.reset()
 
     def reset(self) -> None:
         """Forget the samples, keep the estimate; the motion starts again at the next sample."""
-        timeouts = (self._settings.state_timeout, 0.25 * self._settings.attitude_timeout)
-        span = max(0.5, 4.0 * max(timeouts))
-        self._rates, self._attitudes = RateHistory(span), AttitudeHistory(span)
+        self.begin_segment()
         self._motion.reset()
         self.controller.restart()
         self._last: tuple[int, Array, Array] | None = None
         self._hold_ns = self._first_hold_ns
         self.mode: Mode = 'hold'
+
+    def begin_segment(self) -> None:
+        """Take what comes now in another time; the motion goes on from where it is."""
+        timeouts = (self._settings.state_timeout, 0.25 * self._settings.attitude_timeout)
+        span = max(0.5, 4.0 * max(timeouts))
+        self._rates, self._attitudes = RateHistory(span), AttitudeHistory(span)
+        self._is_new_time = True
 
     @property
     def estimate(self) -> Estimate | None:
@@ -127,7 +138,15 @@ class ControlLoop:
         Args:
             reference: The motion.
             start_ns: Stamp of its t = 0; None: the next joint sample.
+
+        Raises:
+            MessageRejectedError: it, or the way to it, leaves the joints' ranges or is too fast.
         """
+        if isinstance(reference, Waypoints):
+            joined = None
+            if self._last is not None and self._motion.has_begun:
+                joined = self._motion.joined(reference, self._last[0], start_ns)
+            self._limits.check_joined(reference, joined)
         self._motion.follow(reference, start_ns)
 
     def setpoint(self) -> Setpoint | None:
@@ -156,6 +175,10 @@ class ControlLoop:
         Raises:
             MessageRejectedError: stamp not after the last one.
         """
+        if self._is_new_time and self._last is not None:
+            self._motion.wait(stamp_ns - self._last[0])
+            self._last = None
+        self._is_new_time = False
         check_later(stamp_ns, self.joints_ns)
         q, qd, _ = self._faults.undo_joints(q, qd, np.zeros(self.n))
         elapsed = stamp_ns - self._last[0] if self._last else 0
@@ -177,8 +200,8 @@ class ControlLoop:
         """Command for when no joint states arrive any more; None while the last is fresh.
 
         The joints are extrapolated along the decay that the damping law asks for. The torque that
-        holds against the wheels fades ten times slower, so that braking is over by then. None
-        also before the first sample.
+        holds against the wheels fades meanwhile; both are zero from five time constants on, for a
+        torque that rests on a guess must not stay on. None also before the first sample.
 
         Args:
             elapsed_ns: Time since the last joint sample [ns].
@@ -189,12 +212,16 @@ class ControlLoop:
         stamp_ns, q, qd = self._last
         rate = self._settings.damping
         past = (elapsed_ns - self._timeout_ns) * NS
+        is_over = past * rate > _BRAKED
         decay = float(np.exp(-rate * past))
         seen = self._timeout_ns * NS
         omega = self._sample(stamp_ns, q, qd).omega_WB_B
         now = Feedback(q + qd * (seen + (1.0 - decay) / rate), qd * decay, omega, np.zeros(3))
         setpoint = self._motion.setpoint(stamp_ns) if self._motion.has_begun else rest(q)
-        torque = self.controller.damp(now, trust=decay**0.1)
+        torque = self.controller.damp(now, trust=max(0.0, 1.0 - past * rate / _BRAKED))
+        if is_over:
+            base = None if torque.base is None else np.zeros(3)
+            torque = Torque(np.zeros(self.n), np.zeros(self.n, dtype=bool), base)
         return self._command(
             stamp_ns + elapsed_ns, torque, setpoint, now, 'joint states are stale'
         )
@@ -235,6 +262,8 @@ class ControlLoop:
             motion.wait(elapsed)
         if not motion.has_begun:
             motion.begin(stamp_ns, sample.q)
+            if np.any(np.abs(sample.qd) > _MOVING * self._rest_std):
+                motion.rejoin(stamp_ns, sample)
         elif not stale and (is_lost or self.mode == 'damping'):
             motion.rejoin(stamp_ns, sample)
             self.controller.restart()

@@ -86,6 +86,14 @@ class ReferenceMotion:
         """Follow another joint motion from its start (None: the next sample) on."""
         self._pending = (reference, start_ns)
 
+    def joined(self, reference: Reference, stamp_ns: int, start_ns: int | None) -> Blend:
+        """Another motion, as it would be joined from the present one at a stamp."""
+        t = 0.0 if start_ns is None else (stamp_ns - start_ns) * NS
+        here = self.setpoint(stamp_ns)
+        # its acceleration may begin with a step, as that of every cubic does
+        start = Setpoint(here.q, here.qd, reference.at(t).qdd)
+        return Blend(reference, t, start, self._joining)
+
     def rejoin(self, stamp_ns: int, sample: Feedback) -> None:
         """Join the motion from where the robot is."""
         if self._asked is not None:
@@ -100,11 +108,7 @@ class ReferenceMotion:
         """Join the motion that was asked for, if its time has come."""
         if self._pending is None or (self._pending[1] or stamp_ns) > stamp_ns:
             return
-        here = self.setpoint(stamp_ns)
         self._asked, start_ns = self._pending
+        self._joints = self.joined(self._asked, stamp_ns, start_ns)
         self._start_ns = stamp_ns if start_ns is None else start_ns
-        t = self.time(stamp_ns)
-        # its acceleration may begin with a step, as that of every cubic does
-        start = Setpoint(here.q, here.qd, self._asked.at(t).qdd)
-        self._joints = Blend(self._asked, t, start, self._joining)
         self._pending = None

@@ -1,11 +1,12 @@
 """What all nodes have in common: settings, robot, health; and of those that follow sensors, more.
 
-Messages that must not be used are counted by reason; stamps or a clock that go back are another
-run, and the node starts again.
+Messages that must not be used are counted by reason. A stamp that jumps alone is one of them; a
+clock that jumped begins another segment of time.
 """
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -23,6 +24,7 @@ from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..recording import messages
 from ..recording.buffer import JUMP_NS, PATIENCE_NS
+from ..recording.clock_jumps import Judgement, JumpDetector, Sample, refusal
 from ..ros.diagnostics import OK, STALE, WARN, NodeHealth, Status
 from ..ros.params import declare_settings, open_robot
 
@@ -95,15 +97,18 @@ class SensorNode(RobotNode):
 
     Attributes:
         latest: Stamp [ns] and content of the newest sample of each sensor.
-        jump_ns: Stamps that go back further are another run [ns].
+        jump_ns: Stamps that jump further are doubted [ns].
+        bridged_ns: The clock may jump ahead by as much without another segment [ns].
     """
 
     jump_ns = JUMP_NS
+    bridged_ns: float = math.inf
 
     def __init__(self, name: str, **node_kwargs: Any) -> None:
         super().__init__(name, **node_kwargs)
         self.latest: dict[str, tuple[Any, ...]] = {}
         self._sensors: tuple[str, ...] = ()
+        self._jumps = JumpDetector(self.jump_ns)
 
     @abstractmethod
     def take(self, sensor: str, stamp_ns: int, *content: Any) -> None:
@@ -112,6 +117,15 @@ class SensorNode(RobotNode):
     @abstractmethod
     def restart(self, why: str) -> None:
         """Begin another run; the newest samples are forgotten already."""
+
+    def begin_segment(self, why: str, jump_ns: int | None) -> None:
+        """Go on in another time; the newest samples are forgotten already.
+
+        Args:
+            why: In words.
+            jump_ns: By how much stamps jumped [ns]; None: /clock went back.
+        """
+        self.restart(why)
 
     def follow(
         self,
@@ -140,16 +154,20 @@ class SensorNode(RobotNode):
         for sensor in self._sensors:
             topic, kind = TOPICS[sensor]
             self.listen(topic, kind, qos, partial(self._on_sample, sensor, read[sensor]))
-        backward = JumpThreshold(
-            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False
+        self._jumps = JumpDetector(self.jump_ns)
+        moves = JumpThreshold(
+            min_forward=Duration(nanoseconds=1),
+            min_backward=Duration(nanoseconds=-1),
+            on_clock_change=False,
         )
         self._jump = self.get_clock().create_jump_callback(
-            backward, post_callback=lambda _: self._on_clock_jump()
+            moves, post_callback=lambda jump: self._on_clock(jump.delta.nanoseconds < 0)
         )
 
     def reset(self, why: str) -> None:
         """Forget the run."""
         self.latest = {}
+        self._jumps.clear()
         self.restart(why)
 
     def input_status(self) -> Status:
@@ -173,14 +191,37 @@ class SensorNode(RobotNode):
         self, sensor: str, read: Callable[[Any], tuple[Any, ...]], message: Any
     ) -> None:
         stamp, *content = read(message)
-        if sensor in self.latest and stamp < self.latest[sensor][0] - self.jump_ns:
-            back = (self.latest[sensor][0] - stamp) * 1e-9
-            self.reset(f'stamps of {TOPICS[sensor][0]} went back by {back:.3f} s')
-        self.take(sensor, stamp, *content)
-        if sensor not in self.latest or stamp > self.latest[sensor][0]:
-            self.latest[sensor] = (stamp, *content)
+        self._use(self._jumps.judge(Sample(sensor, stamp, tuple(content)), self._clock_ns()))
 
-    def _on_clock_jump(self) -> None:
-        newest = max((sample[0] for sample in self.latest.values()), default=0)
-        if newest > self.now_ns():  # not if the stamps went back before
-            self.reset('/clock went back')
+    def _on_clock(self, is_back: bool) -> None:
+        """/clock moved: back, or to where stamps that were doubted are."""
+        now_ns = self.now_ns()
+        if is_back and (self._jumps.newest_ns or 0) > now_ns + self.jump_ns:
+            held = self._jumps.clear()
+            self.latest = {}
+            self.begin_segment('/clock went back', None)
+            for sample in held:
+                self._use(self._jumps.judge(sample, now_ns))
+        self._use(self._jumps.judge_held(now_ns))
+
+    def _clock_ns(self) -> int | None:
+        """Time of /clock [ns]; None where the node runs on another one."""
+        return self.now_ns() if self.get_clock().ros_time_is_active else None
+
+    def _use(self, judgement: Judgement) -> None:
+        newest_ns = max((sample[0] for sample in self.latest.values()), default=None)
+        for sample in judgement.refused:
+            self.health.reject(TOPICS[sample.sensor][0], refusal(sample, newest_ns))
+        jump_ns = judgement.jump_ns
+        if jump_ns is not None and not 0 <= jump_ns <= self.bridged_ns:
+            self.latest = {}
+            where = TOPICS[judgement.taken[0].sensor][0]
+            self.begin_segment(f'stamps of {where} jumped by {jump_ns * 1e-9:.3f} s', jump_ns)
+        for sensor, stamp, content in judgement.taken:
+            try:
+                self.take(sensor, stamp, *content)
+            except MessageRejectedError as error:
+                self.health.reject(TOPICS[sensor][0], error)
+                continue
+            if sensor not in self.latest or stamp > self.latest[sensor][0]:
+                self.latest[sensor] = (stamp, *content)

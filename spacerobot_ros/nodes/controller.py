@@ -17,6 +17,7 @@ from spacerobot_msgs.msg import Tracking
 from trajectory_msgs.msg import JointTrajectory
 
 from ..control.loop import Command, ControlLoop
+from ..control.plausible import EstimateCheck
 from ..model.robot import Robot
 from ..recording.buffer import check_later
 from ..ros import convert
@@ -85,6 +86,7 @@ class ControllerNode(SensorNode, LifecycleNode):
         """Forget the estimate and what was learnt."""
         if self.is_open:
             self.loop.set_estimate(None)
+            self._estimates.clear()
             self._estimate_note = 'none received'
         return super().on_cleanup(state)
 
@@ -112,14 +114,15 @@ class ControllerNode(SensorNode, LifecycleNode):
     def on_robot(self, robot: Robot) -> None:
         """Take up the robot; start by itself if that is asked for."""
         self.loop = ControlLoop(robot, self.settings)
+        self._estimates = EstimateCheck(self.loop.robot, self.settings)
         self._names, self._base_link = list(robot.joints), robot.base_link
         self._pairing = Pairing(self.loop, self.settings.simulator, self.jump_ns)
         self.is_open = True
         self._subscribe(robot)
         period = self.settings.controller.state_timeout
-        self.create_timer(period / 4.0, self._on_watch)
+        self.create_timer(period / 4.0, self._on_watch, clock=self.steady)
         if self._pairing.is_lockstep:
-            self.create_timer(period, self._on_incomplete, clock=self._pairing.clock)
+            self.create_timer(period, self._on_incomplete, clock=self.steady)
         if self.loop.adaptive is not None:
             self._in_force = ParameterPublisher(self, self.loop, self.settings)
             warning = self.loop.adaptive.health.sampling_warning
@@ -146,7 +149,7 @@ class ControllerNode(SensorNode, LifecycleNode):
                 self._repeat(stamp_ns)
                 check_later(stamp_ns, last[0])
             self.latest['joints'] = (stamp_ns, *content)
-            self._arrived_ns = self.now_ns()
+            self._arrived_ns = self.steady.now().nanoseconds
             if self._is_active:
                 self._answer_when_complete(self.latest['joints'])
             return
@@ -160,6 +163,7 @@ class ControllerNode(SensorNode, LifecycleNode):
             self._estimate_note = f'last one not valid: {message.reason}'
             return
         estimate = convert.estimate(message)
+        self._estimates.check(estimate)
         if self.loop.controller.takes_estimates:
             self.loop.set_estimate(estimate)
         self._estimate_note = f'valid, stamped {estimate.stamp_ns * 1e-9:.3f} s'
@@ -172,6 +176,15 @@ class ControllerNode(SensorNode, LifecycleNode):
         """Begin the motion anew."""
         self.get_logger().info(f'{why}: the motion starts again')
         self.loop.reset()
+        self._pairing.waiting = self.last_command = None
+
+    def begin_segment(self, why: str, jump_ns: int | None) -> None:
+        """Go on with the motion in another time; where time itself goes back, begin it anew."""
+        if jump_ns is None:
+            self.restart(why)
+            return
+        self.get_logger().info(f'{why}: the motion goes on')
+        self.loop.begin_segment()
         self._pairing.waiting = self.last_command = None
 
     # ------------------------------------------------------------ commands
@@ -199,10 +212,24 @@ class ControllerNode(SensorNode, LifecycleNode):
     def _on_watch(self) -> None:
         if not self._is_active or 'joints' not in self.latest or self._pairing.waiting is not None:
             return
-        command = self.loop.blind(self.now_ns() - self._arrived_ns)
+        command = self.loop.blind(self._silent_ns())
         if command is not None:
             self.get_logger().warning('joint states are stale', throttle_duration_sec=2.0)
             self._publish(command)
+
+    def _silent_ns(self) -> int:
+        """Time without joint states [ns], on a clock that does not stop with the simulator.
+
+        A simulation may be slower than the wall, and in lockstep takes its time.
+        """
+        simulator, silent = (
+            self.settings.simulator,
+            self.steady.now().nanoseconds - self._arrived_ns,
+        )
+        if self._pairing.is_lockstep:
+            return int(silent - simulator.lockstep_timeout * 1e9)
+        is_simulated = self.get_clock().ros_time_is_active
+        return round(silent * min(1.0, simulator.real_time_factor) if is_simulated else silent)
 
     def _publish(self, command: Command) -> None:
         if command.mode == 'damping' and command.reason:
@@ -234,7 +261,7 @@ class ControllerNode(SensorNode, LifecycleNode):
         stamp = self.latest['joints'][0] if 'joints' in self.latest else None
         command = self.last_command
         reason = command.reason if self._is_active and command else ''
-        return input_status(self.loop, stamp, (self.now_ns() - self._arrived_ns) * 1e-9, reason)
+        return input_status(self.loop, stamp, self._silent_ns() * 1e-9, reason)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -13,6 +13,7 @@ from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..effects.catalogue import bind_effects, changed_robot
 from ..errors import IdentificationError
+from ..estimation.time_base import LONGEST_GAP
 from ..identification.estimate import Estimate
 from ..identification.online import OnlineIdentifier
 from ..model.robot import Robot
@@ -22,7 +23,7 @@ from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import run_node
 from ..sensing.faults import SensorFaults
-from .base import SensorNode
+from .base import TOPICS, SensorNode
 
 DISORDER_NS = 50_000_000  # by which messages of one sensor overtake each other
 
@@ -31,6 +32,7 @@ class IdentifierNode(SensorNode):
     """Feeds the online identifier, solves at regular stamps and publishes its estimates."""
 
     identifier: OnlineIdentifier
+    bridged_ns = LONGEST_GAP * 1e9
 
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
@@ -40,6 +42,7 @@ class IdentifierNode(SensorNode):
         self._publisher = self.create_publisher(EstimateMessage, '/estimate', LATCHED)
         self.offer('~/reset', self._on_reset)
         self.offer('~/solve', self._on_solve)
+        self._next_ns: int | None = None
         self._clear()
         self.find_robot()
 
@@ -51,6 +54,13 @@ class IdentifierNode(SensorNode):
         self.identifier.reset()
         self.get_logger().info(f'reset: {why}')
         self._publish(self.identifier.solve())
+
+    def begin_segment(self, why: str, jump_ns: int | None) -> None:
+        """Keep what is known of the robot; all else may be another in another time."""
+        self.get_logger().info(f'{why}: another segment begins')
+        self._next_ns = None
+        self.identifier.begin_segment()
+        self.solve()
 
     def solve(self, until_ns: int | None = None) -> Estimate | None:
         """Use what has arrived and publish the estimate; None where nothing can be solved.
@@ -102,7 +112,7 @@ class IdentifierNode(SensorNode):
             self._solve_up_to(self.identifier.samples.newest_ns)
 
     def _clear(self) -> None:
-        self._next_ns: int | None = None
+        self._next_ns = None
         self._solve_ms = 0.0
         self._failure = ''
         self.estimate = None
@@ -147,6 +157,8 @@ class IdentifierNode(SensorNode):
         std = estimate.std[: len(estimate.aam)]
         for axis, (value, sigma) in enumerate(zip(estimate.aam, std, strict=True)):
             values[f'aam {axis} [N m s]'] = f'{value:.6g} +- {sigma:.2g}'
+        for sensor, count in self.identifier.left_out.items():
+            values[f'{TOPICS[sensor][0]} outliers [messages]'] = count
         if estimate.unexcited:
             values['not excited'] = '; '.join(estimate.unexcited)
         if estimate.valid:

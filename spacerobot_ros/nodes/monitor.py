@@ -58,6 +58,13 @@ class MonitorNode(SensorNode):
             self.recorder.reset()
         self.get_logger().info(f'reset: {why}')
 
+    def begin_segment(self, why: str, jump_ns: int | None) -> None:
+        """Keep what was learned; the state is found anew in another time."""
+        self.get_logger().info(f'{why}: the state is found anew')
+        self.monitor.begin_segment()
+        if self.recorder is not None:
+            self.recorder.reset()
+
     def on_robot(self, robot: Robot) -> None:
         """Start to watch."""
         settings = self.settings

@@ -164,4 +164,6 @@ def trajectory(
         reference = Waypoints(np.array(times), kinds[0], kinds[1], kinds[2], start)
     except ConfigurationError as error:
         raise MessageRejectedError(error.reason) from error
+    except ValueError as error:  # of SciPy, where numbers are too large for it
+        raise MessageRejectedError(f'no curve goes through the points: {error}') from error
     return reference, stamp_ns(message.header.stamp) or None

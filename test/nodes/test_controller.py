@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Tracking
+from support.rig import Wall
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from spacerobot_ros.nodes.controller import ControllerNode
@@ -33,6 +34,7 @@ class Bench:
         self.references = self.probe.create_publisher(JointTrajectory, '/reference', STATE)
         overrides = {'simulator.lockstep': False, 'reference.kind': 'hold', **more}
         self.node = rig.add(ControllerNode, {**parameters, **overrides})
+        self.node.steady = self.wall = Wall()
 
     def gyro(self, ms, omega=(0.1, 0.12, 0.08), frame='base_link'):
         self.imu.publish(compose.imu(ms * MS, frame, np.array(omega), None))
@@ -45,6 +47,7 @@ class Bench:
 
     def sample(self, ms, **joint):
         self.rig.set_time(ms * MS)
+        self.wall.ms = ms
         self.gyro(ms)
         self.joint(ms, **joint)
 
@@ -108,15 +111,41 @@ def test_gyro_that_stops_ends_tracking_and_is_named(bench):
     assert bench.tracking[-1].state in ('hold', 'tracking')
 
 
-def test_joint_states_that_stop_are_noticed_by_the_clock(bench):
+def test_joint_states_that_stop_are_noticed_on_the_wall(bench):
+    # the simulator is gone, and time with it
     bench.sample(0, qd=(0.1, 0.0, 0.0))
-    for ms in range(20, 400, 20):  # the watch fires at most once a move of the clock
-        bench.rig.set_time(ms * MS)
-        bench.gyro(ms)
+    for ms in (90, 120, 500, 1000):
+        bench.wall.ms = ms
+        count = len(bench.commands)
+        if ms > 100:
+            bench.rig.until(lambda count=count: len(bench.commands) > count)
+    assert bench.answered()[0] == 0
+    assert set(bench.answered()[1:]) == {120, 500, 1000}
     assert bench.tracking[-1].state == 'damping'
     assert bench.status('inputs').message == 'joint states are stale'
     assert np.isfinite([c.effort for c in bench.commands]).all()
-    assert len(bench.commands) > 5
+
+
+def test_torques_end_where_nothing_is_known_any_more(bench):
+    bench.sample(0, qd=(0.1, 0.0, 0.0))
+    sizes = []
+    for ms in (200, 2000, 5000, 5200, 60_000):
+        bench.wall.ms, count = ms, len(bench.commands)
+        bench.rig.until(lambda count=count: len(bench.commands) > count + 1)
+        sizes.append(float(np.abs(bench.commands[-1].effort).max()))
+    assert sizes[0] > sizes[1] > sizes[2] > 0.0
+    assert sizes[3:] == [0.0, 0.0]  # five time constants of 1 s, 0.1 s after the last sample
+
+
+def test_lockstep_waits_for_a_simulator_that_takes_its_time(rig, servicer):
+    bench = Bench(rig, servicer, **{'simulator.lockstep': True})
+    bench.sample(0, qd=(0.1, 0.0, 0.0))
+    bench.wall.ms = 5050
+    for _ in range(20):
+        rig.drain()
+    assert bench.answered() == [0]
+    bench.wall.ms = 5150
+    rig.until(lambda: bench.tracking[-1].state == 'damping')
 
 
 @pytest.mark.parametrize(
@@ -150,16 +179,46 @@ def test_bad_samples_are_counted_and_the_loop_goes_on(bench, send, topic, reason
     assert np.isfinite([c.effort for c in bench.commands]).all()
 
 
-def test_stamps_that_jump_back_start_the_motion_again(rig, servicer):
+@pytest.mark.parametrize('jump', [-5000, 10**6])
+def test_stamps_that_jump_leave_the_motion_where_it_is(rig, servicer, jump):
     bench = Bench(rig, servicer, **{'reference.kind': 'fourier'})
-    for ms in (5000, 5010, 5020):
+    for ms in range(6000, 8000, 50):
         bench.sample(ms)
-    bench.gyro(0)  # the clock has not moved yet
-    bench.joint(0)
-    assert bench.answered()[-1] == 0
-    assert bench.tracking[-1].state == 'tracking'
-    assert_allclose(bench.tracking[-1].reference_velocity, 0.0, atol=1e-12)  # t = 0 again
+    before = bench.tracking[-1]
+    for ms in range(8000, 8100, 10):
+        bench.gyro(ms + jump)  # the clock does not move
+        bench.joint(ms + jump)
+    assert bench.answered()[-1] == 8090 + jump
     assert bench.node.health.count() == 0
+    times = [messages.stamp_ns(t.header.stamp) // MS for t in bench.tracking]
+    after = bench.tracking[times.index(8000 + jump)]
+    assert after.state == 'tracking'
+    # ahead of time the joints have moved unseen: the motion is joined from where they are
+    where = before.reference_position if jump < 0 else [0.0] * 3
+    assert_allclose(after.reference_position, where, atol=1e-3)
+
+
+@pytest.mark.parametrize('ms', [0, 5300, 7000, (2**31 - 1) * 1000])
+def test_one_wrong_stamp_changes_nothing(rig, servicer, ms):
+    bench = Bench(rig, servicer, **{'reference.kind': 'fourier'})
+    for at in range(5000, 5200, 10):
+        bench.sample(at)
+    bench.joint(ms)
+    for at in range(5200, 5400, 10):
+        bench.sample(at)
+    assert bench.answered() == list(range(5000, 5400, 10))
+    assert {t.state for t in bench.tracking} == {'tracking'}
+    reason = 'stamp jumps by # s, and none agrees with it; check the clock'
+    assert bench.node.health.rejected == {('/joint_states', reason): 1}
+
+
+def test_a_motion_is_joined_from_a_moving_arm_without_a_jerk(bench):
+    bench.sample(0, q=(0.5, 0.0, 0.0), qd=(0.2, 0.0, -0.1))
+    assert_allclose(bench.tracking[0].reference_velocity, [0.2, 0.0, -0.1], atol=1e-12)
+    assert_allclose(bench.tracking[0].velocity_error, 0.0, atol=1e-12)
+    for ms in range(100, 5000, 100):
+        bench.sample(ms, q=(0.5, 0.0, 0.0))
+    assert_allclose(bench.tracking[-1].reference_velocity, 0.0, atol=1e-9)
 
 
 def test_a_clock_that_jumps_back_starts_the_motion_again(bench):
@@ -223,6 +282,27 @@ def test_bad_estimates_are_counted_and_not_used(bench, changes, reason):
     assert not bench.tracking[-1].uses_estimate
 
 
+@pytest.mark.parametrize('changes', [{'aam': [1e6, 0.0, 0.0]}, {'parameters': [1e9] * 19}])
+def test_estimates_beyond_what_the_robot_file_thinks_possible(bench, changes):
+    bench.estimates.publish(estimate(bench, **changes))
+    bench.rig.drain()
+    assert bench.node.health.count('/estimate') == 1
+    bench.sample(0)
+    assert not bench.tracking[-1].uses_estimate
+
+
+def test_an_estimate_that_contradicts_the_last_one_needs_another_that_agrees(bench):
+    def send(first):
+        bench.estimates.publish(estimate(bench, aam=[first, 49.0, 41.0]))
+        bench.rig.drain()
+        used = bench.node.loop.estimate
+        return None if used is None else used.aam[0]
+
+    # standard deviations of 1 N m s
+    assert [send(x) for x in (42.0, 45.0, 90.0, 45.5)] == [42.0, 45.0, 45.0, 45.5]
+    assert [send(x) for x in (90.0, 10.0, 90.0, 91.0)] == [45.5, 45.5, 45.5, 91.0]
+
+
 def test_an_estimate_that_is_not_valid_leaves_the_last_valid_one(bench):
     bench.estimates.publish(estimate(bench))
     bench.rig.drain()
@@ -234,11 +314,13 @@ def test_an_estimate_that_is_not_valid_leaves_the_last_valid_one(bench):
     assert 'not valid: too early' in bench.status('estimate').message
 
 
-def reference(times, positions, names=NAMES):
+def reference(times, positions, names=NAMES, rates=None, more=None):
     message = JointTrajectory(joint_names=list(names))
-    for t, q in zip(times, positions, strict=True):
+    for k, (t, q) in enumerate(zip(times, positions, strict=True)):
         point = JointTrajectoryPoint(positions=[float(x) for x in q])
         point.time_from_start.sec = t
+        point.velocities = [] if rates is None else [float(x) for x in rates[k]]
+        point.accelerations = [] if more is None else [float(x) for x in more[k]]
         message.points.append(point)
     return message
 
@@ -262,14 +344,39 @@ def test_a_trajectory_is_followed_from_where_the_motion_is(bench):
         reference([1], [(np.nan, 0.0, 0.0)]),
         reference([2, 1], [(0.0,) * 3] * 2),
         reference([], []),
+        reference([1], [(1e308, 0.0, 0.0)]),
+        reference([1, 2], [(1e308, 0.0, 0.0), (-1e308, 0.0, 0.0)]),
+        reference([1, 2, 3], [(0.0,) * 3] * 3, rates=[(1e308,) * 3] * 3),
+        reference([1, 2], [(0.0,) * 3] * 2, rates=[(0.1,) * 3] * 2, more=[(1e308,) * 3] * 2),
+        reference([10], [(1e6, 0.0, 0.0)]),
+        reference([1], [(0.0, 0.0, 2.0)]),  # on the way faster than the URDF's 2 rad/s
+        reference([1, 2], [(0.0,) * 3] * 2, rates=[(2.1, 0.0, 0.0)] * 2),
     ],
 )
 def test_bad_trajectories_are_counted(bench, message):
+    bench.sample(0)
     bench.references.publish(message)
     bench.rig.drain()
     assert bench.node.health.count('/reference') == 1
+    bench.sample(10)
+    assert bench.answered() == [0, 10]
+    assert_allclose(bench.tracking[-1].reference_position, 0.0, atol=0)
+
+
+def test_a_joint_stays_within_its_range(rig, servicer):
+    from pathlib import Path
+
+    urdf = Path('config/servicer.urdf').read_text(encoding='utf-8')
+    urdf = urdf.replace('<limit effort', '<limit lower="-1" upper="1.5" effort')
+    kinds = (('continuous', 'revolute'),)
+    for old, new in kinds:
+        urdf = urdf.replace(f'type="{old}"', f'type="{new}"')
+    bench = Bench(rig, servicer, **{'robot_description': urdf, 'robot.urdf': ''})
     bench.sample(0)
-    assert bench.answered() == [0]
+    for q, refused in ((1.4, 0), (1.6, 1), (-1.1, 2)):
+        bench.references.publish(reference([60], [(q, 0.0, 0.0)]))
+        bench.rig.drain()
+        assert bench.node.health.count('/reference') == refused
 
 
 def test_lockstep_waits_for_the_gyro_of_the_same_stamp(rig, servicer):

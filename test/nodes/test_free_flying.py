@@ -18,7 +18,7 @@ from support.free_flying import (
     free_flying_parameters,
     rms_degrees,
 )
-from support.rig import Rig, file_parameters
+from support.rig import Rig, Wall, file_parameters
 
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
@@ -108,9 +108,11 @@ class Bench:
         self.estimates = self.probe.create_publisher(EstimateMessage, '/estimate', LATCHED)
         parameters = node_parameters('adaptive_rls', 0.05) | {'simulator.lockstep': False} | more
         self.node = rig.add(ControllerNode, parameters)
+        self.node.steady = self.wall = Wall()
 
     def sample(self, ms, attitude=(0.0, 0.0, 0.0, 1.0)):
         ns = ms * 1_000_000
+        self.wall.ms = ms
         self.rig.set_time(ns)
         self.imu.publish(compose.imu(ns, 'base_link', np.zeros(3), None))
         if attitude is not None:

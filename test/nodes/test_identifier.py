@@ -135,20 +135,62 @@ def test_solve_answers_with_the_reason(bench):
     assert response.message.startswith('not valid: no joint states')
 
 
-def test_stamps_that_jump_back_reset_it(bench):
+def test_stamps_that_jump_begin_another_segment(bench):
+    bench.rig.set_time(6400 * MS)
     bench.all(5000, 6400)
     count = len(bench.estimates)
     bench.all(0, 100)
     assert len(bench.estimates) == count + 1
     assert bench.node.health.count() == 0
+    assert bench.node.latest['joints'][0] == 90 * MS
 
 
-def test_a_clock_that_jumps_back_resets_it(bench):
+def test_a_clock_that_jumps_back_begins_another_segment(bench):
     bench.rig.set_time(6000 * MS)
     bench.all(5000, 5100)
     bench.rig.set_time(0)
     bench.rig.until(lambda: bench.estimates)
     assert 'no' in bench.estimates[-1].reason
+
+
+@pytest.mark.parametrize('ms', [0, (2**31 - 1) * 1000, 36_000])
+def test_one_wrong_stamp_is_refused_and_nothing_forgotten(bench, ms):
+    bench.rig.set_time(7000 * MS)
+    bench.all(5000, 7000)
+    before = bench.node.identifier.samples
+    bench.joint(ms)
+    bench.gyro(ms)
+    bench.all(7000, 8500)
+    assert bench.node.identifier.samples is before
+    reason = 'stamp jumps by # s, and none agrees with it; check the clock'
+    assert bench.node.health.rejected['/joint_states', reason] == 1
+    assert bench.node.health.rejected['/imu/data', reason] == 1
+    assert bench.node.health.count() == 2
+    assert len(before.streams['joints'].stamps) == 350
+
+
+def test_samples_lost_under_load_do_not_silence_it(bench):
+    bench.all(0, 2000)
+    bench.all(102_000, 104_000)  # as after a queue that overflowed
+    assert bench.node.health.count() == 0
+    assert bench.node.latest['joints'][0] == 103_990 * MS
+    assert len(bench.node.identifier.samples.streams['joints'].stamps) == 200
+
+
+@pytest.mark.parametrize('late', ['joints', 'gyro'])
+def test_a_sensor_that_starts_late_ends_nothing(bench, late):
+    for ms in range(0, 13_000, 20):
+        if late != 'gyro' or ms >= 5500:
+            bench.gyro(ms)
+        if late != 'joints' or ms >= 5500:
+            bench.joint(ms)
+        if ms % 100 == 0:
+            bench.star(ms)
+            bench.rig.drain()
+    bench.node.flush()
+    assert bench.node.estimate is not None
+    assert bench.node.estimate.samples >= 50 * 6
+    assert bench.node.estimate.reason == 'attitude: never changes, the gyro does'
 
 
 def test_a_fixed_base_is_refused(rig, servicer):

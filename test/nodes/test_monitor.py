@@ -136,13 +136,40 @@ def test_bad_messages_are_counted(rig, parameters, send, topic, reason):
     assert bench.node.health.rejected[topic, reason] == 1
 
 
-def test_time_that_goes_back_is_another_run(rig, parameters, nominal):
+def shifted(samples, ns):
+    return [dataclasses.replace(s, stamp_ns=s.stamp_ns + ns) for s in samples]
+
+
+@pytest.mark.parametrize('jump', [-5_000_000_000, 10**15])
+def test_a_clock_that_jumps_leaves_what_was_learned(rig, parameters, nominal, jump):
     bench = Bench(rig, parameters)
     bench.play(nominal[:600])
-    assert bench.node.monitor.state.judged_ns is not None
-    bench.play(nominal[:100])
-    assert bench.node.monitor.state.judged_ns is None
-    assert bench.status('model').message.startswith('learning')
+    std = bench.node.monitor.state.momentum_std
+    bench.play(shifted(nominal[600:], jump))
+    state = bench.node.monitor.state
+    assert state.level == 'ok', state.reason
+    assert state.judged_ns > nominal[700].stamp_ns + jump
+    assert max(state.momentum_std) < max(std)
+    assert bench.node.health.count() == 0
+
+
+@pytest.mark.parametrize('jump', [-2_000_000_000, 10**15])
+def test_a_clock_that_jumps_while_it_learns(rig, parameters, nominal, jump):
+    bench = Bench(rig, parameters, **{'monitor.learn': 3.0})
+    bench.play(nominal[:210])
+    bench.play(shifted(nominal[210:], jump))
+    assert bench.node.monitor.state.judged_ns > nominal[700].stamp_ns + jump
+
+
+@pytest.mark.parametrize('stamp', [0, (2**31 - 1) * 10**9, 36 * 10**9])
+def test_one_wrong_stamp_changes_nothing(rig, parameters, nominal, stamp):
+    bench = Bench(rig, parameters, **{'use_sim_time': False})
+    bench.play(shifted(nominal[:300], 5 * 10**9))
+    bench.play([dataclasses.replace(nominal[300], stamp_ns=stamp)])
+    bench.play(shifted(nominal[301:], 5 * 10**9))
+    assert bench.status('model').message == 'the model explains the data'
+    assert bench.node.monitor.state.judged_ns > 13 * 10**9
+    assert bench.node.health.count() >= 2  # gyro and joints
 
 
 def test_reset_on_request(rig, parameters, nominal):

@@ -55,6 +55,25 @@ def test_a_silent_sensor_is_not_waited_for():
     assert buffer.settled_ns() == 3 * PATIENCE_NS  # without a wall the stamps alone count
 
 
+def test_a_sensor_that_comes_back_late_is_waited_for_again():
+    buffer, step = SampleBuffer(NAMES, sensors=('joints', 'imu')), PATIENCE_NS // 100
+    taken = 0
+    for k in range(1000):
+        wall = k * step
+        add(buffer, 'joints', k * step)
+        if k < 100 or k >= 400:
+            lag = 30 if k >= 400 else 0  # it lags by more than what was used already
+            try:
+                add(buffer, 'imu', (k - lag) * step)
+                taken += 1
+            except MessageRejectedError:
+                pass
+        settled = buffer.settled_ns(wall)
+        if settled is not None and settled > 15 * step:
+            buffer.close(settled - 15 * step, 10 * step)
+    assert taken >= 100 + 600 - 30
+
+
 def test_late_and_duplicate_samples_are_refused():
     buffer = SampleBuffer(NAMES, lateness=50e-9, ahead=1e-6)
     add(buffer, 'joints', 100)

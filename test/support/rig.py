@@ -50,6 +50,17 @@ def file_parameters(path: Any) -> dict[str, Any]:
         return flatten(yaml.safe_load(stream)['/**']['ros__parameters'])
 
 
+class Wall:
+    """A steady clock that stands still until a test moves it, in place of a node's own."""
+
+    def __init__(self) -> None:
+        self.ms = 0
+
+    def now(self) -> Time:
+        """Time since the test began."""
+        return Time(nanoseconds=self.ms * 1_000_000, clock_type=ClockType.STEADY_TIME)
+
+
 class Rig:
     """One context, one executor, many nodes."""
 

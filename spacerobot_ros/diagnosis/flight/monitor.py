@@ -68,22 +68,31 @@ class Monitor:
     def reset(self) -> None:
         """Forget everything, as at the beginning of another run."""
         options = self._settings
-        sensors = SENSORS if self.robot.is_free else ('joints',)
-        self.samples = SampleBuffer(self.robot.joints, sensors=sensors)
         self._start: Start | None = None
         self._filter: FlightFilter | None = None
-        self._edge_ns: int | None = None
-        self._is_continued = False
+        self.begin_segment()
         self._estimate: Estimate | None = None
         self._is_told = False
-        window = options.whiteness_window
-        self._whiteness = Whiteness(self.probes, window, min(window, _SHORT_WINDOW))
         self._tests = SequentialTests(
             self.probes, options.false_alarm_interval, options.block, options.clear_after
         )
         self._momenta: deque[Momentum] = deque(maxlen=_SNAPSHOTS)
         self._trusted: Momentum | None = None
         self.state = MonitorState()
+
+    def begin_segment(self) -> None:
+        """Take what comes now as another part of the flight, whatever its stamps.
+
+        What was learned of noise, efforts and momentum is kept, and so is an alarm.
+        """
+        sensors = SENSORS if self.robot.is_free else ('joints',)
+        self.samples = SampleBuffer(self.robot.joints, sensors=sensors)
+        self._edge_ns: int | None = None
+        self._is_continued = False
+        window = self._settings.whiteness_window
+        self._whiteness = Whiteness(self.probes, window, min(window, _SHORT_WINDOW))
+        if self._filter is not None:
+            self._filter.restart()
 
     @property
     def threshold(self) -> float:
@@ -175,8 +184,10 @@ class Monitor:
             return False
         record = self._observe(first_ns, end_ns)
         if record is None or len(record.joint_time) < _FEWEST_TO_LEARN:
-            self._skip(end_ns, 'too few samples of the sensors to learn from')
-            return True
+            begun_ns = self.samples.streams['joints'].after(end_ns)
+            if begun_ns is not None:
+                self._skip(begun_ns, 'too few samples of the sensors to learn from')
+            return begun_ns is not None
         self._edge_ns = first_ns
         self._start = learn(record, self.robot, self._believed, self._momentum_std)
         self._begin(np.eye(self.robot.target_momentum.size) * self._momentum_std**2)

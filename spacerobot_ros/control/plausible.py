@@ -1,0 +1,164 @@
+"""Which motions and which estimates a controller accepts, from what the robot file says."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ..dynamics.blocks import BlockTree
+from ..errors import MessageRejectedError, ModelError
+from ..estimation.minimal import minimal_set
+from ..identification.estimate import Estimate
+from ..model.robot import Robot
+from ..model.settings import Settings
+from ..types import Array
+from .joint_reference import Blend, Waypoints
+
+FURTHEST = 6.0
+"""Standard deviations beyond which an estimate contradicts what is believed: noise goes there once
+in 5e8, and what the identifier was told to think possible (`identifier.momentum_prior_std`,
+`prior_std`) is a Gaussian of that width about the robot file's values."""
+
+_JOINING = 50  # times at which the way to a motion is looked at; a quintic has no narrower peaks
+
+
+class MotionLimits:
+    """The URDF's limits of joint positions and rates.
+
+    A joint whose URDF states no velocity limit may turn by half a turn between two samples of its
+    encoder, beyond which they no longer tell how often it turned.
+
+    Args:
+        robot: Whose URDF states them.
+        joint_rate: Samples of the joints a second [Hz].
+
+    Raises:
+        ModelError: a velocity limit that is no positive number.
+    """
+
+    def __init__(self, robot: Robot, joint_rate: float) -> None:
+        self.joints = robot.joints
+        self.lower, self.upper = robot.position_limits.T
+        stated = _velocity_limits(robot.urdf)
+        self.rate = np.array([stated.get(name, np.pi * joint_rate) for name in self.joints])
+
+    def check(self, q: Array, qd: Array) -> None:
+        """Refuse a motion of positions (T, n) [rad] and rates (T, n) [rad/s].
+
+        Raises:
+            MessageRejectedError: not finite, or beyond a limit, with joint, value and limit.
+        """
+        if not (np.isfinite(q).all() and np.isfinite(qd).all()):
+            raise MessageRejectedError('the motion is not finite')
+        ends = np.stack([q.min(axis=0), q.max(axis=0), np.abs(qd).max(axis=0)], axis=1)
+        limits = np.column_stack([self.lower, self.upper, self.rate])
+        for name, (low, high, fast), (lower, upper, rate) in zip(
+            self.joints, ends, limits, strict=True
+        ):
+            if low < lower or high > upper:
+                raise MessageRejectedError(
+                    f'{name} would move to {low if low < lower else high:.6g} rad, its range is '
+                    f'{lower:.6g} to {upper:.6g} rad'
+                )
+            if fast > rate:
+                raise MessageRejectedError(
+                    f'{name} would move at {fast:.6g} rad/s, its limit is {rate:.6g} rad/s'
+                )
+
+    def check_joined(self, reference: Waypoints, joined: Blend | None) -> None:
+        """Refuse a motion, or the way to it, beyond the limits; raises as `check`.
+
+        Args:
+            reference: The motion.
+            joined: The motion as it is joined from where the joints are; None: they are not known.
+        """
+        with np.errstate(all='ignore'):  # numbers near the largest there are
+            self.check(*reference.sampled())
+            if joined is not None:
+                times = joined.begins + np.linspace(0.0, joined.joining, _JOINING)
+                way = [joined.at(t) for t in times]
+                # where the joints are is not for the motion to answer
+                q = np.clip([s.q for s in way], self.lower, self.upper)
+                self.check(q, np.array([s.qd for s in way]))
+
+
+def _velocity_limits(urdf: str) -> dict[str, float]:
+    """Stated velocity limits by joint [rad/s]; zero states none."""
+    out = {}
+    for joint in ElementTree.fromstring(urdf).iter('joint') if urdf else ():
+        limit = joint.find('limit')
+        text = '0' if limit is None else limit.get('velocity', '0')
+        place = f'URDF: joint {joint.get("name")!r} velocity limit'
+        try:
+            value = float(text)
+        except ValueError as error:
+            raise ModelError(place, f'expected a number, got {text!r}') from error
+        if not 0.0 <= value < np.inf:
+            raise ModelError(place, f'expected a positive number, got {text!r}')
+        if value:
+            out[joint.get('name', '')] = value
+    return out
+
+
+class EstimateCheck:
+    """Refuses estimates that the robot file makes impossible, or that contradict earlier ones.
+
+    An estimate that contradicts the last one is believed once another one agrees with it.
+
+    Args:
+        robot: The robot as the model believes it to be.
+        settings: Section `identifier` is used.
+    """
+
+    def __init__(self, robot: Robot, settings: Settings) -> None:
+        options = settings.identifier
+        x = minimal_set(robot, options.structure).regrouping @ BlockTree(robot).parameters(robot)
+        self._believed = np.concatenate([robot.target_momentum, x])
+        self._std = np.concatenate(
+            [
+                np.full(len(robot.target_momentum), options.momentum_prior_std),
+                np.full(len(x), options.prior_std * np.max(np.abs(x), initial=0.0)),
+            ]
+        )
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget earlier estimates."""
+        self._last: Estimate | None = None
+        self._doubted: Estimate | None = None
+
+    def check(self, estimate: Estimate) -> None:
+        """Take a valid estimate that fits the robot.
+
+        Raises:
+            MessageRejectedError: it is not believed.
+        """
+        values = _values(estimate)
+        if len(values) == len(self._believed):  # otherwise names are refused, by name
+            far = np.abs(values - self._believed) / self._std
+            if far.max(initial=0.0) > FURTHEST:
+                k = int(np.argmax(far))
+                raise MessageRejectedError(
+                    f'estimate: {values[k]:.6g} is implausible, thought possible is '
+                    f'{self._believed[k]:.6g} +- {self._std[k]:.6g} (identifier.*prior_std)'
+                )
+        if self._last is not None and not _agree(estimate, self._last):
+            doubted, self._doubted = self._doubted, estimate
+            if doubted is None or not _agree(estimate, doubted):
+                raise MessageRejectedError(
+                    'estimate: contradicts the last one, waiting for one that agrees with it'
+                )
+        self._last, self._doubted = estimate, None
+
+
+def _values(estimate: Estimate) -> Array:
+    return np.concatenate([estimate.aam, estimate.parameters])
+
+
+def _agree(one: Estimate, other: Estimate) -> bool:
+    """Whether two estimates differ by no more than their standard deviations allow."""
+    if one.unknowns != other.unknowns:
+        return False
+    spread = np.hypot(one.std, other.std)
+    return bool(np.all(np.abs(_values(one) - _values(other)) <= FURTHEST * spread))

@@ -1,0 +1,113 @@
+"""Stamps that jump: one that is wrong is refused, a clock that jumped is followed.
+
+A stamp far from those before is held back. It is believed once /clock agrees with it, or
+once stamps that follow agree with it and with each other; a stamp of the old time refutes it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..errors import MessageRejectedError
+from .buffer import PATIENCE_NS
+from .record import shown
+
+_CONFIRMED = 4  # samples that agree; of independent wrong stamps no two agree within a second
+_LONGEST_LAG_NS = 10_000_000_000  # of a sensor that was not heard before; the largest `lateness`
+
+
+class Sample(NamedTuple):
+    """A sample of a sensor: stamp [ns] and content."""
+
+    sensor: str
+    stamp_ns: int
+    content: tuple[Any, ...]
+
+
+class Judgement(NamedTuple):
+    """What becomes of samples.
+
+    Attributes:
+        taken: Those to be used, in the order in which they came.
+        refused: Those not to be used.
+        jump_ns: By how much the clock jumped before those that are taken [ns]; None: it did not.
+    """
+
+    taken: tuple[Sample, ...] = ()
+    refused: tuple[Sample, ...] = ()
+    jump_ns: int | None = None
+
+
+class JumpDetector:
+    """Follows the stamps of several sensors that share a clock.
+
+    Args:
+        largest_ns: Stamps that jump by more are suspicious [ns].
+    """
+
+    def __init__(self, largest_ns: int) -> None:
+        self._largest_ns = largest_ns
+        self._newest: dict[str, int] = {}
+        self._held: list[Sample] = []
+
+    def clear(self) -> tuple[Sample, ...]:
+        """Begin anew, without any stamp; what was held back."""
+        held, self._newest, self._held = tuple(self._held), {}, []
+        return held
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Newest stamp that was believed [ns]; None before the first."""
+        return max(self._newest.values(), default=None)
+
+    def judge(self, sample: Sample, now_ns: int | None = None) -> Judgement:
+        """Take a sample.
+
+        Args:
+            sample: The sample.
+            now_ns: Time of /clock [ns]; None where there is none.
+        """
+        refused: tuple[Sample, ...] = ()
+        if self._follows(sample):
+            refused, self._held = tuple(self._held), []
+            self._believe(sample)
+            return Judgement((sample,), refused)
+        if any(h.sensor == sample.sensor and h.stamp_ns >= sample.stamp_ns for h in self._held):
+            return Judgement(refused=(sample,))  # stuck stamps agree with nothing
+        if self._held and abs(sample.stamp_ns - self._held[-1].stamp_ns) > PATIENCE_NS:
+            refused, self._held = tuple(self._held), []
+        self._held.append(sample)
+        return self.judge_held(now_ns)._replace(refused=refused)
+
+    def judge_held(self, now_ns: int | None) -> Judgement:
+        """Look again at what is held back, at another time of /clock [ns]."""
+        newest, held = self.newest_ns, self._held
+        if not held or newest is None:
+            return Judgement()
+        last, largest = held[-1].stamp_ns, self._largest_ns
+        is_now = now_ns is not None and abs(last - now_ns) <= largest < abs(newest - now_ns)
+        if not is_now and len(held) < _CONFIRMED:
+            return Judgement()
+        jump_ns, self._newest, self._held = held[0].stamp_ns - newest, {}, []
+        for sample in held:
+            self._believe(sample)
+        return Judgement(tuple(held), jump_ns=jump_ns)
+
+    def _follows(self, sample: Sample) -> bool:
+        """Whether a stamp is as one expects."""
+        newest = self.newest_ns
+        if newest is None:
+            return True
+        own = self._newest.get(sample.sensor)
+        back = newest - _LONGEST_LAG_NS if own is None else own - self._largest_ns
+        return back <= sample.stamp_ns <= newest + self._largest_ns
+
+    def _believe(self, sample: Sample) -> None:
+        newest = self._newest.get(sample.sensor, sample.stamp_ns)
+        self._newest[sample.sensor] = max(newest, sample.stamp_ns)
+
+
+def refusal(sample: Sample, newest_ns: int | None) -> MessageRejectedError:
+    """Why a sample was refused."""
+    jump = shown((sample.stamp_ns - (newest_ns or 0)) * 1e-9)
+    return MessageRejectedError(f'stamp jumps by {jump}, and none agrees with it; check the clock')
