@@ -170,6 +170,10 @@ class SensorNode(RobotNode):
         self._jumps.clear()
         self.restart(why)
 
+    def newest_ns(self) -> int | None:
+        """Newest stamp of a sensor that is believed [ns]; None before the first."""
+        return self._jumps.newest_ns
+
     def input_status(self) -> Status:
         """Which sensors arrive."""
         newest = max((sample[0] for sample in self.latest.values()), default=None)

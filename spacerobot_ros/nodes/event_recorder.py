@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,8 @@ class EventRecorder:
         folder: Where the bags go, one folder `alarm_<second>` an event.
         span: Seconds before and after the event.
         urdf: URDF text, recorded along.
+        newest: Gives the newest stamp that the node believes [ns]; messages far from it are left
+            out, for one of them would end the recording and hold all others in memory.
     """
 
     def __init__(
@@ -34,8 +37,10 @@ class EventRecorder:
         folder: Path,
         span: tuple[float, float],
         urdf: str,
+        newest: Callable[[], int | None],
     ) -> None:
         self._node, self._folder, self._urdf = node, folder, urdf
+        self._newest = newest
         self._before_ns, self._after_ns = (round(seconds * 1e9) for seconds in span)
         self._kept: deque[tuple[str, str, int, bytes]] = deque()
         self._newest_ns = 0
@@ -52,7 +57,7 @@ class EventRecorder:
         try:
             self._bag = self._stack.enter_context(BagWriter(path))
             self._until_ns = stamp_ns + self._after_ns
-            first_ns = stamp_ns - self._before_ns
+            first_ns = max(0, stamp_ns - self._before_ns)  # a bag knows no time before zero
             if self._urdf:
                 self._bag.text('/robot_description', first_ns, self._urdf)
             for topic, kind, stamp, cdr in self._kept:
@@ -78,6 +83,9 @@ class EventRecorder:
         self._newest_ns = 0
 
     def _take(self, topic: str, kind: str, stamp_ns: int, cdr: bytes) -> None:
+        believed = self._newest()
+        if believed is None or abs(stamp_ns - believed) > _LATENESS_NS:
+            return
         self._newest_ns = max(self._newest_ns, stamp_ns)
         self._kept.append((topic, kind, stamp_ns, cdr))
         while self._kept[0][2] < self._newest_ns - self._before_ns - _LATENESS_NS:

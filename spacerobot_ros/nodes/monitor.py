@@ -80,7 +80,7 @@ class MonitorNode(SensorNode):
         if settings.monitor.record_folder:
             folder = Path(settings.monitor.record_folder)
             span = (settings.monitor.pre_trigger, settings.monitor.post_trigger)
-            self.recorder = EventRecorder(self, kept, folder, span, robot.urdf)
+            self.recorder = EventRecorder(self, kept, folder, span, robot.urdf, self.newest_ns)
         self.follow(robot, sensors, SAMPLES, efforts=True)
         channels = [partial(self._channel_status, k) for k in range(len(self.monitor.probes))]
         self.health.watch(self.input_status, self._model_status, *channels)

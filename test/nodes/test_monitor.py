@@ -112,6 +112,23 @@ def test_raises_at_once_and_records_around_it(rig, parameters, nominal, tmp_path
     assert abs(end - (raised + 1000 * MS)) <= 110 * MS
 
 
+def test_stopped_just_after_an_alarm_it_leaves_the_bag(rig, parameters, nominal, tmp_path):
+    # the alarm comes sooner after zero than what is recorded before it
+    change = in_flight('gyro_bias', 2e-4, Flight()).changed
+    bench = Bench(rig, parameters, **{'monitor.record_folder': str(tmp_path / 'events')})
+    bench.joint((2**31 - 1) * 10**9)  # a stamp that no other agrees with ends no recording
+    bench.play([change(s) if s.stamp_ns >= 6000 * MS else s for s in nominal[:820]])
+    raised = bench.node.monitor.state.raised_ns
+    assert raised is not None
+    rig.executor.remove_node(bench.node)
+    rig.nodes.remove(bench.node)
+    bench.node.destroy_node()
+    (folder,) = (tmp_path / 'events').iterdir()
+    start, end = read_bag(folder, bench.node.monitor.robot).span_ns
+    assert start <= 100 * MS
+    assert end >= raised
+
+
 def test_without_a_folder_nothing_is_recorded(rig, parameters):
     assert Bench(rig, parameters).node.recorder is None
 
