@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -38,6 +39,7 @@ from ..types import Array
 from .estimate import Estimate, estimated_values
 from .maximum_likelihood import Known, MaximumLikelihood, prepare
 from .outliers import Outliers, without_outliers
+from .saved_knowledge import load, save
 from .summary import Identification, Source, conclude
 from .validity_limits import FIRST, MOVED
 
@@ -92,6 +94,31 @@ class OnlineIdentifier:
         self.samples = SampleBuffer(self._joints, self._lag, LONGEST_GAP)
         known = self._likelihood.known
         self._begin(-np.inf, None if known is None else known.of_robot())
+
+    def save(self, path: Path, now_ns: int) -> bool:
+        """Save what is known at a wall time [ns]; False where nothing valid is known yet.
+
+        Raises:
+            ConfigurationError: it can not be written.
+        """
+        known, last = self._likelihood.known, self._last
+        if known is None or last is None or not last.estimate.valid:
+            return False
+        save(path, self._model, known, last.estimate, now_ns)
+        return True
+
+    def load(self, path: Path, now_ns: int) -> None:
+        """Begin another segment with what a file knows at a wall time [ns].
+
+        Raises:
+            RecordingError: it can not be used; nothing has changed.
+        """
+        saved = load(path, self._model, now_ns)
+        self.reset()
+        self._begin(-np.inf, saved.known)
+        self._last = Identification(saved.estimate)
+        self._source = Source(saved.estimate.samples, saved.estimate.stamp_ns)
+        self._earlier = self._source
 
     def _begin(self, start: float, known: Known | None) -> None:
         """Begin another segment after a time [s], knowing of the robot what is known."""

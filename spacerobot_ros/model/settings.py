@@ -301,6 +301,8 @@ class IdentifierSettings:
         lateness: How far a sample may come behind newer joint and gyro samples; the node keeps
             back the newest data for as long (0.5 s at least).
         buffer: Length of the raw-sample buffer used to re-linearize.
+        save_file: File to which each valid estimate is saved, and from which the next start goes
+            on; empty: none.
     """
 
     structure: str = param('symmetric', choices=('symmetric', 'generic'))
@@ -313,6 +315,7 @@ class IdentifierSettings:
     valid_std: float = param(0.05, above=0.0)
     lateness: float = param(0.5, 's', minimum=0.0, maximum=10.0)
     buffer: float = param(120.0, 's', above=0.0)
+    save_file: str = param('')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

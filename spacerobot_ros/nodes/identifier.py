@@ -6,19 +6,23 @@ See docs/nodes/identifier.md.
 from __future__ import annotations
 
 import sys
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import Vector3Stamped
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..effects.catalogue import bind_effects, changed_robot
-from ..errors import IdentificationError
+from ..errors import IdentificationError, SpaceRobotError
 from ..estimation.time_base import LONGEST_GAP
 from ..identification.estimate import Estimate
 from ..identification.online import OnlineIdentifier
 from ..model.robot import Robot
 from ..recording.buffer import SENSORS
 from ..ros import convert
+from ..ros.convert import compose
 from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import run_node
@@ -40,8 +44,13 @@ class IdentifierNode(SensorNode):
         self.estimate: Estimate | None = None
         self._period_ns = round(self.settings.identifier.solve_period * 1e9)
         self._publisher = self.create_publisher(EstimateMessage, '/estimate', LATCHED)
+        self._momenta = self.create_publisher(Vector3Stamped, '/momentum', LATCHED)
         self.offer('~/reset', self._on_reset)
         self.offer('~/solve', self._on_solve)
+        self.offer('~/save', self._on_save)
+        self.offer('~/load', self._on_load)
+        path = self.settings.identifier.save_file
+        self._file = Path(path) if path else None
         self._next_ns: int | None = None
         self._clear()
         self.find_robot()
@@ -80,6 +89,8 @@ class IdentifierNode(SensorNode):
         self._failure = ''
         self._solve_ms = (self.steady.now().nanoseconds - started) * 1e-6
         self._publish(estimate)
+        if self._file is not None and estimate.valid:
+            self._on_save()
         return estimate
 
     def on_robot(self, robot: Robot) -> None:
@@ -89,6 +100,8 @@ class IdentifierNode(SensorNode):
         self.identifier = OnlineIdentifier(changed_robot(robot, effects), self.settings.identifier)
         self.is_open = True
         self.follow(robot, SENSORS, SAMPLES)
+        if self._file is not None and any(self._file.parent.glob(f'{self._file.name}*')):
+            self.get_logger().info(self._on_load()[1])
         self.health.watch(self.input_status, self._estimate_status)
 
     def take(self, sensor: str, stamp_ns: int, *content: Any) -> None:
@@ -132,10 +145,34 @@ class IdentifierNode(SensorNode):
     def _publish(self, estimate: Estimate) -> None:
         self.estimate = estimate
         self._publisher.publish(convert.estimate_message(estimate, self.health.count()))
+        if estimate.valid:
+            for link, h in zip(estimate.aam_links, estimate.aam.reshape(-1, 3), strict=True):
+                self._momenta.publish(compose.momentum(estimate.stamp_ns, link, h))
 
     def _on_reset(self) -> tuple[bool, str]:
         self.reset('as asked for')
         return True, 'all samples forgotten'
+
+    def _on_save(self) -> tuple[bool, str]:
+        if self._file is None or not self.is_open:
+            return False, 'identifier.save_file names no file, or there is no robot yet'
+        try:
+            is_saved = self.identifier.save(self._file, time.time_ns())
+        except SpaceRobotError as error:
+            self.get_logger().error(f'not saved: {error}', throttle_duration_sec=5.0)
+            return False, str(error)
+        return is_saved, f'saved to {self._file}' if is_saved else 'nothing valid is known yet'
+
+    def _on_load(self) -> tuple[bool, str]:
+        if self._file is None or not self.is_open:
+            return False, 'identifier.save_file names no file, or there is no robot yet'
+        try:
+            self.identifier.load(self._file, time.time_ns())
+        except SpaceRobotError as error:
+            return False, f'not loaded: {error}'
+        self._clear()
+        self._publish(self.identifier.solve())
+        return True, f'goes on with what {self._file} knows'
 
     def _on_solve(self) -> tuple[bool, str]:
         estimate = self.solve()

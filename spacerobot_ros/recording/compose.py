@@ -91,6 +91,10 @@ class Composer:
         wrench = self.make('geometry_msgs/msg/Wrench', force=force, torque=self.vector(torque))
         return self.stamped('geometry_msgs/msg/WrenchStamped', ns, base_link, wrench=wrench)
 
+    def momentum(self, ns: int, link: str, h: Vector3) -> Any:
+        """A Vector3Stamped of a link's wheel momentum [N m s], in its frame."""
+        return self.stamped('geometry_msgs/msg/Vector3Stamped', ns, link, vector=self.vector(h))
+
     def ledger(self, ns: int, ledger: MomentumLedger) -> Any:
         """A Ledger: the simulated machine's momentum and energy book."""
         return self.stamped(

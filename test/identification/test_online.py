@@ -21,6 +21,7 @@ from spacerobot_ros.errors import (
     ConfigurationError,
     IdentificationError,
     MessageRejectedError,
+    RecordingError,
 )
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.identification.online import OnlineIdentifier
@@ -608,6 +609,50 @@ def test_another_segment_keeps_what_is_known_of_the_robot():
     alone = feed(identifier(), part)[-1]
     assert np.all(estimates[-1].std[:3] < 0.9 * np.minimum(known.std[:3], alone.std[:3]))
     assert estimates[-1].samples > 1500
+
+
+def test_what_was_saved_is_known_again(tmp_path):
+    run, path = simulate('zyx', 20.0), tmp_path / 'known.json'
+    data, online = measure(run, 7), identifier()
+    assert not online.save(path, 0)
+    known = feed(online, data.between(-1.0, 10.0))[-1]
+    assert online.save(path, 0)
+    soon, later = identifier(), identifier()
+    soon.load(path, 0)
+    later.load(path, 100 * 10**9)
+    assert_never_confidently_wrong([soon.solve(), later.solve()], run)
+    assert np.all(later.solve().std[:3] > 2.0)  # wheels may run down in 1/0.003 s
+    np.testing.assert_allclose(soon.solve().std[3:], known.std[3:], rtol=0.3)
+    part = data.between(10.0, 20.0)
+    estimates, alone = feed(soon, part), feed(identifier(), part)[-1]
+    assert all(e.valid for e in estimates)
+    assert_never_confidently_wrong(estimates, run)
+    assert np.all(estimates[-1].std[:3] < 0.9 * alone.std[:3])
+
+
+def test_a_torn_file_is_refused_and_the_one_before_used(tmp_path):
+    data, online, path = measure(simulate('zyx', 12.0), 7), identifier(), tmp_path / 'known.json'
+    feed(online, data.between(-1.0, 9.0))
+    online.save(path, 0)
+    first = identifier()
+    first.load(path, 0)
+    feed(online, data.between(9.0, 12.0))
+    online.save(path, 0)
+    whole = path.read_bytes()
+    other = identifier(structure='generic')
+    with pytest.raises(RecordingError, match='of another robot'):
+        other.load(path, 0)
+    for k in range(0, len(whole), len(whole) // 17):
+        flipped = bytearray(whole)
+        flipped[k] ^= 1
+        for torn in (whole[:k], bytes(flipped)):
+            path.write_bytes(torn)
+            again = identifier()
+            again.load(path, 0)
+            same(again.solve(), first.solve())
+    (tmp_path / 'known.json.before').unlink()
+    with pytest.raises(RecordingError, match=r'known.json: (is damaged|its check sum)'):
+        identifier().load(path, 0)
 
 
 def test_what_waits_for_a_sensor_is_bounded():

@@ -4,6 +4,7 @@ import hashlib
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Vector3Stamped
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Tracking
 from support.rig import Rig
@@ -79,6 +80,26 @@ def test_estimates_become_valid_and_the_controller_uses_them(servicer):
     assert estimates[-1].valid
     np.testing.assert_allclose(estimates[-1].aam, [42.0, 49.0, 41.0], rtol=0.01)
     assert rejected == [0, 0, 0]
+
+
+def test_momentum_reads_well_and_survives_a_jump_of_the_clock(servicer):
+    rig = Rig()
+    try:
+        ears = rig.plain()
+        momenta = rig.listen(ears, Vector3Stamped, '/momentum', LATCHED)
+        sim = rig.add(SimulatorNode, servicer)
+        rig.add(ControllerNode, servicer)
+        identifier = rig.add(IdentifierNode, servicer)
+        rig.until(lambda: sim.step_index >= 1500 and momenta)
+        sim.reset()
+        rig.until(lambda: 300 <= sim.step_index < 1500)
+        h = momenta[-1].vector
+        assert momenta[-1].header.frame_id == 'link_3'
+        np.testing.assert_allclose([h.x, h.y, h.z], [42.0, 49.0, 41.0], rtol=0.01)
+        assert identifier.estimate.valid
+        assert identifier.estimate.aam.tolist() == [h.x, h.y, h.z]
+    finally:
+        rig.close()
 
 
 def test_reset_of_the_simulator_restarts_all(servicer):
