@@ -5,6 +5,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 ENTER := source ./env.sh &&
 export PYTHON
+unexport PYTHONDONTWRITEBYTECODE # else every start compiles what was edited since the set-up
 
 .PHONY: help setup demo test lint fmt check bench build msgs lock clean
 

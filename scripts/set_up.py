@@ -34,6 +34,8 @@ PATH_LIKE = (
     'PATH', 'PYTHONPATH', 'LD_LIBRARY_PATH', 'AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH',
     'COLCON_PREFIX_PATH', 'PKG_CONFIG_PATH',
 )  # fmt: skip
+# what would hide the virtual environment, or leave its modules to be compiled at every start
+PYTHON_LIKE = ('PYTHONHOME', 'VIRTUAL_ENV', 'PYTHONDONTWRITEBYTECODE', 'PYTHONPYCACHEPREFIX')
 HINTS = (  # what a log says -> what to tell
     ('No space left on device', 'the disk is full'),
     ('DO NOT MATCH THE HASHES', 'a downloaded package does not match its locked hash'),
@@ -181,8 +183,17 @@ def is_build_current(work: Workspace) -> bool:
 # ------------------------------------------------------------------------------------------ tools
 
 
-def run(work: Workspace, log: str, command: list[str], env: dict[str, str], lock: int) -> bool:
+def run(
+    work: Workspace,
+    log: str,
+    command: list[str],
+    env: dict[str, str],
+    lock: int,
+    is_shown: bool = False,
+) -> bool:
     """Run a command with its output appended to log/setup/<log>; return whether it succeeded.
+
+    What it writes to its standard output goes to a terminal instead, where it shall be shown.
 
     The command inherits the lock: when only this process is killed, the next set-up waits for it.
     """
@@ -192,7 +203,7 @@ def run(work: Workspace, log: str, command: list[str], env: dict[str, str], lock
         sink.write(f'$ {" ".join(command)}\n')
         sink.flush()
         done = subprocess.run(
-            command, cwd=work.root, env=env, stdout=sink, stderr=sink,
+            command, cwd=work.root, env=env, stdout=None if is_shown else sink, stderr=sink,
             stdin=subprocess.DEVNULL, pass_fds=(lock,), check=False,
         )  # fmt: skip
     return done.returncode == 0
@@ -212,12 +223,12 @@ def failure(work: Workspace, log: str, what: str, otherwise: str) -> SetupError:
 
 
 def tool_environment(work: Workspace) -> dict[str, str]:
-    """Return the caller's environment without this workspace, make's variables and colcon's.
+    """Return the caller's environment without this workspace, make's, Python's and colcon's.
 
     A sourced ROS 2 stays; with wheels, other ROS 2 and Python paths go.
     """
     env = dict(work.environ)
-    for name in ('MAKEFLAGS', 'MFLAGS', 'MAKELEVEL', 'PYTHONHOME', 'VIRTUAL_ENV'):
+    for name in ('MAKEFLAGS', 'MFLAGS', 'MAKELEVEL', *PYTHON_LIKE):
         env.pop(name, None)
     inside = os.path.join(os.path.realpath(work.root), '')
     for name in PATH_LIKE:
@@ -356,10 +367,11 @@ def build(work: Workspace, lock: int) -> None:
 
 
 def compile_kernels(work: Workspace, lock: int) -> None:
-    """Let numba compile and keep what it would at the first use; that still works without."""
+    """Let Python and numba compile what they would at the first use; that works without, too."""
     remove(log_path(work, 'kernels.log'))
     enter = 'source ./env.sh && exec python -m spacerobot_ros.campaign.warm_up'
-    if not run(work, 'kernels.log', ['bash', '-c', enter], tool_environment(work), lock):
+    command = ['bash', '-c', enter]
+    if not run(work, 'kernels.log', command, tool_environment(work), lock, is_shown=True):
         say(f'not done, so the first commands take longer: {log_path(work, "kernels.log")}')
 
 
@@ -405,7 +417,7 @@ def set_up(work: Workspace, rebuild: bool = False) -> None:
             require_build_tools(work.environ)
             say('building messages and package with colcon (10 to 30 s)')
             build(work, lock)
-            say('compiling the numerical kernels, once (about a minute)')
+            say('compiling modules and numerical kernels, once (about a minute)')
             compile_kernels(work, lock)
             say(f'done in {time.monotonic() - start:.0f} s')
 

@@ -96,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
 
     started, campaign = time.monotonic(), EXPERIMENTS[args.experiment]
     folder = check_folder(args.out)  # before the work is done, not after
+    folder.mkdir(parents=True, exist_ok=True)
     if args.campaign and campaign is not WHEEL_MOMENTUM:
         raise ConfigurationError('--campaign coverage', 'belongs to wheel-momentum')
     campaign = COVERAGE if args.campaign else campaign

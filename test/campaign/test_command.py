@@ -101,6 +101,10 @@ def test_an_interrupted_run_keeps_the_results_before(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
+    folder = tmp_path / 'new' / 'out'
+    monkeypatch.setattr(wheel_experiments, 'trials', lambda *_: [])
+    main([*COMMAND, str(folder)])
+    assert (folder / 'results.json').is_file()
     (tmp_path / 'results.json').write_text('old')
     monkeypatch.setattr(wheel_experiments, 'trials', interrupted)
     assert main([*COMMAND, str(tmp_path)]) == 130

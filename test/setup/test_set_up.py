@@ -150,11 +150,13 @@ def test_tools_do_not_see_this_workspace_nor_make(work):
         'AMENT_PREFIX_PATH': f'{inside}:{outside}',
         'MAKEFLAGS': 'j',
         'PYTHONPATH': outside,
+        'PYTHONDONTWRITEBYTECODE': '1',
     }
     env = set_up.tool_environment(Workspace(work.root, environ=environ))
     assert env['AMENT_PREFIX_PATH'] == env['CMAKE_PREFIX_PATH'] == str(work.venv)
     assert env['PATH'] == f'{work.venv}/bin:/usr/bin'
     assert 'MAKEFLAGS' not in env
+    assert 'PYTHONDONTWRITEBYTECODE' not in env  # what the set-up imports stays compiled
     assert 'PYTHONPATH' not in env
     sourced = set_up.tool_environment(Workspace(work.root, (outside,), environ))
     assert sourced['AMENT_PREFIX_PATH'] == sourced['CMAKE_PREFIX_PATH'] == outside
@@ -202,3 +204,13 @@ def test_lock_keeps_others_out_and_outlives_a_killed_parent(work):
     child.communicate(b'\n')
     fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
     os.close(other)
+
+
+def test_what_is_shown_does_not_go_to_the_log(work, capfd):
+    said = [sys.executable, '-c', 'import sys; print("shown"); sys.stderr.write("kept")']
+    with set_up.only_one(work.root) as lock:
+        assert set_up.run(work, 'a.log', said, work.environ, lock, is_shown=True)
+        assert set_up.run(work, 'b.log', said, work.environ, lock)
+    assert capfd.readouterr().out == 'shown\n'
+    assert set_up.log_path(work, 'a.log').read_text(encoding='utf-8').endswith('kept')
+    assert 'shown' in set_up.log_path(work, 'b.log').read_text(encoding='utf-8')
