@@ -161,6 +161,8 @@ def _scatter(found: ArmFound, i: int) -> tuple[float, float]:
     free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
     deviations = posterior.precision**-0.5
     for part in found.selection.parts(i):
+        if not part.rows:
+            continue
         left = _less(part, posterior.mean)
         alone = Posterior.of(left, deviations).group(own)
         judged = score(alone, deviations[own], free, None)

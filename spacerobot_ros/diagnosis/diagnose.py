@@ -67,7 +67,8 @@ def diagnose(
     noise, notes = noise_levels(robot.sensors, measured[0])
     if _is_of_unknown_noise(measured[0], robot):
         found = find_arm_causes(measured, robot, believed, kinds, report)
-        if not (_is_like_noise(found, noise) and _may_fit(found, noise, kinds)):
+        is_predictable = not _lacks_efforts(measured[0]) and _is_like_noise(found, noise)
+        if not (is_predictable and _may_fit(found, noise, kinds)):
             return conclude_arm(found, (*notes, _BALANCED))
     report('finding how efforts act', 0.02)
     timing = first_timing(measured[0], robot, believed, noise, kinds)
@@ -76,9 +77,13 @@ def diagnose(
 
 
 def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:
-    """Whether torques are measured on a fixed base, and nobody says how well."""
-    stated = robot.sensors.joint_effort_std is not None
+    """Whether torques are measured on a fixed base, and nobody says how well, or not of all."""
+    stated = robot.sensors.joint_effort_std is not None and not _lacks_efforts(record)
     return not (robot.is_free or stated or record.effort is None)
+
+
+def _lacks_efforts(record: Record) -> bool:
+    return record.joints is not None and bool(record.joints.without_effort)
 
 
 def _is_like_noise(found: ArmFound, noise: NoiseLevels) -> bool:

@@ -11,6 +11,7 @@ are filtered before they are logged: by what is left then, `leftover` tells.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +20,7 @@ from ..dynamics.equations import Dynamics
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
+from ..recording.faults.dynamics import COMPENSATED
 from ..recording.record import Record
 from ..sensing.correction import corrected_record
 from ..types import Array
@@ -38,12 +40,15 @@ class Balance:
     Args:
         arm: The recording, its sensors as the model believes them.
         process: The model.
+        compensation: (N, n) what measured efforts lack of the motors' torques [N m].
     """
 
-    def __init__(self, arm: ArmMotion, process: TorqueDriven) -> None:
+    def __init__(
+        self, arm: ArmMotion, process: TorqueDriven, compensation: Array | float = 0.0
+    ) -> None:
         self.robot = process.robot
         self.arm, self._process = arm, process
-        given = process.motion(arm.kinematics, arm.effort)
+        given = process.motion(arm.kinematics, arm.effort + compensation)
         self.missed = -process.force_error(given)[:, 6:]
         # A faulty gain scales, and friction that goes with the load follows, what the model needs:
         # of what is measured, a gain of zero and no masses would explain everything.
@@ -136,7 +141,22 @@ def balance_of(record: Record, robot: Robot, effects: Sequence[Effect]) -> Balan
         effects: Believed effects.
     """
     process = TorqueDriven(robot, effects)
-    return Balance(ArmMotion(corrected_record(record, process.robot, effects)), process)
+    arm = ArmMotion(corrected_record(record, process.robot, effects))
+    return Balance(arm, process, _compensation(arm, robot))
+
+
+def _compensation(arm: ArmMotion, robot: Robot) -> Array | float:
+    """(N, n) torques against gravity that efforts leave out, by the robot file as it stands.
+
+    A controller that takes them off knows no more than the file: a payload shows.
+    """
+    lacking = np.array([kind == COMPENSATED for kind in robot.effort_kinds])
+    if not lacking.any():
+        return 0.0
+    at = arm.kinematics
+    still = replace(at, qd=np.zeros_like(at.qd), qdd=np.zeros_like(at.qd))
+    process = TorqueDriven(robot)
+    return np.asarray(process.needed(process.motion(still, arm.effort))[:, 6:] * lacking)
 
 
 def noise_in_band(balance: Balance, noise: NoiseLevels) -> Array:

@@ -70,10 +70,6 @@ def _absent(record: Record, robot: Robot) -> Iterator[DataFault]:
     if not robot.is_free and joints.effort is None:
         message = 'no efforts: without torques a fixed base tells nothing of its arm'
         yield DataFault('absent', place, message)
-    elif not robot.is_free:
-        for name in joints.without_effort:
-            message = 'has no effort: an arm is diagnosed from the torques of all its joints'
-            yield DataFault('absent', f'joint_torque/{name}', message)
 
 
 def _dead_joints(joints: JointSeries | None) -> Iterator[DataFault]:

@@ -144,7 +144,10 @@ class _Torques:
         if self.robot.gravity.any() and (lacking.any() or slip.gravity):
             rest = np.zeros_like(position)
             weight = joint_torques(self.robot, position, rest, rest, np.zeros_like(self.omega))
-            measured = measured + (lacking ^ slip.gravity) * weight
+            # Off the model where the file says so: beside a weight that is added to them, efforts
+            # of any scale would look right.
+            model = model - (lacking & (not slip.gravity)) * weight
+            measured = measured + (~lacking & slip.gravity) * weight
         return np.array(
             [_shares(*columns) for columns in zip(model.T, measured.T, rate.T, strict=True)]
         ).T
