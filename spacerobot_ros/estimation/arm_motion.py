@@ -29,6 +29,7 @@ _GAP = 4.0  # sample intervals without a sample
 _REST_SHARE = 0.01  # of a joint's, and of the fastest joint's, 95 % rate
 _REST_RATE = 3e-3  # rad/s
 _REST_TIME = 0.2  # s
+_FEWEST_MOVING = 0.05  # of a record: a joint that moves less was only touched
 _REST_MARGIN = 0.35  # periods of the band, which the filter spreads an end of rest over
 
 
@@ -109,7 +110,8 @@ class ArmMotion:
         resting = binary_opening(speed < slow, np.ones((max(1, round(_REST_TIME / self.step)), 1)))
         margin = round(_REST_MARGIN / self.band / self.step)
         is_measured = ~np.isnan(self.record.effort[0]) if self.record.effort is not None else False
-        return np.asarray(~_widened(resting, margin) & self.is_known[:, None] & is_measured)
+        moving = ~_widened(resting, margin) & self.is_known[:, None] & is_measured
+        return np.asarray(moving & (np.mean(moving, axis=0) > _FEWEST_MOVING))
 
     def in_band(self, values: Array) -> Array:
         """(N, ...) values without what is faster than the band."""
