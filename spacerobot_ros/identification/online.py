@@ -83,6 +83,7 @@ class OnlineIdentifier:
         self.rejected = 0
         self._likelihood = MaximumLikelihood(self._model, self._settings)
         self._last: Identification | None = None
+        self._is_news = False  # whether it was learned since the last one was saved
         self._earlier = Source(0, 0)  # of segments before this one
         self._left_out_earlier: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
@@ -96,15 +97,18 @@ class OnlineIdentifier:
         self._begin(-np.inf, None if known is None else known.of_robot())
 
     def save(self, path: Path, now_ns: int) -> bool:
-        """Save what is known at a wall time [ns]; False where nothing valid is known yet.
+        """Save what is known at a wall time [ns]; False where nothing valid is new.
+
+        What was known before, saved again, would pass for younger than it is.
 
         Raises:
             ConfigurationError: it can not be written.
         """
         known, last = self._likelihood.known, self._last
-        if known is None or last is None or not last.estimate.valid:
+        if known is None or last is None or not (self._is_news and last.estimate.valid):
             return False
         save(path, self._model, known, last.estimate, now_ns)
+        self._is_news = False
         return True
 
     def load(self, path: Path, now_ns: int) -> None:
@@ -270,6 +274,7 @@ class OnlineIdentifier:
         source = replace(self._source, stamp_ns=stamp_ns)
         start = None if self._last is None else self._last.coordinates
         found = conclude(self._model, self._settings, solution, source, start)
+        self._is_news = True
         self._last = found if found.coordinates is not None else replace(found, coordinates=start)
         return found.estimate
 

@@ -161,7 +161,10 @@ class IdentifierNode(SensorNode):
         except SpaceRobotError as error:
             self.get_logger().error(f'not saved: {error}', throttle_duration_sec=5.0)
             return False, str(error)
-        return is_saved, f'saved to {self._file}' if is_saved else 'nothing valid is known yet'
+        return (
+            is_saved,
+            f'saved to {self._file}' if is_saved else 'nothing new is known that is valid',
+        )
 
     def _on_load(self) -> tuple[bool, str]:
         if self._file is None or not self.is_open:

@@ -519,7 +519,8 @@ def test_samples_that_contradict_the_others_are_left_out(spoil):
     assert estimates[-1].valid
     assert sum(online.left_out.values()) >= 1
     clean = feed(identifier(), data)[-1]
-    # at most 30 of 1600 samples are lost; a pause of 0.9 s begins another segment, as biased anew
+    # at most 30 of 1600 samples are lost; a pause of 0.9 s begins another segment, whose gyro bias
+    # and first four seconds are its own
     is_long = online.left_out['joints'] > 50
     assert np.max(estimates[-1].std / clean.std) < (3.0 if is_long else 1.2)
 

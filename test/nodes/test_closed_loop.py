@@ -102,6 +102,27 @@ def test_momentum_reads_well_and_survives_a_jump_of_the_clock(servicer):
         rig.close()
 
 
+def test_an_identifier_started_again_goes_on_from_its_file(servicer, tmp_path):
+    file = {'identifier.save_file': str(tmp_path / 'known.json')}
+    assert run(servicer, 1400, **file)[2][-1].valid
+    rig = Rig()
+    try:
+        estimates = rig.listen(rig.plain(), EstimateMessage, '/estimate', LATCHED)
+        node = rig.add(IdentifierNode, servicer, **file)
+        rig.until(lambda: estimates)  # without a sample
+        assert estimates[-1].valid
+        np.testing.assert_allclose(estimates[-1].aam, [42.0, 49.0, 41.0], rtol=0.05)
+        assert node._on_save() == (False, 'nothing new is known that is valid')
+        for path in tmp_path.iterdir():
+            path.write_text('{}', encoding='utf-8')
+        done, why = node._on_load()
+        assert not done
+        assert 'known.json: is damaged' in why
+        assert node.estimate.valid
+    finally:
+        rig.close()
+
+
 def test_reset_of_the_simulator_restarts_all(servicer):
     rig = Rig()
     try:
