@@ -7,15 +7,14 @@ part is refused, and so is a clock that does not go forward.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ..errors import MessageRejectedError, RecordingError
+from ..errors import RecordingError
 from ..model.robot import Robot
 from ..types import Array, IntArray
 from .effort_kinds import check_kinds
@@ -28,7 +27,7 @@ from .mapping import (
     JointColumns,
     MappedColumns,
 )
-from .messages import NORM_LIMIT, joint_order
+from .messages import NORM_LIMIT
 from .record import (
     UNIT_TOLERANCE,
     AttitudeSeries,
@@ -38,6 +37,7 @@ from .record import (
     shown,
     to_stamps,
 )
+from .robot_order import order_of
 from .table import FORMATS, SampleTable, kind_of, read_table
 from .units import (
     ANGLE,
@@ -90,33 +90,6 @@ def read_mapped(
     )
 
 
-def in_robot_order(record: Record, robot: Robot) -> Record:
-    """The record with its joints in the robot's order.
-
-    Raises:
-        RecordingError: its joints are not the robot's.
-    """
-    joints, arm = record.joints, robot.arm
-    if joints is None or joints.names == arm:
-        return record
-    order = _order(joints.names, arm, f'{record.source}: joints')
-    columns: dict[str, Any] = {
-        name: None if values is None else values[:, order]
-        for name, values in (
-            ('position', joints.position), ('velocity', joints.velocity), ('effort', joints.effort)
-        )
-    }  # fmt: skip
-    return replace(record, joints=replace(joints, names=arm, **columns))
-
-
-def _order(names: Sequence[str], wanted: tuple[str, ...], place: str) -> list[int]:
-    try:
-        return joint_order(names, wanted)
-    except MessageRejectedError as error:
-        reason = str(error).removeprefix('joint names: ')
-        raise RecordingError(place, f'{reason} (the robot has {", ".join(wanted)})') from error
-
-
 def _derived(table: SampleTable, mapping: ColumnMapping) -> SampleTable:
     """The table with its rows selected, its integers signed and its derived columns added."""
     for name, wanted in mapping.select:
@@ -147,7 +120,7 @@ class _Reader:
         order = list(range(len(names)))
         if robot is not None:
             arm = robot.arm
-            order = _order(names, arm, f'{section.place}.names')
+            order = order_of(names, arm, f'{section.place}.names')
             slides = np.array([robot.bodies[1 + arm.index(n)].is_prismatic for n in names])
         parts: dict[str, Array] = {}
         for key, turning, sliding in _JOINT_UNITS:

@@ -16,10 +16,11 @@ from .bag import Topics, read_bag
 from .faults.kinematics import unlike_positions
 from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
 from .gaps import split_at_gaps, with_gaps_noted
-from .mapped_table import in_robot_order, read_mapped
+from .mapped_table import read_mapped
 from .mapping import load_mapping
 from .npz import load_npz
 from .record import Record
+from .robot_order import in_robot_order
 from .table import FORMATS, kind_of
 
 
