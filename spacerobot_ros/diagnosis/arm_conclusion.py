@@ -26,7 +26,6 @@ from .answer.result import (
     Residual,
     Rival,
 )
-from .arm_evidence import held_out_misfit
 from .arms import ArmFound, rms
 from .friction_law import friction_laws
 from .limits import EQUIVALENT, UNEXPLAINED
@@ -90,11 +89,11 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
 def _cause(found: ArmFound, k: int) -> Cause:
     """A cause with what speaks for it beside all others."""
     fit, i = found.fit, found.fit.chosen[k]
-    applied, own = found.named[k], found.fit.rows.places[i]
+    applied = found.named[k]
     thresholds = applied.parameters_at(found.robot, applied.where)
     scatter, dof = _scatter(found, i)
     birge = math.sqrt(max(1.0, scatter / dof, _usual_scatter(found)))
-    spread = birge * np.sqrt(np.diag(fit.posterior.covariance)[own])
+    spread = birge * fit.spread(i)
     stds = _in_values(found, i, spread)
     return Cause(
         applied=applied,
@@ -226,7 +225,7 @@ def _gain(found: ArmFound) -> Gain:
     selection = found.selection
     count, parts = selection.whole.rows, selection.parts()
     before = sum(part.square for part in parts)
-    after = held_out_misfit(selection, found.fit.chosen, parts)
+    after = selection.held_out_misfit(found.fit.chosen)
     return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count), placebo=math.nan)
 
 

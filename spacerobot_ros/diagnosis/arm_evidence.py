@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from ..estimation.arm_fit import Posterior
-from ..estimation.evidence import Gram
 from ..estimation.placebo import held_out_gain
 from ..types import Array
 from .answer.result import Evidence
@@ -27,25 +26,16 @@ def evidence_of(selection: Selection, levels: Sequence[Array], i: int) -> Eviden
     """
     others = [k for k in selection.chosen if k != i]
     judged = selection.score(i)
-    parts = selection.parts(i)
     without, with_it = (
-        held_out_misfit(selection, chosen, parts) for chosen in (others, selection.chosen)
+        selection.held_out_misfit(chosen, i) for chosen in (others, selection.chosen)
     )
-    excess = max(without - sum(part.rows for part in parts), 1.0)
+    excess = max(without - sum(part.rows for part in selection.parts(i)), 1.0)
     return Evidence(
         log_likelihood_gain=0.5 * judged.gain,
         bic_gain=judged.bic_gain,
         p_value=judged.p_value,
         held_out_gain=(without - with_it) / excess,
         placebo_gain=_placebo(selection, levels, i) / excess,
-    )
-
-
-def held_out_misfit(selection: Selection, chosen: Sequence[int], parts: Sequence[Gram]) -> float:
-    """Squared whitened rows of every part with the coefficients that all others give."""
-    deviations = selection.rows.deviations(chosen)
-    return sum(
-        part.misfit(Posterior.of(selection.whole - part, deviations).mean) for part in parts
     )
 
 

@@ -14,12 +14,13 @@ from ..errors import ConfigurationError
 from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import Balance, balance_of
-from ..estimation.evidence import Gram
+from ..estimation.evidence import Gram, sum_of
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
 from .answer.result import Evidence
 from .arm_evidence import evidence_of
+from .limits import CLEAR
 from .selection import Selection
 
 _WORSE = 1.02
@@ -86,10 +87,11 @@ def find_arm_causes(
     selection = Selection(rows, rows.parts(levels), rows.recording)
     selection.run()
     selection.check_held_out()
-    selection.check_plain(plain(rows, levels))
+    plain = _plain(selection, rows.parts(levels, is_white=False))
+    selection.check_plain(plain)
     evidence = _beyond_placebos(selection, levels)
     report('fitting all causes together', 0.8)
-    fit, named, calibration = _applicable(rows, selection, records, robot, believed)
+    fit, named, calibration = _applicable(selection, plain, records, robot, believed)
     return ArmFound(
         tuple(records),
         robot,
@@ -116,14 +118,15 @@ def _levels(rows: ArmRows, chosen: Selection) -> list[Array]:
     return rows.levels(fit.deviations, friction)
 
 
-def plain(rows: ArmRows, levels: Sequence[Array]) -> Gram:
-    """Sums over all rows, each joint by the rms of its leftover, not whitened."""
-    k = len(rows.sizes)
-    total = Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0)
-    for joint, variances in zip(rows.joints, levels, strict=True):
-        scale = np.sqrt(np.sum(variances))
-        total += Gram.of(joint.columns / scale, joint.torque / scale)
-    return total
+def _plain(selection: Selection, parts: Sequence[Gram]) -> Selection:
+    """The same with rows that are not whitened, counted so often that they say as much."""
+    chosen = [selection.rows.places[i] for i in selection.chosen or selection.live]
+    own = np.concatenate(chosen) if chosen else np.zeros(0, dtype=int)
+    white, plain = (np.diag(g.matrix)[own] for g in (selection.whole, sum_of(parts)))
+    ratios = white[plain > 0.0] / plain[plain > 0.0]
+    factor = float(np.median(ratios)) if len(ratios) else 1.0
+    rows = selection.rows
+    return Selection(rows, [part.times(factor) for part in parts], rows.recording)
 
 
 def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int, Evidence]:
@@ -138,8 +141,8 @@ def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int,
 
 
 def _applicable(
-    rows: ArmRows,
     selection: Selection,
+    plain: Selection,
     records: Sequence[Record],
     robot: Robot,
     believed: Sequence[Effect],
@@ -149,9 +152,13 @@ def _applicable(
     Where one is, the cause at that joint with the least evidence goes; what of the file is
     corrected within its tolerance goes before any.
     """
+    rows = selection.rows
     before = rms(rows.balances)
     while True:
-        fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
+        fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
+        if unclear := _unclear(fit):
+            selection.drop(unclear[0])
+            continue
         named = fit.effects(fit.chosen)
         for calibration in (fit.effects(fit.calibration), []):
             after = _applied_rms(records, robot, [*believed, *named, *calibration])
@@ -160,6 +167,15 @@ def _applicable(
         if not selection.chosen:
             return fit, (), ()
         selection.drop(_weakest(selection, before, after))
+
+
+def _unclear(fit: ArmFit) -> list[int]:
+    """Causes none of whose coefficients is clear of its own spread, least clear first."""
+    ratios = {
+        i: float(np.max(np.abs(fit.values[fit.rows.places[i]]) / fit.spread(i)))
+        for i in fit.chosen
+    }
+    return sorted((i for i in ratios if ratios[i] < CLEAR), key=ratios.__getitem__)
 
 
 def _applied_rms(

@@ -85,3 +85,7 @@ itself estimated, may be off by. On measured arms 10 to 100 times are left."""
 TELLING = 0.01
 """Share of what all recordings say of a cause from which one says something: a prediction from a
 hundredth of the information has ten times the standard deviation, and tests nothing."""
+
+CLEAR = 2.0
+"""Standard deviations, the difference between two ways to weigh the rows among them, that one
+coefficient of a cause must be from nothing: with evidence beside it, odds of 20 are enough."""

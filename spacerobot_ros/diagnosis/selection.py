@@ -196,20 +196,37 @@ class Selection:
                 return
             self.drop(min(failing, key=failing.__getitem__))
 
-    def check_plain(self, plain: Gram) -> None:
-        """Drop what only helps after whitening: without it less is left, as it is.
+    def check_plain(self, plain: Selection) -> None:
+        """Drop what only helps after whitening, weakest first.
 
         Args:
-            plain: Sums of the rows by the rms of each joint's leftover, not whitened.
+            plain: The same choice on rows that are not whitened: without a cause no more may be
+                left of parts that it was not fitted to.
         """
-        for i in list(self.chosen):
-            others = [k for k in self.chosen if k != i]
-            here, without = (
-                plain.misfit(Posterior.of(self.whole, self.rows.deviations(kept)).mean)
-                for kept in (self.chosen, others)
-            )
-            if without < here:
-                self.drop(i)
+        while self.chosen:
+            gains = {}
+            for i in self.chosen:
+                others = [k for k in self.chosen if k != i]
+                with_it, without = (
+                    plain.held_out_misfit(chosen, i) for chosen in (self.chosen, others)
+                )
+                gains[i] = without - with_it
+            worst = min(gains, key=gains.__getitem__)
+            if gains[worst] > 0.0:
+                return
+            self.drop(worst)
+
+    def held_out_misfit(self, chosen: Sequence[int], i: int | None = None) -> float:
+        """Squared rows of every part with the coefficients that all others give.
+
+        Args:
+            chosen: What is beside the tolerances.
+            i: The cause that the parts judge; None: all of them.
+        """
+        deviations = self.rows.deviations(chosen)
+        return sum(
+            part.misfit(Posterior.of(self.whole - part, deviations).mean) for part in self.parts(i)
+        )
 
 
 def holds(gains: Array) -> bool:

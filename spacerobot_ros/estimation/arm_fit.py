@@ -50,13 +50,16 @@ class ArmFit:
 
     Args:
         rows: The recordings.
-        whole: Sums over all rows.
+        whole: Sums over all rows, whitened.
         chosen: Numbers of candidates.
+        plain: Sums over the rows as they are, by which values are fitted: what is left goes with
+            the motion, and whitened rows trust its fast part. None: those of `whole`.
     """
 
     rows: ArmRows
     whole: Gram
     chosen: tuple[int, ...]
+    plain: Gram | None = None
 
     @cached_property
     def deviations(self) -> Array:
@@ -71,7 +74,7 @@ class ArmFit:
     @cached_property
     def values(self) -> Array:
         """(K,) most probable coefficients within bounds, bodies bodies."""
-        gram, used = self.whole, self._used
+        gram, used = self.plain or self.whole, self._used
         at = np.ix_(used, used)
         problem = ConstrainedProblem(
             gram.matrix[at] + np.diag(self.deviations[used] ** -2.0),
@@ -84,6 +87,16 @@ class ArmFit:
         out = np.zeros(len(self.deviations))
         out[used] = problem.solve()
         return out
+
+    def spread(self, i: int) -> Array:
+        """(k,) standard deviations of a candidate's coefficients.
+
+        Where two ways to weigh the rows differ, what is left is no noise: by so much, too, a value
+        is uncertain.
+        """
+        own = self.rows.places[i]
+        weighing = self.values[own] - self.posterior.mean[own]
+        return np.hypot(np.sqrt(np.diag(self.posterior.covariance)[own]), weighing)
 
     @property
     def _used(self) -> IntArray:

@@ -182,13 +182,22 @@ class ArmRows:
             for rows, scale, drift in zip(self.joints, self.scale.tolist(), drifts, strict=True)
         ]
 
-    def parts(self, levels: Sequence[Array]) -> list[Gram]:
-        """Gram matrices of every block."""
+    def parts(self, levels: Sequence[Array], *, is_white: bool = True) -> list[Gram]:
+        """Gram matrices of every block.
+
+        Args:
+            levels: (6,) variances of every joint's leftover.
+            is_white: Whether rows are whitened, which trusts what is fast; else each joint's are
+                divided by the rms of its leftover, which trusts all frequencies alike.
+        """
         k = len(self.tolerances)
         out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in self.recording]
         for rows, variances in zip(self.joints, levels, strict=True):
             if len(rows.torque):
-                torque, columns, _ = rows.whitened(variances)
+                scale = np.sqrt(np.sum(variances))
+                torque, columns = rows.torque / scale, rows.columns / scale
+                if is_white:
+                    torque, columns, _ = rows.whitened(variances)
                 for block in np.unique(rows.block):
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])

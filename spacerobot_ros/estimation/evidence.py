@@ -63,6 +63,10 @@ class Gram:
             self.rows - other.rows,
         )
 
+    def times(self, factor: float) -> Gram:
+        """Sums of rows that count so many times."""
+        return Gram(factor * self.matrix, factor * self.vector, factor * self.square, self.rows)
+
     def misfit(self, coefficients: Array) -> float:
         """Squared rows that coefficients (K,) leave."""
         return float(
