@@ -44,8 +44,8 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
         notes: What else a user should know.
     """
     order = sorted(
-        range(len(found.fit.chosen)),
-        key=lambda k: -found.selection.gain(found.selection.whole, found.fit.chosen[k]),
+        range(len(found.clear)),
+        key=lambda k: -found.selection.gain(found.selection.whole, found.clear[k]),
     )
     causes = tuple(_cause(found, k) for k in order)
     named = tuple(c for c in causes if c.relevant)
@@ -88,7 +88,7 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
 
 def _cause(found: ArmFound, k: int) -> Cause:
     """A cause with what speaks for it beside all others."""
-    fit, i = found.fit, found.fit.chosen[k]
+    fit, i = found.fit, found.clear[k]
     applied = found.named[k]
     thresholds = applied.parameters_at(found.robot, applied.where)
     scatter, dof = _scatter(found, i)
@@ -120,7 +120,7 @@ def _by_recording(found: ArmFound, i: int) -> tuple[float, ...] | None:
 
 def _in_values(found: ArmFound, i: int, spread: Array) -> list[float]:
     """Standard deviations of a candidate's parameters from those of its coefficients."""
-    candidate, applied = found.fit.rows.candidates[i], found.named[found.fit.chosen.index(i)]
+    candidate, applied = found.fit.rows.candidates[i], found.named[found.clear.index(i)]
     mean = found.fit.values[found.fit.rows.places[i]]
     here = candidate.values(mean)
     total = dict.fromkeys(here, 0.0)

@@ -40,8 +40,9 @@ class ArmFound:
         fit: The chosen causes with values.
         evidence: Of every chosen cause.
         levels: (n, 6) variances of every joint's leftover [N^2 m^2].
-        named: The causes as they are applied.
-        calibration: What of the file is corrected within its tolerance beside them.
+        clear: Numbers of the causes that are named. named: The same as they are applied.
+        calibration: What is applied beside them without a name: causes that are not clear of
+            their own spread, and corrections of the file within its tolerance.
     """
 
     records: tuple[Record, ...]
@@ -52,6 +53,7 @@ class ArmFound:
     fit: ArmFit
     evidence: Mapping[int, Evidence]
     levels: Array
+    clear: tuple[int, ...]
     named: tuple[Effect, ...]
     calibration: tuple[Effect, ...]
 
@@ -91,7 +93,7 @@ def find_arm_causes(
     selection.check_plain(plain)
     evidence = _beyond_placebos(selection, levels)
     report('fitting all causes together', 0.8)
-    fit, named, calibration = _applicable(selection, plain, records, robot, believed)
+    fit, clear, named, calibration = _applicable(selection, plain, records, robot, believed)
     return ArmFound(
         tuple(records),
         robot,
@@ -101,6 +103,7 @@ def find_arm_causes(
         fit,
         evidence,
         np.array(levels),
+        clear,
         named,
         calibration,
     )
@@ -146,7 +149,7 @@ def _applicable(
     records: Sequence[Record],
     robot: Robot,
     believed: Sequence[Effect],
-) -> tuple[ArmFit, tuple[Effect, ...], tuple[Effect, ...]]:
+) -> tuple[ArmFit, tuple[int, ...], tuple[Effect, ...], tuple[Effect, ...]]:
     """The causes as they are applied: no joint may be worse with them than without.
 
     Where one is, the cause at that joint with the least evidence goes; what of the file is
@@ -156,26 +159,28 @@ def _applicable(
     before = rms(rows.balances)
     while True:
         fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
-        if unclear := _unclear(fit):
-            selection.drop(unclear[0])
-            continue
-        named = fit.effects(fit.chosen)
-        for calibration in (fit.effects(fit.calibration), []):
+        clear = _clear(fit)
+        unclear = [i for i in fit.chosen if i not in clear]
+        named = fit.effects(clear)
+        for calibration in (fit.effects([*unclear, *fit.calibration]), fit.effects(unclear)):
             after = _applied_rms(records, robot, [*believed, *named, *calibration])
             if after is not None and np.all(after <= _WORSE * before, where=np.isfinite(before)):
-                return fit, tuple(named), tuple(calibration)
+                return fit, clear, tuple(named), tuple(calibration)
         if not selection.chosen:
-            return fit, (), ()
+            return fit, (), (), ()
         selection.drop(_weakest(selection, before, after))
 
 
-def _unclear(fit: ArmFit) -> list[int]:
-    """Causes none of whose coefficients is clear of its own spread, least clear first."""
-    ratios = {
-        i: float(np.max(np.abs(fit.values[fit.rows.places[i]]) / fit.spread(i)))
+def _clear(fit: ArmFit) -> tuple[int, ...]:
+    """Causes any of whose coefficients is clear of its own spread.
+
+    The others predict, too, and stay in the model without a name.
+    """
+    return tuple(
+        i
         for i in fit.chosen
-    }
-    return sorted((i for i in ratios if ratios[i] < CLEAR), key=ratios.__getitem__)
+        if np.max(np.abs(fit.values[fit.rows.places[i]]) / fit.spread(i)) > CLEAR
+    )
 
 
 def _applied_rms(
