@@ -6,12 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from scipy.stats import chi2
 
-from ..estimation.evidence import Gram, score
-from ..estimation.placebo import held_out_gain
-from ..estimation.refit import Fit, refine
-from ..estimation.rows import ChannelFit, blocks
+from ..estimation.refit import Fit
+from ..estimation.rows import ChannelFit
 from ..estimation.scaling import is_relevant
 from ..types import Array
 from .answer.residuals import residuals, series
@@ -24,8 +21,10 @@ from .answer.result import (
     Ranked,
     Rival,
 )
-from .limits import INCONSTANT, MISFIT
-from .search import Choice, Found
+from .found import Found
+from .limits import MISFIT
+
+_UNFINISHED = 'the search was ended before all that stands out was looked into'
 
 
 def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
@@ -36,13 +35,13 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         notes: What else a user should know.
     """
     null = found.null
-    causes = [_cause(found, i) for i in range(len(found.choices))]
+    sound = {i: _cause(found, i) for i, check in enumerate(found.checks) if check.is_sound}
     null_p, white_before = null.rows.whiteness()
-    sound = [c for c in causes if _is_sound(c)]
-    named = tuple(c for c in sound if c.relevant)
-    minor = tuple(c for c in sound if not c.relevant)
-    fit_p, white_left = _with(found, sound).rows.whiteness()
-    extended = _with(found, named)  # what is shown is the model that is written
+    named = tuple(c for c in sound.values() if c.relevant)
+    minor = tuple(c for c in sound.values() if not c.relevant)
+    fit_p, white_left = found.sound.rows.whiteness()
+    # what is shown is the model that is written
+    extended = found.only([i for i, c in sound.items() if c.relevant]) if minor else found.sound
     verdict = _verdict(fit_p, bool(named))
     channels = series(null.rows.channels(), extended.rows.channels())
     joints = null.run.robot.joints
@@ -58,21 +57,15 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         fit_p=fit_p,
         null_p=null_p,
         next_motion=tuple(r.motion for c in named for r in c.rivals if r.motion),
-        notes=notes,
+        notes=notes if found.is_complete else (*notes, _unfinished(white_left)),
     )
 
 
-def _with(found: Found, causes: Sequence[Cause]) -> Fit:
-    """The fit with only some of the causes that were found."""
-    if len(causes) == len(found.choices):
-        return found.fit
-    return refine(found.fit.run, [c.applied for c in causes]) if causes else found.null
-
-
-def _is_sound(cause: Cause) -> bool:
-    """Whether a cause beats placebos, and stays the same along the record."""
-    evidence = cause.evidence
-    return evidence.held_out_gain > evidence.placebo_gain and cause.constant_p >= INCONSTANT
+def _unfinished(fits: Sequence[ChannelFit]) -> str:
+    """That a search was ended, and every channel in which something still stands out."""
+    left = [fit for fit in fits if fit.p_value * len(fits) < MISFIT]
+    listed = ', '.join(_stands_out(fit) for fit in sorted(left, key=lambda fit: fit.p_value))
+    return f'{_UNFINISHED}: {listed}' if left else _UNFINISHED
 
 
 def _verdict(fit_p: float | None, named: bool) -> str:
@@ -83,7 +76,7 @@ def _verdict(fit_p: float | None, named: bool) -> str:
 
 def _cause(found: Found, index: int) -> Cause:
     """A cause with what speaks for it beside all others."""
-    fit, choice = found.fit, found.choices[index]
+    fit, choice, check = found.fit, found.choices[index], found.checks[index]
     applied = fit.causes[index]
     spread = fit.standard_deviations()[index]
     own = [p for i, p in fit.free if i == index]
@@ -93,50 +86,21 @@ def _cause(found: Found, index: int) -> Cause:
             p.name: Estimated(value=applied.values[p.name], std=spread[p.name], unit=p.unit)
             for p in applied.parameters
         },
-        evidence=_evidence(found, index, choice),
+        evidence=Evidence(
+            log_likelihood_gain=0.5 * choice.score.gain,
+            bic_gain=choice.score.bic_gain,
+            p_value=choice.score.p_value,
+            held_out_gain=check.held_out_gain,
+            placebo_gain=check.placebo_gain,
+        ),
         rivals=tuple(
             Rival(effect=effect, where=where, bic_gap=2.0 * gap, motion='')
             for effect, where, gap in choice.rivals
         ),
         thresholds={p.name: p for p in own},
         relevant=any(is_relevant(p, applied.values[p.name]) for p in own),
-        constant_p=_constant_p(fit, index),
+        constant_p=check.constant_p,
     )
-
-
-def _evidence(found: Found, index: int, choice: Choice) -> Evidence:
-    """Held-out gains are against the model with all other causes."""
-    fit, own = found.fit, found.fit.own(index)
-    parts = blocks(fit.rows.row_times)
-    without = fit.held_out(index)
-    before, after = (float(np.sum(x**2)) for x in (without, fit.held_out()))
-    excess = max(before - len(fit.data), 1.0)
-    sizes = 1.0 / np.sqrt(np.maximum(fit.precision[own], 1e-12))
-    placebo = held_out_gain(fit.tangents[:, own], without, sizes, parts, fit.rows.row_times)
-    return Evidence(
-        log_likelihood_gain=0.5 * choice.score.gain,
-        bic_gain=choice.score.bic_gain,
-        p_value=choice.score.p_value,
-        held_out_gain=(before - after) / excess,
-        placebo_gain=placebo / excess,
-    )
-
-
-def _constant_p(fit: Fit, index: int) -> float:
-    """Probability that a cause's parameters scatter so between the parts of the record."""
-    own = fit.own(index)
-    others = np.setdiff1d(np.arange(len(fit.free)), own)
-    order = np.concatenate([others, own])
-    unbounded = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
-    sizes = np.array([fit.free[k][1].size for k in own])
-    sizes[~np.isfinite(sizes)] = 1.0
-    total, dof = 0.0, 0.0
-    for part in blocks(fit.rows.row_times):
-        gram = Gram.of(fit.tangents[part][:, order], fit.data[part])
-        alone = gram.without(len(others), fit.precision[others] + 1e-12)
-        found = score(alone, sizes, unbounded, None)
-        total, dof = total + found.gain, dof + found.dof
-    return float(chi2.sf(total, max(dof - len(own), 1.0)))
 
 
 def _gain(null: Fit, fit: Fit, causes: Sequence[Cause]) -> Gain:
@@ -183,10 +147,13 @@ def _sentence(verdict: str, named: Sequence[Cause], minor: Sequence[Cause], left
 
 def _left(fits: Sequence[ChannelFit]) -> str:
     """What stands out most of what is left."""
-    worst = min(fits, key=lambda fit: fit.p_value)
-    is_line = worst.question == 'line'
-    kind = f'a spectral line at {worst.frequency:.3g} Hz' if is_line else 'a slow error'
-    return f'{kind} in {worst.channel.replace("_", " ")} {worst.axis + 1}'
+    return _stands_out(min(fits, key=lambda fit: fit.p_value))
+
+
+def _stands_out(fit: ChannelFit) -> str:
+    is_line = fit.question == 'line'
+    kind = f'a spectral line at {fit.frequency:.3g} Hz' if is_line else 'a slow error'
+    return f'{kind} in {fit.channel.replace("_", " ")} {fit.axis + 1}'
 
 
 def _in_words(cause: Cause) -> str:

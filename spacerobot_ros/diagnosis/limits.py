@@ -29,16 +29,29 @@ leave slow errors or spectral lines where they are visible at all, so this costs
 of all clean records is searched for nothing."""
 
 MOST_CAUSES = 6
-"""Causes of one record whose columns hold for small effects only; more than three at once were
-never told apart in 20 s of data, so this only ends a search that has gone astray."""
+"""Causes of a record of `BUDGETED` seconds whose columns hold for small effects only; more than
+three at once were never told apart in it, so this only ends a search that has gone astray."""
 
 MOST_MODELS = 120
-"""Models of one run after which nothing new is tried: bounds the run time, and is said."""
+"""Models of such a record after which nothing new is tried: bounds the run time, and is said."""
+
+BUDGETED = 20.0
+"""Seconds of record that these two numbers are meant for. They grow with the square root of a
+longer one's length, as what can be told from its noise does."""
+
+MOST_TURNS = 2
+"""Times `MOST_MODELS` where causes proved unsound and the model does not fit without them: what
+stood in their place has to be chosen, compared and fitted afresh."""
+
+OBVIOUS = 0.1
+"""Share of the largest cause's evidence from which another one is taken together with it, before
+either is fitted: twice what columns of effects at ten times their limit are wrong by."""
 
 MOST = 0.5
-"""Share of what the causes of a balance of torques leave that one effect with states of its own
-must take, for a search to the noise of the sensors to be tried: most of it. It only decides
-whether that search is made, whose own test of the fit decides the rest."""
+"""Most of a misfit: what one effect with states of its own must take of what the causes of a
+balance of torques leave, for a search to the noise of the sensors to be tried, whose own test of
+the fit decides the rest; and what must be removed by that to which unsound causes gave way, for it
+to be named where the record is not explained: a lesser share is what any rival takes."""
 
 SHORTLIST, CLOSE_SHARE, CLOSE_GAP = 4, 0.9, 25.0
 """Who is fitted as it really is beside the best: at most so many, with this share of its evidence

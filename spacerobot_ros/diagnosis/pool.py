@@ -67,6 +67,38 @@ class Pool:
             for c, own in zip(self.candidates, self.places(), strict=True)
         ]
 
+    def together(self, least: float) -> list[Judged]:
+        """Candidates that add to each other, each the best beside those before it.
+
+        Args:
+            least: Evidence below which none is taken.
+        """
+        pool, found = self, list[Judged]()
+        while pool.candidates:
+            best = max(pool.judge(), key=lambda j: j.score.evidence)
+            if best.score.evidence <= least or not best.score.held_out > 0.0:
+                break
+            found.append(best)
+            pool = pool.beside(best.candidate)
+        return found
+
+    def beside(self, chosen: Candidate) -> Pool:
+        """Candidates that may stand beside one of them, which is held like the fit's own."""
+        which = self.candidates.index(chosen)
+        rest = [
+            k
+            for k, c in enumerate(self.candidates)
+            if not (k == which or c.contradicts([chosen]) or c.repeats([chosen]))
+        ]
+        own = [self.held + place for place in self.places()]
+        order = np.concatenate([np.arange(self.held), own[which], *(own[k] for k in rest)])
+        return Pool(
+            tuple(self.candidates[k] for k in rest),
+            tuple(part.part(order) for part in self.parts),
+            self.held + len(own[which]),
+            np.concatenate([self.precision, chosen.sizes**-2.0]),
+        )
+
 
 def _judged(candidate: Candidate, whole: Gram, others: Sequence[Fold]) -> Judged:
     bounds = (candidate.lower, candidate.upper)

@@ -4,74 +4,50 @@ Each round scores every candidate beside the causes chosen so far, and asks each
 record whether it agrees with the estimate from the other four. Columns hold for small effects
 only: the best few are fitted as they really are before one is chosen; a chosen cause is dropped
 when later ones make it superfluous, and exchanged when another one now does better in its place.
+Several that are obvious, each as large as the errors of the others' columns, are taken together.
+What is no cause by its own tests gives way to its rivals, where the model does not fit without.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from ..effects.effect import Effect
 from ..estimation.columns import Candidate, candidates
-from ..estimation.evidence import Gram, Score
+from ..estimation.evidence import Gram
 from ..estimation.refit import Fit, refine
 from ..estimation.rows import blocks
 from ..estimation.runs import Run
 from ..estimation.whiteness import spectral_lines
+from .found import Choice, Found
 from .limits import (
     ALIKE_SHARE,
+    BUDGETED,
     CLOSE_GAP,
     CLOSE_SHARE,
     EQUIVALENT,
     FALSE_ALARMS,
     FREEDOM,
+    MISFIT,
+    MOST,
     MOST_ALIKE,
     MOST_CAUSES,
     MOST_MODELS,
+    MOST_TURNS,
+    OBVIOUS,
     SHORTLIST,
     SUSPICIOUS,
 )
 from .pool import Judged, Pool
-from .timing import better_timing
+from .soundness import soundness
+from .timing import better_timing, is_simple
 
 _BATCH = 32  # candidates whose columns are made at once: as many as fit into a processor's cache
 _TINY = 1e-12  # keeps a column without any effect from making the elimination singular
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Choice:
-    """A chosen cause, why, and what might stand in its place.
-
-    Args:
-        key: Effect and place.
-        score: Its score when it was chosen.
-        rivals: (effect, place, gap in log evidence) that fit nearly as well.
-    """
-
-    key: tuple[str, str | None]
-    score: Score
-    rivals: tuple[tuple[str, str | None, float], ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Found:
-    """Result of the search.
-
-    Args:
-        null: The model as it stands.
-        fit: The model with all causes.
-        choices: One a cause of `fit`, in the same order.
-        first: Every candidate's score against the model as it stands, best first.
-        is_complete: Whether the search ended because nothing more was wanted.
-    """
-
-    null: Fit
-    fit: Fit
-    choices: tuple[Choice, ...]
-    first: tuple[Judged, ...]
-    is_complete: bool
 
 
 class Search:
@@ -94,34 +70,104 @@ class Search:
         self.run = run
         self.report = report
         self._kinds = kinds
-        self._timings = {run.timing, *timings}
+        self._excluded = {*timings}
+        self._tried = {run.timing, *timings}
+        self._barred: set[tuple[str, str, str | None]] = set()
+        length = float(run.record.joint_time[-1] - run.record.joint_time[0])
+        self._growth = math.sqrt(max(1.0, length / BUDGETED))
+        self._most_models = MOST_MODELS * self._growth
+        self._unsound: Found | None = None
 
     def find(self) -> Found:
-        """Select until nothing more is wanted."""
+        """Select until nothing more is wanted, and nothing that was selected is unsound."""
         self.report('judging every effect at every place', 0.1)
         null = fit = Fit(self.run, ())
         ranking = first = self.judge(null)
         choices: list[Choice] = []
-        while len(choices) < MOST_CAUSES and not self._is_spent:
-            wanted = wanted_of(ranking)
-            if not wanted:
+        while True:
+            fit, choices = self._grown(fit, choices, ranking)
+            if fit.run is not self.run:
+                self.run = fit.run
+                return self.find()
+            found = self._found(null, fit, choices, first)
+            ahead = self._given_way(found)
+            if ahead is None:
                 break
-            self.report(f'fitting {wanted[0].candidate.kind.title}', 0.2 + 0.1 * len(choices))
-            fit, choice = self._choose(fit, wanted)
-            choices.append(choice)
-            asks = len(choices) == 1 or (fit.rows.whiteness()[0] or 0.0) < SUSPICIOUS
-            if asks and (timing := better_timing(fit, self._timings)):
-                run = self.run.timed(timing)
-                return Search(run, self._kinds, self.report, self._timings).find()
-            if len(choices) > 1:
-                fit, choices = self._reconsider(fit, choices)
+            self._unsound = self._unsound or found
+            fit, choices = ahead
             ranking = self.judge(fit)
-        is_complete = not (self._is_spent and wanted_of(ranking))
-        return Found(null, fit, tuple(choices), tuple(first), is_complete)
+        is_complete = not (self._is_ended(choices) and wanted_of(self.judge(found.sound)))
+        if self._unsound and not self._pays(found):
+            found = self._unsound
+        return replace(found, is_complete=is_complete)
+
+    def _found(
+        self, null: Fit, fit: Fit, choices: Sequence[Choice], first: Sequence[Judged]
+    ) -> Found:
+        checks = tuple(soundness(fit, i) for i in range(len(choices)))
+        return Found(null, fit, tuple(choices), checks, tuple(first), False)
+
+    def _pays(self, found: Found) -> bool:
+        """Whether what is sound explains the record, or most of it."""
+        fit = found.sound
+        before, after = (float(f.data @ f.data) - len(f.data) for f in (found.null, fit))
+        return (fit.rows.whiteness()[0] or 0.0) >= MISFIT or after < (1.0 - MOST) * before
+
+    def _grown(
+        self, fit: Fit, choices: list[Choice], ranking: Sequence[Judged]
+    ) -> tuple[Fit, list[Choice]]:
+        """More causes, until nothing is wanted; or a fit of another timing that does better."""
+        while not self._is_ended(choices) and (wanted := wanted_of(ranking)):
+            self.report(f'fitting {wanted[0].candidate.kind.title}', 0.2 + 0.1 * len(choices))
+            before = len(choices)
+            fit, choices = self._more(fit, choices, wanted)
+            asks = not before or (fit.rows.whiteness()[0] or 0.0) < SUSPICIOUS
+            if asks and (timing := better_timing(fit, self._tried)):
+                self._tried.add(timing)
+                return Fit(self.run.timed(timing), ()), []
+            if len(choices) > 1:
+                fit, choices = self._reconsider(fit, choices, len(choices) - before)
+            ranking = self.judge(fit)
+        return fit, choices
+
+    def _given_way(self, found: Found) -> tuple[Fit, list[Choice]] | None:
+        """Larger causes to go on from, some unsound one barred; None where there is no need.
+
+        Lesser ones may spoil a cause to which most of the misfit belongs: the largest that is
+        unsound is asked again without them, and barred only where it is unsound alone.
+        """
+        choices, gains = found.choices, [check.held_out_gain for check in found.checks]
+        unsound = [i for i, check in enumerate(found.checks) if not check.is_sound]
+        most = MOST_TURNS * MOST_MODELS * self._growth
+        if not unsound or self.run.models >= most:
+            return None
+        if (found.sound.rows.whiteness()[0] or 0.0) >= MISFIT:
+            return None
+        self._most_models = most
+        self._tried = {self.run.timing, *self._excluded}
+        largest = max(unsound, key=lambda i: gains[i])
+        larger = [i for i, gain in enumerate(gains) if gain > gains[largest]]
+        kept = [*larger, largest]
+        trial = found.only(kept)
+        if len(kept) < len(choices) and soundness(trial, len(larger)).is_sound:
+            self._bar(choices[i] for i in unsound if i != largest)
+            return trial, [choices[i] for i in kept]
+        self._bar([choices[largest]])
+        return found.only(larger), [choices[i] for i in larger]
+
+    def _bar(self, choices: Iterable[Choice]) -> None:
+        self._barred |= {(self.run.timing, *choice.key) for choice in choices}
+
+    def _only(self, fit: Fit, kept: Sequence[int]) -> Fit:
+        """Some of a fit's causes, fitted again."""
+        return refine(self.run, [fit.causes[i] for i in kept])
+
+    def _is_ended(self, choices: Sequence[Choice]) -> bool:
+        return self._is_spent or len(choices) >= MOST_CAUSES * self._growth
 
     @property
     def _is_spent(self) -> bool:
-        return self.run.models >= MOST_MODELS
+        return self.run.models >= self._most_models
 
     def judge(self, fit: Fit) -> list[Judged]:
         """Every candidate's score beside a fit's causes, best evidence first."""
@@ -142,13 +188,39 @@ class Search:
         asks = p_value is not None and p_value < SUSPICIOUS
         kinds = [kind for kind in self._kinds if asks or not (kind.hidden or kind.is_rare)]
         found = candidates(kinds, fit.rows, spectral_lines(channels))
-        return [c for c in found if not c.contradicts(fit.causes)]
+        barred, timing = self._barred, self.run.timing
+        return [
+            c for c in found if not c.contradicts(fit.causes) and (timing, *c.key) not in barred
+        ]
 
     def _pool(self, fit: Fit, pool: Sequence[Candidate]) -> Pool:
         columns = fit.signatures.whitened([step for c in pool for step in c.small_steps])
         both = np.concatenate([fit.tangents, columns], axis=1)
         parts = [Gram.of(both[rows], fit.data[rows]) for rows in blocks(fit.rows.row_times)]
         return Pool(tuple(pool), tuple(parts), len(fit.free), fit.precision + _TINY)
+
+    def _more(
+        self, fit: Fit, choices: Sequence[Choice], wanted: Sequence[Judged]
+    ) -> tuple[Fit, list[Choice]]:
+        """The next cause, or several that are obvious."""
+        obvious = self._obvious(fit, wanted)
+        if len(obvious) > 1:
+            guesses = [j.guess(fit.rows.robot) for j in obvious]
+            together = refine(self.run, [*fit.causes, *guesses])
+            if math.isfinite(together.evidence):
+                added = [Choice(j.candidate.key, j.score, ()) for j in obvious]
+                return together, [*choices, *added]
+        fit, choice = self._choose(fit, wanted)
+        return fit, [*choices, choice]
+
+    def _obvious(self, fit: Fit, wanted: Sequence[Judged]) -> list[Judged]:
+        """Causes that their columns alone show together, where one is as good as any cause."""
+        simple = [j for j in wanted if is_simple(j.candidate.kind)][:_BATCH]
+        best = wanted[0].score.evidence
+        if not simple or simple[0].score.evidence < CLOSE_SHARE * best:
+            return []
+        pool = self._pool(fit, [j.candidate for j in simple])
+        return pool.together(max(OBVIOUS * best, CLOSE_GAP))
 
     def _choose(self, fit: Fit, wanted: Sequence[Judged]) -> tuple[Fit, Choice]:
         """The best of the shortlist, and of its like elsewhere, each fitted as it really is."""
@@ -169,21 +241,30 @@ class Search:
     def _with(self, fit: Fit, judged: Judged) -> Fit:
         return refine(self.run, [*fit.causes, judged.guess(fit.rows.robot)])
 
-    def _reconsider(self, fit: Fit, choices: list[Choice]) -> tuple[Fit, list[Choice]]:
-        """Drop or exchange earlier causes in the light of the latest."""
-        for i in reversed(range(len(choices) - 1)):
+    def _reconsider(self, fit: Fit, choices: list[Choice], added: int) -> tuple[Fit, list[Choice]]:
+        """Drop or exchange causes in the light of the latest.
+
+        Args:
+            fit: All of them.
+            choices: Why each, in the same order.
+            added: How many are the latest: one that was chosen, or several that were not yet
+                compared with what might stand in their place.
+        """
+        old = len(choices) - added
+        for i in reversed(range(len(choices) - (added == 1))):
             if self._is_spent:
                 break
-            others = [c for k, c in enumerate(fit.causes) if k != i]
-            rest = refine(self.run, others)
+            rest = self._only(fit, [k for k in range(len(choices)) if k != i])
             wanted = wanted_of(self.judge(rest))
             kept = choices[:i] + choices[i + 1 :]
             if not wanted:
                 fit, choices = rest, kept
-            elif wanted[0].candidate.key != choices[i].key:
+            elif i >= old or wanted[0].candidate.key != choices[i].key:
                 other, choice = self._choose(rest, wanted)
                 if other.evidence > fit.evidence:
                     fit, choices = other, [*kept, choice]
+                elif choice.key == choices[i].key:
+                    choices = [*choices[:i], choice, *choices[i + 1 :]]
         return fit, choices
 
 

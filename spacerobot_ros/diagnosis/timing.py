@@ -62,7 +62,7 @@ def first_timing(
     best = min(fits, key=lambda timing: fits[timing].misfit)
     if (fits[best].rows.whiteness()[0] or 0.0) >= _FITS:
         return best
-    simple = [e for e in effects if _is_simple(e)]
+    simple = [e for e in effects if is_simple(e)]
     return min(fits, key=lambda timing: fits[timing].misfit - 2.0 * _gain(fits[timing], simple))
 
 
@@ -79,7 +79,7 @@ def _gain(fit: Fit, effects: Sequence[type[Effect]]) -> float:
     return best
 
 
-def _is_simple(effect: type[Effect]) -> bool:
+def is_simple(effect: type[Effect]) -> bool:
     """Whether an effect is a few columns, other than the efforts' own lateness."""
     searched = any(p.role in ('search', 'phase') for p in effect.parameters)
     late = effect(name='', where=None, values=_ALL_LATE).delay('effort')

@@ -312,6 +312,11 @@ class TorqueRipple(JointTorque):
         return float(np.sqrt(abs(self['amplitude'] * self['harmonic']) * self.mobility(robot)))
 
 
+_RESTS = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
+"""Guesses of a spring's rest angle [rad], as close as a fit finds its way from: a step from
+farther away is shortened to nothing, since stiffness and rest angle are a product."""
+
+
 class Stiffness(JointTorque):
     """tau = -k (q - q0).
 
@@ -329,7 +334,7 @@ class Stiffness(JointTorque):
     refines = ('torque_sensor_bias',)
     parameters = (
         amount('stiffness', 'N m/rad', 5.0, 0.05),
-        searched('rest_angle', 'rad', 1.0, default=0.0, guesses=(-1.0, 0.0, 1.0), **_TURNS),
+        searched('rest_angle', 'rad', 1.0, default=0.0, guesses=_RESTS, **_TURNS),
     )
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:

@@ -34,6 +34,11 @@ from .scaling import (
 _PASSES = 12  # a panel of a dozen numbers takes ten from a first guess of its axis
 _SETTLED = 0.02  # of a standard deviation
 _HALVINGS = 3
+_SECANTS = 2
+_LEAST_CURVED = 1e-3  # share of a column's information below which a curvature is not trusted
+
+Secant = tuple[Array, Array]
+"""A change of all coordinates (P,), and by how much it lessened the slope (P,)."""
 _DRAWS = 30
 
 
@@ -165,14 +170,25 @@ class Fit:
             out[i][p.name] = value_std(p, value, float(std))
         return out
 
-    def step(self) -> list[Effect] | None:
-        """The causes after one step; None where they have settled."""
+    @property
+    def slope(self) -> Array:
+        """(P,) minus half the derivative of the misfit by every coordinate."""
+        return np.asarray(self.tangents.T @ self.data - self.precision * self.offsets)
+
+    def step(self, earlier: Sequence[Secant] = ()) -> list[Effect] | None:
+        """The causes after one step, in the light of earlier ones; None where they have settled.
+
+        Columns along a noisy motion hold more than what they change in the data, most of it noise
+        where a link is light: by them alone the information is too large, and a step too short.
+        """
         if not self.free:
             return None
         # nothing moves farther at once than it was thought possible
         spread = np.array([spread_of(p) for _, p in self.free])
         information = self.tangents.T @ self.tangents + np.diag(spread**-2.0)
-        slope = self.tangents.T @ self.data - self.precision * self.offsets
+        for change, lost in earlier:
+            information = _corrected(information, change, lost)
+        slope = self.slope
         change = np.asarray(np.linalg.lstsq(information, slope, rcond=1e-12)[0])
         if float(change @ information @ change) < _SETTLED**2:
             return None
@@ -237,18 +253,41 @@ def refine(run: Run, causes: Sequence[Effect], passes: int = _PASSES) -> Fit:
         passes: Largest number of steps.
     """
     fit = Fit(run, _possible(run, causes))
+    earlier: list[Secant] = []
     for _ in range(passes):
         try:
-            ahead = fit.step()
+            ahead = fit.step(earlier)
         except (ConfigurationError, np.linalg.LinAlgError):
             break  # at the edge of what is physical: no neighbour is a robot that can be followed
         if ahead is None:
             break
         better = _descend(fit, ahead)
+        if better is None and earlier:
+            earlier.clear()  # of a model that was too different
+            continue
         if better is None:
             break
+        if better._is_followed:
+            earlier.append((better.offsets - fit.offsets, fit.slope - better.slope))
+            del earlier[: max(0, len(earlier) - _SECANTS)]
         fit = better
     return _canonical(fit)
+
+
+def _corrected(information: Array, change: Array, lost: Array) -> Array:
+    """A matrix that says by how much a known change lessens the slope.
+
+    The update of Broyden, Fletcher, Goldfarb and Shanno (Nocedal and Wright, Numerical
+    Optimization (2006), eq. 6.19), which stays positive definite; none where it would not.
+    """
+    said = information @ change
+    if not float(change @ lost) > _LEAST_CURVED * float(change @ said):
+        return information
+    return np.asarray(
+        information
+        - np.outer(said, said) / float(change @ said)
+        + np.outer(lost, lost) / float(change @ lost)
+    )
 
 
 def _possible(run: Run, causes: Sequence[Effect]) -> Sequence[Effect]:

@@ -1,4 +1,4 @@
-"""A search that costs too much ends, and says so."""
+"""A search ends when it costs too much, and says so; obvious causes do not use it up."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 
 FRICTION = 'joint_viscous_friction'
-UNFINISHED = 'before all that stands out'
+UNFINISHED = 'before all that stands out was looked into'
+WHEELS, DRY = 'servicer_wheel_drag', 'joint_coulomb_friction'
+TOGETHER = {WHEELS: (None, {'time_constant': 2000.0}), DRY: ('joint_1', {'torque': 0.55})}
 
 
 @pytest.mark.parametrize(('most', 'is_named'), [(1, False), (10_000, True)])
@@ -21,4 +23,28 @@ def test_a_search_ends_with_its_budget_and_says_so(monkeypatch, most, is_named):
     record = simulated('servicer', 'default', 3, [hidden], 6.0)
     said = diagnose(record, robot, catalogue=[CATALOGUE[FRICTION]])
     assert bool(said.causes) == is_named
-    assert any(UNFINISHED in note for note in said.notes) != is_named
+    (note,) = [note for note in said.notes if UNFINISHED in note] or ['']
+    assert bool(note) != is_named
+    for channel in ('joint velocity 1', 'gyro 3'):  # friction takes from both at once
+        assert (f'a slow error in {channel}' in note) != is_named
+
+
+def test_wheels_that_run_down_beside_dry_friction_cost_few_models(monkeypatch):
+    """One after the other, each fitted beside what the other leaves, they take 120."""
+    monkeypatch.setattr(search, 'MOST_MODELS', 60)
+    robot = robot_file('servicer').robot
+    hidden = [
+        bind_effect(f'hidden_{effect}', effect, where, values, robot)
+        for effect, (where, values) in TOGETHER.items()
+    ]
+    record = simulated('servicer', 'default', 3, hidden)
+    said = diagnose(record, robot)
+    assert said.verdict == 'explained', said.sentence
+    found = {c.applied.id: c for c in said.causes}
+    assert {id_: c.applied.where for id_, c in found.items()} == {
+        id_: where for id_, (where, _) in TOGETHER.items()
+    }
+    for id_, (_, values) in TOGETHER.items():
+        for name, truth in values.items():
+            estimated = found[id_].parameters[name]
+            assert abs(estimated.value - truth) <= 4.0 * estimated.std  # two numbers, one draw
