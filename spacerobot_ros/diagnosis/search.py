@@ -215,12 +215,12 @@ class Search:
 
     def _obvious(self, fit: Fit, wanted: Sequence[Judged]) -> list[Judged]:
         """Causes that their columns alone show together, where one is as good as any cause."""
-        simple = [j for j in wanted if is_simple(j.candidate.kind)][:_BATCH]
         best = wanted[0].score.evidence
-        if not simple or simple[0].score.evidence < CLOSE_SHARE * best:
+        least = max(OBVIOUS * best, CLOSE_GAP)
+        large = [j for j in wanted if j.score.evidence > least and is_simple(j.candidate.kind)]
+        if len(large) < 2 or large[0].score.evidence < CLOSE_SHARE * best:
             return []
-        pool = self._pool(fit, [j.candidate for j in simple])
-        return pool.together(max(OBVIOUS * best, CLOSE_GAP))
+        return self._pool(fit, [j.candidate for j in large[:_BATCH]]).together(least)
 
     def _choose(self, fit: Fit, wanted: Sequence[Judged]) -> tuple[Fit, Choice]:
         """The best of the shortlist, and of its like elsewhere, each fitted as it really is."""
