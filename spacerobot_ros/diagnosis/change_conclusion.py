@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..estimation.arm_fit import Posterior
 from .answer.result import Estimated
 from .arm_conclusion import scale_error
 from .changes import Changes
@@ -115,21 +114,14 @@ def _change(found: Changes, i: int) -> Change:
 
 
 def _detectable(found: Changes, i: int) -> Detectable:
-    """From evidence = 1/2 S x^2 - price of the freedom = need, S the information of x."""
-    selection = found.selection
-    candidate, own = selection.rows.candidates[i], selection.rows.places[i]
-    beside = Posterior.of(selection.whole, selection.rows.deviations(()))
-    matrix, sizes = beside.group(own).matrix, candidate.sizes
-    values = np.linalg.eigvalsh(sizes[:, None] * matrix * sizes)
-    price = 0.5 * float(np.sum(np.log1p(np.maximum(values, 0.0))))
-    information = float(matrix[0, 0])
-    squared = 2.0 * (selection.need(i) + price) / information if information > 0.0 else math.inf
+    """Of the first parameter alone."""
+    candidate = found.selection.rows.candidates[i]
     first = candidate.kind.parameters[0]
     return Detectable(
         effect=candidate.kind.id,
         where=candidate.where,
         parameter=first.name,
-        value=math.sqrt(squared),
+        value=found.selection.limit(i, np.eye(len(candidate.sizes))[0]),
         unit=first.unit,
     )
 

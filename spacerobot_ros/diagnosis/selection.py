@@ -108,6 +108,24 @@ class Selection:
         others = [k for k in self.chosen if k != i]
         return self._score(Posterior.of(self.whole, self.rows.deviations(others)), i)
 
+    def limit(self, i: int, direction: Array) -> float:
+        """Multiple x of a cause's coefficients (K,) from which it would be named beside nothing.
+
+        Noise aside, gain = 1/2 x^2 d' S (A_size - A_tolerance) S d - what the freedom costs = need
+        with A = (S + 1 / prior^2)^-1 and S the information of the coefficients; infinite where
+        the motion shows nothing of it.
+        """
+        own, sizes = self.rows.places[i], self.rows.candidates[i].sizes
+        matrix = Posterior.of(self.whole, self.rows.deviations(())).group(own).matrix
+        scaled, d = sizes[:, None] * matrix * sizes, direction / sizes
+        power, price = 0.0, self.need(i)
+        for sign, prior in ((1.0, sizes), (-1.0, self.rows.tolerances[own])):
+            precision = (sizes / prior) ** 2
+            whole = scaled + np.diag(precision)
+            power += sign * float(d @ scaled @ np.linalg.solve(whole, scaled @ d))
+            price += sign * 0.5 * float(np.linalg.slogdet(whole)[1] - np.sum(np.log(precision)))
+        return math.sqrt(2.0 * price / power) if power > 0.0 else math.inf
+
     def _score(self, beside: Posterior, i: int) -> Score:
         candidate = self.rows.candidates[i]
         gram = beside.group(self.rows.places[i])
