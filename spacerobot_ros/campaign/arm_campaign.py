@@ -102,10 +102,12 @@ def _plain(
 def _drawn(selection: Selection, cause: str, rng: np.random.Generator) -> Effect | None:
     """The cause at a place that is drawn, three times as large as its limit.
 
-    None where that is more than an arm can have.
+    None where that is more than an arm can have, or is not looked for.
     """
     rows = selection.rows
     fitting = [i for i in selection.live if _fits(rows.candidates[i], cause)]
+    if not fitting:
+        return None
     i = fitting[int(rng.integers(len(fitting)))]
     candidate = rows.candidates[i]
     direction = _direction(candidate, rng)

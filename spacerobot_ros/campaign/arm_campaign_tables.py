@@ -1,4 +1,4 @@
-"""What the campaign of arms came to: false names, misses, and whether values are where they say."""
+"""What the campaign of arms came to: false names, misses, and errors of the values."""
 
 from __future__ import annotations
 

@@ -208,7 +208,7 @@ ARMS = Campaign(
     name='arms',
     help="""\
 causes named on arms whose noise nobody knows (docs/real_machines.md): simulated
-ones with a coloured leftover, as they should be and with one cause, alone and between two motions""",
+ones with a coloured leftover, as they should be and with one cause, alone and compared""",
     module='arm_campaign',
     title='Arms whose noise nobody knows: causes and changes, found and named',
     subtitle='Seeded machines with a coloured leftover, torques by Pinocchio',

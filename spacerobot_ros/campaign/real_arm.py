@@ -1,9 +1,9 @@
 """An arm on the ground as real ones are, for tests and campaigns: torques by Pinocchio.
 
 What its file does not say, and no cause of the catalogue is, as measured on industrial arms
-(docs/real_machines.md): links off by some percent and a centimetre, friction whose level is another
-one in every run and drifts, ripple of the gears, a leftover of several seconds' memory, and torques
-that are filtered before they are logged. No code is shared with what diagnoses it.
+(docs/real_machines.md): links off by some percent and a centimetre, friction whose level is
+another one in every run and drifts, ripple of the gears, a leftover of several seconds' memory,
+and torques that are filtered before they are logged. No code is shared with what diagnoses it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..effects.robot_file import RobotFile
 from ..model.loader import build_robot
 from ..model.settings import parse_settings
 from ..recording.record import JointSeries, Record, to_stamps
-from ..types import Array
+from ..types import Array, BoolArray
 
 RATE, DURATION = 100.0, 24.0  # Hz, s
 JOINTS = tuple(f'joint_{k}' for k in range(1, 7))
@@ -45,7 +45,7 @@ _WANDER = {8.0: 0.06, 1.0: 0.06, 0.3: 0.06}  # by its memory [s]
 _BY_RUN, _DRIFT, _DRIFT_TIME = 0.05, 0.05, 20.0  # of friction; [s]
 _RIPPLE, _TEETH = 0.03, 200
 _MASS, _PLACE, _GAIN = 0.03, 0.01, 0.02  # of a mass; of its centre [m]; of a torque constant
-_CREEP = 0.01  # rad/s over which friction changes its sign
+_CREEP = 2e-3  # rad/s over which friction changes its sign, as in the file
 _ENCODER, _EFFORT = 2e-5, 5e-3  # rad; share of the Coulomb torque
 _FILTER = 20.0  # Hz
 
@@ -209,7 +209,9 @@ class RealArm:
         return torque * (1.0 + self.leftover * _GAIN * gains)
 
 
-def _motion(rng: np.random.Generator, time: Array, is_moving: Array) -> tuple[Array, Array, Array]:
+def _motion(
+    rng: np.random.Generator, time: Array, is_moving: BoolArray
+) -> tuple[Array, Array, Array]:
     """(N, n) angles, rates and accelerations: sums of sines, as excitations of robots are."""
     w = 2.0 * np.pi * _SLOWEST * np.arange(1, _HARMONICS + 1)
     size, turn = rng.standard_normal((2, 6, _HARMONICS))

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from ..estimation.arm_fit import Posterior
+from ..estimation.arm_priors import RUN_TO_RUN, Machine
 from ..estimation.evidence import Gram, score
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import is_relevant, value_std
@@ -30,10 +31,6 @@ from .arms import ArmFound, rms
 from .friction_law import friction_laws
 from .limits import EQUIVALENT, UNEXPLAINED
 from .selection import Selection
-
-_RUN_TO_RUN = 0.05
-"""Of a friction torque: by so much it differs from run to run of one machine, which a single
-recording can not show (docs/real_machines.md)."""
 
 
 def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
@@ -142,7 +139,9 @@ def _whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
     applied = found.named[k]
     value = abs(applied.values[name])
     if applied.id in ('joint_coulomb_friction', 'joint_stribeck_friction') and name != 'velocity':
-        return math.hypot(std, _RUN_TO_RUN * value if len(found.records) == 1 else 0.0)
+        machine = Machine(found.robot, found.fit.rows.balances)
+        whole = value + machine.friction(applied.id, applied.where)
+        return math.hypot(std, RUN_TO_RUN * whole if len(found.records) == 1 else 0.0)
     if applied.id == 'inertial_parameters':
         return math.hypot(std, scale_error(found.robot) * value)
     return std

@@ -17,7 +17,7 @@ from .selection import Selection
 def evidence_of(selection: Selection, levels: Sequence[Array], i: int) -> Evidence:
     """What speaks for a chosen cause beside all others.
 
-    Held-out shares are of the misfit of the model with all other causes.
+    Held-out shares are of the misfit of the model with all other causes, and nothing of this one.
 
     Args:
         selection: The choice.
@@ -43,7 +43,7 @@ def _placebo(selection: Selection, levels: Sequence[Array], i: int) -> float:
     """Largest held-out gain of columns without meaning, of the same size and colour."""
     rows, own = selection.rows, selection.rows.places[i]
     others = [k for k in selection.chosen if k != i]
-    mean = Posterior.of(selection.whole, rows.deviations(others)).mean
+    mean = Posterior.of(selection.whole, rows.deviations(others, (i,))).mean
     labels = selection.labels(i)
     times, data, columns, part = [], [], [], []
     for j, (joint, variances) in enumerate(zip(rows.joints, levels, strict=True)):

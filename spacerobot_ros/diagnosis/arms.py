@@ -80,7 +80,7 @@ def find_arm_causes(
     balances = [balance_of(record, robot, believed) for record in records]
     rows = ArmRows.of(balances, kinds)
     report('finding the level of what no cause explains', 0.2)
-    parts = rows.parts(rows.levels(rows.sizes, np.zeros(robot.n_joints)))
+    parts = rows.parts(rows.levels(rows.sizes, rows.friction))
     first, rough = (Selection(rows, parts, rows.recording) for _ in range(2))
     report('choosing causes', 0.4)
     rough.run()
@@ -112,12 +112,12 @@ def find_arm_causes(
 def _levels(rows: ArmRows, chosen: Selection) -> list[Array]:
     """(6,) variances of each joint, with what is chosen beside the tolerances."""
     fit = ArmFit(rows, chosen.whole, tuple(chosen.chosen))
-    friction = np.zeros(rows.robot.n_joints)
+    friction = rows.friction.copy()
     for i in chosen.chosen:
         candidate = rows.candidates[i]
         if candidate.kind.id in ('joint_coulomb_friction', 'joint_stribeck_friction'):
             value = abs(float(fit.posterior.mean[rows.places[i][0]]))
-            friction[rows.robot.joints.index(str(candidate.where))] = value
+            friction[rows.robot.joints.index(str(candidate.where))] += value
     return rows.levels(fit.deviations, friction)
 
 

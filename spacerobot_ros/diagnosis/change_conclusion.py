@@ -93,7 +93,8 @@ def conclude_changes(found: Changes) -> Comparison:
 def _change(found: Changes, i: int) -> Change:
     selection, posterior = found.selection, found.fit.posterior
     candidate, own = selection.rows.candidates[i], selection.rows.places[i]
-    spread = np.sqrt(np.diag(posterior.covariance)[own])
+    # what a machine that nobody touched changes by itself is in it, too
+    spread = np.hypot(np.sqrt(np.diag(posterior.covariance)[own]), selection.rows.tolerances[own])
     names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
     scale = scale_error(found.robot) if candidate.kind.id == 'inertial_parameters' else 0.0
     # A ripple's two coefficients are its parts in sine and cosine.

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..estimation.arm_fit import Posterior
 from ..estimation.arm_rows import ArmRows
-from ..estimation.evidence import Gram, Score, score, sum_of
+from ..estimation.evidence import Gram, Score, price, score, sum_of
 from ..types import Array, IntArray
 from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
@@ -109,22 +109,21 @@ class Selection:
         return self._score(Posterior.of(self.whole, self.rows.deviations(others)), i)
 
     def limit(self, i: int, direction: Array) -> float:
-        """Multiple x of a cause's coefficients (K,) from which it would be named beside nothing.
+        """Multiple x of a cause's coefficients (K,) from which it is named, beside nothing else.
 
-        Noise aside, gain = 1/2 x^2 d' S (A_size - A_tolerance) S d - what the freedom costs = need
-        with A = (S + 1 / prior^2)^-1 and S the information of the coefficients; infinite where
-        the motion shows nothing of it.
+        Noise aside, its evidence is 1/2 x^2 d' S (S + 1 / prior^2)^-1 S d less the price of its
+        freedom, with S the information of the coefficients, and must exceed that of its tolerance
+        by the need. Infinite where the motion shows nothing of it.
         """
-        own, sizes = self.rows.places[i], self.rows.candidates[i].sizes
-        matrix = Posterior.of(self.whole, self.rows.deviations(())).group(own).matrix
-        scaled, d = sizes[:, None] * matrix * sizes, direction / sizes
-        power, price = 0.0, self.need(i)
-        for sign, prior in ((1.0, sizes), (-1.0, self.rows.tolerances[own])):
-            precision = (sizes / prior) ** 2
-            whole = scaled + np.diag(precision)
-            power += sign * float(d @ scaled @ np.linalg.solve(whole, scaled @ d))
-            price += sign * 0.5 * float(np.linalg.slogdet(whole)[1] - np.sum(np.log(precision)))
-        return math.sqrt(2.0 * price / power) if power > 0.0 else math.inf
+        own = self.rows.places[i]
+        gram = Posterior.of(self.whole, self.rows.deviations(())).group(own)
+        power, cost = 0.0, self.need(i)
+        tolerances = self.rows.tolerances[own]
+        for sign, prior in ((1.0, self.rows.candidates[i].sizes), (-1.0, tolerances)):
+            scaled, seen = prior[:, None] * gram.matrix * prior, prior * (gram.matrix @ direction)
+            power += sign * float(seen @ np.linalg.solve(np.eye(len(own)) + scaled, seen))
+            cost += sign * price(np.asarray(np.linalg.eigvalsh(scaled)), gram.rows)
+        return math.sqrt(2.0 * cost / power) if power > 0.0 else math.inf
 
     def _score(self, beside: Posterior, i: int) -> Score:
         candidate = self.rows.candidates[i]
@@ -185,6 +184,7 @@ class Selection:
         if self._pruned.get(i, 0) >= MOST_PRUNED or candidate.contradicts(taken):
             return False
         here = [t.kind.id for t in taken if t.where == candidate.where]
+        here += [e.id for e in self.rows.balances[0].effects if e.where == candidate.where]
         return candidate.kind.id not in _AFTER_FRICTION or any(k in _FRICTION for k in here)
 
     def _prune(self) -> None:
@@ -201,9 +201,17 @@ class Selection:
         self._pruned[i] = self._pruned.get(i, 0) + 1
 
     def held_out(self, i: int) -> Array:
-        """(F,) log evidence that a cause adds to the prediction of each part from the others."""
-        whole = self.gain(self.whole, i)
-        return np.array([whole - self.gain(self.whole - part, i) for part in self.parts(i)])
+        """(F,) log evidence that a cause adds to the prediction of each part from the others.
+
+        Beside its not being there at all: a part that is sharp on its own is predicted as well by
+        what is only tolerated.
+        """
+        whole = self._evidence(self.whole, i)
+        return np.array([whole - self._evidence(self.whole - part, i) for part in self.parts(i)])
+
+    def _evidence(self, gram: Gram, i: int) -> float:
+        others = [k for k in self.chosen if k != i]
+        return self._score(Posterior.of(gram, self.rows.deviations(others)), i).evidence
 
     def check_held_out(self) -> None:
         """Drop what does not hold on parts that it was not fitted to, weakest first."""
@@ -239,9 +247,10 @@ class Selection:
 
         Args:
             chosen: What is beside the tolerances.
-            i: The cause that the parts judge; None: all of them.
+            i: The cause that the parts judge; None: all of them. It is not there at all where it
+                is not chosen.
         """
-        deviations = self.rows.deviations(chosen)
+        deviations = self.rows.deviations(chosen, () if i is None or i in chosen else (i,))
         return sum(
             part.misfit(Posterior.of(self.whole - part, deviations).mean) for part in self.parts(i)
         )

@@ -25,7 +25,11 @@ from .columns import Candidate
 _GAIN_TOLERANCE, _SENSOR_TOLERANCE = 0.08, 0.03
 """Of a torque that is a motor current times a constant from a data sheet; of a torque sensor."""
 _BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
-_NONE = 1e-4  # of a size: no tolerance, and still a number
+NOTHING = 1e-4
+"""Of a size: no tolerance, and still a number."""
+RUN_TO_RUN = 0.05
+"""Of a friction: by so much it differs from run to run of one machine, which a single recording
+can not show (docs/real_machines.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +94,12 @@ class Machine:
         else:
             j, torque, rate, inertia = 0, 0.0, 1.0, 0.0
         own = 0.2 * np.array([torque, torque / rate])
+        dry = self.friction('joint_coulomb_friction', where)
         sizes: dict[str, tuple[float | Array, float]] = {
-            'joint_coulomb_friction': (torque, 0.0),
-            'joint_viscous_friction': (torque / rate, 0.0),
-            'joint_stribeck_friction': (0.3 * torque, 0.0),
-            'joint_friction_curvature': (torque, 0.0),
+            'joint_coulomb_friction': (torque, RUN_TO_RUN * dry),
+            'joint_viscous_friction': (torque / rate, RUN_TO_RUN * self.friction(kind, where)),
+            'joint_stribeck_friction': (0.3 * torque, RUN_TO_RUN * dry),
+            'joint_friction_curvature': (torque, RUN_TO_RUN * dry),
             'joint_load_friction': (0.1, 0.0),
             'joint_coupled_friction': (own, 0.0),
             'joint_torque_constant': (0.15, self._gain_tolerance(where)),
@@ -112,8 +117,13 @@ class Machine:
         shares = np.ones(len(candidate.sizes))
         if kind == 'gravity_error':  # a tilt: its magnitude is known, and no scale of all masses
             down = self.robot.gravity / max(float(np.linalg.norm(self.robot.gravity)), 1e-9)
-            shares = np.where(np.abs(down) > 0.9, _NONE, 1.0)
-        return size * shares, np.maximum(tolerance, _NONE * size) * shares
+            shares = np.where(np.abs(down) > 0.9, NOTHING, 1.0)
+        return size * shares, np.maximum(tolerance, NOTHING * size) * shares
+
+    def friction(self, kind: str, where: str | None) -> float:
+        """Of a joint, in the file: the first number of this law and of those that refine it."""
+        own = [e for e in self.balances[0].effects if e.where == where]
+        return float(sum(next(iter(e.values.values())) for e in own if kind in (e.id, *e.refines)))
 
     def _gain_tolerance(self, where: str | None) -> float:
         kinds = dict(zip(self.robot.arm, self.robot.effort_kinds, strict=False))
@@ -125,7 +135,7 @@ class Machine:
         if where == names[-1]:
             arm = 0.3 * self.length
             scales = 0.1 * self.mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
-            return scales, _NONE * scales
+            return scales, NOTHING * scales
         mass = max(float(row[0]), 1e-3 * self.mass)
         com = float(np.linalg.norm(row[1:4])) / mass
         gyration = float(np.sqrt(max(row[4] + row[6] + row[9], 0.0) / mass))

@@ -13,7 +13,7 @@ import numpy as np
 from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..types import Array, IntArray
-from .arm_priors import Machine, with_prior
+from .arm_priors import NOTHING, Machine, with_prior
 from .balance import Balance
 from .columns import Candidate, candidate_at
 from .evidence import Gram
@@ -98,11 +98,13 @@ class ArmRows:
         ends = np.cumsum([len(c.sizes) for c in self.candidates]).tolist()
         return [np.arange(a, b) for a, b in pairwise([0, *ends])]
 
-    def deviations(self, chosen: Iterable[int]) -> Array:
-        """(K,) the sizes of what is chosen and the tolerances of the rest."""
+    def deviations(self, chosen: Iterable[int], absent: Iterable[int] = ()) -> Array:
+        """(K,) the sizes of what is chosen and the tolerances of the rest, but for the absent."""
         out = self.tolerances.copy()
         for i in chosen:
             out[self.places[i]] = self.sizes[self.places[i]]
+        for i in absent:
+            out[self.places[i]] = NOTHING * self.sizes[self.places[i]]
         return out
 
     @cached_property
@@ -115,6 +117,12 @@ class ArmRows:
     def scale(self) -> Array:
         """(n,) rms of the torques where the joints move [N m]."""
         return Machine(self.robot, self.balances).torque
+
+    @cached_property
+    def friction(self) -> Array:
+        """(n,) Coulomb friction that the model believes in [N m]."""
+        machine = Machine(self.robot, self.balances)
+        return np.array([machine.friction('joint_coulomb_friction', j) for j in self.robot.joints])
 
     @cached_property
     def blocks(self) -> list[IntArray]:

@@ -55,6 +55,11 @@ class Balance:
         self.motion = process.motion(arm.kinematics, self._required(given))
 
     @property
+    def effects(self) -> tuple[Effect, ...]:
+        """What the model believes to act as a force."""
+        return self._process.effects
+
+    @property
     def effort_rate(self) -> Array:
         """(N, n) time derivative of the torques that the model needs [N m/s]."""
         return np.gradient(self.motion.effort, self.arm.step, axis=0)

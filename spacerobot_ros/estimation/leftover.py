@@ -35,8 +35,9 @@ class JointRows:
         torque: (M,) that the model misses, in the band [N m].
         columns: (M, K) of the candidates [N m].
         observed: (M, 2) sign of the rate, and the torque that the model needs by its own rms.
-        block: (M,) number of the block of rows, not decreasing; each is filtered for itself.
-        gap: (M,) time since the row before [s].
+        block: (M,) number of the block of rows, not decreasing.
+        gap: (M,) time since the row before [s]; 0 at the first of a recording, each of which is
+            filtered for itself. Blocks are not: the slow part of what is left goes on in the next.
     """
 
     torque: Array
@@ -52,9 +53,7 @@ class JointRows:
             variances: (6,) of the white part and the five processes [N^2 m^2].
         """
         both = np.column_stack([self.torque, self.columns])
-        out, logs = _whiten(
-            np.ascontiguousarray(both), self.observed, self.block, self.gap, variances, _TIMES
-        )
+        out, logs = _whiten(np.ascontiguousarray(both), self.observed, self.gap, variances, _TIMES)
         return out[:, 0], out[:, 1:], float(logs)
 
 
@@ -77,17 +76,16 @@ def _gain(cov: Array, h: Array, white: float) -> tuple[Array, float]:
 
 @compiled  # type: ignore[untyped-decorator]
 def _whiten(
-    values: Array, observed: Array, block: IntArray, gap: Array, variances: Array, times: Array
+    values: Array, observed: Array, gap: Array, variances: Array, times: Array
 ) -> tuple[Array, float]:
-    """Innovations by their standard deviations; every block starts from the stationary state."""
+    """Innovations by their standard deviations; each recording starts as if it always was."""
     rows, width = values.shape
     out = np.empty((rows, width))
     state, cov = np.zeros((len(times), width)), np.zeros((len(times), len(times)))
     h = np.ones(len(times))
     logs = 0.0
     for k in range(rows):
-        follows = k > 0 and block[k] == block[k - 1]
-        decay = np.exp(-gap[k] / times) if follows else np.zeros(len(times))
+        decay = np.exp(-gap[k] / times) if gap[k] > 0.0 else np.zeros(len(times))
         _predict(state, cov, decay, variances)
         h[3:] = observed[k]
         across, variance = _gain(cov, h, variances[0])
