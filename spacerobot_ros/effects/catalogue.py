@@ -45,7 +45,12 @@ CATALOGUE: Mapping[str, type[Effect]] = MappingProxyType({kind.id: kind for kind
 
 
 def bind_effect(
-    name: str, effect_id: str, where: str | None, values: Mapping[str, float], robot: Robot
+    name: str,
+    effect_id: str,
+    where: str | None,
+    values: Mapping[str, float],
+    robot: Robot,
+    changed: Robot | None = None,
 ) -> Effect:
     """An effect at a place, checked against the robot.
 
@@ -55,6 +60,7 @@ def bind_effect(
         where: Joint, link, or None.
         values: Its parameters; those with a default may be left out.
         robot: The robot it acts on.
+        changed: The same with the bodies that other effects leave, where there are any.
 
     Raises:
         ConfigurationError: unknown id, place or parameter, or values that make no sense.
@@ -63,7 +69,7 @@ def bind_effect(
     kind, where = kind_at(effect_id, where, robot, place)
     complete = _checked_values(kind, values, place)
     effect = kind(name=name, where=where, values=complete)
-    effect.check(robot)
+    effect.check(robot if changed is None else changed)
     return effect
 
 
@@ -106,15 +112,17 @@ def bind_effects(section: Mapping[str, Any], robot: Robot) -> tuple[Effect, ...]
     Raises:
         ConfigurationError: anything wrong in it, with its place.
     """
-    effects = []
+    effects: list[Effect] = []
+    changed = robot  # bodies that are named twice are changed one after another
     for name, entry in section.items():
         if not isinstance(entry, Mapping) or 'effect' not in entry:
             why = 'expected {effect: ..., where: ..., parameters...}'
             raise ConfigurationError(f'effects.{name}', why)
         values = {key: value for key, value in entry.items() if key not in ('effect', 'where')}
-        effects.append(
-            bind_effect(str(name), str(entry['effect']), entry.get('where'), values, robot)
-        )
+        kind, where = str(entry['effect']), entry.get('where')
+        effects.append(bind_effect(str(name), kind, where, values, robot, changed))
+        if effects[-1].group == 'bodies':
+            changed = effects[-1].change(changed)
     for first, second in itertools.combinations(effects, 2):
         _check_contradiction(first, second)
     return tuple(effects)

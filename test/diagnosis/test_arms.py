@@ -1,0 +1,125 @@
+"""Arms whose noise nobody knows: right names at the right joints, nothing where none is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, VISCOUS, RealArm, arm_file
+from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
+
+PAYLOAD = {'mass': 3.0, 'mx': 0.0, 'my': 0.45, 'mz': 0.0}
+PAYLOAD |= {'ixx': 0.07, 'ixy': 0.0, 'iyy': 0.004, 'ixz': 0.0, 'iyz': 0.0, 'izz': 0.07}
+
+
+def bound(kind, where=None, **values):
+    """An effect at a place."""
+    return CATALOGUE[kind](name='hidden', where=where, values=values)
+
+
+def payload():
+    """A body of 3 kg, 15 cm from the last link's origin."""
+    return bound('inertial_parameters', 'link_6', **PAYLOAD)
+
+
+def causes_of(diagnosis):
+    """Effects and places, with their parameters."""
+    return {(c.applied.id, c.applied.where): c.parameters for c in diagnosis.causes}
+
+
+def test_friction_of_every_joint_that_the_file_has_none_of():
+    """Within 15 % of the machine's: 5 % from run to run, 5 % that drifts, at three deviations."""
+    file = arm_file(has_friction=False)
+    found = diagnose(RealArm(1).record(0), file.robot)
+    assert found.verdict == 'partly_explained'
+    laws = {law.joint: law for law in found.friction}
+    assert list(laws) == list(JOINTS)
+    for joint, coulomb, viscous in zip(JOINTS, COULOMB, VISCOUS, strict=True):
+        speed = 0.5  # rad/s, where both count
+        law = laws[joint].coulomb + laws[joint].viscous * speed
+        assert law == pytest.approx(coulomb + viscous * speed, rel=0.15)
+    assert {kind for kind, _ in causes_of(found)} <= {
+        'joint_coulomb_friction',
+        'joint_viscous_friction',
+        'joint_stribeck_friction',
+    }
+
+
+def test_joints_that_stand_are_left_alone():
+    file = arm_file(has_friction=False)
+    found = diagnose(RealArm(2).record(0, moving=('joint_2',)), file.robot)
+    assert {'joint_2'} == {where for _, where in causes_of(found)}
+    assert {r.where for r in found.ranking} <= {'joint_2', None, *(f'link_{k}' for k in range(7))}
+
+
+def test_a_machine_as_its_file_says_has_no_cause():
+    file = arm_file()
+    assert not causes_of(diagnose(RealArm(3).record(0), file.robot, file.effects))
+
+
+def test_a_payload_in_two_recordings():
+    """Held out on whole recordings; its mass within three standard deviations."""
+    file, arm = arm_file(), RealArm(4, [payload()])
+    found = diagnose([arm.record(0), arm.record(1)], file.robot, file.effects)
+    causes = causes_of(found)
+    assert list(causes) == [('inertial_parameters', 'link_6')]
+    mass = causes['inertial_parameters', 'link_6']['mass']
+    assert abs(mass.value - PAYLOAD['mass']) < 3.0 * mass.std < PAYLOAD['mass']
+    assert len(found.causes[0].held_out_recordings) == 2
+    assert all(r.rms_after < r.rms_before for r in found.recordings)
+
+
+@pytest.mark.parametrize(
+    ('effect', 'name'),
+    [
+        (bound('joint_coulomb_friction', 'joint_4', torque=3.0), 'torque'),
+        (bound('torque_sensor_bias', 'joint_4', bias=-2.5), 'bias'),
+        (bound('effort_delay', delay=0.015), 'delay'),
+        (bound('joint_stiffness', 'joint_1', stiffness=40.0, rest_angle=0.0), 'stiffness'),
+    ],
+    ids=lambda given: getattr(given, 'id', None),
+)
+def test_a_single_cause_is_the_first_name(effect, name):
+    """A spring brings a bias: its rest angle is taken to be the joint's mean angle."""
+    file = arm_file()
+    found = diagnose(RealArm(5, [effect]).record(0), file.robot, file.effects)
+    causes = causes_of(found)
+    assert next(iter(causes)) == (effect.id, effect.where)
+    assert {kind for kind, _ in causes} <= {effect.id, 'torque_sensor_bias'}
+    value = causes[effect.id, effect.where][name]
+    assert abs(value.value - effect[name]) < 3.0 * value.std
+
+
+def test_a_gain_beyond_the_tolerance_of_a_torque_sensor():
+    """Efforts of a sensor behind the gear are right within 3 %, a data sheet's within 8 %."""
+    file = arm_file(effort_kind='link')
+    assert file.robot.effort_kinds == ('link',) * 6
+    gain = bound('joint_torque_constant', 'joint_2', gain=1.25)
+    found = diagnose(RealArm(6, [gain]).record(0), file.robot, file.effects)
+    assert ('joint_torque_constant', 'joint_2') in causes_of(found)
+
+
+def test_the_extended_model_loads_round_after_round():
+    """Each round starts from what the last one wrote; bodies that are named twice compose."""
+    file, arm = arm_file(has_friction=False), RealArm(7, [payload()])
+    believed, left = (), []
+    for turn in range(3):
+        found = diagnose(arm.record(turn, duration=16.0), file.robot, believed)
+        (own,) = found.recordings
+        assert own.rms_after <= own.rms_before
+        left.append(own.rms_before)
+        more = named((*(c.applied for c in found.causes), *found.calibration), believed)
+        believed = bind_effects(effects_section((*believed, *more)), file.robot)
+    assert len({(e.id, e.where) for e in believed}) < len(believed)
+    # the model of the first round explains the second recording
+    assert left[1] < 0.3 * left[0]
+
+
+def test_bodies_named_twice_compose():
+    file = arm_file()
+    twice = [replace(payload(), name='one'), replace(payload(), name='two')]
+    heavier = replace(file, effects=(*file.effects, *twice)).believed
+    gained = heavier.inertial_parameters[-1] - file.robot.inertial_parameters[-1]
+    np.testing.assert_allclose(gained, 2.0 * np.array(list(PAYLOAD.values())), atol=1e-12)

@@ -1,0 +1,73 @@
+"""Coefficients of an arm's causes: least squares, bounds, and a gain's conversion."""
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.real_arm import JOINTS, RealArm, arm_file
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.arm_fit import ArmFit, Posterior
+from spacerobot_ros.estimation.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance import balance_of
+from spacerobot_ros.estimation.evidence import Gram, sum_of
+from spacerobot_ros.estimation.observations import observed
+
+
+def fit_of(hidden, kinds, chosen):
+    """A fit to an arm whose file is right but for what is hidden; white noise of 0.1 N m."""
+    file = arm_file()
+    record = observed(RealArm(0, hidden, leftover=0.0).record(0, duration=12.0), file.robot)
+    rows = ArmRows.of(
+        [balance_of(record, file.robot, file.effects)], [CATALOGUE[kind] for kind in kinds]
+    )
+    numbers = [i for i, c in enumerate(rows.candidates) if c.key in chosen]
+    white = [np.array([0.01, *[1e-12] * 5])] * len(JOINTS)
+    return ArmFit(rows, sum_of(rows.parts(white)), tuple(numbers))
+
+
+def test_without_tolerances_it_is_least_squares(rng):
+    """Wide priors of some columns, the others held at nothing: the normal equations."""
+    columns, data = rng.standard_normal((200, 6)), rng.standard_normal(200)
+    deviations = np.where(np.arange(6) < 4, 1e4, 1e-8)
+    found = Posterior.of(Gram.of(columns, data), deviations)
+    exact, *_ = np.linalg.lstsq(columns[:, :4], data)
+    # priors of 1e4 pull by 1e-8 / 200 of the values
+    np.testing.assert_allclose(found.mean[:4], exact, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found.mean[4:], 0.0, rtol=0, atol=1e-10)
+    inverse = np.linalg.inv(columns[:, :4].T @ columns[:, :4])
+    np.testing.assert_allclose(found.covariance[:4, :4], inverse, rtol=1e-8, atol=1e-12)
+
+
+def test_a_group_alone_is_the_schur_complement(rng):
+    columns, data = rng.standard_normal((50, 4)), rng.standard_normal(50)
+    gram, deviations = Gram.of(columns, data), np.array([1.0, 2.0, 0.5, 3.0])
+    own = np.array([1, 3])
+    alone = Posterior.of(gram, deviations).group(own)
+    rest = np.array([0, 2])
+    held = gram.matrix[np.ix_(rest, rest)] + np.diag(deviations[rest] ** -2.0)
+    across = gram.matrix[np.ix_(rest, own)]
+    matrix = gram.matrix[np.ix_(own, own)] - across.T @ np.linalg.solve(held, across)
+    vector = gram.vector[own] - across.T @ np.linalg.solve(held, gram.vector[rest])
+    np.testing.assert_allclose(alone.matrix, matrix, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(alone.vector, vector, rtol=1e-9, atol=1e-9)
+
+
+def test_a_gain_is_that_of_the_motor():
+    """Measured torques are those needed by g: the coefficient of the measured is 1 - 1 / g."""
+    gain = CATALOGUE['joint_torque_constant'](name='g', where='joint_2', values={'gain': 1.25})
+    fit = fit_of([gain], ('joint_torque_constant',), {('joint_torque_constant', 'joint_2')})
+    (own,) = fit.rows.places[fit.chosen[0]]
+    # friction counts too, and the smoothing of its sign at reversals
+    assert fit.values[own] == pytest.approx(1.0 - 1.0 / 1.25, abs=2e-3)
+    (named,) = fit.effects(fit.chosen)
+    assert named['gain'] == pytest.approx(1.25, abs=4e-3)
+
+
+def test_friction_keeps_its_sign():
+    """A joint that runs easier than its file has no friction below zero added."""
+    easier = CATALOGUE['joint_viscous_friction'](
+        name='f', where='joint_3', values={'coefficient': -3.0}
+    )
+    fit = fit_of([easier], ('joint_viscous_friction',), {('joint_viscous_friction', 'joint_3')})
+    (own,) = fit.rows.places[fit.chosen[0]]
+    assert fit.posterior.mean[own] == pytest.approx(-3.0, abs=0.1)
+    assert fit.values[own] == pytest.approx(0.0, abs=1e-2)

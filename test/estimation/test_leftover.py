@@ -1,0 +1,120 @@
+"""Level of what no cause explains: whitening against a dense factor, REML on simulated rows."""
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.estimation.leftover import JointRows, level_of
+
+TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])
+VARIANCES = np.array([0.04, 0.3, 0.2, 0.5, 0.1, 0.02])
+
+
+def rows_at(rng, times, runs, columns=3):
+    """Rows at given times of given recordings, with random content."""
+    gap = np.diff(times, prepend=times[0])
+    gap[np.flatnonzero(np.diff(runs)) + 1] = 0.0
+    gap[0] = 0.0
+    observed = np.column_stack(
+        [np.sign(rng.standard_normal(len(times))), rng.standard_normal(len(times))]
+    )
+    return JointRows(
+        rng.standard_normal(len(times)),
+        rng.standard_normal((len(times), columns)),
+        observed,
+        np.asarray(runs),
+        gap,
+    )
+
+
+def covariance(rows, times, variances):
+    """Closed form: each recording for itself, rows of it correlated by their distance."""
+    total = variances[0] * np.eye(len(times))
+    own = np.cumsum(rows.gap == 0.0)
+    same = own[:, None] == own
+    seen = np.column_stack([np.ones((len(times), 3)), rows.observed])
+    for k, memory in enumerate(TIMES):
+        decay = np.exp(-np.abs(np.subtract.outer(times, times)) / memory)
+        total += variances[1 + k] * same * decay * np.outer(seen[:, k], seen[:, k])
+    return total
+
+
+def test_whitening_is_a_dense_cholesky_factor(rng):
+    """Rows are missing in the middle, and a second recording begins."""
+    first = np.delete(0.1 * np.arange(60), np.r_[10:13, 30:45])
+    times, runs = np.concatenate([first, 0.1 * np.arange(25)]), np.repeat([0, 1], [len(first), 25])
+    rows = rows_at(rng, times, runs)
+    torque, columns, logs = rows.whitened(VARIANCES)
+    dense = covariance(rows, times, VARIANCES)
+    factor = np.linalg.cholesky(dense)
+    # rounding of some hundred recursions
+    np.testing.assert_allclose(torque, np.linalg.solve(factor, rows.torque), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(columns, np.linalg.solve(factor, rows.columns), rtol=0, atol=1e-10)
+    assert logs == pytest.approx(np.linalg.slogdet(dense)[1], abs=1e-9)
+
+
+def test_blocks_of_a_recording_are_one_for_the_filter(rng):
+    times = 0.1 * np.arange(40)
+    one = rows_at(rng, times, np.zeros(40, dtype=int))
+    parted = JointRows(one.torque, one.columns, one.observed, np.arange(40) // 10, one.gap)
+    np.testing.assert_array_equal(one.whitened(VARIANCES)[0], parted.whitened(VARIANCES)[0])
+
+
+def coloured(rng, count, step, memory):
+    """A process of unit variance."""
+    keep = np.exp(-step / memory)
+    out = np.empty(count)
+    out[0] = rng.standard_normal()
+    for k in range(1, count):
+        out[k] = keep * out[k - 1] + np.sqrt(1.0 - keep**2) * rng.standard_normal()
+    return out
+
+
+def bare(torque, step):
+    """Rows of one recording without columns."""
+    count = len(torque)
+    gap = np.full(count, step)
+    gap[0] = 0.0
+    return JointRows(
+        torque, np.zeros((count, 1)), np.ones((count, 2)), np.zeros(count, dtype=int), gap
+    )
+
+
+def level(rows, scale):
+    """Levels of rows whose friction and gain hardly drift."""
+    return level_of(rows, np.ones(rows.columns.shape[1]), scale, np.full(2, 1e-3 * scale))
+
+
+def test_white_noise_alone_has_the_white_level_alone(rng):
+    found = level(bare(0.5 * rng.standard_normal(2000), 0.1), 10.0)
+    # 1 / sqrt(2 * 2000) = 1.6 % of a standard deviation
+    assert np.sqrt(found[0]) == pytest.approx(0.5, rel=0.05)
+    assert np.sqrt(np.sum(found[1:])) < 0.1 * np.sqrt(found[0])
+
+
+def test_a_coloured_level_is_recovered(rng):
+    """With a white part of 0.1 and one of 1.5 s of 0.6, over 600 s."""
+    found = np.array(
+        [
+            level(
+                bare(0.1 * rng.standard_normal(3000) + 0.6 * coloured(rng, 3000, 0.2, 1.5), 0.2),
+                10.0,
+            )
+            for _ in range(4)
+        ]
+    )
+    slow = np.sqrt(np.mean(np.sum(found[:, 1:], axis=1)))
+    # 600 s hold 200 independent values: 5 % of a standard deviation a run
+    assert slow == pytest.approx(0.6, rel=0.1)
+    # the processes overlap: the one of the memory that is there has the most of all runs
+    assert np.argmax(np.mean(found[:, 1:], axis=0)) == 1
+
+
+def test_what_the_columns_can_make_is_no_level(rng):
+    """A large coefficient of a known shape is integrated out."""
+    count, step = 1000, 0.1
+    shape = np.sin(0.7 * step * np.arange(count))
+    noise = 0.3 * rng.standard_normal(count)
+    plain = bare(noise + 5.0 * shape, step)
+    rows = JointRows(plain.torque, shape[:, None], plain.observed, plain.block, plain.gap)
+    found = level_of(rows, np.array([10.0]), 10.0, np.full(2, 0.01))
+    assert np.sqrt(np.sum(found)) == pytest.approx(0.3, rel=0.1)
