@@ -218,10 +218,17 @@ def _candidates(kinds: Iterable[type[Effect]], balances: Sequence[Balance]) -> I
         if not kind.is_fitted or kind.needs_free_base or kind.hidden:
             continue
         for where in kind.places(robot):
+            if any(_excludes(kind, e) for e in balances[0].effects if e.where == where):
+                continue
             for variant in _variants(kind, where, balances):
                 candidate = candidate_at(kind, robot, where, variant)
                 if candidate is not None:
                     yield candidate
+
+
+def _excludes(kind: type[Effect], believed: Effect) -> bool:
+    """Whether an effect can not act beside one of the model's at the same place."""
+    return believed.id in kind.excludes or kind.id in believed.excludes
 
 
 def _variants(
