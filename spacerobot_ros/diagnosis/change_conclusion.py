@@ -97,10 +97,10 @@ def _change(found: Changes, i: int) -> Change:
     spread = np.hypot(np.sqrt(np.diag(posterior.covariance)[own]), selection.rows.tolerances[own])
     names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
     scale = scale_error(found.robot) if candidate.kind.id == 'inertial_parameters' else 0.0
-    # A ripple's two coefficients are its parts in sine and cosine.
     values = posterior.mean[own]
-    if len(names) == 1 and len(own) == 2:
-        values, spread = np.array([np.hypot(*values)]), np.array([np.max(spread)])
+    if candidate.kind.id == 'joint_torque_constant':  # columns of measured torques: 1 - 1 / gain
+        gain = 1.0 / (1.0 - np.minimum(values, 0.9))
+        values, spread = gain - 1.0, gain**2 * spread
     return Change(
         effect=candidate.kind.id,
         where=candidate.where,
