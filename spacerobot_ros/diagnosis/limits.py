@@ -65,7 +65,8 @@ half the evidence may belong to the other place."""
 
 FAMILYWISE = 3.0
 """Nats of log evidence beyond ln of the number of hypotheses: exp(-3) = 5 % of all records with a
-false name, were the level of what is left right (docs/real_machines.md: 1 of 64)."""
+false name, were the level of what is left right and nothing else asked; the parts of the data that
+must be predicted leave fewer (docs/real_machines.md has the share)."""
 
 SPECIAL = {
     'joint_torque_ripple': 3.0,

@@ -3,9 +3,8 @@
 A cause's size is the standard deviation that its coefficients are thought to have where it is one;
 its tolerance the one that they have anyway, on any real machine, without being worth a name. Both
 are in the machine's own units: torques by the rms that it needs, masses by its own. The figures
-are those of a campaign on measured arms and on simulated ones with a coloured leftover
-(docs/real_machines.md): tolerances of half the size are named falsely, of twice the size hide
-what they should show.
+are those of measured arms, tried on simulated ones with a coloured leftover
+(docs/real_machines.md): wider tolerances hide more causes than they save false names.
 """
 
 from __future__ import annotations
