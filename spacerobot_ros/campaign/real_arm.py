@@ -143,18 +143,24 @@ class RealArm:
     leftover: float = 1.0
 
     def record(
-        self, run: int, moving: Sequence[str] = JOINTS, duration: float = DURATION
+        self,
+        run: int,
+        moving: Sequence[str] = JOINTS,
+        duration: float = DURATION,
+        motion: int | None = None,
     ) -> Record:
         """A recording.
 
         Args:
-            run: Seed of its motion, and of what differs from run to run.
+            run: Seed of what differs from run to run, and of its motion.
             moving: Joints that move; the others stand.
             duration: [s].
+            motion: Seed of a motion that is repeated; None: that of the run.
         """
         rng = np.random.default_rng([self.seed, run, 5])
+        course = rng if motion is None else np.random.default_rng([self.seed, motion, 6])
         time = np.arange(round(duration * RATE) + 1) / RATE
-        q, qd, qdd = _motion(rng, time, np.isin(JOINTS, moving))
+        q, qd, qdd = _motion(course, time, np.isin(JOINTS, moving))
         torque = self._motor(rng, q, qd, qdd)
         for effect in sorted(self.hidden, key=lambda e: HIDDEN.index(e.id)):
             if effect.id in _DRIVE:

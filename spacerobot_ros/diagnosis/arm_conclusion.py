@@ -10,11 +10,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from ..estimation.arm_fit import Posterior
-from ..estimation.arm_priors import RUN_TO_RUN, Machine
+from ..estimation.arm_priors import RUN_TO_RUN, Machine, torque_tolerance
 from ..estimation.evidence import Gram, score
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import is_relevant, value_std
-from ..model.robot import Robot
 from ..types import Array
 from .answer.residuals import series
 from .answer.result import (
@@ -29,7 +28,7 @@ from .answer.result import (
 )
 from .arms import ArmFound, rms
 from .friction_law import friction_laws
-from .limits import EQUIVALENT, UNEXPLAINED
+from .limits import EQUIVALENT
 from .selection import Selection
 
 
@@ -44,8 +43,10 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
         range(len(found.clear)),
         key=lambda k: -found.selection.gain(found.selection.whole, found.clear[k]),
     )
-    causes = tuple(_cause(found, k) for k in order)
+    usual = _usual_scatter(found)
+    causes = tuple(_cause(found, k, usual) for k in order)
     named = tuple(c for c in causes if c.relevant)
+    minor = tuple(c for c in causes if not c.relevant)
     before, after = rms(found.fit.rows.balances), rms(found.extended)
     verdict = _verdict(found, bool(named), after)
     channels = series(
@@ -68,7 +69,7 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
         verdict=verdict,
         sentence=_sentence(verdict, named, float(_overall(before)), float(_overall(after))),
         causes=named,
-        minor=tuple(c for c in causes if not c.relevant),
+        minor=minor,
         residuals=residuals,
         series=channels,
         gain=_gain(found),
@@ -77,19 +78,19 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
         null_p=None,
         next_motion=(),
         notes=notes,
-        calibration=found.calibration,
+        calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),
         friction=friction_laws(found),
     )
 
 
-def _cause(found: ArmFound, k: int) -> Cause:
+def _cause(found: ArmFound, k: int, usual: float) -> Cause:
     """A cause with what speaks for it beside all others."""
     fit, i = found.fit, found.clear[k]
     applied = found.named[k]
     thresholds = applied.parameters_at(found.robot, applied.where)
     scatter, dof = _scatter(found, i)
-    birge = math.sqrt(max(1.0, scatter / dof, _usual_scatter(found)))
+    birge = math.sqrt(max(1.0, scatter / dof, usual))
     spread = birge * fit.spread(i)
     stds = _in_values(found, i, spread)
     return Cause(
@@ -143,13 +144,8 @@ def _whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
         whole = value + machine.friction(applied.id, applied.where)
         return math.hypot(std, RUN_TO_RUN * whole if len(found.records) == 1 else 0.0)
     if applied.id == 'inertial_parameters':
-        return math.hypot(std, scale_error(found.robot) * value)
+        return math.hypot(std, float(np.max(torque_tolerance(found.robot))) * value)
     return std
-
-
-def scale_error(robot: Robot) -> float:
-    """Share by which the common scale of all torques is uncertain."""
-    return max(UNEXPLAINED['link' if k == 'link' else 'other'] for k in robot.effort_kinds)
 
 
 def _scatter(found: ArmFound, i: int) -> tuple[float, float]:
@@ -201,9 +197,7 @@ def _verdict(found: ArmFound, is_named: bool, after: Array) -> str:
     """
     if is_named:
         return 'partly_explained'
-    kinds = found.robot.effort_kinds
-    least = np.array([UNEXPLAINED['link' if kind == 'link' else 'other'] for kind in kinds])
-    small = after <= least * found.fit.rows.scale
+    small = after <= torque_tolerance(found.robot) * found.fit.rows.scale
     return 'consistent' if bool(np.all(small | np.isnan(after))) else 'unexplained'
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from ..effects.effect import Effect
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, RecordingError
 from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import Balance, balance_of
@@ -75,9 +75,13 @@ def find_arm_causes(
 
     The level of what is left is found twice: beside the whole catalogue, then beside what was
     chosen, since a catalogue explains some of any leftover.
+
+    Raises:
+        RecordingError: no joint moves.
     """
     report('balancing torques along the motion', 0.1)
     balances = [balance_of(record, robot, believed) for record in records]
+    refuse_rest(balances, records)
     rows = ArmRows.of(balances, kinds)
     report('finding the level of what no cause explains', 0.2)
     parts = rows.parts(rows.levels(rows.sizes, rows.friction))
@@ -202,6 +206,19 @@ def _weakest(selection: Selection, before: Array, after: Array | None) -> int:
     gains = {i: selection.gain(selection.whole, i) for i in selection.chosen}
     there = {i: gain for i, gain in gains.items() if rows.candidates[i].where in worse}
     return min(there or gains, key=gains.__getitem__)
+
+
+def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:
+    """Refuse recordings that say nothing.
+
+    Raises:
+        RecordingError: no joint moves in any of them.
+    """
+    if not any(balance.arm.is_moving.any() for balance in balances):
+        raise RecordingError(
+            records[0].source or 'recording',
+            'no joint moves: at rest friction holds any torque; record a motion',
+        )
 
 
 def rms(balances: Sequence[Balance]) -> Array:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..estimation.arm_priors import torque_tolerance
 from .answer.result import Estimated
-from .arm_conclusion import scale_error
 from .changes import Changes
 
 
@@ -54,6 +54,8 @@ class Comparison:
         detectable: Of every cause the change that would have been seen; infinite where the motion
             shows nothing of it.
         left: Rms of what no cause explains of each joint's torque [N m].
+        is_repeated: Whether all recordings are of one motion, judged by the scatter between
+            the reference runs.
     """
 
     verdict: str
@@ -61,6 +63,7 @@ class Comparison:
     changes: tuple[Change, ...]
     detectable: tuple[Detectable, ...]
     left: Mapping[str, float]
+    is_repeated: bool
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; `causes` as in diagnosis.json."""
@@ -70,6 +73,7 @@ class Comparison:
             'sentence': self.sentence,
             'causes': [asdict(change) for change in self.changes],
             'detectable': [asdict(one) for one in self.detectable],
+            'repeats': self.is_repeated,
             'left_unexplained': {'unit': 'N m', 'joints': dict(self.left)},
         }
 
@@ -87,6 +91,7 @@ def conclude_changes(found: Changes) -> Comparison:
         changes=changes,
         detectable=tuple(_detectable(found, i) for i in selection.live),
         left=dict(zip(found.robot.joints, levels.tolist(), strict=True)),
+        is_repeated=found.is_repeated,
     )
 
 
@@ -96,7 +101,8 @@ def _change(found: Changes, i: int) -> Change:
     # what a machine that nobody touched changes by itself is in it, too
     spread = np.hypot(np.sqrt(np.diag(posterior.covariance)[own]), selection.rows.tolerances[own])
     names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
-    scale = scale_error(found.robot) if candidate.kind.id == 'inertial_parameters' else 0.0
+    is_body = candidate.kind.id == 'inertial_parameters'
+    scale = float(np.max(torque_tolerance(found.robot))) if is_body else 0.0
     values = posterior.mean[own]
     if candidate.kind.id == 'joint_torque_constant':  # columns of measured torques: 1 - 1 / gain
         gain = 1.0 / (1.0 - np.minimum(values, 0.9))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..estimation.arm_fit import ArmFit
+from ..estimation.arm_rows import ArmRows
 from ..estimation.columns import Candidate
 from ..model.robot import Robot
 from ..types import Array
@@ -40,3 +41,11 @@ class Changes:
 def is_lasting(candidate: Candidate) -> bool:
     """Whether a change may be named: of a finer shape of friction it may not."""
     return candidate.kind.id not in _FINE
+
+
+class ChangeRows(ArmRows):
+    """Rows among whose candidates only changes that last are named."""
+
+    def may_be_chosen(self, i: int) -> bool:
+        """See `is_lasting`."""
+        return is_lasting(self.candidates[i])

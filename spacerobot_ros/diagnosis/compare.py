@@ -15,8 +15,8 @@ import numpy as np
 
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
-from ..errors import RecordingError
 from ..estimation.arm_fit import ArmFit
+from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
 from ..estimation.evidence import Gram, sum_of
@@ -25,7 +25,8 @@ from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record
 from ..types import Array, IntArray
-from .changes import Changes, is_lasting
+from .arms import refuse_rest
+from .changes import ChangeRows, Changes, is_lasting
 from .repeats import FEWEST, aligned, find_changes_of_repeats
 from .selection import Selection
 
@@ -39,11 +40,10 @@ _TOLERANCE = {
 _USUAL = 0.1
 """Of a plausible size: by how much a machine that nobody touched changes from run to run, by
 effect and otherwise; warm-up changes friction by some percent (docs/real_machines.md)."""
-_PAYLOAD = 1e-4  # of a size: what hangs on the last link does not change by itself
 
 
 @dataclass(frozen=True, eq=False)
-class ChangedRows(ArmRows):
+class ChangedRows(ChangeRows):
     """Columns of two groups: K that they share, then what changed in the second.
 
     Args:
@@ -64,10 +64,6 @@ class ChangedRows(ArmRows):
         ends = len(self.common) + np.cumsum([len(c.sizes) for c in self.candidates])
         starts = [end - len(c.sizes) for c, end in zip(self.candidates, ends, strict=True)]
         return [np.arange(a, b) for a, b in zip(starts, ends, strict=True)]
-
-    def may_be_chosen(self, i: int) -> bool:
-        """Whether a change may be named: of a finer shape of friction it may not."""
-        return is_lasting(self.candidates[i])
 
     @property
     def lower(self) -> Array:
@@ -131,12 +127,13 @@ def find_changes(
     groups = [
         [balance_of(record, robot, believed) for record in records] for records in (before, after)
     ]
+    for group, records in zip(groups, (before, after), strict=True):
+        refuse_rest(group, records)
     both = ArmRows.of([*groups[0], *groups[1]], kinds)
     first, second = (replace(both, balances=tuple(group)) for group in groups)
     report('finding the level of what no cause explains', 0.3)
-    still = np.zeros(robot.n_joints)
-    pairs = zip(first.levels(both.sizes, still), second.levels(both.sizes, still), strict=True)
-    levels = [0.5 * (a + b) for a, b in pairs]
+    own = (group.levels(both.sizes, both.friction) for group in (first, second))
+    levels = [_level_of_both(*pair) for pair in zip(*own, strict=True)]
     report('choosing changes', 0.7)
     rows = _changed_rows(both)
     shared = len(both.sizes)
@@ -146,12 +143,16 @@ def find_changes(
         second.recording,
         _doubled(sum_of(first.parts(levels)), shared, is_changed=False),
     )
-    if not selection.live:
-        raise RecordingError(after[0].source or 'AFTER', 'no joint moves in it')
     selection.run()
     selection.check_held_out()
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
     return Changes(robot, selection, fit, np.array(levels))
+
+
+def _level_of_both(before: Array, after: Array) -> Array:
+    """(6,) mean variances; those of one group where a joint moves in that one alone."""
+    before = np.where(np.isnan(before), after, before)
+    return np.asarray(0.5 * (before + np.where(np.isnan(after), before, after)))
 
 
 def _changed_rows(both: ArmRows) -> ChangedRows:
@@ -159,12 +160,11 @@ def _changed_rows(both: ArmRows) -> ChangedRows:
     tolerances = []
     for c in both.candidates:
         share = _TOLERANCE.get(c.kind.id, _USUAL)
-        share = _PAYLOAD if c.where == last else share
-        share = share if is_lasting(c) else _PAYLOAD
+        if c.where == last or not is_lasting(c):  # a payload does not change by itself
+            share = NOTHING
         tolerances.append(share * c.sizes)
-    free = np.inf
     candidates = tuple(
-        replace(c, lower=np.full(len(c.sizes), -free), upper=np.full(len(c.sizes), free))
+        replace(c, lower=np.full(len(c.sizes), -np.inf), upper=np.full(len(c.sizes), np.inf))
         for c in both.candidates
     )
     common = np.maximum(both.sizes, both.tolerances)

@@ -62,7 +62,6 @@ ALIKE_SHARE, MOST_ALIKE = 0.5, 2
 """The same effect elsewhere that is fitted, too: neighbouring links share their columns, so that
 half the evidence may belong to the other place."""
 
-
 FAMILYWISE = 3.0
 """Nats of log evidence beyond ln of the number of hypotheses: exp(-3) = 5 % of all records with a
 false name, were the level of what is left right and nothing else asked; the parts of the data that
@@ -86,10 +85,6 @@ take turns would do so for ever."""
 
 HELD_OUT = 3.0
 """Nats by which a cause must help to predict what it was not fitted to: odds of 20."""
-
-UNEXPLAINED = {'link': 0.03, 'other': 0.08}
-"""Share of a joint's torque that may be left and still be called consistent: as much as its
-torque sensor or its torque constant is uncertain by (`arm_priors`)."""
 
 LIKE_NOISE = 3.0
 """Times what sensor noise leaves of a torque in the band that may be left for a search to the

@@ -16,6 +16,7 @@ import numpy as np
 from ..effects.effect import Effect
 from ..estimation.arm_fit import ArmFit, Posterior
 from ..estimation.arm_motion import RATE, ArmMotion
+from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
 from ..estimation.evidence import sum_of
@@ -23,18 +24,17 @@ from ..estimation.leftover import JointRows, level_of
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
-from .changes import Changes, is_lasting
+from .changes import ChangeRows, Changes
 from .selection import Selection
 
 FEWEST = 3
 """Reference runs from which the scatter between them is worth more than a usual tolerance."""
 _ALIKE = 0.98  # correlation of the joint rates of a repeat
 _DRIFT = 0.2  # of a torque's rms: friction and gains of a machine that warms up
-_NONE = 1e-4  # of a size: no tolerance, and still a number
 
 
 @dataclass(frozen=True, eq=False)
-class RepeatedRows(ArmRows):
+class RepeatedRows(ChangeRows):
     """Runs of one motion less a reference.
 
     Args:
@@ -57,10 +57,6 @@ class RepeatedRows(ArmRows):
         at = self.places[i]
         seen = np.any([np.any(c[:, :, at] != 0.0, axis=(0, 2)) for c in self.columns], axis=0)
         return float((self.count - 1) * max(1, np.sum(seen & (self.scale > 0.0))))
-
-    def may_be_chosen(self, i: int) -> bool:
-        """Whether a change may be named: of a finer shape of friction it may not."""
-        return is_lasting(self.candidates[i])
 
 
 def aligned(records: Sequence[Record]) -> list[Record] | None:
@@ -91,7 +87,7 @@ def find_changes_of_repeats(
     balances = [balance_of(r, robot, believed) for r in (*before, *after)]
     count = len(before)
     first = ArmRows.of(balances[:count], kinds)
-    whole = sum_of(first.parts(first.levels(first.sizes, np.zeros(robot.n_joints))))
+    whole = sum_of(first.parts(first.levels(first.sizes, first.friction)))
     mean = Posterior.of(whole, first.sizes).mean
     every = replace(first, balances=tuple(balances))
     explained = [columns @ mean for columns in every.columns]
@@ -107,7 +103,7 @@ def find_changes_of_repeats(
     rows = RepeatedRows(
         tuple(balances[count:]),
         first.candidates,
-        _NONE * first.sizes,
+        NOTHING * first.sizes,
         tuple(reference[count:]),
         count,
     )

@@ -101,7 +101,7 @@ class Machine:
             'joint_friction_curvature': (torque, RUN_TO_RUN * dry),
             'joint_load_friction': (0.1, 0.0),
             'joint_coupled_friction': (own, 0.0),
-            'joint_torque_constant': (0.15, self._gain_tolerance(where)),
+            'joint_torque_constant': (0.15, torque_tolerance(self.robot)[j]),
             'joint_torque_ripple': (0.1 * torque, 0.0),
             'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
             'motor_inertia': (inertia, 0.0),
@@ -123,10 +123,6 @@ class Machine:
         """Of a joint, in the file: the first number of this law and of those that refine it."""
         own = [e for e in self.balances[0].effects if e.where == where]
         return float(sum(next(iter(e.values.values())) for e in own if kind in (e.id, *e.refines)))
-
-    def _gain_tolerance(self, where: str | None) -> float:
-        kinds = dict(zip(self.robot.arm, self.robot.effort_kinds, strict=False))
-        return _SENSOR_TOLERANCE if kinds.get(str(where)) == 'link' else _GAIN_TOLERANCE
 
     def _body(self, where: str) -> tuple[Array, Array]:
         names = [body.name for body in self.robot.bodies]
@@ -150,6 +146,13 @@ class Machine:
             total += np.sum(values**2 * moving, axis=0)
             count += np.sum(moving, axis=0)
         return np.sqrt(total / np.maximum(count, 1))
+
+
+def torque_tolerance(robot: Robot) -> Array:
+    """(n,) share by which the scale of each joint's measured torques is uncertain."""
+    kinds = dict(zip(robot.arm, robot.effort_kinds, strict=True))
+    is_sensor = [kinds.get(joint) == 'link' for joint in robot.joints]
+    return np.where(is_sensor, _SENSOR_TOLERANCE, _GAIN_TOLERANCE)
 
 
 def with_prior(candidate: Candidate, sizes: Array) -> Candidate:

@@ -17,7 +17,10 @@ def summary(comparison: Comparison) -> Iterator[Section]:
         yield Section('changes', [_change_table(comparison.changes)])
     yield Section('change of one parameter that would have been named', [_detectable(comparison)])
     left = ', '.join(f'{joint} {number(rms, 3)}' for joint, rms in comparison.left.items())
-    yield Section('', [f'left unexplained in both, rms [N m]: {left}'])
+    yield Section('', [f'left unexplained, rms [N m]: {left}'])
+    if comparison.is_repeated:
+        line = 'repeats of one motion: judged by the scatter between the runs before'
+        yield Section('', [line])
 
 
 def _change_table(changes: tuple[Change, ...]) -> Table:

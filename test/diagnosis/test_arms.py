@@ -3,12 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, VISCOUS, RealArm, arm_file
+from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, VISCOUS, RealArm, arm_file, arm_urdf
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
+from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.balance import balance_of
 
 PAYLOAD = {'mass': 3.0, 'mx': 0.0, 'my': 0.45, 'mz': 0.0}
 PAYLOAD |= {'ixx': 0.07, 'ixy': 0.0, 'iyy': 0.004, 'ixz': 0.0, 'iyz': 0.0, 'izz': 0.07}
@@ -52,6 +55,39 @@ def test_joints_that_stand_are_left_alone():
     found = diagnose(RealArm(2).record(0, moving=('joint_2',)), file.robot)
     assert {'joint_2'} == {where for _, where in causes_of(found)}
     assert {r.where for r in found.ranking} <= {'joint_2', None, *(f'link_{k}' for k in range(7))}
+
+
+def test_a_recording_in_which_nothing_moves_is_refused():
+    still = RealArm(2).record(0, moving=(), duration=6.0)
+    with pytest.raises(RecordingError, match='no joint moves: at rest friction holds any torque'):
+        diagnose(still, arm_file().robot)
+
+
+def with_efforts(record, efforts):
+    """The record with other efforts."""
+    return replace(record, joints=replace(record.joints, effort=efforts))
+
+
+def test_efforts_without_gravity_are_judged_beside_the_weight_of_the_file():
+    record, model = RealArm(5, [payload()]).record(0), pin.buildModelFromXML(arm_urdf())
+    model.gravity.linear = np.array([0.0, 0.0, -9.81])
+    data = model.createData()
+    weight = [pin.computeGeneralizedGravity(model, data, q).copy() for q in record.q]
+    whole = balance_of(record, arm_file().robot, ()).torque
+    robot = arm_file(effort_kind='gravity_compensated').robot
+    compensated = with_efforts(record, record.effort - np.array(weight))
+    np.testing.assert_allclose(balance_of(compensated, robot, ()).torque, whole, atol=0.02)
+    assert np.sqrt(np.mean(whole[:, 1] ** 2)) > 10.0  # the payload's weight stays
+
+
+def test_a_joint_without_efforts_is_left_out():
+    record, file = RealArm(1).record(0), arm_file(has_friction=False)
+    efforts = record.effort.copy()
+    efforts[:, 3] = np.nan
+    found = diagnose(with_efforts(record, efforts), file.robot)
+    assert {law.joint for law in found.friction} == set(JOINTS) - {'joint_4'}
+    assert 'joint_4' not in {where for _, where in causes_of(found)}
+    assert np.isnan(found.residuals[3].rms_after)
 
 
 def test_a_machine_as_its_file_says_has_no_cause():

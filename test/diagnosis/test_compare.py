@@ -99,6 +99,43 @@ def test_what_can_not_be_compared_is_refused():
         compare([record], [still], file.robot)
 
 
+@pytest.mark.parametrize('order', [1, -1])
+def test_a_joint_that_moves_in_one_recording_alone_says_nothing_of_a_change(order):
+    file = arm_file()
+    one, all_ = EMPTY.record(0, moving=('joint_2',)), EMPTY.record(1)
+    before, after = (one, all_)[::order]
+    found = conclude_changes(compare([before], [after], file.robot, file.effects))
+    assert (found.verdict, found.changes) == ('unchanged', ())
+    assert all(0.0 < left < 10.0 for left in found.left.values())
+
+
+@pytest.fixture(scope='module')
+def repeats():
+    """Eight runs of one motion, 4 s long."""
+    return [EMPTY.record(run, duration=4.0, motion=3) for run in range(8)]
+
+
+@pytest.mark.parametrize('run', [8, 9])
+def test_repeats_of_a_motion_are_unchanged_and_a_kilogram_is_found(repeats, run):
+    file = arm_file(has_friction=False)  # what a file lacks is the same in every run
+    same = EMPTY.record(run, duration=4.0, motion=3)
+    found = conclude_changes(compare(repeats, [same], file.robot, file.effects))
+    assert (found.verdict, found.is_repeated) == ('unchanged', True)
+    kilogram = {name: value / 1.5 for name, value in POINT.items()}
+    loaded = arm_with('inertial_parameters', 'link_6', **kilogram)
+    other = loaded.record(run, duration=4.0, motion=3)
+    found = conclude_changes(compare(repeats, [other], file.robot, file.effects))
+    assert [(c.effect, c.where) for c in found.changes] == [('inertial_parameters', 'link_6')]
+    mass = found.changes[0].parameters['mass']
+    assert abs(mass.value - 1.0) < 3.0 * mass.std < 1.0
+
+
+def test_runs_of_other_motions_are_no_repeats(repeats):
+    file = arm_file()
+    found = compare(repeats[:3], [EMPTY.record(9, duration=4.0)], file.robot, file.effects)
+    assert not found.is_repeated
+
+
 def data_set(name, tmp_path):
     """A folder of measured data with its robot file in a folder of its own, or a skip."""
     if not (DATA / name).is_dir():
@@ -141,9 +178,8 @@ def test_equal_runs_of_a_kuka(tmp_path, capsys, order):
     files = [f'measurements_{number}.npz' for number in order]
     status, found = compared(capsys, tmp_path, 'kuka_lwr4', *files)
     assert (status, found['verdict'], found['causes']) == (0, 'unchanged', [])
-    assert {'schema', 'verdict', 'sentence', 'causes', 'detectable', 'left_unexplained'} == set(
-        found
-    )
+    keys = {'schema', 'verdict', 'sentence', 'causes', 'detectable', 'repeats', 'left_unexplained'}
+    assert set(found) == keys
 
 
 def test_standing_joints_of_a_ur10e_have_no_name(tmp_path, capsys):
