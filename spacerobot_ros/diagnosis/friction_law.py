@@ -28,9 +28,22 @@ def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
             )
             rate = np.concatenate(rates)
             design = np.column_stack([np.sign(rate), rate])
-            coulomb, viscous = np.linalg.lstsq(design, -np.concatenate(torques))[0]
-            laws.append(FrictionLaw(joint=joint, coulomb=float(coulomb), viscous=float(viscous)))
+            coulomb, viscous = np.linalg.lstsq(design, -np.concatenate(torques))[0].tolist()
+            law = FrictionLaw(
+                joint=joint,
+                coulomb=coulomb,
+                viscous=viscous,
+                coulomb_forward=coulomb + _offset(found, joint),
+                coulomb_backward=coulomb - _offset(found, joint),
+            )
+            laws.append(law)
     return tuple(laws)
+
+
+def _offset(found: ArmFound, joint: str) -> float:
+    """Of a joint's measured torque, where one is named [N m]."""
+    biases = (e for e in found.named if (e.id, e.where) == ('torque_sensor_bias', joint))
+    return sum(e['bias'] for e in biases)
 
 
 def _friction(balance: Balance, effects: list[Effect], joint: str) -> tuple[Array, Array]:

@@ -127,6 +127,8 @@ def friction_table(diagnosis: Diagnosis, caption: str = '') -> Table:
     columns = {
         'joint': lambda law: law.joint,
         'Coulomb [N m]': lambda law: number(law.coulomb, 3),
+        'forward': lambda law: number(law.coulomb_forward, 3),
+        'backward': lambda law: number(law.coulomb_backward, 3),
         'viscous [N m s/rad]': lambda law: number(law.viscous, 3),
     }
     return table(diagnosis.friction, columns, caption)

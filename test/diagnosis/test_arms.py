@@ -57,6 +57,16 @@ def test_joints_that_stand_are_left_alone():
     assert {r.where for r in found.ranking} <= {'joint_2', None, *(f'link_{k}' for k in range(7))}
 
 
+def test_coulomb_friction_of_two_sizes():
+    bias = CATALOGUE['torque_sensor_bias'](name='bias', where='joint_1', values={'bias': 4.0})
+    arm, moving = RealArm(4, [bias]), ('joint_1', 'joint_4')
+    records = [arm.record(run, moving, duration=6.0) for run in range(6)]
+    laws = {law.joint: law for law in diagnose(records, arm_file(has_friction=False).robot).friction}
+    assert laws['joint_1'].coulomb_forward == pytest.approx(COULOMB[0] + 4.0, rel=0.15)
+    assert laws['joint_1'].coulomb_backward == pytest.approx(COULOMB[0] - 4.0, rel=0.15)
+    assert laws['joint_4'].coulomb_forward == laws['joint_4'].coulomb_backward
+
+
 def test_a_recording_in_which_nothing_moves_is_refused():
     still = RealArm(2).record(0, moving=(), duration=6.0)
     with pytest.raises(RecordingError, match='no joint moves: at rest friction holds any torque'):

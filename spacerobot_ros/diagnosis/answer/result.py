@@ -141,11 +141,22 @@ class Ranked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionLaw:
-    """Coulomb [N m] and viscous [N m s/rad] friction closest to all named frictions of a joint."""
+    """Friction closest to all named frictions of a joint.
+
+    Args:
+        joint: Its name.
+        coulomb: Torque of constant size [N m], the mean of both directions.
+        viscous: [N m s/rad].
+        coulomb_forward: Of positive rates [N m]: an offset of the torque is a friction of two
+            sizes where the joint moves; only dwells tell them apart.
+        coulomb_backward: Of negative rates [N m].
+    """
 
     joint: str
     coulomb: float
     viscous: float
+    coulomb_forward: float
+    coulomb_backward: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
