@@ -129,8 +129,8 @@ def _causes(answer: Findings) -> Iterator[Item]:
         yield tables.friction_table(
             answer.diagnosis,
             'Friction of each joint as one law: the straight line that comes closest to all its '
-            'named frictions over the rates of the record. An offset of the torque is the difference '
-            'of the two directions.',
+            'named frictions over the rates of the record; an offset of the torque makes its two '
+            'directions differ.',
         )
     for line in tables.rival_lines(causes):
         yield line

@@ -61,7 +61,8 @@ def test_coulomb_friction_of_two_sizes():
     bias = CATALOGUE['torque_sensor_bias'](name='bias', where='joint_1', values={'bias': 4.0})
     arm, moving = RealArm(4, [bias]), ('joint_1', 'joint_4')
     records = [arm.record(run, moving, duration=6.0) for run in range(6)]
-    laws = {law.joint: law for law in diagnose(records, arm_file(has_friction=False).robot).friction}
+    found = diagnose(records, arm_file(has_friction=False).robot)
+    laws = {law.joint: law for law in found.friction}
     assert laws['joint_1'].coulomb_forward == pytest.approx(COULOMB[0] + 4.0, rel=0.15)
     assert laws['joint_1'].coulomb_backward == pytest.approx(COULOMB[0] - 4.0, rel=0.15)
     assert laws['joint_4'].coulomb_forward == laws['joint_4'].coulomb_backward
