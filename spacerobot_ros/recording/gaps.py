@@ -86,7 +86,8 @@ def _own(part: Record, name: str, also: tuple[str, ...]) -> Record:
         for key, series in heard.items()
     }
     begins = f'{name}, {shown(float(part.joint_time[0]))} after the first sample'
-    own = replace(part, **heard, zero_ns=None, source=f'{part.source} ({name})')
+    inputs = {key: series for key, series in part.inputs.items() if len(series)}
+    own = replace(part, **heard, inputs=inputs, zero_ns=None, source=f'{part.source} ({name})')
     return replace(own, notes=(begins, *part.notes, *also))
 
 

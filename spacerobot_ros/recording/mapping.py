@@ -190,6 +190,34 @@ class AttitudeColumns(GyroColumns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class InputColumns(GyroColumns):
+    """Columns of a measured input.
+
+    Args:
+        unit: Of the columns; shares and counters have none.
+    """
+
+    unit: tuple[str, ...] = entry(_some(parse_text), ())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThrusterColumns:
+    """Columns of commands to named thrusters.
+
+    Args:
+        names: The thrusters, in the order of the columns.
+        command: Shares of the full force, 0 to 1, each held until the next sample.
+        time: Sample times where they are not the file's.
+        place: Where this stands, for messages.
+    """
+
+    names: tuple[str, ...] = entry(_some(parse_text))
+    command: InputColumns = entry(_section(InputColumns))
+    time: MappedColumns | None = entry(_COLUMNS, None)
+    place: str = param('')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
     """One term of a derived column: `scale * column * times`; `times` is a column, or empty."""
 
@@ -216,6 +244,13 @@ class ColumnMapping:
         gyro: Gyro.
         attitude: Star tracker.
         wheels: The servicer's own wheels.
+        thrusters: Commands to the robot's thrusters.
+        base_wrench: Force and torque on the base at its origin, in base coordinates.
+        magnetic_field: Magnetometer, in base coordinates.
+        base_position: Of the base's origin in the inertial frame, x, y, z; null for an axis that
+            is not measured.
+        sample_index: A counter of the samples, from which stamps that stand still or jump back
+            are rebuilt.
         place: The mapping file, for messages.
     """
 
@@ -231,6 +266,11 @@ class ColumnMapping:
     gyro: GyroColumns | None = entry(_section(GyroColumns), None)
     attitude: AttitudeColumns | None = entry(_section(AttitudeColumns), None)
     wheels: JointColumns | None = entry(_section(JointColumns, 'velocity'), None)
+    thrusters: ThrusterColumns | None = entry(_section(ThrusterColumns, 'command'), None)
+    base_wrench: InputColumns | None = entry(_section(InputColumns), None)
+    magnetic_field: InputColumns | None = entry(_section(InputColumns), None)
+    base_position: InputColumns | None = entry(_section(InputColumns), None)
+    sample_index: InputColumns | None = entry(_section(InputColumns), None)
     place: str = param('')
 
 

@@ -12,8 +12,11 @@ import numpy as np
 
 from ..errors import RecordingError
 from .record import SENSORS, Record
+from .series import InputSeries
 
 FORMAT = 'spacerobot_ros record 1'
+_INPUT = 'inputs.'
+_TEXTS = ('names', 'units')
 
 
 def save_npz(record: Record, path: str | Path) -> None:
@@ -26,11 +29,12 @@ def save_npz(record: Record, path: str | Path) -> None:
     content['notes'] = np.array(json.dumps(record.notes))
     if record.zero_ns is not None:
         content['zero_ns'] = np.array(record.zero_ns)
-    for key in SENSORS:
-        series = getattr(record, key)
+    every = {key: getattr(record, key) for key in SENSORS}
+    every |= {f'{_INPUT}{key}': series for key, series in record.inputs.items()}
+    for key, series in every.items():
         for field in fields(series) if series is not None else ():
             value = getattr(series, field.name)
-            if field.name == 'names':
+            if field.name in _TEXTS:
                 value = np.array(json.dumps(value))
             if value is not None and (isinstance(value, np.ndarray) or value):
                 content[f'{key}.{field.name}'] = value
@@ -69,10 +73,14 @@ def load_npz(path: str | Path) -> Record:
         raise RecordingError(str(path), f'not a record: its format is not {FORMAT!r}')
     try:
         return Record(
-            **{key: _series(content, key) for key in SENSORS},
+            **{key: _series(content, key, kind) for key, kind in SENSORS.items()},
             source=str(content['source']),
             notes=tuple(json.loads(str(content['notes']))),
             zero_ns=int(content['zero_ns']) if 'zero_ns' in content else None,
+            inputs={
+                key.removeprefix(_INPUT): _series(content, key, InputSeries)
+                for key in sorted({k.rpartition('.')[0] for k in content if k.startswith(_INPUT)})
+            },
         )
     except KeyError as error:
         raise RecordingError(str(path), f'lacks {error}') from error
@@ -80,16 +88,16 @@ def load_npz(path: str | Path) -> Record:
         raise RecordingError(f'{path}: {error.place}', error.reason) from error
 
 
-def _series(content: dict[str, Any], key: str) -> Any:
-    """One sensor's samples; None where the file has none."""
+def _series(content: dict[str, Any], key: str, kind: Any) -> Any:
+    """One sensor's or input's samples; None where the file has none."""
     if not any(name.startswith(f'{key}.') for name in content):
         return None
-    kind = SENSORS[key]
     given = {
         f.name: content[f'{key}.{f.name}']
         for f in fields(kind)
         if f.default is MISSING or f'{key}.{f.name}' in content
     }
-    if 'names' in given:
-        given['names'] = tuple(json.loads(str(given['names'])))
+    for name in _TEXTS:
+        if name in given:
+            given[name] = tuple(json.loads(str(given[name])))
     return kind(**given)

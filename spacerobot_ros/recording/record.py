@@ -8,59 +8,23 @@ in `notes`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..errors import RecordingError
 from ..types import Array, IntArray
+from .series import InputSeries, SampleSeries
 
 UNIT_TOLERANCE = 1e-6  # of a quaternion's norm; single precision is within it
-SeriesType = TypeVar('SeriesType', bound='_Series')
-
-
-class _Series:
-    """What the samples of all sensors have in common."""
-
-    __slots__ = ()
-    stamp_ns: IntArray
-    _may_lack: ClassVar[tuple[str, ...]] = ()
-
-    def __len__(self) -> int:
-        """Number of samples."""
-        return len(self.stamp_ns)
-
-    def seconds(self, origin_ns: int) -> Array:
-        """(N,) sample times from an origin [s]."""
-        return np.asarray((self.stamp_ns - origin_ns) / 1e9)
-
-    def at(self: SeriesType, part: slice) -> SeriesType:
-        """Some of the samples in their order; there may be none."""
-        out = object.__new__(type(self))
-        for field in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
-            value = getattr(self, field.name)
-            value = value[part] if isinstance(value, np.ndarray) else value
-            object.__setattr__(out, field.name, value)
-        return out
-
-    def _freeze(self, place: str, **columns: Sequence[str]) -> None:
-        """Check and freeze the stamps and the named values, each with its columns' names."""
-        stamps = _stamps(self.stamp_ns, f'{place}.stamp_ns')
-        object.__setattr__(self, 'stamp_ns', stamps)
-        for name, names in columns.items():
-            values = getattr(self, name)
-            if values is not None:
-                shape, where = (len(stamps), len(names)), f'{place}.{name}'
-                values = _values(values, shape, where, names, may_lack=name in self._may_lack)
-                object.__setattr__(self, name, values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointSeries(_Series):
+class JointSeries(SampleSeries):
     """Samples of named joints, manipulator's or wheels'.
 
     Args:
@@ -102,7 +66,7 @@ class JointSeries(_Series):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RateSeries(_Series):
+class RateSeries(SampleSeries):
     """Samples of the gyro.
 
     Args:
@@ -119,7 +83,7 @@ class RateSeries(_Series):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AttitudeSeries(_Series):
+class AttitudeSeries(SampleSeries):
     """Samples of the star tracker.
 
     Args:
@@ -167,6 +131,8 @@ class Record:
         notes: What whoever read it should know: dropped messages, absent topics, which stamps were
             used.
         zero_ns: Stamp that seconds count from [ns]; None: the first of any sensor.
+        inputs: What else was measured or commanded, under free names or known ones
+            (`thrusters`, and those of `mapped_inputs.INPUTS`).
     """
 
     joints: JointSeries | None = None
@@ -176,6 +142,7 @@ class Record:
     source: str = ''
     notes: tuple[str, ...] = ()
     zero_ns: int | None = None
+    inputs: Mapping[str, InputSeries] = field(default_factory=dict)
 
     @property
     def span_ns(self) -> tuple[int, int]:
@@ -247,16 +214,23 @@ class Record:
         return Rotation.from_quat(self.attitude_xyzw) if len(self.attitude_xyzw) else None
 
     def between(self, start: float, end: float) -> Record:
-        """The samples with start < t <= end [s], counted from the same origin."""
-        parts = {}
+        """The samples with start < t <= end [s], counted from the same origin.
+
+        Inputs keep the sample before, too: it may hold until the next one.
+        """
+        parts: dict[str, Any] = {}
         for name in SENSORS:
             series = getattr(self, name)
             if series is not None:
                 ends = np.searchsorted(self._time(series), [start, end], side='right')
                 parts[name] = series.at(slice(*ends.tolist()))
+        parts['inputs'] = inputs = {}
+        for key, given in self.inputs.items():
+            first, last = np.searchsorted(self._time(given), [start, end], side='right').tolist()
+            inputs[key] = given.at(slice(max(first - 1, 0), last))
         return replace(self, zero_ns=self.origin_ns, **parts)
 
-    def _time(self, series: _Series | None) -> Array:
+    def _time(self, series: SampleSeries | None) -> Array:
         return np.zeros(0) if series is None else series.seconds(self.origin_ns)
 
 
@@ -265,43 +239,8 @@ def to_stamps(seconds: Array, origin_ns: int = 0) -> IntArray:
     return np.asarray(origin_ns + np.round(seconds * 1e9).astype(np.int64))
 
 
-def _stamps(values: IntArray, place: str) -> IntArray:
-    stamps = np.array(values)
-    if stamps.ndim != 1 or not len(stamps):
-        raise RecordingError(place, f'expected a list of stamps, got shape {stamps.shape}')
-    if not np.issubdtype(stamps.dtype, np.integer):
-        raise RecordingError(place, f'expected whole nanoseconds, got {stamps.dtype}')
-    stamps = stamps.astype(np.int64)
-    steps = np.diff(stamps)
-    if np.any(steps <= 0):
-        row = int(np.argmax(steps <= 0)) + 1
-        raise RecordingError(
-            f'{place}[{row}]', f'{stamps[row]} ns is not after {stamps[row - 1]} ns'
-        )
-    stamps.setflags(write=False)
-    return stamps
-
-
 def shown(seconds: float) -> str:
     """A time with all its digits down to microseconds, such as `1579660012.25 s`."""
     if abs(seconds) < 1e-6:
         return f'{seconds:.3g} s'
     return f'{seconds:.6f}'.rstrip('0').rstrip('.') + ' s'
-
-
-def _values(
-    values: Array, shape: tuple[int, ...], place: str, columns: Sequence[str], *, may_lack: bool
-) -> Array:
-    array = np.array(values, dtype=float)
-    if array.shape != shape:
-        raise RecordingError(place, f'expected shape {shape}, got {array.shape}')
-    bad = ~np.isfinite(array)
-    if may_lack:
-        bad &= ~np.isnan(array).all(axis=0)
-    if np.any(bad):
-        row, column = (int(i) for i in np.argwhere(bad)[0])
-        raise RecordingError(
-            f'{place}[{row}] ({columns[column]})', f'{array[row, column]} is not finite'
-        )
-    array.setflags(write=False)
-    return array

@@ -92,10 +92,23 @@ class SampleTable:
         )
 
     def _cells(self, name: str) -> Any:
+        """A column, or an entry of one whose cells are lists, such as `command[2]`."""
+        whole, bracket, entry = name.removesuffix(']').rpartition('[')
+        if bracket and name not in self.columns and entry.isdecimal() and whole in self.columns:
+            return [self._entry(whole, i, int(entry)) for i in range(len(self.columns[whole]))]
         if name not in self.columns:
             known = ', '.join(sorted(self.columns, key=_by_number)) or 'none'
             raise RecordingError(self.source, f'has no column {name!r} (it has {known})')
         return self.columns[name]
+
+    def _entry(self, name: str, index: int, entry: int) -> Any:
+        cell = self.columns[name][index]
+        try:
+            return (json.loads(cell) if isinstance(cell, str) else cell)[entry]
+        except (ValueError, TypeError, LookupError):
+            raise RecordingError(
+                self.row(index), f'column {name!r}: {cell!r} is no list with an entry {entry}'
+            ) from None
 
     def _number(self, name: str, index: int, cell: Any) -> float:
         if cell is None or cell == '':

@@ -9,7 +9,7 @@ from ..errors import RecordingError
 
 TIME, ANGLE, LENGTH = 'time', 'angle', 'length'
 ANGULAR_RATE, LINEAR_RATE = 'angular rate', 'linear rate'
-TORQUE, FORCE, CURRENT = 'torque', 'force', 'current'
+TORQUE, FORCE, CURRENT, FIELD = 'torque', 'force', 'current', 'magnetic field'
 
 _DEG = math.pi / 180.0
 _TURN = 2.0 * math.pi
@@ -43,7 +43,10 @@ _SIZES: dict[str, dict[str, float]] = {
     },
     FORCE: {'N': 1.0, 'mN': 1e-3, 'kN': 1e3, 'lbf': 4.4482216152605},
     CURRENT: {'A': 1.0, 'mA': 1e-3},
+    FIELD: {'T': 1.0, 'mT': 1e-3, 'uT': 1e-6, 'nT': 1e-9, 'G': 1e-4, 'mG': 1e-7},
 }
+SI_UNITS = {quantity: next(iter(sizes)) for quantity, sizes in _SIZES.items()} | {'': ''}
+"""By quantity: the first one of each is of size 1."""
 _ALIASES = {'Nm': 'N m', 'mNm': 'mN m', 'kNm': 'kN m', 'Ncm': 'N cm', 'Nmm': 'N mm'}
 
 
