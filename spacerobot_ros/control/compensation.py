@@ -33,7 +33,7 @@ class FeedForward:
 
     def __init__(self, robot: Robot, effects: Sequence[Effect]) -> None:
         self._robot = robot
-        self._effects = tuple(effect for effect in effects if _is_internal(effect))
+        self._effects = tuple(effect for effect in effects if effect.is_known_ahead)
         self._dynamics = Dynamics(robot)
 
     def __call__(self, setpoint: Setpoint, omega_WB_B: Vector3, tau: Array) -> Array:
@@ -66,9 +66,3 @@ class FeedForward:
             return np.zeros((n, 6))
         M = self._dynamics.mass_matrix(q)
         return np.asarray(np.linalg.solve(M[:6, :6], M[:6, 6:]).T)
-
-
-def _is_internal(applied: Effect) -> bool:
-    return applied.acts('force') and not (
-        applied.is_external or applied.is_timed or applied.hidden
-    )

@@ -10,7 +10,6 @@ from typing import Any
 
 from ..errors import ConfigurationError
 from ..model.robot import Robot
-from ..model.schema import meanings, parse_number
 from . import (
     appendage,
     bodies,
@@ -19,6 +18,7 @@ from . import (
     flexibility,
     gyrostats,
     joint,
+    learned_torque,
     presliding,
     rotors,
     sensor_errors,
@@ -27,7 +27,7 @@ from . import (
 from .effect import Effect
 
 _MODULES = (
-    *(joint, presliding, coupled_friction, flexibility),
+    *(joint, presliding, coupled_friction, flexibility, learned_torque),
     *(sensor_errors, gyrostats, rotors),
     *(bodies, appendage, sprung, environment),
 )
@@ -48,7 +48,7 @@ def bind_effect(
     name: str,
     effect_id: str,
     where: str | None,
-    values: Mapping[str, float],
+    values: Mapping[str, Any],
     robot: Robot,
     changed: Robot | None = None,
 ) -> Effect:
@@ -67,8 +67,7 @@ def bind_effect(
     """
     place = f'effects.{name}'
     kind, where = kind_at(effect_id, where, robot, place)
-    complete = _checked_values(kind, values, place)
-    effect = kind(name=name, where=where, values=complete)
+    effect = kind.read(name, where, values, place)
     effect.check(robot if changed is None else changed)
     return effect
 
@@ -133,26 +132,6 @@ def changed_robot(robot: Robot, effects: Iterable[Effect]) -> Robot:
     for effect in effects:
         robot = effect.change(robot)
     return robot
-
-
-def _checked_values(
-    kind: type[Effect], given: Mapping[str, float], place: str
-) -> dict[str, float]:
-    """Every parameter of an effect, defaults filled in and bounds checked."""
-    known = [p.name for p in kind.parameters]
-    for name in given:
-        if name not in known:
-            why = f'{kind.id} has no such parameter (it has {", ".join(known)})'
-            raise ConfigurationError(f'{place}.{name}', why)
-    values = {}
-    for p in kind.parameters:
-        at, value = f'{place}.{p.name}', given.get(p.name, p.default)
-        if value is None:
-            unit = f' [{p.unit}]' if p.unit else ''
-            raise ConfigurationError(at, f'is missing: {meanings(kind)[p.name]}{unit}')
-        values[p.name] = parse_number(value, at)
-        p.check(values[p.name], at, p.unit)
-    return values
 
 
 def _check_contradiction(first: Effect, second: Effect) -> None:

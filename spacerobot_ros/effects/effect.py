@@ -18,12 +18,13 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import ConfigurationError
 from ..model.robot import Robot
+from ..model.schema import meanings, parse_number
 from ..types import Array
 from .hidden import driven_states
 from .motion import Motion
@@ -56,7 +57,7 @@ class Effect:
     Attributes of the kinds:
         id: Name in robot files and results; never renamed.
         title: What it is, in words.
-        group: joint, sensor, wheels, bodies or environment.
+        group: joint, sensor, wheels, bodies, environment or learned.
         parameters: In the order of results.
         needs_free_base: Whether a fixed base shows nothing of it.
         hidden: Number of its own states.
@@ -98,6 +99,37 @@ class Effect:
     def vector(self, *names: str) -> Array:
         """Values of some parameters; without names, (3,) of x, y, z."""
         return np.array([self.values[name] for name in names or 'xyz'])
+
+    @classmethod
+    def read(cls, name: str, where: str | None, given: Mapping[str, Any], place: str) -> Effect:
+        """From an entry of a robot file, without `effect` and `where`.
+
+        Raises:
+            ConfigurationError: an unknown, missing or impossible value, with its place.
+        """
+        known = [p.name for p in cls.parameters]
+        for key in given:
+            if key not in known:
+                why = f'{cls.id} has no such parameter (it has {", ".join(known)})'
+                raise ConfigurationError(f'{place}.{key}', why)
+        values = {}
+        for p in cls.parameters:
+            at, value = f'{place}.{p.name}', given.get(p.name, p.default)
+            if value is None:
+                unit = f' [{p.unit}]' if p.unit else ''
+                raise ConfigurationError(at, f'is missing: {meanings(cls)[p.name]}{unit}')
+            values[p.name] = parse_number(value, at)
+            p.check(values[p.name], at, p.unit)
+        return cls(name=name, where=where, values=values)
+
+    def entry(self) -> dict[str, Any]:
+        """As in a robot file, without `effect` and `where`."""
+        return dict(self.values)
+
+    @property
+    def is_known_ahead(self) -> bool:
+        """Whether its force follows from a motion, so that a controller can make up for it."""
+        return self.acts('force') and not (self.is_external or self.is_timed or self.hidden)
 
     @classmethod
     def acts(cls, action: str) -> bool:

@@ -23,8 +23,9 @@ FloatList = tuple[float, ...]
 TextList = tuple[str, ...]
 FloatOrList = float | FloatList
 TextOrList = str | TextList
-FreeMaps = Mapping[str, Mapping[str, float | str]]
-"""Maps under free names, of numbers and texts whose meaning is checked elsewhere."""
+FreeMaps = Mapping[str, Mapping[str, Any]]
+"""Maps under free names, of numbers, texts, and lists and maps of these, whose meaning is checked
+elsewhere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +185,7 @@ def _parser(kind: type) -> Callable[[Any, str], Any]:
     return lambda value, place: parse(value, place, kind)
 
 
-def _free_maps(value: Any, place: str) -> dict[str, dict[str, float | str]]:
+def _free_maps(value: Any, place: str) -> dict[str, dict[str, Any]]:
     """In the order of the names: parameters of a ROS 2 node keep no other."""
     if not isinstance(value, Mapping):
         raise ConfigurationError(place, f'expected a map of named entries, got {value!r}')
@@ -193,13 +194,18 @@ def _free_maps(value: Any, place: str) -> dict[str, dict[str, float | str]]:
             raise ConfigurationError(place, f'{name!r} is no name: give text without a dot')
         if not isinstance(entry, Mapping):
             raise ConfigurationError(f'{place}.{name}', f'expected a map, got {entry!r}')
-    return {
-        name: {
-            str(key): v if isinstance(v, str) else parse_number(v, f'{place}.{name}.{key}')
-            for key, v in entry.items()
-        }
-        for name, entry in sorted(value.items())
-    }
+    return {name: _free(entry, f'{place}.{name}') for name, entry in sorted(value.items())}
+
+
+def _free(value: Any, place: str) -> Any:
+    """Texts, numbers, and lists and maps of them."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Mapping):
+        return {str(key): _free(v, f'{place}.{key}') for key, v in value.items()}
+    if _is_list(value):
+        return tuple(_free(v, f'{place}[{i}]') for i, v in enumerate(value))
+    return parse_number(value, place)
 
 
 def _is_list(value: Any) -> bool:

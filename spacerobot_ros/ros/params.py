@@ -57,13 +57,19 @@ def declare_settings(node: Node) -> Settings:
         node.declare_parameter(name, own[name], _descriptor(doc), ignore_override=True)
     for leaf in leaves(settings):
         _declare(node, leaf)
-    for name, entry in settings.effects.items():
-        for key, value in entry.items():
-            descriptor = _descriptor('Of a physical effect that the model believes in.')
-            node.declare_parameter(
-                f'effects.{name}.{key}', value, descriptor, ignore_override=True
-            )
+    for name, value in _flat('effects', settings.effects):
+        descriptor = _descriptor('Of a physical effect that the model believes in.')
+        node.declare_parameter(name, value, descriptor, ignore_override=True)
     return settings
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Values of a nested map under dotted names."""
+    if isinstance(value, Mapping):
+        for key, entry in value.items():
+            yield from _flat(f'{name}.{key}', entry)
+    else:
+        yield name, list(value) if isinstance(value, tuple) else value
 
 
 def nested(flat: Mapping[str, Any]) -> dict[str, Any]:

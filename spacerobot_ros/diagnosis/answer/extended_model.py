@@ -83,11 +83,11 @@ def _free_name(cause: Effect, taken: set[str]) -> str:
 
 def _entry(effect: Effect) -> dict[str, Any]:
     place = {} if effect.where is None else {'where': effect.where}
-    return {'effect': effect.id, **place, **_finite(effect.values)}
+    return {'effect': effect.id, **place, **_finite(effect.entry())}
 
 
-def _finite(values: Mapping[str, float]) -> dict[str, float]:
+def _finite(values: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        name: float(value) if math.isfinite(value) else math.copysign(NEVER, value)
-        for name, value in values.items()
+        name: math.copysign(NEVER, value) if value in (math.inf, -math.inf) else value
+        for name, value in plain(values).items()
     }

@@ -1,0 +1,317 @@
+"""Learned torques: formulas, saturation, energy, robot files, feed-forward."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.effects import PERIOD, motion_of
+from support.models import random_tree, robot_of
+
+from spacerobot_ros.control.compensation import FeedForward
+from spacerobot_ros.control.joint_reference import Setpoint
+from spacerobot_ros.dynamics.integrate import TABLEAUS
+from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.effects.catalogue import bind_effects
+from spacerobot_ros.effects.grammar import FORMS, unit_of
+from spacerobot_ros.effects.joint import STICTION_RATE
+from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.simulation.plant import Plant
+
+JOINT, CARRIER = 'j_link_2', 'j_link_1'
+RATE, ANGLE, LOAD = f'rate/{JOINT}', f'angle/{JOINT}', f'load/{JOINT}'
+RANGES = {RATE: [-2.0, 2.0], ANGLE: [-1.5, 1.5], LOAD: [-9.0, 9.0], f'rate/{CARRIER}': [-2.0, 2.0]}
+
+
+def sign(v):
+    return math.tanh(v / STICTION_RATE)
+
+
+LAWS = {
+    'x |x|': ([RATE], [-0.7], {}, lambda v: -0.7 * v * abs(v)),
+    'sign(x), x': ([RATE], [-0.5, -0.3], {}, lambda v: -0.5 * sign(v) - 0.3 * v),
+    'sign(x) exp(-(x/scale)^2)': (
+        [RATE],
+        [-0.8],
+        {'scale': 0.4},
+        lambda v: -0.8 * sign(v) * math.exp(-((v / 0.4) ** 2)),
+    ),
+    'beyond(x)': (
+        [ANGLE],
+        [-4.0, -6.0],
+        {'lower': -0.5, 'upper': 0.7},
+        lambda q: -4.0 * min(q + 0.5, 0.0) - 6.0 * max(q - 0.7, 0.0),
+    ),
+    'sign(x), sin(m y) sign(x), cos(m y) sign(x)': (
+        [RATE, ANGLE],
+        [-1.0, -0.2, 0.3],
+        {'m': 3.0},
+        lambda v, q: sign(v) * (-1.0 - 0.2 * math.sin(3 * q) + 0.3 * math.cos(3 * q)),
+    ),
+    'y^2 sign(x)': ([RATE, LOAD], [-0.01], {}, lambda v, t: -0.01 * t * t * sign(v)),
+    'x, x exp(-y/scale)': (
+        [RATE, 'time'],
+        [-0.4, -0.2],
+        {'scale': 8.0},
+        lambda v, t: -v * (0.4 + 0.2 * math.exp(-t / 8.0)),
+    ),
+    'sin(x - y), cos(x - y)': (
+        [ANGLE, f'angle/{CARRIER}'],
+        [0.3, -0.2],
+        {},
+        lambda a, b: 0.3 * math.sin(a - b) - 0.2 * math.cos(a - b),
+    ),
+}
+
+
+@pytest.fixture
+def robot(rng):
+    return robot_of(random_tree(rng, [0, 1, 2]))
+
+
+def entry(form, inputs, coefficients, options=None, **more):
+    ranges = {name: RANGES.get(name, [-3.0, 3.0]) for name in inputs}
+    return {
+        'effect': 'learned_torque',
+        'where': JOINT,
+        'form': form,
+        'inputs': list(inputs),
+        'coefficients': list(coefficients),
+        'range': {**ranges, 'time': [0.0, 60.0]} if 'time' in inputs else ranges,
+        'limit': 50.0,
+        'kind': 'external',
+        **(options or {}),
+        **more,
+    }
+
+
+def bound(robot, **given):
+    return bind_effects({'it': given}, robot)[0]
+
+
+def inputs_of(motion, name):
+    what, _, joint = name.partition('/')
+    if what == 'time':
+        return motion.time
+    values = {'rate': motion.qd, 'angle': motion.q, 'load': motion.effort}[what]
+    return values[:, motion.robot.joints.index(joint)]
+
+
+@pytest.mark.parametrize('form', LAWS)
+def test_torque_is_the_formula(form, robot, rng):
+    names, coefficients, options, law = LAWS[form]
+    applied = bound(robot, **entry(form, names, coefficients, options))
+    motion = motion_of(robot, rng, 50)
+    motion.q[:], motion.qd[:] = np.clip(motion.q, -1.4, 1.4), np.clip(motion.qd, -1.9, 1.9)
+    motion.effort[:] = np.clip(motion.effort, -8.9, 8.9)
+    given = zip(*(inputs_of(motion, name) for name in names), strict=True)
+    expected = np.zeros((50, 6 + robot.n_joints))
+    expected[:, 6 + robot.joints.index(JOINT)] = [law(*row) for row in given]
+    force = applied.force(motion, np.zeros((50, 0)))
+    np.testing.assert_allclose(force, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize('form', FORMS)
+def test_columns_are_as_many_as_their_powers(form, rng):
+    it = FORMS[form]
+    options = dict.fromkeys(it.parameters, 0.5)
+    columns = it([rng.normal(size=20) for _ in range(it.inputs)], options)
+    assert columns.shape == (20, len(it.powers))
+    assert np.all(np.isfinite(columns))
+
+
+def test_outside_its_data_it_saturates(robot, rng):
+    """Inputs stop a tenth of the range beyond its ends, the torque at its limit."""
+    given = entry('x |x|', [RATE], [-1.0], kind='dissipative', limit=100.0)
+    motion = motion_of(robot, rng, 3)
+    j = robot.joints.index(JOINT)
+    motion.qd[:, j] = [-6.0, 2.3, 1.0]
+    torque = bound(robot, **given).force(motion, np.zeros((3, 0)))[:, 6 + j]
+    np.testing.assert_allclose(torque, [2.4**2, -(2.3**2), -1.0], rtol=0, atol=1e-12)
+    limited = bound(robot, **{**given, 'limit': 3.0}).force(motion, np.zeros((3, 0)))[:, 6 + j]
+    np.testing.assert_allclose(limited, [3.0, -3.0, -1.0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    'form', ['x, x^2, x^3', 'sign(x), x, |x|', 'sign(x), y sign(x), y^2 sign(x)', '|y| sign(x)']
+)
+def test_friction_never_pushes_whatever_its_numbers(form, robot, rng):
+    names = [RATE, ANGLE][: FORMS[form].inputs]
+    motion = motion_of(robot, rng, 400)
+    motion.qd *= 3.0
+    is_pushed = False
+    for _ in range(5):
+        coefficients = rng.normal(size=len(FORMS[form].powers))
+        given = entry(form, names, coefficients, kind='dissipative')
+        force = bound(robot, **given).force(motion, np.zeros((400, 0)))
+        free = bound(robot, **{**given, 'kind': 'external'}).force(motion, np.zeros((400, 0)))
+        assert np.all(np.sum(force * motion.rates, axis=1) <= 0.0)
+        is_pushed |= bool(np.any(np.sum(free * motion.rates, axis=1) > 0.0))
+    assert is_pushed  # else the guard was not asked
+
+
+@pytest.mark.parametrize(('form', 'ratio'), [('sign(x + y), x + y', 1.0), ('sign(x - y)', -1.0)])
+def test_friction_of_two_rates_acts_on_both_joints(form, ratio, robot, rng):
+    coefficients = [-0.8, -0.3][: len(FORMS[form].powers)]
+    names = [RATE, f'rate/{CARRIER}']
+    applied = bound(robot, **entry(form, names, coefficients, kind='coupled', react=[CARRIER]))
+    motion = motion_of(robot, rng, 60)
+    j, k = (robot.joints.index(name) for name in (JOINT, CARRIER))
+    force = applied.force(motion, np.zeros((60, 0)))
+    np.testing.assert_allclose(force[:, 6 + k], ratio * force[:, 6 + j], rtol=0, atol=1e-14)
+    assert np.all(np.sum(force * motion.rates, axis=1) <= 0.0)
+    assert np.abs(force).max() > 0.5
+
+
+def slow(robot, effects, seconds):
+    """A plant that starts with rates of its own, without torques."""
+    n = robot.n_joints
+    at_rest = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3)
+    p, quaternion, v, omega = at_rest
+    state = State(p, quaternion, np.full(n, 0.2), v, omega, np.full(n, 0.8))
+    plant = Plant(robot, state, PERIOD, 1, effects, TABLEAUS['dop853'])
+    works = []
+    for _ in range(round(seconds / PERIOD)):
+        plant.step(np.zeros(n))
+        works.append(plant.ledger().effect_work)
+    return plant, np.array(works)
+
+
+@pytest.mark.parametrize(
+    ('form', 'names', 'coefficients', 'kind'),
+    [
+        ('sign(x), x', [RATE], [-0.5, -0.4], 'dissipative'),
+        ('x, x exp(-y/scale)', [RATE, 'time'], [-1.0, -1.0], 'dissipative'),
+        ('sign(x + y), x + y', [RATE, f'rate/{CARRIER}'], [-0.4, -0.2], 'coupled'),
+    ],
+)
+def test_plant_only_loses_energy_to_friction(form, names, coefficients, kind, robot):
+    options = {'scale': 0.5} if 'scale' in form else {}
+    react = {'react': [CARRIER]} if kind == 'coupled' else {}
+    given = entry(form, names, coefficients, options, kind=kind, **react)
+    plant, works = slow(robot, bind_effects({'it': given}, robot), 0.5)
+    assert np.all(np.diff(works) <= 1e-9)  # the integrator's error
+    assert works[-1] < -1e-2
+    assert abs(plant.ledger().energy_drift) < 1e-6  # DOP853 over the stiff sign
+
+
+@pytest.mark.parametrize(('form', 'elastic'), [('play(x)', True), ('dahl(x)', False)])
+def test_history_is_followed_and_gives_back_no_more_than_it_took(form, elastic, robot, rng):
+    given = entry(form, [ANGLE], [-0.9], {'displacement': 0.05}, kind='dissipative')
+    applied = bound(robot, **given)
+    motion = motion_of(robot, rng, 400)
+    time = np.linspace(0.0, 8.0, 400)
+    j = robot.joints.index(JOINT)
+    motion.q[:, j] = 0.3 * np.sin(time) * np.cos(2.3 * time)
+    share = applied.driven(motion)[:, 0]
+    z, expected = 0.0, [0.0]
+    for way in np.diff(motion.q[:, j]):  # by a thousand small steps of the differential equation
+        for step in np.full(1000, way / 1000):
+            left = 1.0 - math.copysign(1.0, step) * z
+            z = min(max(z + step / 0.05, -1.0), 1.0) if elastic else z + step / 0.05 * left
+        expected.append(z)
+    np.testing.assert_allclose(share, expected, rtol=0, atol=3e-3)  # Euler of 1000 steps
+    torque = applied.force(motion, share[:, None])[:, 6 + j]
+    work = np.cumsum(0.5 * (torque[1:] + torque[:-1]) * np.diff(motion.q[:, j]))
+    assert np.all(work <= 1e-4)  # in all, at any time: what is given back was stored before
+    assert np.abs(torque).max() <= 0.9
+
+
+def test_history_in_the_plant_is_the_history_of_its_angles(robot):
+    given = entry('dahl(x)', [ANGLE], [-0.9], {'displacement': 0.3}, kind='dissipative')
+    (applied,) = bind_effects({'it': given}, robot)
+    plant, works = slow(robot, (applied,), 0.5)
+    assert works[-1] < -1e-2
+    assert abs(plant.hidden[0]) <= 1.0
+
+
+def test_angle_laws_are_conservative(robot, rng):
+    """-dU/dq of a potential written by hand, by differences."""
+    given = entry('sin(m x), cos(m x)', [ANGLE], [0.4, -0.3], {'m': 2.0}, kind='potential')
+    applied = bound(robot, **given)
+
+    def potential(q):
+        return 0.4 / 2.0 * np.cos(2.0 * q) + 0.3 / 2.0 * np.sin(2.0 * q)
+
+    motion = motion_of(robot, rng, 30)
+    j = robot.joints.index(JOINT)
+    motion.q[:, j] = np.linspace(-1.4, 1.4, 30)
+    step = 1e-5
+    slope = (potential(motion.q[:, j] + step) - potential(motion.q[:, j] - step)) / (2.0 * step)
+    torque = applied.force(motion, np.zeros((30, 0)))[:, 6 + j]
+    np.testing.assert_allclose(torque, -slope, rtol=0, atol=1e-9)  # step^2
+
+
+def test_table_is_linear_between_its_knots(robot, rng):
+    x, y = [-2.0, 0.0, 2.0], [-1.5, 1.5]
+    given = entry('table', [RATE, ANGLE], [], knots={'x': x, 'y': y}, values=[1, 3, 0, 0, -1, -3])
+    del given['coefficients']
+    applied = bound(robot, **given)
+    motion = motion_of(robot, rng, 3)
+    j = robot.joints.index(JOINT)
+    motion.qd[:, j], motion.q[:, j] = [-1.0, 2.0, 1.0], [1.5, 0.0, -3.0]
+    torque = applied.force(motion, np.zeros((3, 0)))[:, 6 + j]
+    np.testing.assert_allclose(torque, [1.5, -2.0, -0.5], rtol=0, atol=1e-12)
+
+
+def test_controller_makes_up_for_what_it_can_know(robot):
+    drag = entry('x |x|', [RATE], [-0.6], kind='dissipative')
+    clock = entry('x, x exp(-y/scale)', [RATE, 'time'], [-1.0, -1.0], {'scale': 5.0})
+    n, j = robot.n_joints, robot.joints.index(JOINT)
+    setpoint = Setpoint(np.zeros(n), np.full(n, 0.5), np.zeros(n))
+    for given, expected in ((drag, 0.6 * 0.25), (clock, 0.0)):
+        feed = FeedForward(robot, bind_effects({'it': given}, robot))
+        extra = feed(setpoint, np.zeros(3), np.zeros(n))
+        assert extra[j] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize('form', [*LAWS, 'play(x)', 'table'])
+def test_entry_is_what_was_read(form, robot):
+    names, coefficients, options, _ = LAWS.get(form, ([ANGLE], [-1.0], {}, None))
+    options = {'displacement': 0.01} if form == 'play(x)' else options
+    given = entry(form, names, coefficients, options)
+    if form == 'table':
+        del given['coefficients']
+        given |= {'knots': {'x': [-1.0, 1.0]}, 'values': [0.5, -0.5]}
+    written = {'effect': 'learned_torque', 'where': JOINT, **bound(robot, **given).entry()}
+    assert written == given
+
+
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        ({'form': 'x |y|'}, r"effects.it.form: no form 'x \|y\|' \(did you mean"),
+        ({'inputs': []}, 'inputs: .* takes 1, got 0'),
+        ({'inputs': ['rate/wrist_9']}, "'rate/wrist_9': this robot has no such joint; a law that"),
+        ({'inputs': ['speed/x']}, 'no such quantity'),
+        ({'coefficients': [1.0, 2.0]}, 'coefficients: .* takes 1, got 2'),
+        ({'coefficients': ['much']}, r"coefficients\[0\]: expected a number, got 'much'"),
+        ({'coefficients': 1.0}, 'coefficients: expected a list'),
+        ({'range': {}}, f'range.{RATE}: expected'),
+        ({'range': {RATE: [1.0]}}, 'expected two numbers'),
+        ({'range': {RATE: [2.0, -2.0]}}, 'expected .smallest, largest.'),
+        ({'limit': 0.0}, 'limit: 0 N m must be above 0'),
+        ({'limit': float('nan')}, 'limit: nan is not a finite number'),
+        ({'kind': 'magic'}, 'kind: expected one of dissipative'),
+        ({'react': [CARRIER]}, 'is no joint whose rate'),
+        ({'gain': 3.0}, 'has no such parameter'),
+        ({'where': 'j_link_9'}, "no place 'j_link_9'"),
+        ({'form': 'dahl(x)', 'inputs': [ANGLE], 'range': RANGES}, 'displacement: is missing'),
+        (
+            {'form': 'dahl(x)', 'inputs': [ANGLE], 'range': RANGES, 'displacement': 0.1},
+            'friction that pushes',
+        ),
+    ],
+)
+def test_nonsense_is_refused(change, message, robot):
+    with pytest.raises(ConfigurationError, match=message):
+        bound(robot, **{**entry('x |x|', [RATE], [1.0]), **change})
+
+
+def test_coefficients_have_the_units_of_a_data_sheet():
+    assert unit_of((0,), [RATE]) == 'N m'
+    assert unit_of((1,), [RATE]) == 'N m s/rad'
+    assert unit_of((2,), [RATE]) == 'N m s^2/rad^2'
+    assert unit_of((1,), [ANGLE]) == 'N m/rad'
+    assert unit_of((0, 1), [RATE, LOAD]) == '1'
