@@ -43,7 +43,7 @@ def noise_levels(
         'joint_velocity': record.qd,
         'joint_effort': record.effort if is_checked else None,
         'gyro': record.omega if len(record.omega) else None,
-        'attitude': _turns(record),
+        'attitude': unseen_turns(record),
     }
     levels, notes = {}, []
     for name, values in measured.items():
@@ -85,7 +85,7 @@ def _resolution(values: Array | None) -> float:
     return max((float(step.min()) for step in steps if len(step)), default=0.0)
 
 
-def _turns(record: Record) -> Array | None:
+def unseen_turns(record: Record) -> Array | None:
     """(Na, 3) accumulated turns from sample to sample, less what the gyro saw of them.
 
     A tracker is slow: without the gyro a fast turn would pass for noise.

@@ -74,12 +74,13 @@ class _Channel:
         self.bad[kind] += count
 
 
-def read_bag(path: str | Path, robot: Robot, topics: Topics | None = None) -> Record:
+def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None) -> Record:
     """Read a recording.
 
     Args:
         path: A rosbag2 folder, or one mcap or db3 file.
-        robot: Gives the joints' names and order, and the base's frame.
+        robot: Gives the joints' names and order, and the base's frame; without it the first
+            messages do, and efforts are taken as torques.
         topics: Where the sensors are found; those of the simulator by default.
 
     Returns:
@@ -92,9 +93,10 @@ def read_bag(path: str | Path, robot: Robot, topics: Topics | None = None) -> Re
     topics, path = topics or Topics(), Path(path)
     channels = {kind: _Channel(getattr(topics, kind)) for kind in _TYPES}
     joints = channels['joints']
-    joints.names, joints.effort_units = robot.arm, robot.effort_units
-    if 'current' in robot.effort_kinds:
-        joints.remarks['efforts are currents, times robot.motor_constant'] = None
+    if robot is not None:
+        joints.names, joints.effort_units = robot.arm, robot.effort_units
+        if 'current' in robot.effort_kinds:
+            joints.remarks['efforts are currents, times robot.motor_constant'] = None
     kinds = {channel.topic: kind for kind, channel in channels.items()}
     stored = read_messages(path, kinds)
     _check_topics(path, stored, channels)
@@ -107,7 +109,7 @@ def read_bag(path: str | Path, robot: Robot, topics: Topics | None = None) -> Re
             channel.reject('can not be decoded')
             continue
         try:
-            row = _row(kind, message, channel, robot.base_link)
+            row = _row(kind, message, channel, None if robot is None else robot.base_link)
             channel.stamps.append(messages.stamp_ns(message.header.stamp))
             channel.rows.append(row)
         except MessageRejectedError as error:
@@ -137,8 +139,11 @@ def _decode(store: Typestore, data: bytes, msgtype: str) -> Any | None:
         return None
 
 
-def _row(kind: str, message: Any, channel: _Channel, base_link: str) -> Array:
+def _row(kind: str, message: Any, channel: _Channel, base_link: str | None) -> Array:
     """The numbers of a message: joints as (3, n) position, velocity and effort."""
+    if base_link is None:  # whatever the sensors say
+        base_link = message.header.frame_id if kind == 'imu' else 'base_link'
+        channel.names = channel.names or tuple(getattr(message, 'name', ()))
     if kind == 'imu':
         if not message.header.frame_id:
             channel.remarks[f'no frame given, taken as {base_link!r}'] = None

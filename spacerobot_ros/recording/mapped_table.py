@@ -52,13 +52,13 @@ _MAY_LACK = ('velocity', 'effort')  # what a joint may have no sensor for
 
 
 def read_mapped(
-    path: Path, robot: Robot, mapping: ColumnMapping, *, is_joined: bool = False
+    path: Path, robot: Robot | None, mapping: ColumnMapping, *, is_joined: bool = False
 ) -> Record:
     """Read a CSV, JSON or npz file.
 
     Args:
         path: The file.
-        robot: Gives the joints' names and order.
+        robot: Gives the joints' names and order; None: those of the mapping.
         mapping: Where the sensors stand in it.
         is_joined: Whether its clock may begin anew, with another run.
 
@@ -75,7 +75,7 @@ def read_mapped(
     table = _derived(table, mapping)
     reader = _Reader(table, mapping, is_joined)
     return Record(
-        joints=reader.joints(mapping.joints, robot) if mapping.joints else None,
+        joints=reader.joints(mapping.joints, robot, _MAY_LACK) if mapping.joints else None,
         rates=reader.rates(mapping.gyro, mapping.gyro.time) if mapping.gyro else None,
         attitudes=reader.attitudes(mapping.attitude) if mapping.attitude else None,
         wheels=reader.joints(mapping.wheels) if mapping.wheels else None,
@@ -105,8 +105,10 @@ def _derived(table: SampleTable, mapping: ColumnMapping) -> SampleTable:
 class _Reader(ColumnReader):
     """Reads the sections of a mapping from a table."""
 
-    def joints(self, section: JointColumns, robot: Robot | None = None) -> JointSeries:
-        """Joints in the robot's order; wheels, without a robot, in the mapping's."""
+    def joints(
+        self, section: JointColumns, robot: Robot | None = None, may_lack: Sequence[str] = ()
+    ) -> JointSeries:
+        """Joints in the robot's order; without a robot, as wheels, in the mapping's."""
         names, slides = section.names, np.zeros(len(section.names), dtype=bool)
         order = list(range(len(names)))
         if robot is not None:
@@ -122,9 +124,7 @@ class _Reader(ColumnReader):
         if section.effort is not None:
             quantities = [FORCE if s else TORQUE for s in slides]
             parts['effort'] = self._efforts(section.effort, quantities, names, robot)
-        stamps, arrays = self.sampled(
-            section.place, section.time, parts, may_lack=_MAY_LACK if robot else ()
-        )
+        stamps, arrays = self.sampled(section.place, section.time, parts, may_lack)
         ordered = {key: values[:, order] for key, values in arrays.items()}
         zero = np.zeros((len(stamps), len(names)))  # of a wheel without an encoder
         return JointSeries(

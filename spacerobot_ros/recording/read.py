@@ -26,7 +26,7 @@ from .table import FORMATS, kind_of
 
 def read_record(
     path: str | Path,
-    robot: Robot,
+    robot: Robot | None,
     map_path: str | Path | None = None,
     topics: Topics | None = None,
     *,
@@ -37,7 +37,8 @@ def read_record(
     Args:
         path: A rosbag2 folder (or one mcap or db3 file), an npz written by `save_npz`, or with a
             mapping any CSV, JSON or npz file.
-        robot: Gives the joints' names and order, what their efforts are, and the base's frame.
+        robot: Gives the joints' names and order, what their efforts are, and the base's frame;
+            without it they are taken as the recording has them.
         map_path: Column mapping YAML (docs/data.md); None for a bag or a record file.
         topics: Where the sensors are found in a bag; those of the simulator by default.
         is_joined: Whether it may be several runs: a table's clock may begin anew, gaps are not
@@ -58,7 +59,8 @@ def read_record(
         record = _read_table(path, robot, map_path, is_joined=is_joined)
     else:
         record = _read(path, robot, topics)
-    record = _usable(record, robot)
+    if robot is not None:
+        record = _usable(record, robot)
     return record if is_joined else with_gaps_noted(record)
 
 
@@ -111,17 +113,20 @@ def _naming(path: str | Path, first: str | Path, *, has_map: bool) -> Iterator[N
         raise RecordingError(place, f'{error.reason}{fits}') from error
 
 
-def _read_table(path: Path, robot: Robot, map_path: str | Path, *, is_joined: bool) -> Record:
+def _read_table(
+    path: Path, robot: Robot | None, map_path: str | Path, *, is_joined: bool
+) -> Record:
     mapping = load_mapping(map_path)
     if path.is_dir() or kind_of(path) in ('mcap', 'db3'):
         raise RecordingError(str(path), 'is a bag, which needs no column mapping')
     return read_mapped(path, robot, mapping, is_joined=is_joined)
 
 
-def _read(path: Path, robot: Robot, topics: Topics | None) -> Record:
+def _read(path: Path, robot: Robot | None, topics: Topics | None) -> Record:
     kind = kind_of(path)
     if kind == 'npz' and path.is_file():
-        return in_robot_order(load_npz(path), robot)
+        record = load_npz(path)
+        return record if robot is None else in_robot_order(record, robot)
     if kind in FORMATS and path.is_file():
         raise RecordingError(str(path), 'needs a column mapping (--map YAML; docs/data.md)')
     return read_bag(path, robot, topics)

@@ -1,0 +1,177 @@
+"""Whether a recording is worth anything: all that can be said of it before a diagnosis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ...effects.robot_file import RobotFile
+from ...errors import SpaceRobotError
+from ...recording.faults.check import data_faults
+from ...recording.record import Record
+from .allan import Allan, allan
+from .excited import Excited, excited
+from .readings import Reading, readings
+from .sampling import Delay, Sampling, delay_of, discrepancies, samplings
+
+_LOST = 0.01
+"""Share of lost samples worth a word: as many as a filter of 100 samples' memory always holds."""
+_SATURATED = 1e-3  # share of samples; fewer are a spike
+_NOISIER = 1.5  # as `estimation.noise_levels`: from there on the data count
+_QUIETER = 3.0  # filtered before it was logged, or a data sheet that is too careful
+_LATE = 3.0  # standard deviations that a delay is from none
+_WALK = 2.0  # of the stated random walk
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quality:
+    """What a recording is worth.
+
+    Args:
+        source: The recording.
+        sensors: How each sensor was sampled.
+        delays: Of sensors that see the same motion.
+        channels: What every column reads.
+        allan: Of every rate whose integral another sensor measures.
+        faults: By name; each makes a diagnosis refuse the recording.
+        excitation: What the data tell of every unknown; None where it was not computed.
+        why_not: Why it was not.
+        notes: What the reader left out or assumed.
+        findings: Everything above that should be looked at, a line each.
+    """
+
+    source: str
+    sensors: tuple[Sampling, ...]
+    delays: tuple[Delay, ...]
+    channels: tuple[Reading, ...]
+    allan: tuple[Allan, ...]
+    faults: tuple[str, ...]
+    excitation: tuple[Excited, ...] | None
+    why_not: str
+    notes: tuple[str, ...]
+    findings: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the command's JSON."""
+        return {
+            'schema': 1,
+            'source': self.source,
+            'verdict': 'findings' if self.findings else 'good',
+            'findings': self.findings,
+            'faults': self.faults,
+            'sensors': [asdict(one) for one in self.sensors],
+            'delays': [asdict(one) for one in self.delays],
+            'channels': [asdict(one) for one in self.channels],
+            'allan': [asdict(one) for one in self.allan],
+            'excitation': self.excitation,
+            'excitation_not_computed': self.why_not or None,
+            'notes': self.notes,
+        }
+
+
+def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
+    """Look at a recording.
+
+    Args:
+        record: As it was read.
+        file: The robot's; without it what needs a model or stated noise is left out.
+    """
+    robot = None if file is None else file.robot
+    faults = data_faults(record, robot)
+    pairs = tuple(discrepancies(record))
+    late = (delay_of(pair) for pair in pairs)
+    curves = (allan(pair.reference, pair.time, pair.left) for pair in pairs)
+    excitation, why_not = None, 'no robot file was given (--robot)'
+    if file is not None:
+        excitation, why_not = _excited(record, file, faults)
+    sensors, channels = samplings(record), readings(record, robot)
+    delays = tuple(one for one in late if one is not None)
+    found = tuple(one for one in curves if one is not None)
+    return Quality(
+        source=record.source,
+        sensors=sensors,
+        delays=delays,
+        channels=channels,
+        allan=found,
+        faults=faults,
+        excitation=excitation,
+        why_not=why_not,
+        notes=record.notes,
+        findings=(
+            *(f'fault: {fault}' for fault in faults),
+            *_of_sensors(sensors),
+            *_of_delays(delays, channels),
+            *_of_channels(channels),
+            *_of_walks(found, file),
+            *_of_excitation(excitation),
+        ),
+    )
+
+
+def _excited(
+    record: Record, file: RobotFile, faults: tuple[str, ...]
+) -> tuple[tuple[Excited, ...] | None, str]:
+    if faults:
+        return None, 'the data are faulty'
+    try:
+        return excited(record, file), ''
+    except SpaceRobotError as error:
+        return None, str(error)
+
+
+def _of_sensors(sensors: tuple[Sampling, ...]) -> Iterator[str]:
+    for one in sensors:
+        if one.gaps:
+            yield f'{one.sensor}: {one.gaps} gaps, the longest {one.longest_gap:.3g} s'
+        if one.lost > _LOST:
+            yield f'{one.sensor}: {100.0 * one.lost:.3g} % of the samples at its rate are missing'
+
+
+def _of_delays(delays: tuple[Delay, ...], channels: tuple[Reading, ...]) -> Iterator[str]:
+    """Delays that are clear of their spread, and make more than the noise of a reading."""
+    for one in delays:
+        noise = [c.noise for c in channels if c.channel.startswith(f'{one.late}/')]
+        if abs(one.delay) > _LATE * one.std and one.error > max(noise, default=0.0):
+            how = 'late' if one.delay > 0.0 else 'early'
+            yield (
+                f'{one.late} is {abs(one.delay):.3g} +- {one.std:.1g} s {how} '
+                f'against the integral of {one.reference}'
+            )
+
+
+def _of_channels(channels: tuple[Reading, ...]) -> Iterator[str]:
+    for one in channels:
+        if one.saturated > _SATURATED:
+            share = f'{100.0 * one.saturated:.3g} %'
+            yield f'{one.channel}: {share} of the samples stand at an end of its range'
+        if one.stated is None:
+            continue
+        seen = f'{one.noise:.3g} {one.unit}, the robot file states {one.stated:.3g}'
+        rounding = one.step / math.sqrt(12.0)
+        is_effort = one.channel.startswith('joint_effort')  # a controller makes it rough
+        if one.noise > _NOISIER * one.stated and not is_effort:
+            yield f'{one.channel}: noise of {seen}'
+        if max(one.noise, rounding) < one.stated / _QUIETER:
+            yield f'{one.channel}: noise of only {seen}: was it filtered?'
+        if rounding > _NOISIER * one.stated:
+            yield f'{one.channel}: its steps of {one.step:.3g} are coarser than the stated noise'
+
+
+def _of_walks(found: tuple[Allan, ...], file: RobotFile | None) -> Iterator[str]:
+    stated = 0.0 if file is None else file.robot.sensors.gyro_bias_walk
+    for one in found:
+        if one.channel == 'gyro' and (one.random_walk or 0.0) > _WALK * stated:
+            says = f', the robot file states {stated:.3g}' if file is not None else ''
+            yield f'gyro: its bias walks by {one.random_walk:.3g} rad/s/sqrt(s){says}'
+
+
+def _of_excitation(found: tuple[Excited, ...] | None) -> Iterator[str]:
+    """Places of which the motion shows nothing at all."""
+    status: dict[str, list[str]] = {}
+    for one in found or ():
+        status.setdefault(one.where or 'the whole', []).append(one.status)
+    for where, every in status.items():
+        if all(s == 'not seen' for s in every):
+            yield f'{where}: the motion shows none of its effects'

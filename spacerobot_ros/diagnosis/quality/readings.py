@@ -1,0 +1,120 @@
+"""What each channel reads: range, steps, saturation, and its noise against what is stated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...estimation.noise_levels import fourth_difference_std, unseen_turns
+from ...model.robot import Robot
+from ...model.settings import SensorSettings
+from ...recording.record import Record
+from ...types import Array
+
+_RUN = 3  # equal readings in a row at an extreme
+_SLOPE = 4  # samples before them that show how fast they were reached
+_BEYOND = 5.0  # noise or steps by which a reading would have gone on: it was cut off
+_AT_LIMIT = 0.999  # of the URDF's effort limit
+_REPEATED = 0.5  # share of distinct readings below which steps are the scale's and not chance
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One column of a sensor.
+
+    Args:
+        channel: Such as `joint_velocity/joint_2`.
+        unit: SI.
+        lowest: Smallest reading. highest: Largest one.
+        step: Of its scale; 0 where it is finer than the noise.
+        saturated: Share of the samples at an end of its range, or at the URDF's effort limit.
+        noise: White noise of one sample that the readings show.
+        stated: The same as the robot file states it; None where it does not, or without one.
+    """
+
+    channel: str
+    unit: str
+    lowest: float
+    highest: float
+    step: float
+    saturated: float
+    noise: float
+    stated: float | None
+
+
+def readings(record: Record, robot: Robot | None) -> tuple[Reading, ...]:
+    """Of every column of every sensor."""
+    return tuple(_readings(record, robot))
+
+
+def _readings(record: Record, robot: Robot | None) -> Iterator[Reading]:
+    sensors = None if robot is None else robot.sensors
+    limits = None if robot is None else robot.effort_limits
+    joints = record.joints
+    for name, unit, values, names in (
+        ('joint_position', 'rad', record.q, () if joints is None else joints.names),
+        ('joint_velocity', 'rad/s', record.qd, () if joints is None else joints.names),
+        ('joint_effort', 'N m', record.effort, () if joints is None else joints.names),
+        ('gyro', 'rad/s', record.omega, 'xyz'),
+        ('attitude', 'rad', unseen_turns(record), 'xyz'),
+    ):
+        if values is None or not len(values):
+            continue
+        for i, axis in enumerate(names):
+            column = values[:, i]
+            if np.isfinite(column).all():
+                most = np.inf if limits is None or name != 'joint_effort' else limits[i]
+                stated = None if sensors is None else _stated(sensors, name, i)
+                is_raw = name != 'attitude'  # turns are made of quaternions
+                yield _reading(f'{name}/{axis}', unit, column, stated, most, is_raw)
+
+
+def _reading(
+    channel: str, unit: str, values: Array, stated: float | None, most: float, is_raw: bool
+) -> Reading:
+    noise = fourth_difference_std(values[:, None])
+    step = _step(values) if is_raw else 0.0
+    saturated = 0.0
+    if is_raw and not channel.startswith('joint_position'):  # an angle has no end of its scale
+        at_end = _cut_off(values, max(noise, step)) | (np.abs(values) >= _AT_LIMIT * most)
+        saturated = float(np.mean(at_end))
+    low, high = float(values.min()), float(values.max())
+    return Reading(channel, unit, low, high, step, saturated, noise, stated)
+
+
+def _stated(sensors: SensorSettings, channel: str, i: int) -> float | None:
+    std = getattr(sensors, f'{channel}_std')
+    return std[i] if isinstance(std, tuple) else std
+
+
+def _step(values: Array) -> float:
+    """Smallest step between readings where they repeat themselves, as those of a scale do."""
+    distinct = np.unique(values)
+    if not 1 < len(distinct) < _REPEATED * len(values):
+        return 0.0
+    steps = np.diff(distinct)
+    return float(steps[steps > 1e-9 * float(np.ptp(values))].min(initial=np.inf))
+
+
+def _cut_off(values: Array, blur: float) -> Array:
+    """(N,) whether a reading stands at an end of the range that it would have gone beyond.
+
+    A run of L equal readings at an extreme is one where the line through the samples before it,
+    or after it, goes on by more than noise and steps within a quarter of the run. What turns back
+    by itself, or rests there, comes to it slowly.
+    """
+    out = np.zeros(len(values), dtype=bool)
+    for end in (values.max(), values.min()):
+        at = np.concatenate([[False], values == end, [False]])
+        edges = np.flatnonzero(np.diff(at.astype(int)))
+        for first, after in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            length = after - first
+            if length < _RUN:
+                continue
+            sides = (values[max(first - _SLOPE, 0) : first], values[after : after + _SLOPE][::-1])
+            slopes = [abs(x[-1] - x[0]) / (len(x) - 1) for x in sides if len(x) > 1]
+            if max(slopes, default=0.0) * length / 4.0 > _BEYOND * blur:
+                out[first:after] = True
+    return out

@@ -1,0 +1,176 @@
+"""How a recording was sampled: rates, gaps, jitter, and clocks that are late by each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...estimation.noise_levels import unseen_turns
+from ...recording.gaps import GAP_PERIODS
+from ...recording.record import SENSORS, Record
+from ...types import Array
+
+_LOST = 1.5  # periods between two samples from which one is missing
+_PARTS, _FEWEST, _MOST = 5, 40, 4000  # of a record, and samples of each, that delays come from
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """When one sensor was sampled.
+
+    Args:
+        sensor: Field of the record.
+        samples: Their number.
+        start: Time of the first one [s].
+        duration: From it to the last one [s].
+        rate: One over the median period [Hz]; NaN of a single sample.
+        jitter: Standard deviation of a stamp about even times, gaps left out [s].
+        gaps: Number of pauses above ten periods.
+        longest_gap: The longest pause of those [s]; 0 without.
+        lost: Share of the samples at that rate that are missing.
+    """
+
+    sensor: str
+    samples: int
+    start: float
+    duration: float
+    rate: float
+    jitter: float
+    gaps: int
+    longest_gap: float
+    lost: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discrepancy:
+    """What one sensor says of a motion beyond the integral of another one's rates.
+
+    Args:
+        late: The sensor. reference: That of the rates.
+        time: (N,) [s].
+        error: (N, k) [rad] (of joints that slide [m]).
+        rate: (N, k) [rad/s], in the axes of the error.
+        others: (N, k, m) errors by offsets, biases and scales of the rates.
+    """
+
+    late: str
+    reference: str
+    time: Array
+    error: Array
+    rate: Array
+    others: Array
+
+    @property
+    def left(self) -> Array:
+        """(N, k) what offsets, biases, scales and a delay do not explain."""
+        columns = np.concatenate([self.others, self.rate[:, :, None]], axis=2)
+        flat = columns.reshape(-1, columns.shape[2])
+        fit = np.linalg.lstsq(flat, self.error.ravel(), rcond=None)[0]
+        return np.asarray(self.error - columns @ fit)
+
+
+@dataclass(frozen=True, slots=True)
+class Delay:
+    """How late one sensor is by another one that sees the same motion.
+
+    Args:
+        late: The sensor.
+        reference: The other one.
+        delay: Below zero where it is early [s].
+        std: Standard deviation, from parts of the record [s].
+        error: What the delay makes of a reading, rms [rad].
+    """
+
+    late: str
+    reference: str
+    delay: float
+    std: float
+    error: float
+
+
+def samplings(record: Record) -> tuple[Sampling, ...]:
+    """Of every sensor that the record has."""
+    found = ((name, getattr(record, name)) for name in SENSORS)
+    return tuple(
+        _sampling(name, series.seconds(record.origin_ns)) for name, series in found if series
+    )
+
+
+def _sampling(sensor: str, time: Array) -> Sampling:
+    steps = np.diff(time)
+    period = float(np.median(steps)) if len(steps) else np.nan
+    even = steps[steps < _LOST * period]
+    gaps = steps[steps > GAP_PERIODS * period]
+    lost = float(np.sum(np.round(steps[steps >= _LOST * period] / period) - 1.0))
+    return Sampling(
+        sensor=sensor,
+        samples=len(time),
+        start=float(time[0]),
+        duration=float(time[-1] - time[0]),
+        rate=1.0 / period,
+        jitter=float(np.std(even) / np.sqrt(2.0)) if len(even) > 1 else np.nan,  # of two stamps
+        gaps=len(gaps),
+        longest_gap=float(gaps.max(initial=0.0)),
+        lost=lost / (lost + len(time)),
+    )
+
+
+def discrepancies(record: Record) -> Iterator[Discrepancy]:
+    """Joint positions against rates, attitude against gyro, where both were measured.
+
+    An offset a, a bias b and an error M of scale and axes of the rates make of it
+    a + int (b + M rate) dt, and positions whose stamps are d late -d rate.
+    """
+    qd = record.qd
+    if qd is not None and np.isfinite(qd).all() and len(qd) > 1:
+        time, n = record.joint_time, qd.shape[1]
+        moved = integral(time, qd)
+        spread = np.stack([np.ones_like(qd), np.tile(time[:, None], n), moved], axis=2)
+        others = (np.eye(n)[None, :, :, None] * spread[:, :, None, :]).reshape(len(qd), n, -1)
+        yield Discrepancy('joint_position', 'joint_velocity', time, record.q - moved, qd, others)
+    if record.attitude is not None and len(record.rate_time) > len(record.attitude_time) > 1:
+        time, error = record.attitude_time, unseen_turns(record)
+        omega = np.column_stack([np.interp(time, record.rate_time, w) for w in record.omega.T])
+        turned = (record.attitude[0].inv() * record.attitude).as_matrix()
+        columns = [np.broadcast_to(np.eye(3), turned.shape)]
+        columns += [integral(time, turned)]
+        columns += [integral(time, turned * w[:, None, None]) for w in omega.T]
+        rate = np.einsum('nij,nj->ni', turned, omega)
+        if error is not None:
+            others = np.concatenate(columns, axis=2)
+            yield Discrepancy('attitude', 'gyro', time, error, rate, others)
+
+
+def integral(time: Array, rate: Array) -> Array:
+    """(N, ...) integral of rates from the first sample, by trapezoids."""
+    steps = np.diff(time).reshape(-1, *[1] * (rate.ndim - 1))
+    sums = np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps, axis=0)
+    return np.concatenate([np.zeros_like(sums[:1]), sums])
+
+
+def delay_of(pair: Discrepancy) -> Delay | None:
+    """The delay that all axes share; None where nothing moves, or samples are too few."""
+    n = len(pair.time)
+    if n < _PARTS * _FEWEST or not np.any(pair.rate):
+        return None
+    found = [_in_part(pair, own) for own in np.array_split(np.arange(n), _PARTS)]
+    values, weights = np.array(found).T
+    if not weights.sum() > 0.0:
+        return None
+    delay = float(weights @ values / weights.sum())
+    spread = float(weights @ (values - delay) ** 2 / weights.sum() / (_PARTS - 1))
+    rms = float(np.sqrt(np.mean(pair.rate**2)))
+    return Delay(pair.late, pair.reference, delay, spread**0.5, abs(delay) * rms)
+
+
+def _in_part(pair: Discrepancy, own: Array) -> tuple[float, float]:
+    """Delay in one part, and its information, everything else estimated along."""
+    own = own[:: 1 + len(own) // _MOST]
+    others = pair.others[own].reshape(-1, pair.others.shape[2])
+    late, error = -pair.rate[own].ravel(), pair.error[own].ravel()
+    both = np.column_stack([late, error])
+    late, error = (both - others @ np.linalg.lstsq(others, both, rcond=None)[0]).T
+    weight = float(late @ late)
+    return (float(late @ error) / weight if weight > 0.0 else 0.0), weight
