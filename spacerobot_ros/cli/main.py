@@ -28,6 +28,7 @@ COMMANDS = {
     'demo': 'the whole loop on ROS 2 nodes, with a report',
     'simulate': 'simulate a robot in closed loop (no ROS needed) and record a bag',
     'identify': 'estimate wheel momentum and inertial parameters from a recording',
+    'check': 'say what a recording is worth: rates, clocks, noise, faults, excitation',
     'diagnose': 'name what a simulation gets wrong about measured data, and extend its model',
     'compare': 'say what changed on an arm between two recordings, or that nothing did',
     'excite': 'design the motion that an identification learns most from',

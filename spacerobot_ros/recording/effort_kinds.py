@@ -14,13 +14,15 @@ def check_kinds(place: str, robot: Robot | None, columns: Iterable[tuple[str, st
 
     Args:
         place: Where the mapping says it.
-        robot: Its `effort_kinds` count; wheels have no robot, and efforts of their motors.
+        robot: Its `effort_kinds` count; without one nothing is contradicted.
         columns: Joint, its kind ('' where the mapping says none) and the unit of each.
 
     Raises:
         RecordingError: another kind, or a current of a joint whose effort is none.
     """
-    believed = dict(zip(robot.arm, robot.effort_kinds, strict=True)) if robot else {}
+    if robot is None:
+        return
+    believed = dict(zip(robot.arm, robot.effort_kinds, strict=True))
     for name, said, unit in columns:
         kind = believed.get(name, 'motor')
         if said not in ('', kind):

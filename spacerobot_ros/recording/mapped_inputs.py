@@ -31,7 +31,7 @@ INPUTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 def read_inputs(
-    reader: ColumnReader, mapping: ColumnMapping, robot: Robot
+    reader: ColumnReader, mapping: ColumnMapping, robot: Robot | None
 ) -> dict[str, InputSeries]:
     """Every input of a mapping.
 

@@ -83,9 +83,7 @@ def allan(channel: str, time: Array, angle_error: Array) -> Allan | None:
         for term, is_seen in zip(terms, seen, strict=True)
     )
     unseen = 3.0 / np.linalg.norm(scaled[:, 2])
-    return Allan(
-        channel, tau, np.sqrt(variance), white, walk, float(np.sqrt(unseen)), angle
-    )
+    return Allan(channel, tau, np.sqrt(variance), white, walk, float(np.sqrt(unseen)), angle)
 
 
 def _variance(error: Array, m: int) -> float:

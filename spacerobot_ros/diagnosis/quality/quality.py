@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,8 +12,8 @@ from ...recording.faults.check import data_faults
 from ...recording.record import Record
 from .allan import Allan, allan
 from .excited import Excited, excited
-from .readings import Reading, readings
-from .sampling import Delay, Sampling, delay_of, discrepancies, samplings
+from .readings import ROUNDING, Reading, readings
+from .sampling import ClockDelay, Sampling, delay_of, discrepancies, integral, samplings
 
 _LOST = 0.01
 """Share of lost samples worth a word: as many as a filter of 100 samples' memory always holds."""
@@ -44,7 +43,7 @@ class Quality:
 
     source: str
     sensors: tuple[Sampling, ...]
-    delays: tuple[Delay, ...]
+    delays: tuple[ClockDelay, ...]
     channels: tuple[Reading, ...]
     allan: tuple[Allan, ...]
     faults: tuple[str, ...]
@@ -88,7 +87,7 @@ def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
         excitation, why_not = _excited(record, file, faults)
     sensors, channels = samplings(record), readings(record, robot)
     delays = tuple(one for one in late if one is not None)
-    found = tuple(one for one in curves if one is not None)
+    found = tuple(one for one in (*curves, _alone(record)) if one is not None)
     return Quality(
         source=record.source,
         sensors=sensors,
@@ -105,9 +104,17 @@ def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
             *_of_delays(delays, channels),
             *_of_channels(channels),
             *_of_walks(found, file),
-            *_of_excitation(excitation),
+            *_of_excitation(excitation, () if robot is None else robot.joints),
         ),
     )
+
+
+def _alone(record: Record) -> Allan | None:
+    """Of a gyro that no attitude is beside: its motion is in it."""
+    if len(record.attitude_time) or len(record.rate_time) < 4:
+        return None
+    time, moved = record.rate_time, integral(record.rate_time, record.omega)
+    return allan('gyro, its motion included', time, moved)
 
 
 def _excited(
@@ -129,16 +136,14 @@ def _of_sensors(sensors: tuple[Sampling, ...]) -> Iterator[str]:
             yield f'{one.sensor}: {100.0 * one.lost:.3g} % of the samples at its rate are missing'
 
 
-def _of_delays(delays: tuple[Delay, ...], channels: tuple[Reading, ...]) -> Iterator[str]:
+def _of_delays(delays: tuple[ClockDelay, ...], channels: tuple[Reading, ...]) -> Iterator[str]:
     """Delays that are clear of their spread, and make more than the noise of a reading."""
     for one in delays:
         noise = [c.noise for c in channels if c.channel.startswith(f'{one.late}/')]
         if abs(one.delay) > _LATE * one.std and one.error > max(noise, default=0.0):
-            how = 'late' if one.delay > 0.0 else 'early'
-            yield (
-                f'{one.late} is {abs(one.delay):.3g} +- {one.std:.1g} s {how} '
-                f'against the integral of {one.reference}'
-            )
+            late, other = one.late, one.reference
+            late, other = (late, other) if one.delay > 0.0 else (other, late)
+            yield f'{late} is {abs(one.delay):.3g} +- {one.std:.1g} s later than {other}'
 
 
 def _of_channels(channels: tuple[Reading, ...]) -> Iterator[str]:
@@ -149,11 +154,11 @@ def _of_channels(channels: tuple[Reading, ...]) -> Iterator[str]:
         if one.stated is None:
             continue
         seen = f'{one.noise:.3g} {one.unit}, the robot file states {one.stated:.3g}'
-        rounding = one.step / math.sqrt(12.0)
+        rounding = one.step / ROUNDING
         is_effort = one.channel.startswith('joint_effort')  # a controller makes it rough
         if one.noise > _NOISIER * one.stated and not is_effort:
             yield f'{one.channel}: noise of {seen}'
-        if max(one.noise, rounding) < one.stated / _QUIETER:
+        if one.noise < one.stated / _QUIETER:
             yield f'{one.channel}: noise of only {seen}: was it filtered?'
         if rounding > _NOISIER * one.stated:
             yield f'{one.channel}: its steps of {one.step:.3g} are coarser than the stated noise'
@@ -167,11 +172,9 @@ def _of_walks(found: tuple[Allan, ...], file: RobotFile | None) -> Iterator[str]
             yield f'gyro: its bias walks by {one.random_walk:.3g} rad/s/sqrt(s){says}'
 
 
-def _of_excitation(found: tuple[Excited, ...] | None) -> Iterator[str]:
-    """Places of which the motion shows nothing at all."""
-    status: dict[str, list[str]] = {}
-    for one in found or ():
-        status.setdefault(one.where or 'the whole', []).append(one.status)
-    for where, every in status.items():
-        if all(s == 'not seen' for s in every):
-            yield f'{where}: the motion shows none of its effects'
+def _of_excitation(found: tuple[Excited, ...] | None, joints: tuple[str, ...]) -> Iterator[str]:
+    """Joints of which the motion shows nothing at all."""
+    seen = {one.where for one in found or () if one.status != 'not seen'}
+    for joint in joints:
+        if found is not None and joint not in seen:
+            yield f'{joint}: the motion shows none of its effects'

@@ -11,11 +11,13 @@ from ...estimation.noise_levels import fourth_difference_std, unseen_turns
 from ...model.robot import Robot
 from ...model.settings import SensorSettings
 from ...recording.record import Record
-from ...types import Array
+from ...types import Array, BoolArray
 
+ROUNDING = float(np.sqrt(12.0))
+"""Step of a scale by the standard deviation of its rounding."""
 _RUN = 3  # equal readings in a row at an extreme
-_SLOPE = 4  # samples before them that show how fast they were reached
-_BEYOND = 5.0  # noise or steps by which a reading would have gone on: it was cut off
+_BEFORE = 6  # samples before them that say how they would have gone on
+_BEYOND = 25.0  # noise or steps: five times what the parabola makes of them
 _AT_LIMIT = 0.999  # of the URDF's effort limit
 _REPEATED = 0.5  # share of distinct readings below which steps are the scale's and not chance
 
@@ -30,7 +32,7 @@ class Reading:
         lowest: Smallest reading. highest: Largest one.
         step: Of its scale; 0 where it is finer than the noise.
         saturated: Share of the samples at an end of its range, or at the URDF's effort limit.
-        noise: White noise of one sample that the readings show.
+        noise: White noise of one sample that the readings show, that of rounding at the least.
         stated: The same as the robot file states it; None where it does not, or without one.
     """
 
@@ -74,8 +76,8 @@ def _readings(record: Record, robot: Robot | None) -> Iterator[Reading]:
 def _reading(
     channel: str, unit: str, values: Array, stated: float | None, most: float, is_raw: bool
 ) -> Reading:
-    noise = fourth_difference_std(values[:, None])
     step = _step(values) if is_raw else 0.0
+    noise = max(fourth_difference_std(values[:, None]), step / ROUNDING)
     saturated = 0.0
     if is_raw and not channel.startswith('joint_position'):  # an angle has no end of its scale
         at_end = _cut_off(values, max(noise, step)) | (np.abs(values) >= _AT_LIMIT * most)
@@ -98,23 +100,29 @@ def _step(values: Array) -> float:
     return float(steps[steps > 1e-9 * float(np.ptp(values))].min(initial=np.inf))
 
 
-def _cut_off(values: Array, blur: float) -> Array:
+def _cut_off(values: Array, blur: float) -> BoolArray:
     """(N,) whether a reading stands at an end of the range that it would have gone beyond.
 
-    A run of L equal readings at an extreme is one where the line through the samples before it,
-    or after it, goes on by more than noise and steps within a quarter of the run. What turns back
-    by itself, or rests there, comes to it slowly.
+    A run of equal readings at an extreme is one where the parabola through the samples before it,
+    or after it, goes on beyond. What turns back by itself, or comes to rest there, does not.
     """
     out = np.zeros(len(values), dtype=bool)
-    for end in (values.max(), values.min()):
-        at = np.concatenate([[False], values == end, [False]])
+    for sign in (1.0, -1.0):
+        y = sign * values
+        at = np.concatenate([[False], y == y.max(), [False]])
         edges = np.flatnonzero(np.diff(at.astype(int)))
         for first, after in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            length = after - first
-            if length < _RUN:
+            if after - first < _RUN:
                 continue
-            sides = (values[max(first - _SLOPE, 0) : first], values[after : after + _SLOPE][::-1])
-            slopes = [abs(x[-1] - x[0]) / (len(x) - 1) for x in sides if len(x) > 1]
-            if max(slopes, default=0.0) * length / 4.0 > _BEYOND * blur:
-                out[first:after] = True
+            sides = (y[max(first - _BEFORE, 0) : first], y[after : after + _BEFORE][::-1])
+            beyond = max(_continued(side) for side in sides) - y[first]
+            out[first:after] |= beyond > _BEYOND * blur
     return out
+
+
+def _continued(before: Array) -> float:
+    """Value of the parabola through samples where a run that follows them has its third one."""
+    if len(before) < _BEFORE:
+        return -np.inf
+    steps = np.arange(-_BEFORE, 0.0)
+    return float(np.polyval(np.polyfit(steps, before, 2), _RUN - 1.0))

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
 
 from ...estimation.noise_levels import unseen_turns
 from ...recording.gaps import GAP_PERIODS
-from ...recording.record import SENSORS, Record
-from ...types import Array
+from ...recording.record import SENSORS, RateSeries, Record, to_stamps
+from ...types import Array, IntArray
 
+_PASSES = 3
 _LOST = 1.5  # periods between two samples from which one is missing
 _PARTS, _FEWEST, _MOST = 5, 40, 4000  # of a record, and samples of each, that delays come from
 
@@ -66,13 +69,18 @@ class Discrepancy:
     def left(self) -> Array:
         """(N, k) what offsets, biases, scales and a delay do not explain."""
         columns = np.concatenate([self.others, self.rate[:, :, None]], axis=2)
+        return np.asarray(self.error - columns @ self.fit)
+
+    @property
+    def fit(self) -> Array:
+        """(m + 1,) offsets, biases, scales, and the delay's opposite."""
+        columns = np.concatenate([self.others, self.rate[:, :, None]], axis=2)
         flat = columns.reshape(-1, columns.shape[2])
-        fit = np.linalg.lstsq(flat, self.error.ravel(), rcond=None)[0]
-        return np.asarray(self.error - columns @ fit)
+        return np.asarray(np.linalg.lstsq(flat, self.error.ravel(), rcond=None)[0])
 
 
 @dataclass(frozen=True, slots=True)
-class Delay:
+class ClockDelay:
     """How late one sensor is by another one that sees the same motion.
 
     Args:
@@ -124,33 +132,46 @@ def discrepancies(record: Record) -> Iterator[Discrepancy]:
     a + int (b + M rate) dt, and positions whose stamps are d late -d rate.
     """
     qd = record.qd
-    if qd is not None and np.isfinite(qd).all() and len(qd) > 1:
+    if qd is not None and np.isfinite(qd).all() and len(qd) > 3:
         time, n = record.joint_time, qd.shape[1]
         moved = integral(time, qd)
         spread = np.stack([np.ones_like(qd), np.tile(time[:, None], n), moved], axis=2)
         others = (np.eye(n)[None, :, :, None] * spread[:, :, None, :]).reshape(len(qd), n, -1)
         yield Discrepancy('joint_position', 'joint_velocity', time, record.q - moved, qd, others)
-    if record.attitude is not None and len(record.rate_time) > len(record.attitude_time) > 1:
-        time, error = record.attitude_time, unseen_turns(record)
-        omega = np.column_stack([np.interp(time, record.rate_time, w) for w in record.omega.T])
-        turned = (record.attitude[0].inv() * record.attitude).as_matrix()
-        columns = [np.broadcast_to(np.eye(3), turned.shape)]
-        columns += [integral(time, turned)]
-        columns += [integral(time, turned * w[:, None, None]) for w in omega.T]
-        rate = np.einsum('nij,nj->ni', turned, omega)
-        if error is not None:
-            others = np.concatenate(columns, axis=2)
-            yield Discrepancy('attitude', 'gyro', time, error, rate, others)
+    if record.attitude is not None and len(record.rate_time) > len(record.attitude_time) > 3:
+        start, end = record.attitude_time[[0, -1]].tolist()
+        seen = record.between(start - 1e-9, end)  # turns count from the first attitude
+        if len(seen.rate_time) > len(seen.attitude_time):
+            yield _of_base(seen, record.attitude, seen.omega)
+
+
+def _of_base(record: Record, attitude: Rotation, omega: Array) -> Discrepancy:
+    """Attitude against gyro, in base axes at the start.
+
+    Turns are no vectors: bias and scale are taken out of the gyro until the rest adds up to a
+    small turn.
+    """
+    time, stamps = record.attitude_time, to_stamps(record.rate_time, record.origin_ns)
+    turned = (attitude[0].inv() * attitude).as_matrix()
+    for _ in range(_PASSES):
+        seen = replace(record, rates=RateSeries(stamps, omega))
+        at = np.column_stack([np.interp(time, record.rate_time, w) for w in omega.T])
+        columns = [np.broadcast_to(np.eye(3), turned.shape), integral(time, turned)]
+        columns += [integral(time, turned * w[:, None, None]) for w in at.T]
+        rate, others = np.einsum('nij,nj->ni', turned, at), np.concatenate(columns, axis=2)
+        pair = Discrepancy('attitude', 'gyro', time, np.asarray(unseen_turns(seen)), rate, others)
+        bias, scale = pair.fit[3:6], pair.fit[6:15].reshape(3, 3)
+        omega = omega + bias + omega @ scale
+    return pair
 
 
 def integral(time: Array, rate: Array) -> Array:
-    """(N, ...) integral of rates from the first sample, by trapezoids."""
-    steps = np.diff(time).reshape(-1, *[1] * (rate.ndim - 1))
-    sums = np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps, axis=0)
-    return np.concatenate([np.zeros_like(sums[:1]), sums])
+    """(N, ...) integral of rates from the first sample, by a cubic spline."""
+    curve = make_interp_spline(time, rate, k=min(3, len(time) - 1))
+    return np.asarray(curve.antiderivative()(time))
 
 
-def delay_of(pair: Discrepancy) -> Delay | None:
+def delay_of(pair: Discrepancy) -> ClockDelay | None:
     """The delay that all axes share; None where nothing moves, or samples are too few."""
     n = len(pair.time)
     if n < _PARTS * _FEWEST or not np.any(pair.rate):
@@ -162,10 +183,10 @@ def delay_of(pair: Discrepancy) -> Delay | None:
     delay = float(weights @ values / weights.sum())
     spread = float(weights @ (values - delay) ** 2 / weights.sum() / (_PARTS - 1))
     rms = float(np.sqrt(np.mean(pair.rate**2)))
-    return Delay(pair.late, pair.reference, delay, spread**0.5, abs(delay) * rms)
+    return ClockDelay(pair.late, pair.reference, delay, spread**0.5, abs(delay) * rms)
 
 
-def _in_part(pair: Discrepancy, own: Array) -> tuple[float, float]:
+def _in_part(pair: Discrepancy, own: IntArray) -> tuple[float, float]:
     """Delay in one part, and its information, everything else estimated along."""
     own = own[:: 1 + len(own) // _MOST]
     others = pair.others[own].reshape(-1, pair.others.shape[2])

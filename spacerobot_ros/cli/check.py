@@ -1,0 +1,57 @@
+"""`spacerobot check`: is this recording worth anything, before anything else."""
+
+from __future__ import annotations
+
+import argparse
+
+from .options import Subparsers, add_command, check_file
+from .terminal import print_json, print_sections
+
+_DESCRIPTION = """\
+Look at a recording before anything is concluded from it: sensors, rates, gaps, jitter, clocks;
+range, steps, saturation and noise of every channel; how the rates' errors are white or walk
+(Allan deviation); slips of a data sheet by name; with a robot file the noise that it states, and
+what the motion tells of every unknown. ROS is not needed.
+"""
+
+_EPILOG = """\
+examples:
+  spacerobot check run --robot config/servicer.yaml
+  spacerobot check arm.csv --map arm_columns.yaml --report out/check.html
+  spacerobot check run --robot config/servicer.yaml --json | jq '.findings[]'
+
+exit status: 0 nothing found, 1 something to look at was found, 2 unusable input
+"""
+
+
+def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
+    """Add the sub-command's arguments."""
+    add = add_command(subparsers, 'check', _DESCRIPTION, _EPILOG).add_argument
+    add('data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')
+    add('--robot', metavar='YAML', help='robot file')
+    add('--map', metavar='YAML', help='column mapping of CSV, JSON or npz data (docs/data.md)')
+    add('--report', metavar='HTML', help='write a report with plots')
+    add('--force', action='store_true', help='replace a report that is there')
+    add('--json', action='store_true', help='print JSON, and nothing else')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Look and print; 0 where nothing was found, else 1."""
+    from ..diagnosis.quality.quality import quality_of
+    from ..effects.robot_file import load_robot_file
+    from ..recording.read import read_record
+    from ..report.html import write_report
+    from ..report.quality_page import quality_page, quality_sections
+
+    if args.report:
+        check_file(args.report, args.force)
+    file = None if args.robot is None else load_robot_file(args.robot)
+    record = read_record(args.data, None if file is None else file.robot, args.map)
+    quality = quality_of(record, file)
+    if args.report:
+        write_report(quality_page(quality), args.report)
+    if args.json:
+        print_json(quality)
+    else:
+        print_sections(quality_sections(quality, is_whole=False))
+    return 1 if quality.findings else 0
