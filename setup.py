@@ -19,6 +19,7 @@ setup(
         (f'share/{PACKAGE}/launch', sorted(glob('launch/*.py'))),
     ],
     install_requires=['setuptools'],
+    extras_require={'fleet': ['bokeh', 'dask', 'distributed', 'pyarrow']},
     zip_safe=True,
     maintainer='spacerobot_ros maintainers',
     maintainer_email='maintainers@spacerobot.invalid',

@@ -14,8 +14,8 @@ compile() {  # compile OUTPUT ARGUMENT...
     echo "wrote requirements/$output"
 }
 
-compile wheels.txt ros.in colcon.in base.in test.in dev.in
+compile wheels.txt ros.in colcon.in base.in fleet.in test.in dev.in
 compile sourced.txt --override sourced-overrides.in --no-emit-package numpy \
-    base.in sourced.in test.in dev.in
+    base.in sourced.in fleet.in test.in dev.in
 compile colcon.txt colcon.in
 compile uv.txt uv.in

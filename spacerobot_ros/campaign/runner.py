@@ -1,155 +1,203 @@
-"""Runs the trials of a campaign: on all cores, going on where it stopped, always the same result.
+"""Runs tasks to the end: whoever works, going on where it stopped, always the same records.
 
-A campaign that keeps its records has one line of JSON a finished trial in its own file: what was
-interrupted goes on from there, and more trials add to those there are.
+What is kept has one line of JSON a finished task in a file of its own: what was interrupted goes
+on from there, and more tasks add to those there are.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import multiprocessing
-import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from itertools import chain, islice, takewhile
+from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from ..errors import RecordingError
 from ..json_values import json_value
 from .description import Campaign, Record
+from .workers import ATTEMPTS, Outcome, Workers, attempt
 
-_THREAD_LIMITS = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS')
+_HERE = Workers()
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Records of finished tasks in a file, one line of JSON each.
+
+    Args:
+        path: The file; None keeps nothing.
+        key_of: The key of a record.
+    """
+
+    path: Path | None
+    key_of: Callable[[Record], str] = itemgetter('case')
+
+    def read(self) -> list[Record]:
+        """Finished tasks, none where nothing has begun; a line that was cut off is none.
+
+        Raises:
+            RecordingError: a line that is no record.
+        """
+        if self.path is None or not self.path.exists():
+            return []
+        complete = self.path.read_text(encoding='utf-8').split('\n')[:-1]
+        records = [self._record(line) for line in complete]
+        if None in records:
+            where = f'{self.path}:{records.index(None) + 1}'
+            raise RecordingError(where, 'is no case of a campaign')
+        return [record for record in records if record is not None]
+
+    def appending(self) -> AbstractContextManager[IO[str] | None]:
+        """The file to add to, without what an interruption left of a line; None: no file."""
+        if self.path is None:
+            return nullcontext()
+        if self.path.exists():
+            with self.path.open('rb+') as file:
+                file.truncate(file.read().rfind(b'\n') + 1)
+        return self.path.open('a', encoding='utf-8')
+
+    def _record(self, line: str) -> Record | None:
+        """The record that a line holds, None where it holds none."""
+        try:
+            record: Record = json.loads(line)
+            self.key_of(record)
+        except (ValueError, TypeError, KeyError):
+            return None
+        return record
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """What came of tasks.
+
+    Args:
+        records: Of those that finished, in the order of their keys.
+        failures: Why the others gave none, by key; the next run tries them anew.
+    """
+
+    records: list[Record]
+    failures: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tasks:
+    """What is to be done with keys.
+
+    Args:
+        run: A module's function of a key, or a `functools.partial` of one.
+        kept: Where records are kept.
+        record_of: Makes of key and result what is kept; it may write files before.
+        alone: Beginnings of keys that are run in this process, before others compete.
+    """
+
+    run: Callable[[str], Any]
+    kept: Kept
+    record_of: Callable[[str, Any], Record] = lambda key, result: {'case': key, **result}
+    alone: tuple[str, ...] = ()
 
 
 def finish(
     campaign: Campaign,
     keys: Sequence[str],
     folder: Path,
-    workers: int = 1,
+    workers: Workers = _HERE,
     done: Callable[[float], None] = lambda _: None,
     minutes: float = math.inf,
-) -> list[Record]:
-    """Run the trials that a folder lacks.
+) -> Finished:
+    """Run the trials of a campaign that a folder lacks; the folder exists, else as `complete`."""
+    kept = Kept(folder / campaign.file if campaign.file else None, campaign.key_of)
+    tasks = Tasks(run=campaign.load().run, kept=kept, alone=campaign.alone)
+    return complete(tasks, keys, workers, done, minutes)
+
+
+def complete(
+    tasks: Tasks,
+    keys: Sequence[str],
+    workers: Workers = _HERE,
+    done: Callable[[float], None] = lambda _: None,
+    minutes: float = math.inf,
+) -> Finished:
+    """Run the tasks that are not finished yet.
 
     Args:
-        campaign: What to run.
-        keys: All trials.
-        folder: Where records are kept; it exists.
-        workers: Processes.
-        done: Called with the number of finished trials after each.
+        tasks: What is to be done.
+        keys: All of them.
+        workers: Who runs them.
+        done: Called with the number of tasks that are over after each.
         minutes: Time after which nothing new is begun.
 
     Returns:
-        Every finished trial, in the order of the keys; each has its key as `case`.
+        Every finished task, in the order of the keys, and why others are none.
 
     Raises:
-        RecordingError: the folder's file is not a campaign's.
+        RecordingError: the file of what is kept is none.
+        ConfigurationError: workers that can't be used.
+        OSError: a record can't be written; those before it are kept.
     """
-    path = folder / campaign.file if campaign.file else Path(os.devnull)
-    there = {campaign.key_of(record): record for record in read_records(campaign, folder)}
-    if campaign.file and path.exists():
-        _drop_cut_line(path)
-    finished = len(there.keys() & set(keys))
-    done(finished)
     last = time.monotonic() + 60.0 * minutes
-    alone = [key for key in keys if key not in there and key.startswith(campaign.alone)]
-    others = [key for key in keys if key not in there and not key.startswith(campaign.alone)]
-    run = campaign.load().run
-    with path.open('a', encoding='utf-8') as file:
-        for key, result in chain(
-            map_trials(run, _until(last, alone), 1), map_trials(run, _until(last, others), workers)
+    there = {tasks.kept.key_of(record): record for record in tasks.kept.read()}
+    over = len(there.keys() & set(keys))
+    done(over)
+    missing = [key for key in keys if key not in there]
+    alone = (key for key in missing if key.startswith(tasks.alone))
+    others = (key for key in missing if not key.startswith(tasks.alone))
+    failures = {}
+    with tasks.kept.appending() as file:
+        for outcome in chain(
+            outcomes(tasks.run, _until(last, alone), _HERE),
+            outcomes(tasks.run, _until(last, others), workers),
         ):
-            there[key] = json_value({'case': key, **result})
-            file.write(json.dumps(there[key]) + '\n')
-            file.flush()
-            finished += 1
-            done(finished)
-    return [there[key] for key in keys if key in there]
-
-
-def map_trials(
-    run: Callable[[str], Any], keys: Iterable[str], workers: int
-) -> Iterator[tuple[str, Any]]:
-    """Run every trial, on several processes; the one place that knows how they are spread.
-
-    Args:
-        run: A module's function of a key.
-        keys: Of the trials; taken one by one, when a process is free.
-        workers: Processes; 1 stays in this one.
-
-    Yields:
-        Key and result of each, as they finish.
-    """
-    if workers <= 1:
-        yield from ((key, run(key)) for key in keys)
-        return
-    # spawned, since a copy of a process with threads (linear algebra, ROS) may lock up
-    context = multiprocessing.get_context('spawn')
-    with _single_threaded(), ProcessPoolExecutor(workers, mp_context=context) as pool:
-        waiting, running = iter(keys), dict[Future[Any], str]()
-        try:
-            while True:
-                for key in islice(waiting, workers - len(running)):
-                    running[pool.submit(run, key)] = key
-                if not running:
-                    return
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    yield running.pop(future), future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
-def read_records(campaign: Campaign, folder: Path) -> list[Record]:
-    """Finished trials, none where the campaign has not begun; a line that was cut off is none.
-
-    Raises:
-        RecordingError: a line that is no trial.
-    """
-    path = folder / campaign.file
-    if not campaign.file or not path.exists():
-        return []
-    complete = path.read_text(encoding='utf-8').split('\n')[:-1]
-    records = [_record(campaign, line) for line in complete]
-    if None in records:
-        raise RecordingError(f'{path}:{records.index(None) + 1}', 'is no case of a campaign')
-    return [record for record in records if record is not None]
-
-
-def _record(campaign: Campaign, line: str) -> Record | None:
-    """The trial that a line holds, None where it holds none."""
-    try:
-        record: Record = json.loads(line)
-        campaign.key_of(record)
-    except (ValueError, TypeError, KeyError):
-        return None
-    return record
+            if outcome.failure:
+                failures[outcome.key] = outcome.failure
+            else:
+                record = json_value(tasks.record_of(outcome.key, outcome.result))
+                there[outcome.key] = record
+                if file is not None:
+                    file.write(json.dumps(record) + '\n')
+                    file.flush()
+            over += 1
+            done(over)
+    return Finished([there[key] for key in keys if key in there], failures)
 
 
 def _until(last: float, keys: Iterable[str]) -> Iterator[str]:
     return takewhile(lambda _: time.monotonic() <= last, keys)
 
 
-def _drop_cut_line(path: Path) -> None:
-    """Cut off what an interruption left of a line, so that the next one begins a new line."""
-    with path.open('rb+') as file:
-        file.truncate(file.read().rfind(b'\n') + 1)
+def outcomes(
+    run: Callable[[str], Any], keys: Iterable[str], workers: Workers
+) -> Iterator[Outcome]:
+    """Run every task; the one place that knows how they are spread.
+
+    Args:
+        run: A module's function of a key, or a `functools.partial` of one.
+        keys: Of the tasks; taken one by one, when somebody is free.
+        workers: Who runs them.
+
+    Yields:
+        One outcome a key, as they finish.
+
+    Raises:
+        ConfigurationError: no such cluster, or one without a worker that fits.
+    """
+    every = iter(keys)
+    first = list(islice(every, 1))  # nobody starts a cluster for nothing
+    if workers.number == 0 and not workers.scheduler:
+        yield from (_insisted(run, key) for key in chain(first, every))
+    elif first:
+        from .cluster import spread
+
+        yield from spread(run, chain(first, every), workers)
 
 
-@contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Processes started meanwhile use one thread each: for small matrices threads compete."""
-    before = {name: os.environ.get(name) for name in _THREAD_LIMITS}
-    os.environ.update(dict.fromkeys(_THREAD_LIMITS, '1'))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+def _insisted(run: Callable[[str], Any], key: str) -> Outcome:
+    for _ in range(ATTEMPTS):
+        found = attempt(run, key)
+        if found.is_final:
+            break
+    return found

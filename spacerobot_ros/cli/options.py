@@ -8,10 +8,15 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from ..campaign.workers import Workers
 
 Subparsers = argparse._SubParsersAction
 
@@ -49,6 +54,60 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='take a recording as several, split at long pauses and where a table begins anew',
     )
+
+
+def add_worker_options(parser: argparse.ArgumentParser) -> None:
+    """Who does the work (docs/fleet.md)."""
+    add = parser.add_argument
+    add('--jobs', type=whole_number(1), metavar='N', help='processes (default: one a core)')
+    add(
+        '--scheduler',
+        default='',
+        metavar='ADDRESS',
+        help='Dask cluster that does the work, such as tcp://10.0.0.1:8786, in place of processes',
+    )
+    add('--memory', type=positive_float, metavar='GB', help='of a process (default: its share)')
+    add(
+        '--timeout',
+        type=positive_float,
+        default=3600.0,
+        metavar='S',
+        help='time after which a task hangs, and is tried again elsewhere',
+    )
+    add('--dashboard', action='store_true', help="Dask's page of the work, on this machine only")
+
+
+def workers_of(args: argparse.Namespace, *, isolated: bool) -> Workers:
+    """Who works, from the options of `add_worker_options`.
+
+    Args:
+        args: Parsed.
+        isolated: Whether a single process is one of its own, too.
+
+    Raises:
+        ConfigurationError: a scheduler is given, and there is no Dask.
+    """
+    from ..campaign.workers import Workers, has_dask
+
+    number = args.jobs or len(os.sched_getaffinity(0))
+    if not has_dask():
+        if args.scheduler:
+            raise ConfigurationError('--scheduler', 'needs dask and distributed: make setup')
+        tell('dask is not installed: one process (make setup installs it)')
+        number = 0
+    return Workers(
+        number=0 if number == 1 and not isolated else number,
+        scheduler=args.scheduler,
+        memory=None if args.memory is None else round(1e9 * args.memory),
+        timeout=args.timeout,
+        dashboard=args.dashboard,
+        notice=tell,
+    )
+
+
+def tell(line: str) -> None:
+    """A line beside the answer."""
+    sys.stderr.write(f'spacerobot: {line}\n')
 
 
 def positive_float(text: str) -> float:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import re
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..campaign.description import COVERAGE, EXPERIMENTS, WHEEL_MOMENTUM, Campaign, Check
 from ..display import (
@@ -23,7 +23,18 @@ from ..display import (
     table,
 )
 from ..errors import ConfigurationError
-from .options import Subparsers, add_command, check_folder, positive_float, whole_number
+from .options import (
+    Subparsers,
+    add_command,
+    add_worker_options,
+    check_folder,
+    positive_float,
+    whole_number,
+    workers_of,
+)
+
+if TYPE_CHECKING:
+    from ..campaign.runner import Finished
 
 _DESCRIPTION = """\
 Repeat experiments and show every figure beside the one that is printed or wanted.
@@ -55,7 +66,7 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     add('experiment', choices=tuple(EXPERIMENTS), help='which experiments')
     add('--json', action='store_true', help='print JSON, and nothing else')
     add('--out', default='out/reproduce', metavar='DIR', help='folder to write to')
-    add('--jobs', type=whole_number(1), metavar='N', help='processes (default: one a core)')
+    add_worker_options(parser)
     add(
         '--minutes',
         type=positive_float,
@@ -100,16 +111,18 @@ def run(args: argparse.Namespace) -> int:
     if args.campaign and campaign is not WHEEL_MOMENTUM:
         raise ConfigurationError('--campaign coverage', 'belongs to wheel-momentum')
     campaign = COVERAGE if args.campaign else campaign
-    experiment, workers = campaign.load(), args.jobs or min(len(os.sched_getaffinity(0)), 8)
+    experiment, workers = campaign.load(), workers_of(args, isolated=False)
     runs = args.runs or (campaign.quick_runs if args.quick else campaign.runs)
     keys = experiment.trials(runs, args.quick)
     with progress() as stage:
         done = stage('reproducing', len(keys))
         minutes = (campaign.file and args.minutes) or math.inf  # others are judged as a whole
-        records = finish(campaign, keys, folder, workers, done, minutes)
+        found = finish(campaign, keys, folder, workers, done, minutes)
+    records = found.records
     results = experiment.results(records)
     checks, tables = experiment.judge(results), experiment.tables(results)
     data = {'schema': 1, 'experiment': campaign.name, **results, 'checks': checks}
+    data['failures'] = found.failures
     data['wall_s'] = round(time.monotonic() - started, 1)
     write_text(folder / 'results.json', json_text(data))
     sections = [Section(table.title, [replace(table, title='')]) for table in tables]
@@ -117,8 +130,10 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(data)
     else:
-        print_sections([*sections, Section('', [*_missed(checks), f'report: {page}'])])
-    return 0 if all(check.is_met for check in checks) else 1
+        print_sections(
+            [*sections, Section('', [*_missed(checks), *_failed(found), f'report: {page}'])]
+        )
+    return 0 if all(check.is_met for check in checks) and not found.failures else 1
 
 
 def _write(
@@ -181,3 +196,8 @@ def _missed(checks: Sequence[Check]) -> list[str]:
             for c in missed
         ),
     ]
+
+
+def _failed(found: Finished) -> list[str]:
+    """Trials that gave no record, and why."""
+    return [f'failed: {key}: {why}' for key, why in found.failures.items()]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 _WIDTH = 160  # columns, where the output is no terminal
 _UPDATES = 200  # of a progress bar
+_RATE_PERIOD = 600.0  # s over which its rate is taken
 
 
 class Advance(Protocol):
@@ -84,14 +85,32 @@ def progress() -> Iterator[Stage]:
     from rich.progress import (
         BarColumn,
         Progress,
+        ProgressColumn,
+        Task,
         TaskProgressColumn,
         TextColumn,
         TimeElapsedColumn,
+        TimeRemainingColumn,
     )
+    from rich.text import Text
 
-    columns = (TextColumn('{task.description}'), BarColumn(), TaskProgressColumn())
+    class _Rate(ProgressColumn):
+        """Tasks done in a second, where more than one is counted."""
+
+        def render(self, task: Task) -> Text:
+            """As text."""
+            counts = task.speed and task.total and task.total > 1.0
+            return Text(f'{task.speed:.2g}/s' if counts else '')
+
+    columns = (
+        *(TextColumn('{task.description}'), BarColumn(), TaskProgressColumn()),
+        *(_Rate(), TimeElapsedColumn(), TextColumn('left'), TimeRemainingColumn()),
+    )
     with Progress(
-        *columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True
+        *columns,
+        console=Console(stderr=True),
+        transient=True,
+        speed_estimate_period=_RATE_PERIOD,
     ) as bar:
 
         def stage(what: str, total: float) -> Advance:

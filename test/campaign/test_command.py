@@ -10,6 +10,7 @@ import pytest
 from spacerobot_ros.campaign import wheel_experiments
 from spacerobot_ros.campaign.description import key
 from spacerobot_ros.campaign.estimators import METHODS, noisy_run
+from spacerobot_ros.campaign.runner import Finished
 from spacerobot_ros.campaign.scenario import scenario
 from spacerobot_ros.cli.main import main
 
@@ -81,7 +82,9 @@ def test_files_are_written(outcome):
 
 
 def test_tables_for_people(outcome, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('spacerobot_ros.campaign.runner.finish', lambda *_: outcome[3])
+    monkeypatch.setattr(
+        'spacerobot_ros.campaign.runner.finish', lambda *_: Finished(outcome[3], {})
+    )
     assert main([*COMMAND, str(tmp_path)]) == 0
     text = capsys.readouterr().out
     assert 'joint [deg]' in text

@@ -43,10 +43,10 @@ def test_goes_on_where_an_older_file_stopped(tmp_path, monkeypatch):
     old = [made_up(coverage.AXES[seed % 2], seed) for seed in range(3)]
     text = ''.join(json.dumps(record) + '\n' for record in old)  # without keys
     (tmp_path / COVERAGE.file).write_text(text, encoding='utf-8')
-    runs = finish(COVERAGE, coverage.trials(50, False), tmp_path)
+    runs = finish(COVERAGE, coverage.trials(50, False), tmp_path).records
     assert calls == list(range(3, 50))
     assert [r['seed'] for r in runs] == list(range(50))
-    assert len(finish(COVERAGE, coverage.trials(10, False), tmp_path)) == 10
+    assert len(finish(COVERAGE, coverage.trials(10, False), tmp_path).records) == 10
     assert len(calls) == 47
 
 

@@ -2,29 +2,15 @@
 
 import json
 import math
-import os
 from dataclasses import dataclass, replace
 
 import pytest
 
 from spacerobot_ros.campaign.description import MONITOR, Campaign, key, kinds
-from spacerobot_ros.campaign.runner import finish, map_trials, read_records
+from spacerobot_ros.campaign.runner import Kept, finish
 from spacerobot_ros.errors import RecordingError
 
 KEYS = [str(k) for k in range(6)]
-
-
-@pytest.mark.parametrize('workers', [1, 2])
-def test_results_by_key(workers):
-    before = dict(os.environ)
-    assert dict(map_trials(json.loads, KEYS, workers)) == {text: int(text) for text in KEYS}
-    assert dict(os.environ) == before
-
-
-@pytest.mark.parametrize('workers', [1, 2])
-def test_an_error_comes_through(workers):
-    with pytest.raises(ValueError, match='Expecting value'):
-        dict(map_trials(json.loads, [*KEYS, 'no JSON'], workers))
 
 
 @dataclass(frozen=True)
@@ -52,8 +38,8 @@ def campaign():
 
 def test_goes_on_where_it_stopped_and_adds(tmp_path, campaign):
     steps = []
-    first = finish(campaign, KEYS[:3], tmp_path, done=steps.append)
-    again = finish(campaign, KEYS[::-1], tmp_path, done=steps.append)
+    first = finish(campaign, KEYS[:3], tmp_path, done=steps.append).records
+    again = finish(campaign, KEYS[::-1], tmp_path, done=steps.append).records
     assert campaign.seen == ['0', '1', '2', '5', '4', '3']
     assert [r['case'] for r in again] == KEYS[::-1]
     assert again[3:] == first[::-1]
@@ -66,13 +52,14 @@ def test_a_line_that_was_cut_off_is_no_trial(tmp_path, campaign):
     path = tmp_path / campaign.file
     whole = path.read_text(encoding='utf-8')
     path.write_text(whole + '{"case": cut o', encoding='utf-8')
-    assert len(finish(campaign, KEYS[:2], tmp_path)) == 2
+    assert len(finish(campaign, KEYS[:2], tmp_path).records) == 2
     assert path.read_text(encoding='utf-8') == whole
 
 
 def test_after_its_time_nothing_new_is_begun(tmp_path, campaign):
     finish(campaign, KEYS[:1], tmp_path)
-    assert [r['case'] for r in finish(campaign, KEYS, tmp_path, minutes=-1.0)] == ['0']
+    later = finish(campaign, KEYS, tmp_path, minutes=-1.0)
+    assert [r['case'] for r in later.records] == ['0']
 
 
 def test_some_are_run_before_others(tmp_path, campaign):
@@ -82,9 +69,19 @@ def test_some_are_run_before_others(tmp_path, campaign):
 
 def test_a_campaign_that_keeps_nothing(tmp_path, campaign):
     for _ in range(2):
-        assert len(finish(replace(campaign, file=''), KEYS[:1], tmp_path)) == 1
+        assert len(finish(replace(campaign, file=''), KEYS[:1], tmp_path).records) == 1
     assert campaign.seen == ['0', '0']
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_trial_that_fails_is_told_and_tried_anew(tmp_path, campaign):
+    found = finish(campaign, ['-1', *KEYS[:1]], tmp_path)
+    assert list(found.failures) == ['-1']
+    assert found.failures['-1'].startswith('ValueError: ')
+    assert [r['case'] for r in found.records] == ['0']
+    assert campaign.seen == ['-1', '-1', '-1', '0']
+    finish(campaign, ['-1', *KEYS[:1]], tmp_path)
+    assert campaign.seen[4:] == ['-1', '-1', '-1']
 
 
 @pytest.mark.parametrize('line', ['{"kind": "clean"}', 'nothing', '[]'])
@@ -93,7 +90,7 @@ def test_what_is_no_trial_is_refused(tmp_path, campaign, line):
     with (tmp_path / campaign.file).open('a', encoding='utf-8') as file:
         file.write(line + '\n')
     with pytest.raises(RecordingError, match=r'jsonl:2: is no case'):
-        read_records(campaign, tmp_path)
+        Kept(tmp_path / campaign.file).read()
 
 
 def test_kinds_of_keys():

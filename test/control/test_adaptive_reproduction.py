@@ -54,7 +54,7 @@ def test_the_command_writes_its_page_and_lists_what_is_missed(short, tmp_path, c
 def one_diverged(short, tmp_path_factory):
     """Results of very short runs, one of which counts as diverged."""
     keys = adaptive_control.trials(1, True)
-    records = finish(ADAPTIVE_CONTROL, keys, tmp_path_factory.mktemp('one'))
+    records = finish(ADAPTIVE_CONTROL, keys, tmp_path_factory.mktemp('one')).records
     gone = ['harmonic', 'iid', 0.4, 'adaptive_rls', 'none', 0]
     for record in records:
         record |= {'diverged': True} if record.get('key') == gone else {}

@@ -58,7 +58,7 @@ def test_locks_hold_what_their_sources_ask_for():
         text = (ROOT / 'requirements' / f'{name}.txt').read_text(encoding='utf-8')
         return set(re.findall(r'^([\w.-]+)==', text, re.MULTILINE))
 
-    common = asked('base') | asked('test') | asked('dev')
+    common = asked('base') | asked('fleet') | asked('test') | asked('dev')
     assert common | asked('ros') | asked('colcon') <= locked('wheels')
     assert common - {'numpy'} <= locked('sourced')
     assert not {name for name in locked('sourced') if name == 'numpy' or name.startswith('ros-')}
