@@ -191,14 +191,20 @@ def _rivals(selection: Selection, i: int) -> list[Rival]:
 
 
 def _verdict(found: ArmFound, is_named: bool, after: Array) -> str:
-    """Without a test of the fit nothing is wholly explained.
-
-    A model is consistent up to what its torques are uncertain by as a whole.
-    """
+    """Explained is what leaves no more than what any machine differs from its file by."""
+    rows, deviations = found.fit.rows, found.fit.rows.tolerances.copy()
+    for i, candidate in enumerate(rows.candidates):
+        at = rows.places[i]
+        if candidate.kind.id == 'joint_torque_constant':  # below, with friction that is named, too
+            deviations[at] = 0.0
+        elif i in found.fit.chosen and candidate.kind.id.endswith('_friction'):
+            deviations[at] = np.hypot(deviations[at], RUN_TO_RUN * found.fit.values[at])
+    gain = torque_tolerance(found.robot) * rows.scale
+    usual = np.hypot(rows.torque_of(deviations), gain)
+    is_small = bool(np.all((after <= usual) | np.isnan(after)))
     if is_named:
-        return 'partly_explained'
-    small = after <= torque_tolerance(found.robot) * found.fit.rows.scale
-    return 'consistent' if bool(np.all(small | np.isnan(after))) else 'unexplained'
+        return 'explained' if is_small else 'partly_explained'
+    return 'consistent' if is_small else 'unexplained'
 
 
 def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelError]:
@@ -262,7 +268,8 @@ def _sentence(verdict: str, named: Sequence[Cause], before: float, after: float)
         return f'The model does not explain the data ({left} is left), and no known effect does.'
     what = '; '.join(_in_words(cause) for cause in named[:3])
     more = f'; and {len(named) - 3} more' if len(named) > 3 else ''
-    return f'The data differ from the model by {what}{more}. {left} remains unexplained.'
+    rest = 'is left, no more than usual' if verdict == 'explained' else 'remains unexplained'
+    return f'The data differ from the model by {what}{more}. {left} {rest}.'
 
 
 def _in_words(cause: Cause) -> str:

@@ -175,6 +175,14 @@ class ArmRows:
         """Rows of every joint."""
         return [self.joint(j) for j in range(self.robot.n_joints)]
 
+    def torque_of(self, deviations: Array) -> Array:
+        """(n,) standard deviation of the torques of coefficients (K,) like these [N m].
+
+        Root mean square over the rows where a joint moves; NaN of one that never does.
+        """
+        power = [np.sum((rows.columns * deviations) ** 2, axis=1) for rows in self.joints]
+        return np.array([math.sqrt(np.mean(p)) if len(p) else math.nan for p in power])
+
     def levels(self, priors: Array, friction: Array) -> list[Array]:
         """(6,) variances of every joint's leftover; NaN of one that never moves.
 

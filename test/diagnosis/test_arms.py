@@ -36,7 +36,7 @@ def test_friction_of_every_joint_that_the_file_has_none_of():
     """Within 15 % of the machine's: 5 % from run to run, 5 % that drifts, at three deviations."""
     file = arm_file(has_friction=False)
     found = diagnose(RealArm(1).record(0), file.robot)
-    assert found.verdict == 'partly_explained'
+    assert found.verdict == 'explained'
     laws = {law.joint: law for law in found.friction}
     assert list(laws) == list(JOINTS)
     for joint, coulomb, viscous in zip(JOINTS, COULOMB, VISCOUS, strict=True):
