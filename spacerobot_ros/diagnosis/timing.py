@@ -62,7 +62,7 @@ def first_timing(
     best = min(fits, key=lambda timing: fits[timing].misfit)
     if (fits[best].rows.whiteness()[0] or 0.0) >= _FITS:
         return best
-    simple = [e for e in effects if is_simple(e)]
+    simple = [e for e in effects if e.is_fitted and is_simple(e)]
     return min(fits, key=lambda timing: fits[timing].misfit - 2.0 * _gain(fits[timing], simple))
 
 

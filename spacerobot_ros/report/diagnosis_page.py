@@ -11,12 +11,13 @@ import numpy as np
 from scipy.signal import welch
 
 from .. import __version__
+from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.result import Diagnosis, Series
 from ..diagnosis.answer.score_on import BAND
 from ..display import Bars, Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table
 from ..types import Array
 from . import diagnosis_tables as tables
-from .diagnosis_tables import Findings, is_balance
+from .diagnosis_tables import is_balance
 from .formats import number, probability
 from .plots import thinned
 

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 from ..diagnosis.answer.appearance import Appearance
 from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
-from ..diagnosis.answer.output import relevance, to_dict
+from ..diagnosis.answer.findings import Findings
+from ..diagnosis.answer.output import relevance
 from ..diagnosis.answer.result import Cause, Diagnosis, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
-from ..diagnosis.answer.score_on import to_dict as score_to_dict
 from ..display import Section, Table, table
-from ..effects.effect import Effect
-from ..effects.robot_file import RobotFile
-from ..recording.record import Record
 from .formats import UNTESTED, number, percent, probability, value_with
 
 _RANKED = 10  # rows
@@ -25,40 +20,6 @@ ABOVE_NOISE = 1.05
 """Of the noise floor: what an error may have and still be called noise."""
 _SCATTER = 4.0  # standard deviations
 _IMPROBABLE = 1e-3  # of whiteness, over all channels
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Findings:
-    """What is printed, written and reported.
-
-    Args:
-        diagnosis: The diagnosis, its rivals with the motions that separate them.
-        file: The robot file.
-        records: The data.
-        added: The causes as they stand in the extended model.
-        calibration: What else stands there: corrections within the tolerance of any file.
-        closed_loop: Worth of the extended model to a controller; None where it was not measured.
-        why_open: Why it was not.
-        appearances: Where in the motion each channel's error appears, by channel.
-        command: The command line that did it.
-        score: Torques that the model misses on another record; empty without one.
-    """
-
-    diagnosis: Diagnosis
-    file: RobotFile
-    records: tuple[Record, ...]
-    added: tuple[Effect, ...]
-    calibration: tuple[Effect, ...]
-    closed_loop: ClosedLoopGain | None
-    why_open: str
-    appearances: Mapping[str, Appearance]
-    command: str
-    score: tuple[JointScore, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Content of diagnosis.json."""
-        found = to_dict(self.diagnosis, self.added, self.closed_loop, self.appearances)
-        return {**found, 'score': score_to_dict(self.score)} if self.score else found
 
 
 def summary(answer: Findings) -> Iterator[Section]:

@@ -15,6 +15,7 @@ from spacerobot_ros.cli import main
 from spacerobot_ros.cli.options import check_folder
 from spacerobot_ros.cli.terminal import print_sections
 from spacerobot_ros.diagnosis.answer.closed_loop_gain import ClosedLoopGain
+from spacerobot_ros.diagnosis.answer.findings import Findings
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
 from spacerobot_ros.diagnosis.answer.result import Rival
 from spacerobot_ros.effects.catalogue import CATALOGUE
@@ -22,7 +23,7 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
 from spacerobot_ros.report.diagnosis_page import diagnosis_page
-from spacerobot_ros.report.diagnosis_tables import Findings, remaining, summary
+from spacerobot_ros.report.diagnosis_tables import remaining, summary
 from spacerobot_ros.report.formats import number, probability, value_with
 from spacerobot_ros.report.html import render
 

@@ -1,0 +1,130 @@
+"""A question about recordings, and all that is printed, written and reported in answer to it."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ...effects.effect import Effect
+from ...effects.robot_file import RobotFile, load_robot_file
+from ...recording.read import read_record, read_records
+from ...recording.record import Record
+from ..diagnose import diagnose
+from .appearance import Appearance, appearances
+from .closed_loop_gain import ClosedLoopGain, closed_loop_gain
+from .extended_model import named
+from .next_motion import with_motions
+from .output import to_dict
+from .result import Diagnosis
+from .score_on import JointScore, score_on
+from .score_on import to_dict as score_to_dict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What `spacerobot diagnose` is asked.
+
+    Args:
+        data: Recordings of one machine.
+        robot: Robot file.
+        map: Column mapping of tables; empty for none.
+        split_gaps: Whether a recording is taken as several, split at its pauses.
+        has_closed_loop: Whether a controller is simulated with the extended model.
+        score: Another recording, on which the extended model is measured; empty for none.
+    """
+
+    data: tuple[str, ...]
+    robot: str
+    map: str = ''
+    split_gaps: bool = False
+    has_closed_loop: bool = True
+    score: str = ''
+
+    def command(self, out: str) -> str:
+        """The command line that asks it and writes to a folder."""
+        words = ['spacerobot', 'diagnose', *self.data, '--robot', self.robot, '--out', out]
+        words += ['--map', self.map] * bool(self.map)
+        words += ['--split-gaps'] * self.split_gaps
+        words += ['--score', self.score] * bool(self.score)
+        words += ['--no-closed-loop'] * (not self.has_closed_loop)
+        return shlex.join(words)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """What is printed, written and reported.
+
+    Args:
+        diagnosis: The diagnosis, its rivals with the motions that separate them.
+        file: The robot file.
+        records: The data.
+        added: The causes as they stand in the extended model.
+        calibration: What else stands there: corrections within the tolerance of any file.
+        closed_loop: Worth of the extended model to a controller; None where it was not measured.
+        why_open: Why it was not.
+        appearances: Where in the motion each channel's error appears, by channel.
+        command: The command line that did it.
+        score: Torques that the model misses on another record; empty without one.
+    """
+
+    diagnosis: Diagnosis
+    file: RobotFile
+    records: tuple[Record, ...]
+    added: tuple[Effect, ...]
+    calibration: tuple[Effect, ...]
+    closed_loop: ClosedLoopGain | None
+    why_open: str
+    appearances: Mapping[str, Appearance]
+    command: str
+    score: tuple[JointScore, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Content of diagnosis.json."""
+        found = to_dict(self.diagnosis, self.added, self.closed_loop, self.appearances)
+        return {**found, 'score': score_to_dict(self.score)} if self.score else found
+
+
+def findings(
+    asked: Question, command: str, report: Callable[[float, str], None] = lambda share, what: None
+) -> Findings:
+    """Read, diagnose, and measure what that is worth.
+
+    Args:
+        asked: The question.
+        command: The command line that asks it.
+        report: Called with the share done, from 0 to 1, and what is being done.
+
+    Raises:
+        RecordingError, ConfigurationError: what can't be used, as `read_records`, `diagnose` and
+            `load_robot_file`.
+    """
+    file = load_robot_file(asked.robot)
+    records = read_records(asked.data, file.robot, asked.map or None, split_gaps=asked.split_gaps)
+    diagnosis = diagnose(
+        records, file.robot, file.effects, report=lambda what, share: report(share, what)
+    )
+    said = dict.fromkeys(note for record in records for note in record.notes)
+    diagnosis = replace(diagnosis, notes=(*said, *diagnosis.notes))
+    diagnosis = with_motions(diagnosis, asked.robot)
+    added = named((cause.applied for cause in diagnosis.causes), file.effects)
+    calibration = named(diagnosis.calibration, (*file.effects, *added))
+    extension = (*added, *calibration)
+    closed, why = None, 'left out (--no-closed-loop)'
+    if asked.has_closed_loop:
+        report(0.95, 'simulating a controller with the old and the extended model')
+        closed, why = closed_loop_gain(file, extension)
+    other = read_record(asked.score, file.robot, asked.map or None) if asked.score else None
+    return Findings(
+        diagnosis=diagnosis,
+        file=file,
+        records=records,
+        added=added,
+        calibration=calibration,
+        closed_loop=closed,
+        why_open=why,
+        appearances=appearances(diagnosis.series, records[0]),
+        command=command,
+        score=() if other is None else score_on(other, file.robot, extension, file.effects),
+    )
