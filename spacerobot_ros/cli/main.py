@@ -31,6 +31,7 @@ COMMANDS = {
     'check': 'say what a recording is worth: rates, clocks, noise, faults, excitation',
     'diagnose': 'name what a simulation gets wrong about measured data, and extend its model',
     'compare': 'say what changed on an arm between two recordings, or that nothing did',
+    'fleet': 'diagnose many recordings: one table, what drifts, what appeared when',
     'excite': 'design the motion that an identification learns most from',
     'reproduce': 'repeat published experiments and campaigns beside their figures',
     'completion': 'what makes bash or zsh complete all of this',
