@@ -36,6 +36,7 @@ EXAMPLES: dict[str, tuple[str | None, dict[str, float]]] = {
     'joint_presliding_friction': ('joint_2', {'torque': 0.5, 'displacement': 0.1}),
     'joint_coupled_friction': ('joint_2', {'coulomb': 0.5, 'viscous': 0.5}),
     'joint_torque_constant': ('joint_2', {'gain': 1.02}),
+    'motor_constant': ('joint_2', {'constant': 10.2}),
     'joint_torque_ripple': ('joint_2', {'amplitude': 0.3, 'harmonic': 24.0}),
     'joint_stiffness': ('joint_2', {'stiffness': 2.0, 'rest_angle': 0.1}),
     'motor_inertia': ('joint_2', {'inertia': 1.0}),
@@ -52,6 +53,8 @@ EXAMPLES: dict[str, tuple[str | None, dict[str, float]]] = {
     'encoder_scale': ('joint_2', {'gain': 1.002}),
     'joint_rate_scale': ('joint_2', {'gain': 1.005}),
     'torque_sensor_bias': ('joint_2', {'bias': 0.3}),
+    'current_offset': ('joint_2', {'offset': 0.05}),
+    'joint_sensor_delay': ('joint_2', {'delay': 2e-2}),
     'gyro_bias': (None, {'x': 0.0, 'y': 0.0, 'z': 5e-5}),
     'gyro_scale': (None, {'x': 1e-3, 'y': 1e-3, 'z': 1e-3}),
     'gyro_misalignment': (None, {'x': 1e-3, 'y': 0.0, 'z': 0.0}),
@@ -87,6 +90,7 @@ LATE = {
     'imu_delay': 'gyro',
     'attitude_delay': 'attitude',
     'joint_delay': 'joint_position',
+    'joint_sensor_delay': 'joint_position',
     'effort_delay': 'joint_effort',
 }
 TARGET_MOMENTUM = np.array([42.0, 49.0, 41.0])  # N m s
@@ -102,6 +106,8 @@ SENSORS = {
 def main() -> None:
     """Draw every example."""
     robot = load_robot_file(HERE.parents[1] / 'config' / 'servicer.yaml').robot
+    n = robot.n_joints
+    robot = replace(robot, effort_kinds=('current',) * n, motor_constants=(10.0,) * n)  # N m/A
     motion = servicer_motion(robot)
     response = Response(robot, motion)
     spinning = robot.with_target_momentum(TARGET_MOMENTUM)
@@ -184,6 +190,8 @@ def signature(applied: Effect, response: Response) -> tuple[str, Array]:
             turned = PERIOD * np.cumsum(motion.omega, axis=0)  # the tracker sees small angles
             seen = turned if channel == 'attitude' else value
             change = -applied.values['delay'] * np.gradient(seen, PERIOD, axis=0)
+            if applied.where is not None:
+                change *= applied.joint_delays(motion.robot) > 0.0
         if change.any():
             return f'{label} [{unit}]', change[:, np.argmax(np.abs(change).max(axis=0))]
     force = response.force(applied)

@@ -9,17 +9,19 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
+from ..effects.effect import Effect
 from ..estimation.arm_fit import Posterior
 from ..estimation.arm_priors import RUN_TO_RUN, Machine, torque_tolerance
 from ..estimation.evidence import Gram, score
 from ..estimation.rows import ChannelError
-from ..estimation.scaling import is_relevant, value_std
+from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_std
 from ..types import Array
 from .answer.residuals import series
 from .answer.result import (
     Cause,
     Diagnosis,
     Estimated,
+    Evidence,
     Gain,
     Ranked,
     RecordingMisfit,
@@ -28,8 +30,16 @@ from .answer.result import (
 )
 from .arms import ArmFound, rms
 from .friction_law import friction_laws
-from .limits import EQUIVALENT
+from .limits import EQUIVALENT, RELEVANT
 from .selection import Selection
+
+_UNTESTED = Evidence(
+    log_likelihood_gain=math.nan,
+    bic_gain=math.nan,
+    p_value=math.nan,
+    held_out_gain=math.nan,
+    placebo_gain=math.nan,
+)
 
 
 def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
@@ -45,6 +55,7 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
     )
     usual = _usual_scatter(found)
     causes = tuple(_cause(found, k, usual) for k in order)
+    constants = tuple(_constant(found, effect) for effect in found.constants)
     named = tuple(c for c in causes if c.relevant)
     minor = tuple(c for c in causes if not c.relevant)
     before, after = rms(found.fit.rows.balances), rms(found.extended)
@@ -68,7 +79,7 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
     return Diagnosis(
         verdict=verdict,
         sentence=_sentence(verdict, named, float(_overall(before)), float(_overall(after))),
-        causes=named,
+        causes=(*constants, *named),
         minor=minor,
         residuals=residuals,
         series=channels,
@@ -88,7 +99,13 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
     """A cause with what speaks for it beside all others."""
     fit, i = found.fit, found.clear[k]
     applied = found.named[k]
-    thresholds = applied.parameters_at(found.robot, applied.where)
+    share = max(fit.share(i), 1e-9)
+    thresholds = [
+        replace(p, relevant=RELEVANT / share * abs(coordinate_of(p, value) - origin_of(p)))
+        if p.role in PROPORTIONAL
+        else p
+        for p, value in ((p, applied.values[p.name]) for p in applied.parameters)
+    ]
     scatter, dof = _scatter(found, i)
     birge = math.sqrt(max(1.0, scatter / dof, usual))
     spread = birge * fit.spread(i)
@@ -104,9 +121,33 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
         evidence=found.evidence[i],
         rivals=tuple(_rivals(found.selection, i)),
         thresholds={p.name: p for p in thresholds},
-        relevant=any(is_relevant(p, applied.values[p.name]) for p in thresholds),
+        relevant=share > RELEVANT,
         constant_p=float(chi2.sf(scatter / birge**2, dof)),
         held_out_recordings=_by_recording(found, i),
+    )
+
+
+def _constant(found: ArmFound, effect: Effect) -> Cause:
+    """A motor constant that nobody stated; as uncertain as a gain of its torques."""
+    rows, posterior = found.fit.rows, found.fit.posterior
+    keys = [candidate.key for candidate in rows.candidates]
+    i = keys.index(('joint_torque_constant', effect.where))
+    (at,) = rows.places[i]
+    scatter, dof = _scatter(found, i)
+    std = math.sqrt(max(1.0, scatter / dof) * float(posterior.covariance[at, at]))
+    return Cause(
+        applied=effect,
+        parameters={
+            p.name: Estimated(
+                value=effect.values[p.name], std=std * effect.values[p.name], unit=p.unit
+            )
+            for p in effect.parameters
+        },
+        evidence=_UNTESTED,
+        rivals=(),
+        thresholds={p.name: replace(p, relevant=0.0) for p in effect.parameters},
+        relevant=True,
+        constant_p=float(chi2.sf(scatter, dof)),
     )
 
 
@@ -211,7 +252,7 @@ def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelEr
     """Channels with the level of what is left as their floor."""
     return [
         replace(channel, noise_floor=float(np.sqrt(np.sum(variances))))
-        for channel, variances in zip(channels, levels, strict=True)
+        for channel, variances in zip(channels, levels, strict=False)
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import Balance, balance_of
 from ..estimation.evidence import Gram, sum_of
+from ..estimation.motor_constants import first_constants, scaled_constant
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
@@ -23,6 +24,8 @@ from .arm_evidence import evidence_of
 from .limits import CLEAR
 from .selection import Selection
 
+_ROUNDS = 4
+_SETTLED = 1e-3  # of a motor constant, from round to round
 _WORSE = 1.02
 """Of a joint's rms as it is: the most that an extended model may leave of it."""
 
@@ -39,7 +42,8 @@ class ArmFound:
         selection: Its end.
         fit: The chosen causes with values.
         evidence: Of every chosen cause.
-        levels: (n, 6) variances of every joint's leftover [N^2 m^2].
+        levels: (2 n, 6) variances of every joint's leftover, see `ArmRows.joints` [N^2 m^2].
+        constants: Motor constants of currents that nobody made torques, estimated beside all.
         clear: Numbers of the causes that are named. named: The same as they are applied.
         calibration: What is applied beside them without a name: causes that are not clear of
             their own spread, and corrections of the file within its tolerance.
@@ -56,11 +60,12 @@ class ArmFound:
     clear: tuple[int, ...]
     named: tuple[Effect, ...]
     calibration: tuple[Effect, ...]
+    constants: tuple[Effect, ...] = ()
 
     @cached_property
     def extended(self) -> tuple[Balance, ...]:
         """The recordings under the extended model."""
-        effects = (*self.believed, *self.named, *self.calibration)
+        effects = (*self.believed, *self.constants, *self.named, *self.calibration)
         return tuple(balance_of(record, self.robot, effects) for record in self.records)
 
 
@@ -71,13 +76,46 @@ def find_arm_causes(
     kinds: Sequence[type[Effect]],
     report: Callable[[str, float], None],
 ) -> ArmFound:
-    """Causes that hold on all recordings.
+    """Causes that hold on all recordings, and motor constants where nobody states them.
+
+    Raises:
+        RecordingError: no joint moves, or currents that tell no motor constant.
+    """
+    constants = first_constants(records, robot, believed)
+    for _ in range(_ROUNDS if constants else 1):
+        found = replace(
+            _found(records, robot, (*believed, *constants), kinds, report),
+            believed=tuple(believed),
+            constants=constants,
+        )
+        gains = constant_gains(found)
+        if all(abs(gain - 1.0) < _SETTLED for gain in gains.values()):
+            break
+        constants = tuple(scaled_constant(c, gains[str(c.where)]) for c in constants)
+    return found
+
+
+def constant_gains(found: ArmFound) -> dict[str, float]:
+    """By joint, what the balance wants of torques by an estimated motor constant, more than 1."""
+    rows, mean = found.fit.rows, found.fit.posterior.mean
+    gains = {str(c.where): 1.0 for c in found.constants}
+    for candidate, at in zip(rows.candidates, rows.places, strict=True):
+        if candidate.kind.id == 'joint_torque_constant' and candidate.where in gains:
+            gains[candidate.where] = 1.0 / (1.0 - min(float(mean[at[0]]), 0.9))
+    return gains
+
+
+def _found(
+    records: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> ArmFound:
+    """Causes beside what is believed.
 
     The level of what is left is found twice: beside the whole catalogue, then beside what was
     chosen, since a catalogue explains some of any leftover.
-
-    Raises:
-        RecordingError: no joint moves.
     """
     report('balancing torques along the motion', 0.1)
     balances = [balance_of(record, robot, believed) for record in records]
@@ -85,12 +123,12 @@ def find_arm_causes(
     rows = ArmRows.of(balances, kinds)
     report('finding the level of what no cause explains', 0.2)
     parts = rows.parts(rows.levels(rows.sizes, rows.friction))
-    first, rough = (Selection(rows, parts, rows.recording) for _ in range(2))
+    first, rough = (Selection(rows, parts, rows.recording, rows.held) for _ in range(2))
     report('choosing causes', 0.4)
     rough.run()
     levels = _levels(rows, rough)
     report('choosing causes at the level that is left', 0.6)
-    selection = Selection(rows, rows.parts(levels), rows.recording)
+    selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)
     selection.run()
     selection.check_held_out()
     plain = _plain(selection, rows.parts(levels, is_white=False))
@@ -133,7 +171,7 @@ def _plain(selection: Selection, parts: Sequence[Gram]) -> Selection:
     ratios = white[plain > 0.0] / plain[plain > 0.0]
     factor = float(np.median(ratios)) if len(ratios) else 1.0
     rows = selection.rows
-    return Selection(rows, [part.times(factor) for part in parts], rows.recording)
+    return Selection(rows, [part.times(factor) for part in parts], rows.recording, rows.held)
 
 
 def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int, Evidence]:

@@ -90,7 +90,7 @@ def conclude_changes(found: Changes) -> Comparison:
         sentence=_sentence(changes),
         changes=changes,
         detectable=tuple(_detectable(found, i) for i in selection.live),
-        left=dict(zip(found.robot.joints, levels.tolist(), strict=True)),
+        left=dict(zip(found.robot.joints, levels.tolist(), strict=False)),
         is_repeated=found.is_repeated,
     )
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..estimation.balance import noise_in_band
+from ..estimation.motor_constants import as_recorded
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed, refuse_unbalanced
 from ..estimation.prediction import TIMINGS
@@ -58,6 +59,7 @@ def diagnose(
     for record in every:
         check_data(record, robot)
         measured.append(observed(record, robot))
+    robot = as_recorded(robot, measured)
     kinds = list(CATALOGUE.values() if catalogue is None else catalogue)
     if len(measured) > 1:
         refuse_unbalanced(measured, robot)
@@ -66,7 +68,8 @@ def diagnose(
     noise, notes = noise_levels(robot.sensors, measured[0])
     if _is_of_unknown_noise(measured[0], robot):
         found = find_arm_causes(measured, robot, believed, kinds, report)
-        is_predictable = not _lacks_efforts(measured[0]) and _is_like_noise(found, noise)
+        is_whole = not (_lacks_efforts(measured[0]) or robot.without_constant or robot.rate_only)
+        is_predictable = is_whole and _is_like_noise(found, noise)
         if not (is_predictable and _may_fit(found, noise, kinds)):
             return conclude_arm(found, (*notes, _BALANCED))
     report('finding how efforts act', 0.02)
@@ -78,6 +81,7 @@ def diagnose(
 def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:
     """Whether torques are measured on a fixed base, and nobody says how well, or not of all."""
     stated = robot.sensors.joint_effort_std is not None and not _lacks_efforts(record)
+    stated = stated and not robot.without_constant
     return not (robot.is_free or stated or record.effort is None)
 
 

@@ -95,6 +95,10 @@ TELLING = 0.01
 """Share of what all recordings say of a cause from which one says something: a prediction from a
 hundredth of the information has ten times the standard deviation, and tests nothing."""
 
+RELEVANT = 0.01
+"""Of the rms torque of the joint where a cause of an arm shows most: less is fitted, not named. It
+is a third of what the best torque sensors are right within (docs/real_machines.md)."""
+
 CLEAR = 2.0
 """Standard deviations, the difference between two ways to weigh the rows among them, that one
 coefficient of a cause must be from nothing: with evidence beside it, odds of 20 are enough."""

@@ -120,7 +120,7 @@ def _levels(every: ArmRows, reference: Sequence[Array], count: int) -> list[Arra
         every.balances[:count], every.candidates, every.tolerances, tuple(reference), count
     )
     out = []
-    for rows, scale in zip(runs.joints, runs.scale, strict=True):
+    for rows, scale in zip(runs.joints, np.tile(runs.scale, 2), strict=True):
         bare = replace(rows, columns=np.zeros((len(rows.torque), 0)))
         out.append(_level(bare, float(scale)) if len(rows.torque) else np.full(6, np.nan))
     return out

@@ -142,6 +142,11 @@ class Effect:
         return (None,)
 
     @classmethod
+    def fitted_places(cls, robot: Robot) -> tuple[str | None, ...]:
+        """Where the diagnosis looks for it: where no other effect is the same."""
+        return cls.places(robot)
+
+    @classmethod
     def variants(cls, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:
         """First guesses of the `search` parameters: every combination of their guesses."""
         searched = {p.name: p.guesses for p in cls.parameters if p.role == 'search'}
@@ -263,6 +268,10 @@ class Effect:
     def delay(self, clock: str) -> float:
         """Time by which the stamps of a clock (`CLOCKS`) are late [s]."""
         return 0.0
+
+    def joint_delays(self, robot: Robot) -> Array:
+        """(n,) time by which all samples of a joint are later than the stamps say [s]."""
+        return np.zeros(robot.n_joints)
 
     def with_unit_axis(self) -> Effect:
         """The effect with an axis x, y, z of unit length, its largest component above zero."""

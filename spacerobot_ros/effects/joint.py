@@ -7,6 +7,7 @@ gain, ripple and rotor, and a harness.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
 from .motion import Motion, inverse_mass
-from .parameter import amount, phase, searched
+from .parameter import Parameter, amount, phase, searched
 
 STICTION_RATE = 2e-3
 """Rate over which dry friction changes its sign [rad/s]: sign(v) is smoothed to tanh(v / this)."""
@@ -28,14 +29,20 @@ _TURNS = {'minimum': -20.0, 'maximum': 20.0}  # rad
 
 
 class JointEffect(Effect):
-    """An effect at a manipulator joint; of a sliding joint its torques are forces."""
+    """An effect at a manipulator joint; of a sliding joint its torques are forces.
+
+    Attributes of the kinds:
+        needs_motor: Whether a joint without a motor shows nothing of it.
+    """
 
     group = 'joint'
+    needs_motor: ClassVar[bool] = False
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
-        """Every manipulator joint."""
-        return robot.arm
+        """Every manipulator joint, with a motor where it takes one."""
+        passive = robot.passive_joints if cls.needs_motor else ()
+        return tuple(joint for joint in robot.arm if joint not in passive)
 
     def mobility(self, robot: Robot) -> float:
         """Acceleration of the joint by its own torque, all joints at zero [1/(kg m^2)]."""
@@ -249,6 +256,7 @@ class LoadFriction(JointTorque):
     """
 
     id = 'joint_load_friction'
+    needs_motor = True
     title = 'friction in proportion to the load of a joint'
     parameters = (amount('coefficient', '', 0.1, 1e-3, maximum=1.0),)
 
@@ -269,12 +277,50 @@ class TorqueConstant(JointTorque):
     """
 
     id = 'joint_torque_constant'
+    needs_motor = True
     title = "a motor's torque constant off its nominal value"
     parameters = (amount('gain', '', 0.1, 3e-4, nominal=1.0, maximum=10.0),)
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """What the motor gives beyond its nominal torque; friction is none of it."""
         return (self['gain'] - 1.0) * effort
+
+
+class MotorConstant(JointTorque):
+    """tau = (K / k - 1) tau_m: the motor gives K i where tau_m = k i is said of the current i.
+
+    k is `robot.motor_constant`, or 1 N m/A where nobody states it and efforts are read in A. The
+    diagnosis estimates K there, beside all causes; what it says of a constant that is stated is
+    `joint_torque_constant`.
+
+    Typical: 0.01 to 1 N m/A for direct drives, 5 to 20 behind gears of 100.
+    Signature: a torque in proportion to the current.
+    Source: Gautier and Briot, J. Dyn. Sys. Meas. Control 136 (2014).
+
+    Args:
+        constant: Torque at the joint of one ampere.
+    """
+
+    id = 'motor_constant'
+    title = "torque of a joint's motor by its current"
+    needs_motor = True
+    is_fitted = False  # estimated wherever it is unknown, not searched for
+    excludes = ('joint_torque_constant',)
+    parameters = (Parameter('constant', 'N m/A', 1.0, 0.01, nominal=1.0, above=0.0),)
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str | None, ...]:
+        """Every motor whose effort is a current."""
+        joints = super().places(robot)
+        return tuple(joint for joint in joints if robot.effort_kind(str(joint)) == 'current')
+
+    def force(self, motion: Motion, hidden: Array) -> Array:
+        """What the motor gives beyond the torque that is said."""
+        column = motion.column(self.where)
+        stated = motion.robot.known_effort_units[column]
+        return motion.joint_force(
+            self.where, (self['constant'] / stated - 1.0) * motion.effort[:, column]
+        )
 
 
 class TorqueRipple(JointTorque):
@@ -291,6 +337,7 @@ class TorqueRipple(JointTorque):
     """
 
     id = 'joint_torque_ripple'
+    needs_motor = True
     title = "torque ripple that goes round with a joint's angle"
     parameters = (
         amount('amplitude', 'N m', 1.0, 0.02),
@@ -361,6 +408,7 @@ class MotorInertia(JointEffect):
     """
 
     id = 'motor_inertia'
+    needs_motor = True
     title = "inertia of a geared motor's rotor"
     parameters = (amount('inertia', 'kg m^2', 3.0, 0.02),)
 

@@ -18,7 +18,7 @@ from ..dynamics.rotation import cross_rows, rotation_matrix
 from ..dynamics.state import State
 from ..dynamics.tree import Records, tree_of
 from ..model.robot import Robot
-from ..types import Array
+from ..types import Array, BoolArray
 
 
 @dataclass(eq=False)
@@ -39,6 +39,7 @@ class Motion:
         velocity: (N, 3) v_WB_B [m/s].
         acceleration: (N, 6 + n) time derivative of [v_WB_B; omega_WB_B; qd]; None where it is not
             known yet.
+        unpowered: (N, n) where motors are off, so that their torque is zero; None: nowhere.
         coasts: Whether the base's linear acceleration is that of a robot on which no force acts,
             so that what an effect does to the whole comes on top: nobody measures translations.
     """
@@ -53,6 +54,7 @@ class Motion:
     omega: Array = field(default_factory=lambda: np.zeros((1, 3)))
     velocity: Array = field(default_factory=lambda: np.zeros((1, 3)))
     acceleration: Array | None = None
+    unpowered: BoolArray | None = None
     coasts: bool = False
     _accelerated: tuple[Array, Array] | None = field(init=False, default=None)
 

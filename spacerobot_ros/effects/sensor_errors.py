@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
 from .joint import JointEffect
@@ -112,7 +113,75 @@ class TorqueSensorBias(JointSensor):
     id = 'torque_sensor_bias'
     title = 'bias of a torque sensor'
     channel = 'joint_effort'
+    needs_motor = True
     parameters = (Parameter('bias', 'N m', 1.0, 0.01),)
+
+    @classmethod
+    def fitted_places(cls, robot: Robot) -> tuple[str | None, ...]:
+        """Not where efforts are currents, whose zero is `current_offset`."""
+        joints = cls.places(robot)
+        return tuple(joint for joint in joints if robot.effort_kind(str(joint)) != 'current')
+
+
+class CurrentOffset(JointSensor):
+    """i_measured = i + offset: the torque that is said is off by offset times the motor constant.
+
+    Typical: 0.01 to 0.2 A: Hall sensors, amplifiers of shunts.
+    Signature: a constant current of one motor, whatever it does.
+    Source: Aksman, Carignan and Akin, IEEE ICRA (2007).
+
+    Args:
+        offset: Current that the sensor says too much.
+    """
+
+    id = 'current_offset'
+    title = 'wrong zero of a current sensor'
+    channel = 'joint_effort'
+    needs_motor = True
+    parameters = (Parameter('offset', 'A', 0.1, 1e-3),)
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str | None, ...]:
+        """Every motor whose effort is a current."""
+        joints = super().places(robot)
+        return tuple(joint for joint in joints if robot.effort_kind(str(joint)) == 'current')
+
+    def faulty(self, value: Array, motion: Motion) -> Array:
+        """The joint's torque shifted by that of the offset."""
+        out, column = np.array(value), motion.column(self.where)
+        out[:, column] += self['offset'] * motion.robot.known_effort_units[column]
+        return out
+
+
+class JointSensorDelay(JointEffect):
+    """q, q', tau_measured(t) of one joint are those of t - delay, the other joints' of t.
+
+    Only relative timing is observable. The diagnosis looks for it where a joint has electronics of
+    its own kind: at wheels of which only the rate is measured.
+
+    Typical: half the window over which pulses are counted and a bus, 5 to 50 ms.
+    Signature: a position error in proportion to the rate of one joint.
+    Source: Brown, Schneider and Mulligan, IEEE Trans. Industrial Electronics 39 (1992).
+
+    Args:
+        delay: Time by which the joint's position, rate and effort are late.
+    """
+
+    group = 'sensor'
+    id = 'joint_sensor_delay'
+    title = 'samples of a joint later than those of the others'
+    parameters = (amount('delay', 's', 0.02, 1e-3, maximum=10.0),)
+
+    @classmethod
+    def fitted_places(cls, robot: Robot) -> tuple[str | None, ...]:
+        """Joints of which only the rate is measured, unless all are such."""
+        return robot.rate_only if len(robot.rate_only) < robot.n_joints else ()
+
+    def joint_delays(self, robot: Robot) -> Array:
+        """Its own joint's."""
+        out = np.zeros(robot.n_joints)
+        out[robot.joints.index(str(self.where))] = self['delay']
+        return out
 
 
 class GyroFault(SensorFault):

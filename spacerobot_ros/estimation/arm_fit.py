@@ -98,15 +98,26 @@ class ArmFit:
         weighing = self.values[own] - self.posterior.mean[own]
         return np.hypot(np.sqrt(np.diag(self.posterior.covariance)[own]), weighing)
 
+    def share(self, i: int) -> float:
+        """Rms of a candidate's torques by the joint's own rms, at the joint where it is most."""
+        own, shares = self.rows.places[i], [0.0]
+        for k, rows in enumerate(self.rows.joints):
+            if len(rows.torque) and (scale := float(self.rows.scale[k % len(self.rows.scale)])):
+                torque = rows.columns[:, own] @ self.values[own]
+                shares.append(float(np.sqrt(np.mean(torque**2))) / scale)
+        return max(shares)
+
     @property
     def _used(self) -> IntArray:
-        """Columns with a say.
+        """Columns with a say, and all of a body that has one: what is not seen bounds the rest.
 
         A gain that is not named stays in the measured torques, in whose units all values are.
         """
         named = [self.rows.candidates[i].where for i in self.chosen if self._is_gain(i)]
         out = np.diag(self.whole.matrix) > 0.0
         for i, at in enumerate(self.rows.places):
+            if self.rows.candidates[i].kind.id == 'inertial_parameters':
+                out[at] = out[at].any()
             if self._is_gain(i) and self.rows.candidates[i].where not in named:
                 out[at] = False
         return np.flatnonzero(out)

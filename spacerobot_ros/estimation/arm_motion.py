@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import binary_dilation, binary_opening
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
@@ -24,9 +25,12 @@ BAND = 4.0
 _SAMPLES = 6.0  # a period of the band at the least
 _SMOOTHED = 2.5  # bands: where positions and efforts are cut
 RATE = 100.0
-"""Hz at which torques are balanced, where the record is that fast."""
+"""Hz at which torques are balanced; a slower record is interpolated, as dry friction changes its
+sign between two samples."""
 _GAP = 4.0  # sample intervals without a sample
-_REST_SHARE = 0.01  # of a joint's, and of the fastest joint's, 95 % rate
+_REST_SHARE = 0.01  # of a joint's, and of the fastest motor's, 95 % rate
+_WHEEL = 4.0 * np.pi  # rad; a joint that turns on and on is a wheel, fast beside any other
+_SPLINE = 5  # degree: derivatives are right to 0.1 % at the band's end, six samples a period
 _REST_RATE = 3e-3  # rad/s
 _REST_TIME = 0.2  # s
 _FEWEST_MOVING = 0.05  # of a record: a joint that moves less was only touched
@@ -59,14 +63,14 @@ class ArmMotion:
         start, end = self.record.span
         return np.linspace(start, end, round((end - start) / self.interval) + 1)
 
-    @property
-    def _stride(self) -> int:
-        return max(1, int(1.0 / (self.interval * RATE) + 1e-6))
-
     @cached_property
     def times(self) -> Array:
         """(N,) [s]."""
-        return self._dense[:: self._stride]
+        between = max(1, round(self.interval * RATE))
+        if between == 1:
+            return self._dense[:: max(1, int(1.0 / (self.interval * RATE) + 1e-6))]
+        start, end = self.record.span
+        return np.linspace(start, end, between * (len(self._dense) - 1) + 1)
 
     @cached_property
     def step(self) -> float:
@@ -76,18 +80,42 @@ class ArmMotion:
     @cached_property
     def kinematics(self) -> Kinematics:
         """Positions, rates and accelerations."""
-        q = self._smooth(self.record.joint_time, self.record.q)
-        qd = np.gradient(q, self.step, axis=0)
+        spline = self._smooth(self.record.joint_time, self.record.q)
+        q, qd, qdd = (np.asarray(spline(self.times, order)) for order in range(3))
         none = np.zeros((len(q), 3))
         still = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(q), 1)))
-        return Kinematics(self.times, q, qd, none, still, np.gradient(qd, self.step, axis=0), none)
+        return Kinematics(self.times, q, qd, none, still, qdd, none)
 
     @cached_property
     def effort(self) -> Array:
         """(N, n) [N m]."""
         if self.record.effort is None:
             raise ValueError('a torque balance needs efforts')
-        return self._smooth(self.record.effort_time, np.nan_to_num(self.record.effort))
+        efforts = np.nan_to_num(self.record.effort)
+        return np.asarray(self._smooth(self.record.effort_time, efforts)(self.times))
+
+    @cached_property
+    def unpowered(self) -> BoolArray:
+        """(N, n) where a joint has no motor, or one that is off."""
+        return self._clear(1.0)
+
+    @cached_property
+    def powered(self) -> BoolArray:
+        """(N, n) where a joint has a motor that is on."""
+        return self._clear(0.0)
+
+    def _clear(self, state: float) -> BoolArray:
+        """(N, n) where motors are off (1) or on (0), clear of the filters' reach of a change."""
+        joints = self.record.joints
+        if joints is None or joints.unpowered is None:
+            return np.full((len(self.times), self.record.q.shape[1]), state == 0.0)
+        share = [np.interp(self.times, self.record.joint_time, u) for u in joints.unpowered.T]
+        return np.asarray(~_widened(np.column_stack(share) != state, self._margin))
+
+    @property
+    def _margin(self) -> int:
+        """Steps over which the filters spread an end."""
+        return round(_REST_MARGIN / self.band / self.step)
 
     @cached_property
     def is_known(self) -> BoolArray:
@@ -95,9 +123,8 @@ class ArmMotion:
         at = self.record.joint_time
         after = np.clip(np.searchsorted(at, self.times), 1, len(at) - 1)
         known = at[after] - at[after - 1] <= _GAP * max(self.interval, self.step)
-        margin = round(_REST_MARGIN / self.band / self.step)
-        known[:margin] = known[-margin:] = False
-        return np.asarray(~_widened(~known, margin))
+        known[: self._margin] = known[-self._margin :] = False
+        return np.asarray(~_widened(~known, self._margin))
 
     @cached_property
     def is_moving(self) -> BoolArray:
@@ -106,11 +133,14 @@ class ArmMotion:
         usual = (
             np.quantile(speed[self.is_known], 0.95, axis=0) if self.is_known.any() else speed[0]
         )
-        slow = np.maximum(_REST_SHARE * np.maximum(usual, np.max(usual)), _REST_RATE)
+        # What moves no joint of its own, and no wheel, jitters while others move.
+        driven = self.powered.any(axis=0) & (np.ptp(self.kinematics.q, axis=0) < _WHEEL)
+        fastest = np.where(driven, np.max(usual, where=driven, initial=0.0), 0.0)
+        slow = np.maximum(_REST_SHARE * np.maximum(usual, fastest), _REST_RATE)
         resting = binary_opening(speed < slow, np.ones((max(1, round(_REST_TIME / self.step)), 1)))
-        margin = round(_REST_MARGIN / self.band / self.step)
         is_measured = ~np.isnan(self.record.effort[0]) if self.record.effort is not None else False
-        moving = ~_widened(resting, margin) & self.is_known[:, None] & is_measured
+        moving = ~_widened(resting, self._margin) & self.is_known[:, None] & is_measured
+        moving &= self.powered | self.unpowered
         return np.asarray(moving & (np.mean(moving, axis=0) > _FEWEST_MOVING))
 
     def in_band(self, values: Array) -> Array:
@@ -122,10 +152,11 @@ class ArmMotion:
         """Steps from row to row: 2.5 rows a period of the band."""
         return max(1, int(1.0 / (_SMOOTHED * self.band * self.step) + 1e-6))
 
-    def _smooth(self, at: Array, values: Array) -> Array:
+    def _smooth(self, at: Array, values: Array) -> BSpline:
+        """Values without what is faster than some bands, between samples, too."""
         dense = np.column_stack([np.interp(self._dense, at, column) for column in values.T])
         cut = _low_passed(dense, _SMOOTHED * self.band, self._dense[1] - self._dense[0])
-        return cut[:: self._stride]
+        return make_interp_spline(self._dense, cut, _SPLINE)
 
 
 def _low_passed(values: Array, cut: float, step: float) -> Array:

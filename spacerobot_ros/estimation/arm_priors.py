@@ -45,13 +45,25 @@ class Machine:
 
     @cached_property
     def torque(self) -> Array:
-        """(n,) rms of the measured torques where the joints move [N m]."""
-        return self._rms('effort')
+        """(n,) rms of the measured torques where the joints move [N m].
+
+        Of a joint without a motor those of its weight and of its own inertia, which balance.
+        """
+        measured = self._rms([b.arm.effort for b in self.balances], 'powered')
+        inertial = [np.hypot(b.weight, self.inertia * b.arm.kinematics.qdd) for b in self.balances]
+        own = self._rms(inertial, 'unpowered')
+        passive = ~np.any([b.arm.powered.any(axis=0) for b in self.balances], axis=0)
+        return np.where(passive, own, measured)
 
     @cached_property
     def rate(self) -> Array:
         """(n,) rms [rad/s]."""
-        return self._rms('qd')
+        return self._rms([b.motion.qd for b in self.balances])
+
+    @cached_property
+    def interval(self) -> float:
+        """Longest sample interval of the recordings [s]."""
+        return max(b.arm.interval for b in self.balances)
 
     @cached_property
     def range(self) -> Array:
@@ -106,8 +118,10 @@ class Machine:
             'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
             'motor_inertia': (inertia, 0.0),
             'torque_sensor_bias': (0.3 * torque, 0.0),
+            'current_offset': (0.3 * torque / self._unit(where), 0.0),
+            'joint_sensor_delay': (max(0.01, self.interval), 0.0),
             'encoder_offset': (0.02, 0.0),
-            'effort_delay': (0.01, 0.0),
+            'effort_delay': (max(0.01, self.interval), 0.0),
             'gravity_error': (0.2, 0.0),
         }
         if kind not in sizes:
@@ -118,6 +132,11 @@ class Machine:
             down = self.robot.gravity / max(float(np.linalg.norm(self.robot.gravity)), 1e-9)
             shares = np.where(np.abs(down) > 0.9, NOTHING, 1.0)
         return size * shares, np.maximum(tolerance, NOTHING * size) * shares
+
+    def _unit(self, where: str | None) -> float:
+        """Torque of an ampere of a joint's motor [N m]."""
+        units = dict(zip(self.robot.arm, self.robot.known_effort_units.tolist(), strict=True))
+        return float(units.get(str(where), 1.0))
 
     def friction(self, kind: str, where: str | None) -> float:
         """Of a joint, in the file: the first number of this law and of those that refine it."""
@@ -138,11 +157,11 @@ class Machine:
         scales = mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
         return _BODY_SIZE * scales, _BODY_TOLERANCE * scales
 
-    def _rms(self, name: str) -> Array:
+    def _rms(self, every: Sequence[Array], state: str = '') -> Array:
+        """(n,) of (N, n) values of every recording where joints move, motors on or off."""
         total, count = np.zeros(self.robot.n_joints), np.zeros(self.robot.n_joints)
-        for b in self.balances:
-            values = b.arm.effort if name == 'effort' else b.motion.qd
-            moving = b.arm.is_moving
+        for b, values in zip(self.balances, every, strict=True):
+            moving = b.arm.is_moving & (getattr(b.arm, state) if state else True)
             total += np.sum(values**2 * moving, axis=0)
             count += np.sum(moving, axis=0)
         return np.sqrt(total / np.maximum(count, 1))
@@ -152,7 +171,8 @@ def torque_tolerance(robot: Robot) -> Array:
     """(n,) share by which the scale of each joint's measured torques is uncertain."""
     kinds = dict(zip(robot.arm, robot.effort_kinds, strict=True))
     is_sensor = [kinds.get(joint) == 'link' for joint in robot.joints]
-    return np.where(is_sensor, _SENSOR_TOLERANCE, _GAIN_TOLERANCE)
+    known = np.where(is_sensor, _SENSOR_TOLERANCE, _GAIN_TOLERANCE)
+    return np.where(np.isin(robot.joints, robot.passive_joints), 0.0, known)
 
 
 def with_prior(candidate: Candidate, sizes: Array) -> Candidate:

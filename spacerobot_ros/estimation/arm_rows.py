@@ -12,7 +12,8 @@ import numpy as np
 
 from ..effects.effect import Effect
 from ..model.robot import Robot
-from ..types import Array, IntArray
+from ..types import Array, BoolArray, IntArray
+from .anchor import HELD, scale_columns
 from .arm_priors import NOTHING, Machine, with_prior
 from .balance import Balance
 from .columns import Candidate, candidate_at
@@ -63,6 +64,17 @@ class ArmRows:
     def sizes(self) -> Array:
         """(K,) plausible sizes."""
         return np.concatenate([c.sizes for c in self.candidates])
+
+    @cached_property
+    def anchors(self) -> Array:
+        """(A, K) changes of scales that nothing measured tells, which stay as in the file."""
+        return scale_columns(self.balances, self.candidates)
+
+    @property
+    def held(self) -> Gram:
+        """Sums of the rows that hold these scales."""
+        rows = self.anchors / HELD
+        return Gram(rows.T @ rows, np.zeros(rows.shape[1]), 0.0, 0)
 
     @property
     def robot(self) -> Robot:
@@ -115,7 +127,7 @@ class ArmRows:
 
     @cached_property
     def scale(self) -> Array:
-        """(n,) rms of the torques where the joints move [N m]."""
+        """(n,) rms of the torques where the joints move, `Machine.torque` [N m]."""
         return Machine(self.robot, self.balances).torque
 
     @cached_property
@@ -147,13 +159,28 @@ class ArmRows:
         """(M, n) torques that the model misses in a recording [N m]."""
         return self.balances[run].torque
 
-    def joint(self, j: int) -> JointRows:
-        """Rows of one joint where it moves."""
+    @cached_property
+    def _is_driven(self) -> BoolArray:
+        """(n,) whether a joint has a motor that is ever on."""
+        return np.asarray(np.any([b.arm.powered.any(axis=0) for b in self.balances], axis=0))
+
+    def _at(self, balance: Balance, k: int) -> IntArray:
+        """Rows of a recording that belong to set k of `joints`."""
+        n, arm = self.robot.n_joints, balance.arm
+        state = arm.powered if k < n else arm.unpowered
+        if k < n and not self._is_driven[k]:
+            state = arm.unpowered
+        rows = (arm.is_moving & state)[:: arm.stride, k % n]
+        return np.flatnonzero(rows & (k < n or self._is_driven[k % n]))
+
+    def joint(self, k: int) -> JointRows:
+        """Set k of `joints`."""
+        j = k % self.robot.n_joints
         torque, columns, observed, block, gap = [], [], [], [], []
         parts = zip(self.balances, self.columns, self.blocks, strict=True)
         for run, (balance, full, own) in enumerate(parts):
             stride = balance.arm.stride
-            at = np.flatnonzero(balance.arm.is_moving[::stride, j])
+            at = self._at(balance, k)
             times = balance.row_times[at]
             torque.append(self.torque(run)[at, j])
             columns.append(full[at, j])
@@ -164,51 +191,55 @@ class ArmRows:
             gap.append(np.diff(times, prepend=times[:1]))
         return JointRows(*map(np.concatenate, (torque, columns, observed, block, gap)))
 
-    def joint_times(self, j: int) -> Array:
-        """(M,) times of a joint's rows, each of its recording [s]."""
-        return np.concatenate(
-            [b.row_times[b.arm.is_moving[:: b.arm.stride, j]] for b in self.balances]
-        )
+    def joint_times(self, k: int) -> Array:
+        """(M,) times of the rows of set k, each of its recording [s]."""
+        return np.concatenate([b.row_times[self._at(b, k)] for b in self.balances])
 
     @cached_property
     def joints(self) -> list[JointRows]:
-        """Rows of every joint."""
-        return [self.joint(j) for j in range(self.robot.n_joints)]
+        """Rows of every joint where it moves; then, n sets more, of those whose motor is off.
+
+        What is left there is no error of a measured torque, and has a level of its own.
+        """
+        return [self.joint(k) for k in range(2 * self.robot.n_joints)]
 
     def torque_of(self, deviations: Array) -> Array:
         """(n,) standard deviation of the torques of coefficients (K,) like these [N m].
 
         Root mean square over the rows where a joint moves; NaN of one that never does.
         """
-        power = [np.sum((rows.columns * deviations) ** 2, axis=1) for rows in self.joints]
+        own = self.joints[: self.robot.n_joints]
+        power = [np.sum((rows.columns * deviations) ** 2, axis=1) for rows in own]
         return np.array([math.sqrt(np.mean(p)) if len(p) else math.nan for p in power])
 
     def levels(self, priors: Array, friction: Array) -> list[Array]:
-        """(6,) variances of every joint's leftover; NaN of one that never moves.
+        """(6,) variances of the leftover of every set of `joints`; NaN of one without rows.
 
         Args:
             priors: (K,) standard deviation of every coefficient.
             friction: (n,) Coulomb friction that was found [N m].
         """
-        drifts = np.column_stack(
-            [np.maximum(_DRIFT * self.scale, _FRICTION_DRIFT * friction), _DRIFT * self.scale]
-        )
+        scale = np.tile(self.scale, 2)
+        friction_drift = np.maximum(_DRIFT * scale, _FRICTION_DRIFT * np.tile(friction, 2))
+        gain_drift = _DRIFT * scale * np.append(self._is_driven, np.zeros_like(self._is_driven))
+        drifts = np.column_stack([friction_drift, gain_drift])
+        free, _ = np.linalg.qr((self.anchors * priors).T)
         return [
-            level_of(rows, priors, scale, drift) if len(rows.torque) else np.full(6, np.nan)
-            for rows, scale, drift in zip(self.joints, self.scale.tolist(), drifts, strict=True)
+            level_of(rows, priors, s, drift, free) if len(rows.torque) else np.full(6, np.nan)
+            for rows, s, drift in zip(self.joints, scale.tolist(), drifts, strict=True)
         ]
 
     def parts(self, levels: Sequence[Array], *, is_white: bool = True) -> list[Gram]:
         """Gram matrices of every block.
 
         Args:
-            levels: (6,) variances of every joint's leftover.
+            levels: (6,) variances of the leftover of every set of `joints`, or of the first n.
             is_white: Whether rows are whitened, which trusts what is fast; else each joint's are
                 divided by the rms of its leftover, which trusts all frequencies alike.
         """
         k = len(self.tolerances)
         out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in self.recording]
-        for rows, variances in zip(self.joints, levels, strict=True):
+        for rows, variances in zip(self.joints, levels, strict=False):
             if len(rows.torque):
                 scale = np.sqrt(np.sum(variances))
                 torque, columns = rows.torque / scale, rows.columns / scale
@@ -225,7 +256,7 @@ def _candidates(kinds: Iterable[type[Effect]], balances: Sequence[Balance]) -> I
     for kind in kinds:
         if not kind.is_fitted or kind.needs_free_base or kind.hidden:
             continue
-        for where in kind.places(robot):
+        for where in kind.fitted_places(robot):
             if any(_excludes(kind, e) for e in balances[0].effects if e.where == where):
                 continue
             for variant in _variants(kind, where, balances):

@@ -26,6 +26,7 @@ from ..sensing.correction import corrected_record
 from ..types import Array
 from .arm_motion import ArmMotion
 from .columns import Signatures
+from .motor_constants import in_newton_metres
 from .reference import Kinematics, NoiseLevels
 from .rows import ChannelError
 from .torque_process import TorqueDriven
@@ -41,18 +42,29 @@ class Balance:
         arm: The recording, its sensors as the model believes them.
         process: The model.
         compensation: (N, n) what measured efforts lack of the motors' torques [N m].
+        estimated: Joints whose torques are currents by an estimated constant.
     """
 
     def __init__(
-        self, arm: ArmMotion, process: TorqueDriven, compensation: Array | float = 0.0
+        self,
+        arm: ArmMotion,
+        process: TorqueDriven,
+        compensation: Array | float = 0.0,
+        estimated: Sequence[str] = (),
     ) -> None:
         self.robot = process.robot
+        self.is_torque = ~np.isin(self.robot.joints, estimated)
+        """(n,) whether the effort of a joint that has one is measured in N m."""
         self.arm, self._process = arm, process
-        given = process.motion(arm.kinematics, arm.effort + compensation)
+        off = arm.unpowered
+        given = process.motion(
+            arm.kinematics, np.where(off, 0.0, arm.effort + compensation), unpowered=off
+        )
         self.missed = -process.force_error(given)[:, 6:]
         # A faulty gain scales, and friction that goes with the load follows, what the model needs:
         # of what is measured, a gain of zero and no masses would explain everything.
-        self.motion = process.motion(arm.kinematics, self._required(given))
+        needed = np.where(off, 0.0, self._required(given))
+        self.motion = process.motion(arm.kinematics, needed, unpowered=off)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -63,6 +75,13 @@ class Balance:
     def effort_rate(self) -> Array:
         """(N, n) time derivative of the torques that the model needs [N m/s]."""
         return np.gradient(self.motion.effort, self.arm.step, axis=0)
+
+    @cached_property
+    def weight(self) -> Array:
+        """(N, n) torques that the model needs at rest [N m]."""
+        at = self.arm.kinematics
+        still = replace(at, qd=np.zeros_like(at.qd), qdd=np.zeros_like(at.qd))
+        return self._process.needed(self._process.motion(still, self.arm.effort))[:, 6:]
 
     @cached_property
     def torque(self) -> Array:
@@ -133,7 +152,9 @@ class Balance:
         read = Kinematics(
             at.time, at.q + off, at.qd + slope, at.omega, at.rotation, at.qdd + bend, at.alpha
         )
-        required = self._required(self._process.motion(read, self.motion.effort))
+        required = self._required(
+            self._process.motion(read, self.motion.effort, unpowered=self.motion.unpowered)
+        )
         return np.asarray((required - self._required(self.motion)) / scale)
 
 
@@ -143,11 +164,13 @@ def balance_of(record: Record, robot: Robot, effects: Sequence[Effect]) -> Balan
     Args:
         record: Of a fixed-base robot, with efforts.
         robot: The robot file's robot.
-        effects: Believed effects.
+        effects: Believed effects; the motor constants of currents among them.
     """
+    estimated = record.joints.in_amperes if record.joints else ()
+    record, robot, effects = in_newton_metres(record, robot, effects)
     process = TorqueDriven(robot, effects)
     arm = ArmMotion(corrected_record(record, process.robot, effects))
-    return Balance(arm, process, _compensation(arm, robot))
+    return Balance(arm, process, _compensation(arm, robot), estimated)
 
 
 def _compensation(arm: ArmMotion, robot: Robot) -> Array | float:
@@ -155,7 +178,8 @@ def _compensation(arm: ArmMotion, robot: Robot) -> Array | float:
 
     A controller that takes them off knows no more than the file: a payload shows.
     """
-    lacking = np.array([kind == COMPENSATED for kind in robot.effort_kinds])
+    kinds = zip(robot.arm, robot.effort_kinds, strict=True)
+    lacking = np.array([k == COMPENSATED and j not in robot.passive_joints for j, k in kinds])
     if not lacking.any():
         return 0.0
     at = arm.kinematics

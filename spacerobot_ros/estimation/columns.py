@@ -118,7 +118,7 @@ def candidates(
         candidate
         for kind in kinds
         if kind.is_fitted and (robot.is_free or not kind.needs_free_base)
-        for where in kind.places(robot)
+        for where in kind.fitted_places(robot)
         for variant, trials in _variants(kind, where, rows, wanted, ringing)
         if (candidate := candidate_at(kind, robot, where, variant, trials)) is not None
     ]
@@ -285,9 +285,12 @@ class Signatures:
         motion = self._rows.motion
         force = motion.zeros()
         force[:, 6:] = motion.effort - applied.sense('joint_effort', motion.effort, motion)
-        late = applied.delay('joints') + applied.delay('effort')
-        if late:
+        late = applied.joint_delays(motion.robot)
+        late = late + applied.delay('joints') + applied.delay('effort')
+        if np.any(late):
             force[:, 6:] += late * self._rows.effort_rate
+        if motion.unpowered is not None:
+            force[:, 6:][motion.unpowered] = 0.0
         return force
 
     def _sensed(self, channel: str, applied: Effect) -> Array:
@@ -297,4 +300,4 @@ class Signatures:
 
 def _is_sensor(applied: Effect) -> bool:
     """Whether an effect changes what any sensor says."""
-    return applied.acts('sense') or applied.acts('delay')
+    return any(applied.acts(action) for action in ('sense', 'delay', 'joint_delays'))

@@ -100,25 +100,32 @@ def _whiten(
     return out, logs
 
 
-def level_of(rows: JointRows, priors: Array, scale: float, drift: Array) -> Array:
+def level_of(
+    rows: JointRows, priors: Array, scale: float, drift: Array, held: Array | None = None
+) -> Array:
     """(6,) variances of what the columns leave, by REML.
 
     Args:
         rows: Of one joint.
         priors: (K,) standard deviation of every column's coefficient.
-        scale: Rms of the joint's torque [N m].
+        scale: Rms of the joint's torque, in which everything is reckoned [N m].
         drift: (2,) largest standard deviations that friction and a gain may drift by [N m].
+        held: (K, A) orthonormal directions, coefficients by their priors, that stay zero.
     """
+    columns = rows.columns * (priors / scale)
+    if held is not None:
+        columns = columns - (columns @ held) @ held.T
     compressed = JointRows(
-        rows.torque, _compressed(rows.columns * priors), rows.observed, rows.block, rows.gap
+        rows.torque / scale,
+        _compressed(columns),
+        rows.observed,
+        rows.block,
+        rows.gap,
     )
-    least = _LEAST * scale
-    low = 2.0 * np.log(np.array([least, *[0.1 * least] * 5]))
-    high = 2.0 * np.log(np.array([*[_MOST * scale] * 4, *drift]))
+    low = 2.0 * np.log(np.array([_LEAST, *[0.1 * _LEAST] * 5]))
+    high = 2.0 * np.log(np.maximum(np.array([*[_MOST] * 4, *(drift / scale)]), 1e-300))
     high = np.maximum(high, low + 1e-3)
-    start = np.clip(
-        2.0 * np.log(np.array([0.03, 0.03, 0.03, 0.03, 0.01, 0.01]) * scale), low, high
-    )
+    start = np.clip(2.0 * np.log(np.array([0.03, 0.03, 0.03, 0.03, 0.01, 0.01])), low, high)
     found = minimize(
         lambda x: _cost(compressed, np.exp(x)),
         start,
@@ -126,7 +133,7 @@ def level_of(rows: JointRows, priors: Array, scale: float, drift: Array) -> Arra
         bounds=list(zip(low, high, strict=True)),
         options={'maxiter': _PASSES, 'eps': 1e-3},
     )
-    return np.exp(np.clip(found.x, low, high))
+    return scale**2 * np.exp(np.clip(found.x, low, high))
 
 
 def _compressed(columns: Array) -> Array:

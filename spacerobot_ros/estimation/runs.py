@@ -64,7 +64,7 @@ class Run:
     def _modelled(self, causes: Sequence[Effect]) -> tuple[MeasuredMotion, TorqueDriven]:
         """The record, the robot's own sensor effects and those of some causes undone; a model."""
         process = TorqueDriven(self.robot, (*self.believed, *causes))
-        if any(cause.acts('sense') or cause.acts('delay') for cause in causes):
+        if any(cause.acts(a) for cause in causes for a in ('sense', 'delay', 'joint_delays')):
             return self._motion(causes, process), process
         return self._believed_motion, process
 

@@ -85,5 +85,7 @@ def misreading(effect: Effect, channel: str, at: Kinematics, motion: Motion) -> 
         'gyro': (at.omega, at.alpha),
         'attitude': (np.zeros_like(at.omega), at.omega),
     }[channel]
-    late = effect.delay(_CLOCKS.get(channel, 'joints'))
+    late: float | Array = effect.delay(_CLOCKS.get(channel, 'joints'))
+    if channel in ('joint_position', 'joint_velocity'):
+        late = late + effect.joint_delays(motion.robot)
     return effect.sense(channel, value, motion) - value - late * slope

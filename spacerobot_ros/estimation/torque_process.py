@@ -18,7 +18,7 @@ from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
-from ..types import Array
+from ..types import Array, BoolArray
 from .reference import Kinematics
 from .response import InverseDynamics
 
@@ -58,9 +58,11 @@ class TorqueDriven:
         self.m = self.n + 6 - self.first
         self._inverse = InverseDynamics(self.robot)
 
-    def motion(self, kinematics: Kinematics, effort: Array) -> Motion:
+    def motion(
+        self, kinematics: Kinematics, effort: Array, unpowered: BoolArray | None = None
+    ) -> Motion:
         """The reference with the accelerations of base and joints that belong to it."""
-        return self._inverse.motion(kinematics, effort)
+        return replace(self._inverse.motion(kinematics, effort), unpowered=unpowered)
 
     def needed(self, motion: Motion) -> Array:
         """(N, 6 + n) generalised force that a motion needs, without effects."""

@@ -84,6 +84,10 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         raise ConfigurationError('robot.base_link', why)
     for place, why in _faulty_joints(options, tree):
         raise ConfigurationError(place, why)
+    for i, name in enumerate(options.passive_joints):
+        if name not in options.joints:
+            place = f'robot.passive_joints[{i}]'
+            raise ConfigurationError(place, f'{name!r} is none of robot.joints')
     _check_sensors(options, settings.sensors)
     bodies, frames = merge_bodies(lock_rotors(options, tree), options.joints)
     rotors = build_rotors(options, tree, frames)
@@ -106,6 +110,8 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         inertia_uncertainty=options.inertia_uncertainty,
         effort_kinds=_each(options, 'robot.effort_kind', options.effort_kind),
         motor_constants=_each(options, 'robot.motor_constant', options.motor_constant),
+        passive_joints=options.passive_joints,
+        anchor=options.scale.anchor,
     )
 
 

@@ -47,6 +47,9 @@ class Robot:
         inertia_uncertainty: Standard deviation of every inertial parameter, as a share of it.
         effort_kinds: What the measured effort of each joint of the arm is, see `RobotSettings`.
         motor_constants: Of each joint of the arm [N m/A]; empty where they are not stated.
+        passive_joints: Joints of the arm without a motor.
+        rate_only: Joints of whose motion a recording has only the rates.
+        anchor: What of the file is right where no torque is measured, see `ScaleSettings`.
     """
 
     name: str
@@ -65,6 +68,17 @@ class Robot:
     inertia_uncertainty: float = 0.1
     effort_kinds: tuple[str, ...] = ()
     motor_constants: tuple[float, ...] = ()
+    passive_joints: tuple[str, ...] = ()
+    rate_only: tuple[str, ...] = ()
+    anchor: str = 'none'
+
+    @property
+    def without_constant(self) -> tuple[str, ...]:
+        """Joints whose efforts are currents, torques of which nobody states."""
+        if self.motor_constants:
+            return ()
+        kinds = zip(self.arm, self.effort_kinds, strict=True) if self.effort_kinds else ()
+        return tuple(j for j, kind in kinds if kind == 'current' and j not in self.passive_joints)
 
     @property
     def effort_units(self) -> Array:
@@ -75,16 +89,33 @@ class Robot:
         Raises:
             ConfigurationError: the motor constants are not stated.
         """
-        currents = np.array([kind == 'current' for kind in self.effort_kinds], dtype=bool)
-        if not currents.any():
-            return np.ones(len(self.arm))
-        if not self.motor_constants:
-            names = ', '.join(np.array(self.arm)[currents])
+        self.check_constants()
+        return self.known_effort_units
+
+    def check_constants(self) -> None:
+        """Refuse currents whose torques nobody states.
+
+        Raises:
+            ConfigurationError: the motor constants are not stated.
+        """
+        if self.without_constant:
+            names = ', '.join(self.without_constant)
             raise ConfigurationError(
                 'robot.motor_constant',
                 f'is missing: efforts of {names} are currents, state N m/A of each joint',
             )
+
+    @property
+    def known_effort_units(self) -> Array:
+        """(n,) as `effort_units`; 1 where efforts stay in amperes (`without_constant`)."""
+        if not self.motor_constants:
+            return np.ones(len(self.arm))
+        currents = [kind == 'current' for kind in self.effort_kinds]
         return np.where(currents, self.motor_constants, 1.0)
+
+    def effort_kind(self, joint: str) -> str:
+        """What the measured effort of a joint of the arm is."""
+        return self.effort_kinds[self.arm.index(joint)] if self.effort_kinds else 'motor'
 
     @property
     def n_joints(self) -> int:

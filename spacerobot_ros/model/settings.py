@@ -35,6 +35,7 @@ ADAPTIVE_LAWS = (
 )
 COMPUTED_TORQUE_LAWS = ('computed_torque', 'computed_torque_no_aam', 'computed_torque_paper')
 CONSISTENCIES = ('none', 'project', 'natural')
+ANCHORS = ('none', 'gravity', 'inertia')
 EFFORT_KINDS = ('motor', 'link', 'current', 'gravity_compensated', 'command')
 
 
@@ -61,6 +62,20 @@ class WheelSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ScaleSettings:
+    """What the file knows of the size of all torques, masses and inertias together.
+
+    It counts where no torque is measured in N m: motion alone, and currents, tell ratios only.
+
+    Args:
+        anchor: What of the URDF is right: gravity, the weight's torques (masses times centres of
+            mass); inertia, the inertias; none: results are ratios.
+    """
+
+    anchor: str = param('none', choices=ANCHORS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RobotSettings:
     """The robot: its URDF and what a URDF can't say.
 
@@ -79,6 +94,8 @@ class RobotSettings:
         joints: Manipulator joints in the order of every vector and message.
         effort_kind: What measured efforts are; one for all joints, or one a joint.
         motor_constant: Torque at the joint of one ampere; one for all joints, or one a joint.
+            Without it currents are read in A, and the diagnosis estimates it.
+        passive_joints: Joints without a motor: their torque is zero.
     """
 
     urdf: str = param('')
@@ -89,6 +106,8 @@ class RobotSettings:
     joints: TextList = param()
     effort_kind: TextOrList = param('motor', choices=EFFORT_KINDS)
     motor_constant: FloatOrList | None = param(None, 'N m/A', above=0.0)
+    passive_joints: TextList = param(())
+    scale: ScaleSettings = field(default_factory=ScaleSettings)
     servicer_wheels: WheelSettings = field(default_factory=WheelSettings)
     target_wheels: WheelSettings = field(default_factory=WheelSettings)
 

@@ -56,6 +56,8 @@ class _Channel:
         reasons: The first reason of each kind.
         remarks: What was mended or assumed.
         effort_units: (n,) N m of one unit of effort of each joint.
+        in_amperes: Joints whose efforts stay currents [A].
+        may_lack_positions: Whether some joints may say NaN throughout, wheels on a fixed base.
     """
 
     topic: str
@@ -66,6 +68,8 @@ class _Channel:
     reasons: dict[str, str] = field(default_factory=dict)
     remarks: dict[str, None] = field(default_factory=dict)
     effort_units: Array | float = 1.0
+    in_amperes: tuple[str, ...] = ()
+    may_lack_positions: bool = False
 
     def reject(self, reason: object, count: int = 1) -> None:
         """Count messages that are left out."""
@@ -94,9 +98,11 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
     channels = {kind: _Channel(getattr(topics, kind)) for kind in _TYPES}
     joints = channels['joints']
     if robot is not None:
-        joints.names, joints.effort_units = robot.arm, robot.effort_units
+        joints.names, joints.effort_units = robot.arm, robot.known_effort_units
+        joints.in_amperes, joints.may_lack_positions = robot.without_constant, not robot.is_free
         if 'current' in robot.effort_kinds:
-            joints.remarks['efforts are currents, times robot.motor_constant'] = None
+            how = 'in A' if robot.without_constant else 'times robot.motor_constant'
+            joints.remarks[f'efforts are currents, {how}'] = None
     kinds = {channel.topic: kind for kind, channel in channels.items()}
     stored = read_messages(path, kinds)
     _check_topics(path, stored, channels)
@@ -160,9 +166,14 @@ def _row(kind: str, message: Any, channel: _Channel, base_link: str | None) -> A
         columns = messages.joint_columns(message, names, 'position?', 'velocity', 'effort?')
         channel.names = names
         return _stacked(columns, len(names), missing=(0.0, 0.0, np.nan))
+    first = channel.rows[0][0] if channel.rows else np.asarray(message.position)
+    is_partly = channel.may_lack_positions and np.isnan(first).any()
+    position = 'position?' if is_partly else 'position'
     columns = messages.joint_columns(
-        message, channel.names, 'position', 'velocity?', 'effort?', partly=True
+        message, channel.names, position, 'velocity?', 'effort?', partly=True
     )
+    if columns[0] is None or (channel.rows and np.any(np.isnan(columns[0]) != np.isnan(first))):
+        raise MessageRejectedError('position is not finite')
     if list(channel.names) != list(message.name):
         channel.remarks['joint columns reordered by name'] = None
     return _stacked(columns, len(channel.names), missing=(0.0, np.nan, np.nan))
@@ -244,6 +255,7 @@ def _joint_series(
             columns[name] = np.where(absent, np.nan, rows[:, k])
     if 'effort' in columns:
         columns['effort'] = columns['effort'] * channel.effort_units
+        columns['in_amperes'] = channel.in_amperes
     return JointSeries(channel.names, stamps, rows[:, 0], **columns)
 
 

@@ -46,9 +46,10 @@ class ColumnReader:
         if values.shape[1] != k:
             raise RecordingError(place, f'has {values.shape[1]} columns, expected {k}')
         units = spread(columns.unit or ('',), k, f'{place}.unit')
+        names = spread(columns.columns, k, place)
         sizes = [
-            si_size(unit, quantity, f'{place}.unit') if quantity else 1.0
-            for unit, quantity in zip(units, quantities, strict=True)
+            si_size(unit, quantity, f'{place}.unit') if quantity and name else 1.0
+            for unit, quantity, name in zip(units, quantities, names, strict=True)
         ]
         sign, scale, offset = (
             np.array(spread(getattr(columns, key), k, f'{place}.{key}'))

@@ -7,6 +7,7 @@ part is refused, and so is a clock that does not go forward.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,13 @@ from scipy.spatial.transform import Rotation
 from ..errors import RecordingError
 from ..model.robot import Robot
 from ..types import Array
-from .effort_kinds import check_kinds
-from .mapped_columns import ColumnReader, spread
+from .mapped_columns import ColumnReader
+from .mapped_efforts import read_efforts
 from .mapped_inputs import read_inputs
 from .mapping import (
     DIRECTIONS,
     AttitudeColumns,
     ColumnMapping,
-    EffortColumns,
     JointColumns,
     MappedColumns,
 )
@@ -39,16 +39,14 @@ from .table import FORMATS, SampleTable, kind_of, read_table
 from .units import (
     ANGLE,
     ANGULAR_RATE,
-    CURRENT,
     FORCE,
     LENGTH,
     LINEAR_RATE,
     TORQUE,
-    is_current,
 )
 
 _JOINT_UNITS = (('position', ANGLE, LENGTH), ('velocity', ANGULAR_RATE, LINEAR_RATE))
-_MAY_LACK = ('velocity', 'effort')  # what a joint may have no sensor for
+_MAY_LACK = ('position', 'velocity', 'effort', 'enabled')  # what a joint may have no sensor for
 
 
 def read_mapped(
@@ -121,40 +119,30 @@ class _Reader(ColumnReader):
             if columns is not None:
                 quantities = [sliding if s else turning for s in slides]
                 parts[key] = self.values(columns, quantities)
+        efforts = None
         if section.effort is not None:
             quantities = [FORCE if s else TORQUE for s in slides]
-            parts['effort'] = self._efforts(section.effort, quantities, names, robot)
+            efforts = read_efforts(self, section.effort, quantities, names, robot)
+            parts |= efforts.parts
         stamps, arrays = self.sampled(section.place, section.time, parts, may_lack)
-        ordered = {key: values[:, order] for key, values in arrays.items()}
         zero = np.zeros((len(stamps), len(names)))  # of a wheel without an encoder
-        return JointSeries(
+        given = [arrays.get(key) for key in ('velocity', 'effort', 'enabled')]
+        rates, effort, enabled = (None if c is None else c[:, order] for c in given)
+        series = JointSeries(
             tuple(names[i] for i in order),
             stamps,
-            ordered.get('position', zero),
-            ordered.get('velocity'),
-            ordered.get('effort'),
+            arrays.get('position', zero)[:, order],
+            rates,
+            effort,
         )
-
-    def _efforts(
-        self,
-        columns: EffortColumns,
-        quantities: list[str],
-        names: Sequence[str],
-        robot: Robot | None,
-    ) -> Array:
-        """(N, k) efforts in SI, currents times the motor constants."""
-        units = spread(columns.unit, len(names), f'{columns.place}.unit')
-        currents = [is_current(unit) for unit in units]
-        said = spread(columns.kind or ('',), len(names), f'{columns.place}.kind')
-        check_kinds(columns.place, robot, zip(names, said, units, strict=True))
-        values = self.values(
-            columns, [CURRENT if c else q for c, q in zip(currents, quantities, strict=True)]
+        if efforts is None:
+            return series
+        ordered = efforts.of(order)
+        return replace(
+            series,
+            unpowered=ordered.unpowered(enabled, len(stamps)),
+            in_amperes=tuple(np.array(series.names)[ordered.in_amperes].tolist()),
         )
-        if robot is None or not any(currents):
-            return values
-        constants = dict(zip(robot.arm, robot.effort_units.tolist(), strict=True))
-        self.notes.append(f'{columns.place}: currents times robot.motor_constant are the efforts')
-        return values * [constants[n] if c else 1.0 for n, c in zip(names, currents, strict=True)]
 
     def rates(self, section: MappedColumns, time: MappedColumns | None) -> RateSeries:
         """The gyro."""

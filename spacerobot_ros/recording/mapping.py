@@ -52,6 +52,11 @@ def _column(value: Any, place: str) -> str:
     return str(parse_text(value, place))
 
 
+def _unit(value: Any, place: str) -> str:
+    """A unit, or '' of a column that there is not."""
+    return '' if value is None else str(parse_text(value, place))
+
+
 def _delimiter(value: Any, place: str) -> str:
     if len(parse_text(value, place)) != 1 or value == '"':
         raise ConfigurationError(place, f'expected one character, got {value!r}')
@@ -101,7 +106,7 @@ class MappedColumns:
 
     Args:
         columns: Names, or numbers from 0 in a file without names; one name of an npz array with
-            several columns serves for all of them. Null for a joint without a rate or effort.
+            several columns serves for all of them. Null for a joint without such a column.
         unit: To be written down, such as `deg/s`; one a column, or one for all.
         sign: 1 or -1; one a column, or one for all.
         scale: Factor that makes the column's numbers ones of that unit; likewise.
@@ -110,7 +115,7 @@ class MappedColumns:
     """
 
     columns: tuple[str, ...] = entry(_some(_column))
-    unit: tuple[str, ...] = entry(_some(parse_text))
+    unit: tuple[str, ...] = entry(_some(_unit))
     scale: tuple[float, ...] = entry(_some(parse_number), (1.0,))
     sign: tuple[float, ...] = entry(_some(_one_of(1.0, -1.0)), (1.0,))
     offset: tuple[float, ...] = entry(_some(parse_number), (0.0,))
@@ -122,14 +127,17 @@ _COLUMNS = _section(MappedColumns)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffortColumns(MappedColumns):
-    """Columns of efforts.
+    """Columns of efforts; null for a joint without a motor.
 
     Args:
         kind: What they are, as `robot.effort_kind`, which they must not contradict; one a column,
             or one for all.
+        enabled: Columns that are 0 or false where a motor is off, so that it gives no torque; one
+            a joint (null: always on), or one for all.
     """
 
     kind: tuple[str, ...] = entry(_some(_one_of(*EFFORT_KINDS)), ())
+    enabled: tuple[str, ...] = entry(_some(_column), ())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +146,7 @@ class JointColumns:
 
     Args:
         names: The joints, in the order of the columns.
-        position: Positions; wheels may have none.
+        position: Positions; wheels may have none, and are null where joints are wheels.
         velocity: Rates.
         effort: Measured torques, or currents.
         time: Sample times where they are not the file's.

@@ -16,7 +16,7 @@ from .series import InputSeries
 
 FORMAT = 'spacerobot_ros record 1'
 _INPUT = 'inputs.'
-_TEXTS = ('names', 'units')
+_TEXTS = ('names', 'units', 'rate_only', 'in_amperes')
 
 
 def save_npz(record: Record, path: str | Path) -> None:
@@ -34,7 +34,7 @@ def save_npz(record: Record, path: str | Path) -> None:
     for key, series in every.items():
         for field in fields(series) if series is not None else ():
             value = getattr(series, field.name)
-            if field.name in _TEXTS:
+            if field.name in _TEXTS and value:
                 value = np.array(json.dumps(value))
             if value is not None and (isinstance(value, np.ndarray) or value):
                 content[f'{key}.{field.name}'] = value
@@ -52,12 +52,11 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
         RecordingError: not readable.
     """
     try:
-        with Path(path).open('rb') as opened:  # numpy leaves a broken one open
-            file = np.load(opened, allow_pickle=False)
-            if isinstance(file, np.ndarray):
-                raise ValueError('it holds one array without a name')
-            with file:
-                return {name: file[name] for name in file.files}
+        file = np.load(path, allow_pickle=False)
+        if isinstance(file, np.ndarray):
+            raise ValueError('it holds one array without a name')
+        with file:
+            return {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         reason = ' '.join(str(error).split())
         raise RecordingError(str(path), f'not a readable npz file: {reason}') from error

@@ -19,7 +19,7 @@ from .gaps import split_at_gaps, with_gaps_noted
 from .mapped_table import read_mapped
 from .mapping import load_mapping
 from .npz import load_npz
-from .record import Record
+from .record import JointSeries, Record
 from .robot_order import in_robot_order
 from .table import FORMATS, kind_of
 
@@ -139,10 +139,12 @@ def _usable(record: Record, robot: Robot) -> Record:
     that are not the derivative of the positions, as its positions alone tell the motion; efforts
     of some joints only where the base is free, as its momentum tells the motion without.
     """
+    if record.joints is None:
+        return record
+    record, notes = _with_motors(record, record.joints, robot)
     joints = record.joints
     if joints is None:
         return record
-    notes: list[str] = []
     why, wrong = _unusable_rates(record, robot)
     if wrong.any():
         notes.append(f'{why} of {", ".join(np.array(joints.names)[wrong])}: no rates are used')
@@ -153,6 +155,32 @@ def _usable(record: Record, robot: Robot) -> Record:
         notes.append(f'no efforts of {", ".join(lacking)}' + (': none are used' if unused else ''))
         joints = replace(joints, effort=None) if unused else joints
     return replace(record, joints=joints, notes=(*record.notes, *notes))
+
+
+def _with_motors(record: Record, joints: JointSeries, robot: Robot) -> tuple[Record, list[str]]:
+    """The record whose passive joints have a torque of zero; currents are said to be such.
+
+    Raises:
+        RecordingError: an effort at a joint that has no motor.
+        ConfigurationError: currents on a free base, whose momentum tells no motor constant.
+    """
+    notes = [f'{", ".join(joints.rate_only)}: rates integrated'] if joints.rate_only else []
+    off = np.isin(joints.names, robot.passive_joints)
+    given = off & ~np.isin(joints.names, joints.passive)
+    if joints.effort is not None:
+        driven = given & (np.nan_to_num(joints.effort) != 0.0).any(axis=0)
+        for name in np.array(joints.names)[driven]:
+            raise RecordingError(
+                f'{record.source}: effort of {name}',
+                'is not zero, but robot.passive_joints of the robot file names it',
+            )
+    if given.any():
+        where = np.tile(off, (len(joints), 1))
+        where |= False if joints.unpowered is None else joints.unpowered
+        joints = replace(joints, unpowered=where)
+    if joints.in_amperes and robot.is_free:
+        robot.check_constants()
+    return replace(record, joints=joints), notes
 
 
 def _unusable_rates(record: Record, robot: Robot) -> tuple[str, NDArray[np.bool_]]:

@@ -14,10 +14,11 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from ..errors import RecordingError
-from ..types import Array, IntArray
+from ..types import Array, BoolArray, IntArray
 from .series import InputSeries, SampleSeries
 
 UNIT_TOLERANCE = 1e-6  # of a quaternion's norm; single precision is within it
@@ -30,11 +31,16 @@ class JointSeries(SampleSeries):
     Args:
         names: The n joints, in the order of the columns.
         stamp_ns: (N,) sample times, increasing [ns].
-        position: (N, n) [rad]; zero where a wheel has no encoder.
+        position: (N, n) [rad]; zero where a wheel has no encoder. A joint whose positions are NaN
+            throughout has the integrals of its rates instead, from zero.
         velocity: (N, n) [rad/s]; None where the recording has none.
         effort: (N, n) torque over the step that ended at the stamp [N m], NaN throughout for a
             joint without; None where the recording has none.
         effort_delay: Time by which the efforts are older than their stamps [s].
+        unpowered: (N, n) where a joint has no motor, or one that is off: its effort is zero,
+            whatever a sensor says; None: nowhere.
+        rate_only: Joints whose positions are such integrals.
+        in_amperes: Joints whose efforts are currents [A], as nobody states their torques.
     """
 
     names: tuple[str, ...]
@@ -43,6 +49,9 @@ class JointSeries(SampleSeries):
     velocity: Array | None = None
     effort: Array | None = None
     effort_delay: float = 0.0
+    unpowered: BoolArray | None = None
+    rate_only: tuple[str, ...] = ()
+    in_amperes: tuple[str, ...] = ()
     _may_lack: ClassVar[tuple[str, ...]] = ('velocity', 'effort')
 
     def __post_init__(self) -> None:
@@ -54,7 +63,49 @@ class JointSeries(SampleSeries):
             )
         if self.position is None:
             raise RecordingError('joints.position', 'is missing')
+        self._integrate()
         self._freeze('joints', **dict.fromkeys(('position', 'velocity', 'effort'), self.names))
+        if self.unpowered is not None:
+            self._check_unpowered(np.array(self.unpowered, dtype=bool))
+
+    def _integrate(self) -> None:
+        """Fill positions that nobody measures."""
+        position = np.array(self.position, dtype=float)
+        if position.ndim != 2 or not np.isnan(position).any():
+            return
+        lacking = np.isnan(position).all(axis=0)
+        for j in np.flatnonzero(lacking).tolist():
+            rate = None if self.velocity is None else np.asarray(self.velocity, dtype=float)
+            if rate is None or np.isnan(rate[:, j]).any():
+                raise RecordingError(
+                    f'joints.position ({self.names[j]})', 'is missing, and so is its rate'
+                )
+            seconds = (self.stamp_ns - self.stamp_ns[0]) / 1e9
+            position[:, j] = cumulative_trapezoid(rate[:, j], seconds, initial=0.0)
+        own = tuple(name for name, lacks in zip(self.names, lacking, strict=True) if lacks)
+        object.__setattr__(self, 'position', position)
+        object.__setattr__(self, 'rate_only', (*self.rate_only, *own))
+
+    def _check_unpowered(self, off: BoolArray) -> None:
+        """Freeze where motors are off; efforts are zero there."""
+        if off.shape != self.position.shape:
+            raise RecordingError(
+                'joints.unpowered', f'expected shape {self.position.shape}, got {off.shape}'
+            )
+        effort = np.full(off.shape, np.nan) if self.effort is None else np.array(self.effort)
+        effort[off] = 0.0
+        off.setflags(write=False)
+        effort.setflags(write=False)
+        object.__setattr__(self, 'unpowered', off)
+        object.__setattr__(self, 'effort', effort)
+
+    @property
+    def passive(self) -> tuple[str, ...]:
+        """Joints without a motor: their torque is zero throughout."""
+        if self.unpowered is None:
+            return ()
+        columns = zip(self.names, self.unpowered.T, strict=True)
+        return tuple(name for name, off in columns if off.all())
 
     @property
     def without_effort(self) -> tuple[str, ...]:

@@ -25,7 +25,8 @@ def in_robot_order(record: Record, robot: Robot) -> Record:
     columns: dict[str, Any] = {
         name: None if values is None else values[:, order]
         for name, values in (
-            ('position', joints.position), ('velocity', joints.velocity), ('effort', joints.effort)
+            ('position', joints.position), ('velocity', joints.velocity),
+            ('effort', joints.effort), ('unpowered', joints.unpowered),
         )
     }  # fmt: skip
     return replace(record, joints=replace(joints, names=arm, **columns))

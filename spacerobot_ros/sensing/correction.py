@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from ..effects.effect import Effect
 from ..model.robot import Robot
@@ -25,7 +26,7 @@ def corrected_record(record: Record, robot: Robot, effects: Sequence[Effect]) ->
         effects: Believed effects; only those of sensors matter here.
     """
     faults = SensorFaults(robot, effects)
-    if faults.are_none and not any(faults.delay.values()):
+    if faults.are_none and not (any(faults.delay.values()) or faults.joint_delays):
         return record
 
     def earlier(stamp_ns: IntArray, clock: str) -> IntArray:
@@ -50,7 +51,16 @@ def _joints(series: JointSeries, time: Array, faults: SensorFaults) -> JointSeri
     zeros = np.zeros_like(series.position)
     rates = zeros if series.velocity is None else series.velocity
     efforts = zeros if series.effort is None else series.effort
-    q, qd, effort = faults.undo_joints(series.position, rates, efforts, time)
+    q, qd, efforts = (
+        np.column_stack(
+            [
+                _earlier(time, column, faults.joint_delays.get(j, 0.0))
+                for j, column in enumerate(x.T)
+            ]
+        )
+        for x in (series.position, rates, efforts)
+    )
+    q, qd, effort = faults.undo_joints(q, qd, efforts, time)
     return replace(
         series,
         position=q,
@@ -58,3 +68,10 @@ def _joints(series: JointSeries, time: Array, faults: SensorFaults) -> JointSeri
         effort=None if series.effort is None else effort,
         effort_delay=series.effort_delay + faults.delay['effort'],
     )
+
+
+def _earlier(time: Array, values: Array, delay: float) -> Array:
+    """Samples that were a delay late, at their own times; the last is held."""
+    if not delay or np.isnan(values).any():
+        return values
+    return np.asarray(make_interp_spline(time, values)(np.minimum(time + delay, time[-1])))

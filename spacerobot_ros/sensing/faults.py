@@ -30,6 +30,9 @@ class SensorFaults:
         self._effects = tuple((e, own) for e, own in places if e.acts('sense'))
         self.delay = {clock: sum(e.delay(clock) for e in effects) for clock in CLOCKS}
         """Lateness of every clock's stamps [s]; the efforts' comes on top of the joints'."""
+        late = sum((e.joint_delays(robot) for e in effects), np.zeros(robot.n_joints))
+        self.joint_delays = dict(enumerate(late.tolist())) if late.any() else {}
+        """By number of the joint, where some are later than the others [s]."""
 
     @property
     def are_none(self) -> bool:

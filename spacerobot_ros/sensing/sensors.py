@@ -89,6 +89,7 @@ class SensorSuite:
         self._imperfections = Imperfections(noise, settings)
         self._faults = faults
         self._delay = dict.fromkeys(EFFECT_CLOCKS, 0.0) if faults is None else faults.delay
+        self._joint_delays = {} if faults is None else faults.joint_delays
         self._history = StateHistory()
 
     def sample(
@@ -126,14 +127,23 @@ class SensorSuite:
         late = [
             self._delay[clock] + self._imperfections.most_late(clock, time) for clock in CLOCKS
         ]
-        return max(late) + self._delay['effort']
+        return max(late) + self._delay['effort'] + max(self._joint_delays.values(), default=0.0)
 
     def _joints(self, time: float) -> JointSample:
         n, noisy = self._n_joints, self._imperfections.noisy
         state = self._history.state(time)
-        effort = self._history.effort(time - self._delay['effort'])
+        effort_late = self._delay['effort']
         truth = {'joint_position': state.q[:n], 'joint_velocity': state.qd[:n]}
-        sensed = self._sensed(time, {**truth, 'joint_effort': effort})
+        truth['joint_effort'] = self._history.effort(time - effort_late)
+        for j, late in self._joint_delays.items():
+            own = self._history.state(time - late)
+            seen = (own.q[:n], own.qd[:n], self._history.effort(time - late - effort_late))
+            is_own = np.arange(n) == j
+            truth = {
+                name: np.where(is_own, value, truth[name])
+                for name, value in zip(truth, seen, strict=True)
+            }
+        sensed = self._sensed(time, truth)
         return JointSample(*(noisy(name, value) for name, value in sensed.items()))
 
     def _wheels(self, time: float) -> Array:

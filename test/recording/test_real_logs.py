@@ -94,15 +94,26 @@ def test_compressed_json(tmp_path):
     np.testing.assert_array_equal(read_record(path, AMPERES, map_path).q, Q)
 
 
-UNKNOWN = robot_of(table_one(), base='fixed', effort_kind=['motor', 'current', 'motor'])
+UNKNOWN = robot_of(table_one(), effort_kind=['motor', 'current', 'motor'])  # on a free base
+PASSIVE = robot_of(
+    table_one(),
+    base='fixed',
+    effort_kind='current',
+    motor_constant=CONSTANTS,
+    passive_joints=['j_link_2'],
+)
 REFUSED = {
     'kind': (ARM, {'effort': {**SECTIONS['effort'], 'unit': 'N m', 'kind': 'link'}},
              r'effort.kind: j_link_1: link, but robot.effort_kind of the robot file says motor'),
     'unknown kind': (ARM, {'effort': {**SECTIONS['effort'], 'kind': 'torque'}},
                      "expected motor or link or current or .*got 'torque'"),
     'amperes': (ARM, {}, "unit: j_link_1: 'A' is a current, but .* says motor: state current"),
+    'no motor': (PASSIVE, {}, 'effort.columns: j_link_2 has an effort, but is one of robot'),
     'constants': (UNKNOWN, {'effort': {**SECTIONS['effort'], 'unit': ['N m', 'A', 'N m']}},
                   'robot.motor_constant: is missing: efforts of j_link_2 are currents, state N m'),
+    'no position': (AMPERES, {'position': {'columns': [1, None, 3], 'unit': 'rad'},
+                              'velocity': {'columns': [4, None, 6], 'unit': 'rad/s'}},
+                    r'joints.position \(j_link_2\): is missing, and so is its rate'),
     'column': (AMPERES, {'effort': {**SECTIONS['effort'], 'columns': [7, 8, 12]}},
                r"has no column '12' \(it has 0, 1, 2, .*9\)"),
     'negative': (AMPERES, {'effort': {**SECTIONS['effort'], 'columns': [7, 8, -1]}},
@@ -145,17 +156,17 @@ def missing(column):
 
 
 @pytest.mark.parametrize('how', ['null', 'nan'])
-def test_a_joint_without_rate_or_effort(tmp_path, how):
+def test_a_joint_without_rate(tmp_path, how):
     columns = [4, None, 6] if how == 'null' else [4, 5, 6]
     velocity = {**SECTIONS['velocity'], 'columns': columns}
     table = missing(5) if how == 'nan' else TABLE
     record = read_record(*swap(written(tmp_path, table, velocity=velocity), AMPERES))
     assert record.qd is None
     assert 'no rates of j_link_2: no rates are used' in record.notes
-    columns = [7, None, 9] if how == 'null' else [7, 8, 9]
-    effort = {**SECTIONS['effort'], 'columns': columns}
-    table = missing(8) if how == 'nan' else TABLE
-    path, map_path = written(tmp_path, table, effort=effort)
+
+
+def test_a_joint_whose_effort_nobody_logged(tmp_path):
+    path, map_path = written(tmp_path, missing(8))
     record = read_record(path, AMPERES, map_path)
     assert record.joints.without_effort == ('j_link_2',)
     assert 'no efforts of j_link_2' in record.notes
@@ -167,6 +178,59 @@ def test_a_joint_without_rate_or_effort(tmp_path, how):
     record = read_record(path, free, map_path)  # momentum tells without efforts
     assert record.effort is None
     assert 'no efforts of j_link_2: none are used' in record.notes
+
+
+NULL_EFFORT = {'columns': [7, None, 9], 'unit': ['A', None, 'A']}
+
+
+@pytest.mark.parametrize('said', ['mapping', 'robot file', 'both'])
+def test_a_joint_without_a_motor(tmp_path, said):
+    """Null in the mapping, or named by the robot file where a log lacks the column."""
+    sections = {} if said == 'robot file' else {'effort': NULL_EFFORT}
+    robot = AMPERES if said == 'mapping' else PASSIVE
+    if said == 'robot file':
+        record = read_record(*swap(written(tmp_path, **sections), AMPERES))
+        lacking = replace(record.joints, effort=record.effort * [1.0, np.nan, 1.0])
+        save_npz(replace(record, joints=lacking), tmp_path / 'log.npz')
+        record = read_record(tmp_path / 'log.npz', robot)
+    else:
+        record = read_record(*swap(written(tmp_path, **sections), robot))
+    assert record.joints.passive == ('j_link_2',)
+    np.testing.assert_array_equal(record.effort[:, 1], 0.0)
+    assert record.effort[:, [0, 2]].all()
+    save_npz(record, tmp_path / 'run.npz')
+    assert load_npz(tmp_path / 'run.npz').joints.passive == ('j_link_2',)
+    assert data_faults(record, robot) == ()  # a torque that never changes is no dead sensor
+
+
+def test_motors_that_are_off_for_a_while(tmp_path):
+    on = np.column_stack([TABLE, (TIME < 1.0).astype(float)])
+    effort = {**SECTIONS['effort'], 'enabled': [None, 10, None]}
+    record = read_record(*swap(written(tmp_path, on, effort=effort), AMPERES))
+    assert record.joints.passive == ()
+    np.testing.assert_array_equal(record.joints.unpowered[:, 1], TIME >= 1.0)
+    np.testing.assert_array_equal(record.effort[TIME >= 1.0, 1], 0.0)
+    np.testing.assert_array_equal(record.joints.unpowered[:, [0, 2]], False)
+
+
+def test_currents_that_nobody_makes_torques_stay_in_amperes(tmp_path):
+    fixed = robot_of(table_one(), base='fixed', effort_kind='current')
+    record = read_record(*swap(written(tmp_path), fixed))
+    np.testing.assert_array_equal(record.effort, CURRENT)
+    assert record.joints.in_amperes == fixed.joints
+    assert f'{", ".join(JOINTS)}: efforts are currents in A' in record.notes
+    converted = {**SECTIONS['effort'], 'unit': 'N m'}
+    record = read_record(*swap(written(tmp_path, effort=converted), fixed))
+    assert record.joints.in_amperes == ()
+
+
+def test_the_angle_of_a_wheel_is_the_integral_of_its_rate(tmp_path):
+    """By trapezoids: h^2 / 12 of the second derivative, 4^2 * 2 * 0.01^2 / 12 rad."""
+    position = {'columns': [1, None, 3], 'unit': ['rad', None, 'rad']}
+    record = read_record(*swap(written(tmp_path, position=position), AMPERES))
+    assert record.joints.rate_only == ('j_link_2',)
+    np.testing.assert_allclose(record.q[:, 1], Q[:, 1] - Q[0, 1], rtol=0, atol=1e-4)
+    np.testing.assert_array_equal(record.q[:, 0], Q[:, 0])
 
 
 def test_some_empty_cells_of_a_column_are_refused(tmp_path):

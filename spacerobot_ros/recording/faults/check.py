@@ -89,9 +89,10 @@ def _dead_joints(joints: JointSeries | None) -> Iterator[DataFault]:
         yield DataFault('constant', f'joint_position/{name}', message)
     if joints.effort is None:
         return
-    if not np.any(joints.effort):
+    driven = ~np.isin(joints.names, joints.passive)
+    if driven.any() and not np.any(joints.effort):
         yield DataFault('constant', 'joint_torque', 'all efforts are zero: they were not measured')
         return
-    for name in np.array(joints.names)[(np.ptp(joints.effort, axis=0) == 0.0) & ~still]:
+    for name in np.array(joints.names)[(np.ptp(joints.effort, axis=0) == 0.0) & ~still & driven]:
         message = 'never changes although the joint moves'
         yield DataFault('constant', f'joint_torque/{name}', message)

@@ -114,6 +114,8 @@ class _Torques:
         time, effort = record.joint_time, record.effort
         if effort is None or robot.rotor_count or (robot.is_free and record.rates is None):
             return None
+        if record.joints is None or record.joints.in_amperes:  # of any scale
+            return None
         if len(time) < FEWEST_SAMPLES or np.isnan(effort).any():
             return None
         step = float(np.median(np.diff(time)))

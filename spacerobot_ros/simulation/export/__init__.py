@@ -1,1 +1,0 @@
-"""The extended model for other simulators, and what is lost on the way."""
