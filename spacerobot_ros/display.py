@@ -20,6 +20,18 @@ T = TypeVar('T')
 Status = Literal['', 'good', 'bad']
 
 
+class PageLink(str):
+    """A cell that leads to another page, relative to its own."""
+
+    target: str
+
+    def __new__(cls, text: str, target: str) -> PageLink:
+        """The text with where it leads."""
+        link = super().__new__(cls, text)
+        link.target = target
+        return link
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """A table.

@@ -7,8 +7,6 @@ import argparse
 from .options import Subparsers, add_command, add_recording_options, check_folder
 from .terminal import print_json, print_sections, progress
 
-JSON_NAME, REPORT_NAME = 'diagnosis.json', 'report.html'
-
 _DESCRIPTION = """\
 Compare measured data with the robot's simulation: show what is different, name the physical cause
 with its place and size, extend the model by it, and measure the gain on data that it was not
@@ -61,14 +59,10 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose, write, print; 0 where the data are consistent with the model, else 1."""
-    from ..diagnosis.answer.extended_model import write_extended_model
     from ..diagnosis.answer.findings import Question, findings
     from ..diagnosis.answer.output import EXTENDED_MODEL
-    from ..json_values import json_text
-    from ..model.files import write_text
-    from ..report.diagnosis_page import diagnosis_page
+    from ..report.diagnosis_files import JSON_NAME, REPORT_NAME, write_answer
     from ..report.diagnosis_tables import summary
-    from ..report.html import write_report
 
     out = check_folder(args.out, (JSON_NAME, 'a diagnosis'), args.force)
     with progress() as stage:
@@ -82,9 +76,7 @@ def run(args: argparse.Namespace) -> int:
         )
         answer = findings(asked, asked.command(args.out), stage('reading', 1.0))
     values = answer.to_dict()
-    write_extended_model(args.robot, (*answer.added, *answer.calibration), out / EXTENDED_MODEL)
-    write_text(out / JSON_NAME, json_text(values))
-    write_report(diagnosis_page(answer), out / REPORT_NAME)
+    write_answer(answer, args.robot, out)
     if args.json:
         print_json(values)
     else:

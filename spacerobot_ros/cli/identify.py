@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     groups = standard_parameters(robot, minimal, settings.structure)
     advice = advise_on(record, MomentumModel(robot, minimal), estimate)
     if args.json:
-        data = estimate.to_dict()
+        data = {'schema': 1, **estimate.to_dict()}
         for parameter, group in zip(data['parameters'], groups, strict=True):
             parameter['groups'] = group
         data['advice'] = [asdict(one) for one in advice]

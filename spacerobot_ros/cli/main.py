@@ -31,8 +31,11 @@ COMMANDS = {
     'check': 'say what a recording is worth: rates, clocks, noise, faults, excitation',
     'diagnose': 'name what a simulation gets wrong about measured data, and extend its model',
     'compare': 'say what changed on an arm between two recordings, or that nothing did',
+    'fleet': 'diagnose many recordings: one table, what drifts, what appeared when',
     'excite': 'design the motion that an identification learns most from',
+    'export': 'write a model for MuJoCo or as plain URDF, and say what is lost',
     'reproduce': 'repeat published experiments and campaigns beside their figures',
+    'completion': 'what makes bash or zsh complete all of this',
 }
 """Commands, and what they do in a line."""
 
@@ -96,19 +99,28 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(words: Sequence[str], asked: str) -> int:
     """Parse, with the parser of the one command that is asked for, and run it."""
+    args = _parser(asked).parse_args(words)
+    return int(importlib.import_module(f'{__package__}.{asked}').run(args))
+
+
+def whole_parser() -> argparse.ArgumentParser:
+    """The parser of all commands with their arguments."""
+    return _parser(*COMMANDS)
+
+
+def _parser(*asked: str) -> argparse.ArgumentParser:
+    """The parser of some commands; of the others only their names."""
     parser = argparse.ArgumentParser(
         prog='spacerobot', description=_DESCRIPTION, epilog=_EPILOG, formatter_class=Formatter
     )
     parser.add_argument('--version', action='version', version=_version())
     subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)
     for name, summary in COMMANDS.items():
-        if name == asked:
-            module = importlib.import_module(f'{__package__}.{name}')
-            module.add_parser(subparsers)
+        if name in asked:
+            importlib.import_module(f'{__package__}.{name}').add_parser(subparsers)
         else:
             subparsers.add_parser(name, help=summary)
-    args = parser.parse_args(words)
-    return int(module.run(args))
+    return parser
 
 
 @contextmanager

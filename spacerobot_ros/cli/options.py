@@ -42,7 +42,10 @@ def add_command(
         text: What it does.
         epilog: Examples and exit statuses.
     """
-    return subparsers.add_parser(name, description=text, epilog=epilog, formatter_class=Formatter)
+    summary = text.partition('\n')[0].replace('%', '%%')  # shells show it beside the name
+    return subparsers.add_parser(
+        name, help=summary, description=text, epilog=epilog, formatter_class=Formatter
+    )
 
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:

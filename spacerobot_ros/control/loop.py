@@ -26,6 +26,7 @@ from .feedback import NS, AttitudeHistory, Feedback, RateHistory
 from .joint_reference import Reference, Setpoint, Waypoints, check_reference, rest
 from .plausible import MotionLimits
 from .reference_motion import ReferenceMotion
+from .sample_screen import SampleScreen
 
 _MOVING = 6.0  # standard deviations of a rate, from which on a joint is not at rest
 _BRAKED = 5.0  # time constants of the damping, after which 0.7 % of a rate is left
@@ -44,6 +45,7 @@ class ControlLoop:
 
     Attributes:
         mode: What the loop is doing.
+        screen: Leaves samples out that contradict their forerunners.
 
     Raises:
         ConfigurationError: settings that don't fit the robot.
@@ -70,6 +72,7 @@ class ControlLoop:
         self._first_hold_ns = round(settings.simulator.period * 1e9)
         self._limits = MotionLimits(robot, settings.simulator.joint_rate)
         self._rest_std = settings.sensors.std('joint_velocity') or 0.0
+        self.screen = SampleScreen(settings.sensors, settings.controller)
         self.reset()
 
     def reset(self) -> None:
@@ -86,6 +89,7 @@ class ControlLoop:
         timeouts = (self._settings.state_timeout, 0.25 * self._settings.attitude_timeout)
         span = max(0.5, 4.0 * max(timeouts))
         self._rates, self._attitudes = RateHistory(span), AttitudeHistory(span)
+        self.screen.reset()
         self._is_new_time = True
 
     @property
@@ -159,7 +163,9 @@ class ControlLoop:
         Raises:
             MessageRejectedError: stamp not after the last one.
         """
-        self._rates.add(stamp_ns, self._faults.undo_rate(omega_WB_B))
+        check_later(stamp_ns, self.rate_ns)
+        if self.screen.takes_rate(stamp_ns, omega_WB_B):
+            self._rates.add(stamp_ns, self._faults.undo_rate(omega_WB_B))
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion) -> None:
         """Take an attitude.
@@ -167,7 +173,10 @@ class ControlLoop:
         Raises:
             MessageRejectedError: stamp not after the last one.
         """
-        self._attitudes.add(stamp_ns, q_WB_xyzw)
+        check_later(stamp_ns, self.attitude_ns)
+        predicted = self._attitudes.at(stamp_ns, self._rates)
+        if self.screen.takes_attitude(stamp_ns, q_WB_xyzw, predicted):
+            self._attitudes.add(stamp_ns, q_WB_xyzw)
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array) -> Command:
         """Take a joint sample and answer it.
@@ -180,6 +189,7 @@ class ControlLoop:
             self._last = None
         self._is_new_time = False
         check_later(stamp_ns, self.joints_ns)
+        q, qd = self.screen.joints(stamp_ns, q, qd)
         q, qd, _ = self._faults.undo_joints(q, qd, np.zeros(self.n))
         elapsed = stamp_ns - self._last[0] if self._last else 0
         if elapsed:
@@ -228,6 +238,8 @@ class ControlLoop:
 
     def _stale(self, stamp_ns: int) -> str:
         """Which sensor is missing or too old at a joint sample; empty where none is."""
+        if self.screen.is_lost(stamp_ns):
+            return 'joint states contradict each other'
         if not self.robot.is_free:
             return ''
         newest = self._rates.newest_ns

@@ -95,7 +95,9 @@ def unseen_turns(record: Record) -> Array | None:
     attitude, times = record.attitude, record.attitude_time
     if len(record.rate_time) > len(times):
         grid = np.unique(np.concatenate([times, record.rate_time]))
-        curve = make_interp_spline(record.rate_time, record.omega, k=3)
+        # more than half a turn between samples is no rate, and would overflow
+        most = np.pi / np.median(np.diff(record.rate_time))
+        curve = make_interp_spline(record.rate_time, np.clip(record.omega, -most, most), k=3)
         seen = integrated_rotation(
             lambda t: np.asarray(curve(np.clip(t, *record.rate_time[[0, -1]]))),
             grid,

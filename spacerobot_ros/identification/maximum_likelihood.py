@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import IdentificationError
 from ..estimation.momentum_filter import MomentumFilter, SquareRootInformation, Stretch
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import NoiseLevels, ReferenceTrajectory
@@ -64,6 +65,7 @@ class MaximumLikelihood:
     Attributes:
         constants: (p,) about which everything is linearized; the robot file's at first.
         is_converged: Whether the last pass of `solve` moved them by less than 0.01 sigma.
+        is_abandoned: Whether `solve` shall end before its next pass.
     """
 
     def __init__(
@@ -73,7 +75,7 @@ class MaximumLikelihood:
         self._prior: Prior | None = None
         self._filter = MomentumFilter(model)
         self.constants = model.prior()
-        self.is_converged = False
+        self.is_converged = self.is_abandoned = False
 
     @property
     def known(self) -> Known | None:
@@ -85,7 +87,11 @@ class MaximumLikelihood:
         return Known(part, self.constants[part].copy(), factor, values)
 
     def solve(self, stretch: Stretch) -> None:
-        """Estimate from a stretch alone, from the prior or from what was found last."""
+        """Estimate from a stretch alone, from the prior or from what was found last.
+
+        Raises:
+            IdentificationError: it is abandoned.
+        """
         if self._prior is None:
             self._prior = weak_prior(
                 self._model, stretch.kinematics, self._settings, stretch.holds
@@ -95,6 +101,8 @@ class MaximumLikelihood:
                 self.constants[self._known.part] = self._known.best
         prior = self._prior
         for _ in range(_PASSES):
+            if self.is_abandoned:
+                raise IdentificationError('nobody waits for it any more')
             self._filter = MomentumFilter(self._model)
             information = self._filter.information
             self._add_prior(information, prior)

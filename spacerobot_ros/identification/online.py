@@ -14,6 +14,7 @@ what was learned of wheels and parameters is kept, total momentum unless the clo
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -49,6 +50,8 @@ _LONGEST_PAUSE = 0.5
 """Longest time without joints or gyro that is bridged [s]. Up to 0.7 s estimates stay valid and
 within 2.6 standard deviations (servicer, 100 Hz, two seeds); from 0.9 s without a gyro on chi2 no
 longer explains itself. Of slow sensors four periods, as where recordings are split."""
+_LARGEST = 20_000
+"""Samples of one sensor in one solution: it takes 36 kB of memory for each (servicer)."""
 _FAILURES = (ArithmeticError, LookupError, RuntimeError, ValueError)
 """What numerical libraries raise where data defeat them (`LinAlgError` is a ValueError)."""
 _WORDS = {'joints': 'joint states', 'imu': 'gyro', 'attitude': 'attitude'}
@@ -83,6 +86,7 @@ class OnlineIdentifier:
         self.rejected = 0
         self._likelihood = MaximumLikelihood(self._model, self._settings)
         self._last: Identification | None = None
+        self._known: Known | None = None  # when `_last` was concluded
         self._is_news = False  # whether it was learned since the last one was saved
         self._earlier = Source(0, 0)  # of segments before this one
         self._left_out_earlier: Counter[str] = Counter()
@@ -93,8 +97,15 @@ class OnlineIdentifier:
     def begin_segment(self) -> None:
         """Take what comes now as another run of the same robot, whatever its stamps."""
         self.samples = SampleBuffer(self._joints, self._lag, LONGEST_GAP)
-        known = self._likelihood.known
-        self._begin(-np.inf, None if known is None else known.of_robot())
+        self._begin(-np.inf, None if self._known is None else self._known.of_robot())
+
+    def copy(self) -> OnlineIdentifier:
+        """What `reset`, `begin_segment` or `load` may change while a thread solves this one."""
+        return copy.copy(self)
+
+    def abandon(self) -> None:
+        """Have a solution that is under way in another thread end soon, as a failure."""
+        self._likelihood.is_abandoned = True
 
     def save(self, path: Path, now_ns: int) -> bool:
         """Save what is known at a wall time [ns]; False where nothing valid is new.
@@ -104,11 +115,11 @@ class OnlineIdentifier:
         Raises:
             ConfigurationError: it can not be written.
         """
-        known, last = self._likelihood.known, self._last
+        known, last = self._known, self._last
         if known is None or last is None or not (self._is_news and last.estimate.valid):
             return False
-        save(path, self._model, known, last.estimate, now_ns)
         self._is_news = False
+        save(path, self._model, known, last.estimate, now_ns)
         return True
 
     def load(self, path: Path, now_ns: int) -> None:
@@ -119,6 +130,7 @@ class OnlineIdentifier:
         """
         saved = load(path, self._model, now_ns)
         self.reset()
+        self._known = saved.known
         self._begin(-np.inf, saved.known)
         self._last = Identification(saved.estimate)
         self._source = Source(saved.estimate.samples, saved.estimate.stamp_ns)
@@ -130,7 +142,7 @@ class OnlineIdentifier:
         self._earlier, self._left_out_earlier = self._source, self.left_out.copy()
         self._noise: NoiseLevels | None = None
         self._first_joints: float | None = None  # from which holds count
-        self._start = start
+        self._start, self._is_kept = start, True
         self._done = max(start, 0.0)
         self._next_rerun = 0.0
         self._rerun_constants, self._rerun_std = self._model.prior(), np.zeros(self._model.size)
@@ -171,6 +183,7 @@ class OnlineIdentifier:
         if not (len(tail.joint_time) and len(tail.rate_time)):
             return self._nothing('no samples that agree with each other')
         end = float(min(tail.joint_time[-1], tail.rate_time[-1])) - self._lag
+        end = min(end, *(self._longest(time) for time in (record.joint_time, record.rate_time)))
         before, after = _first_pause(tail)
         if end <= before:
             return self._solve(record, end)
@@ -178,12 +191,12 @@ class OnlineIdentifier:
             return self._solve(record, before)
         with suppress(IdentificationError):
             self._solve(record.between(-np.inf, before), before)
-        self._begin(0.5 * (before + after), self._likelihood.known)
+        self._begin(0.5 * (before + after), self._known)
         return self.solve(until_ns)
 
     def _solve(self, record: Record, end: float) -> Estimate:
         """Use a record without long pauses up to a time [s]."""
-        is_first, known = self._noise is None, self._likelihood.known
+        is_first, known = self._noise is None, self._known
         seconds = _common(record, end)
         if end - self._done < 1e-3 or (is_first and seconds < FIRST):
             return self._nothing(
@@ -238,16 +251,26 @@ class OnlineIdentifier:
         if self._noise is None or not (len(new.joint_time) or len(new.rate_time)):
             return
         times = (whole.joint_time, whole.rate_time, whole.attitude_time)
-        for sensor, time, bad in zip(outliers._fields, times, outliers, strict=True):
-            self.left_out[sensor] += int(np.sum(bad & (time > self._done) & (time <= end)))
+        self.left_out = self.left_out + Counter(
+            {
+                sensor: int(np.sum(bad & (time > self._done) & (time <= end)))
+                for sensor, time, bad in zip(outliers._fields, times, outliers, strict=True)
+            }
+        )
         stretch = self._likelihood.extend(new, context, self._noise, self._holds(record))
         samples = self._source.samples + len(new.joint_time)
         self._source = replace(self._source, samples=samples)
         self._done = float(stretch.reference.times[-1])
 
     def _is_whole(self, end: float) -> bool:
-        """Whether the buffer holds the whole segment up to a time [s]."""
-        return end - max(self._start, 0.0) <= self._settings.buffer
+        """Whether the buffer holds the whole segment up to a time [s], few enough to run again."""
+        few = all(len(s.stamps) <= _LARGEST for s in self.samples.streams.values())
+        return self._is_kept and few and end - max(self._start, 0.0) <= self._settings.buffer
+
+    def _longest(self, time: Array) -> float:
+        """Up to when samples at some times [s] are few enough for one solution [s]."""
+        last = int(np.searchsorted(time, self._done)) + _LARGEST
+        return float(time[last]) if last < len(time) else np.inf
 
     def _is_rerun_due(self, end: float) -> bool:
         """Whether the linearization of what was run through is no longer good enough."""
@@ -264,7 +287,8 @@ class OnlineIdentifier:
 
     def _conclude(self, end: float) -> Estimate:
         """Forget what is no longer needed, and say what is known."""
-        keep = self._settings.buffer if self._is_whole(end) else _CONTEXT + self._lag
+        self._is_kept = self._is_whole(end)
+        keep = self._settings.buffer if self._is_kept else _CONTEXT + self._lag
         stamp_ns = (self.samples.origin_ns or 0) + round(self._done * 1e9)
         self.samples.close(stamp_ns, round(keep * 1e9))
         solution = self._likelihood.solution('online')
@@ -274,6 +298,7 @@ class OnlineIdentifier:
         source = replace(self._source, stamp_ns=stamp_ns)
         start = None if self._last is None else self._last.coordinates
         found = conclude(self._model, self._settings, solution, source, start)
+        self._known = self._likelihood.known
         self._is_news = True
         self._last = found if found.coordinates is not None else replace(found, coordinates=start)
         return found.estimate

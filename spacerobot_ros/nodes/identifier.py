@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +30,18 @@ from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import run_node
 from ..sensing.faults import SensorFaults
 from .base import TOPICS, SensorNode
+from .beside import Beside
 
 DISORDER_NS = 50_000_000  # by which messages of one sensor overtake each other
+ANSWER = 0.05  # s that a service waits for a solution; it shall answer within 0.1 s
+STOP = 1.0  # s that the end of the node waits for one
 
 
 class IdentifierNode(SensorNode):
-    """Feeds the online identifier, solves at regular stamps and publishes its estimates."""
+    """Feeds the online identifier, solves at regular stamps and publishes its estimates.
+
+    It solves on a thread of its own, in lockstep at once, so that runs repeat to the last bit.
+    """
 
     identifier: OnlineIdentifier
     bridged_ns = LONGEST_GAP * 1e9
@@ -52,15 +60,23 @@ class IdentifierNode(SensorNode):
         path = self.settings.identifier.save_file
         self._file = Path(path) if path else None
         self._next_ns: int | None = None
+        self._beside = Beside(self, is_threaded=not self.settings.simulator.lockstep)
         self._clear()
         self.find_robot()
+
+    def destroy_node(self) -> None:
+        """Let a solution that is under way end, then leave."""
+        if self.is_open:
+            self.identifier.abandon()
+            self._beside.finish(STOP)
+        super().destroy_node()
 
     def restart(self, why: str) -> None:
         """Forget all samples, and say so in an estimate that is not valid."""
         self._clear()
         if not self.is_open:
             return
-        self.identifier.reset()
+        self._replace(OnlineIdentifier.reset)
         self.get_logger().info(f'reset: {why}')
         self._publish(self.identifier.solve())
 
@@ -68,30 +84,48 @@ class IdentifierNode(SensorNode):
         """Keep what is known of the robot; all else may be another in another time."""
         self.get_logger().info(f'{why}: another segment begins')
         self._next_ns = None
-        self.identifier.begin_segment()
-        self.solve()
+        self._replace(OnlineIdentifier.begin_segment)
+        self._publish(self.identifier.solve())
 
-    def solve(self, until_ns: int | None = None) -> Estimate | None:
-        """Use what has arrived and publish the estimate; None where nothing can be solved.
+    def solve(self, until_ns: int | None = None) -> None:
+        """Use what has arrived and publish the estimate.
 
         Args:
             until_ns: Last stamp to look at [ns]; None: the newest.
         """
-        if not self.is_open:
-            return None
+        if self.is_open:
+            identifier = self.identifier
+            work = partial(self._attempt, identifier, until_ns)
+            self._beside.start(work, partial(self._conclude, identifier))
+
+    def _attempt(self, identifier: OnlineIdentifier, until_ns: int | None) -> tuple[Any, ...]:
+        """Estimate and time to solve [ms], or why there is none; on whatever thread."""
         started = self.steady.now().nanoseconds
         try:
-            estimate = self.identifier.solve(until_ns)
+            estimate = identifier.solve(until_ns)
         except IdentificationError as error:
-            self._failure = str(error)
-            self.get_logger().warning(f'no estimate: {error}', throttle_duration_sec=5.0)
-            return None
-        self._failure = ''
-        self._solve_ms = (self.steady.now().nanoseconds - started) * 1e-6
+            return None, str(error)
+        return estimate, (self.steady.now().nanoseconds - started) * 1e-6
+
+    def _conclude(self, identifier: OnlineIdentifier, outcome: tuple[Any, ...]) -> None:
+        if identifier is not self.identifier:
+            return  # of a run that was left meanwhile
+        estimate, detail = outcome
+        self._failure = '' if estimate else detail
+        if estimate is None:
+            self.get_logger().warning(f'no estimate: {detail}', throttle_duration_sec=5.0)
+            return
+        self._solve_ms = detail
         self._publish(estimate)
         if self._file is not None and estimate.valid:
             self._on_save()
-        return estimate
+
+    def _replace(self, change: Callable[[OnlineIdentifier], None]) -> None:
+        """Change the identifier; a solution that is under way goes on with another, unheard."""
+        changed = self.identifier.copy()
+        change(changed)
+        self.identifier.abandon()
+        self.identifier = changed
 
     def on_robot(self, robot: Robot) -> None:
         """Start to identify."""
@@ -131,15 +165,21 @@ class IdentifierNode(SensorNode):
         self.estimate = None
 
     def _solve_up_to(self, settled_ns: int) -> None:
-        """Solve at every period that is over: what comes in which order makes no difference."""
-        samples = self.identifier.samples
+        """Solve at every period that is over: what comes in which order makes no difference.
+
+        Beside the callbacks, at the last that is over as soon as the one before is solved.
+        """
+        if self._beside.is_busy:
+            return
+        samples, period_ns = self.identifier.samples, self._period_ns
         if self._next_ns is None:
-            self._next_ns = (samples.origin_ns or 0) + self._period_ns
+            self._next_ns = (samples.origin_ns or 0) + period_ns
         stamp_ns = samples.after(self._next_ns)
-        while stamp_ns is not None and stamp_ns <= settled_ns:
+        while stamp_ns is not None and stamp_ns <= settled_ns and not self._beside.is_busy:
+            if self._beside.is_threaded:
+                self._next_ns += (settled_ns - self._next_ns) // period_ns * period_ns
             self.solve(self._next_ns)
-            periods = (stamp_ns - self._next_ns) // self._period_ns + 1
-            self._next_ns += self._period_ns * periods
+            self._next_ns += max(1, (stamp_ns - self._next_ns) // period_ns + 1) * period_ns
             stamp_ns = samples.after(self._next_ns)
 
     def _publish(self, estimate: Estimate) -> None:
@@ -169,8 +209,9 @@ class IdentifierNode(SensorNode):
     def _on_load(self) -> tuple[bool, str]:
         if self._file is None or not self.is_open:
             return False, 'identifier.save_file names no file, or there is no robot yet'
+        file = self._file
         try:
-            self.identifier.load(self._file, time.time_ns())
+            self._replace(lambda identifier: identifier.load(file, time.time_ns()))
         except SpaceRobotError as error:
             return False, f'not loaded: {error}'
         self._clear()
@@ -178,8 +219,11 @@ class IdentifierNode(SensorNode):
         return True, f'goes on with what {self._file} knows'
 
     def _on_solve(self) -> tuple[bool, str]:
-        estimate = self.solve()
-        return estimate is not None and estimate.valid, self._estimate_status().message
+        self.solve()
+        is_done = self._beside.finish(ANSWER)
+        message = self._estimate_status().message
+        is_valid = self.estimate is not None and self.estimate.valid and not self._failure
+        return is_valid, message if is_done else f'still solving; the last one: {message}'
 
     def _estimate_status(self) -> Status:
         estimate = self.estimate

@@ -129,6 +129,8 @@ class MonitorNode(SensorNode):
             values['spoke first'] = state.first
         for axis, (h, std) in enumerate(zip(state.momentum, state.momentum_std, strict=True)):
             values[f'aam {axis} [N m s]'] = f'{h:.6g} +- {std:.2g}'
+        for sensor, count in self.monitor.left_out.items():
+            values[f'{TOPICS[sensor][0]} outliers [messages]'] = count
         if state.notes:
             values['notes'] = '; '.join(state.notes)
         return Status('model', LEVELS[state.level], state.reason, values)

@@ -3,11 +3,13 @@
 A sensor's samples may come in any order and beside those of other sensors. One is refused when it
 is no sample (wrong length, not finite), the second with its stamp, further behind the newest of
 its sensor than the lateness, of a time that has been used already, or far ahead of all others.
+One thread may read a `SampleBuffer` while another fills it.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from threading import RLock
 
 import numpy as np
 
@@ -18,6 +20,9 @@ from .record import AttitudeSeries, JointSeries, RateSeries, Record, shown
 
 SENSORS = ('imu', 'attitude', 'joints')  # in the order in which equal stamps are used
 PATIENCE_NS = 1_000_000_000  # for a sensor that is silent, on its stamps and on the wall
+MOST_SAMPLES = 100_000
+"""Of a sensor in a `SampleBuffer` that is emptied as it is used: 100 s at 1 kHz, 30 MB. Where
+messages come faster than that for long, the oldest are dropped."""
 JUMP_NS = 1_000_000_000  # stamps that go back further are another run, not out of order
 
 
@@ -39,10 +44,11 @@ class Stream:
 
     Args:
         lateness_ns: How far a stamp may lie before the newest one [ns]; None: as far as it likes.
+        most: Number of samples to keep, about; None: all.
     """
 
-    def __init__(self, lateness_ns: int | None = None) -> None:
-        self._lateness_ns = lateness_ns
+    def __init__(self, lateness_ns: int | None = None, most: int | None = None) -> None:
+        self._lateness_ns, self._most = lateness_ns, most
         self.stamps: list[int] = []
         self.values: list[Array] = []
         self.newest_ns: int | None = None
@@ -63,6 +69,8 @@ class Stream:
         self.stamps.insert(place, stamp_ns)
         self.values.insert(place, value)
         self.note(stamp_ns)
+        if self._most is not None and len(self.stamps) > self._most:
+            self.forget(self.stamps[self._most // 10])
 
     def note(self, stamp_ns: int) -> None:
         """Hear of a sample, whether it can be used or not."""
@@ -114,7 +122,10 @@ class SampleBuffer:
     ) -> None:
         self._joints, self._sensors, self._ahead = joints, sensors, ahead
         late = None if lateness is None else round(lateness * 1e9)
-        self.streams = {sensor: Stream(late) for sensor in SENSORS}
+        # without a lateness it holds a record that somebody wants whole
+        most = None if late is None else MOST_SAMPLES
+        self.streams = {sensor: Stream(late, most) for sensor in SENSORS}
+        self._lock = RLock()
         self.origin_ns: int | None = None
         self.closed_ns: int | None = None
 
@@ -152,6 +163,10 @@ class SampleBuffer:
         Raises:
             MessageRejectedError: see the top of this file.
         """
+        with self._lock:
+            self._add(sensor, stamp_ns, value)
+
+    def _add(self, sensor: str, stamp_ns: int, value: Array) -> None:
         if self.closed_ns is not None and stamp_ns <= self.closed_ns:
             self.streams[sensor].note(stamp_ns)  # it is heard again, and waited for from now on
             raise MessageRejectedError('stamp goes backwards, too late to be used')
@@ -189,9 +204,10 @@ class SampleBuffer:
 
     def forget(self, keep: float) -> None:
         """Drop samples older than the newest of all by more than a time [s], used or not."""
-        if self.newest_ns is not None:
-            for stream in self.streams.values():
-                stream.forget(self.newest_ns - round(keep * 1e9))
+        with self._lock:
+            if self.newest_ns is not None:
+                for stream in self.streams.values():
+                    stream.forget(self.newest_ns - round(keep * 1e9))
 
     def record(self, start_ns: int | None = None, end_ns: int | None = None) -> Record:
         """The samples from start to end, both included, in seconds from the first of all."""
@@ -201,21 +217,24 @@ class SampleBuffer:
         )
         n = len(self._joints)
         joints = rates = attitudes = None
-        stamps, rows = self.streams['joints'].between(*ends)
+        with self._lock:
+            parts = {sensor: stream.between(*ends) for sensor, stream in self.streams.items()}
+        stamps, rows = parts['joints']
         if len(stamps):
             q, qd, effort, has_effort = np.split(rows, [n, 2 * n, 3 * n], axis=1)
             joints = JointSeries(self._joints, stamps, q, qd, effort if has_effort.all() else None)
-        stamps, rows = self.streams['imu'].between(*ends)
+        stamps, rows = parts['imu']
         if len(stamps):
             rates = RateSeries(stamps, rows)
-        stamps, rows = self.streams['attitude'].between(*ends)
+        stamps, rows = parts['attitude']
         if len(stamps):
             attitudes = AttitudeSeries(stamps, rows)
         return Record(joints, rates, attitudes, zero_ns=self.origin_ns or 0)
 
     def after(self, stamp_ns: int) -> int | None:
         """The first stamp after one [ns]; None where there is none."""
-        first = (stream.after(stamp_ns) for stream in self.streams.values())
+        with self._lock:
+            first = [stream.after(stamp_ns) for stream in self.streams.values()]
         return min((ns for ns in first if ns is not None), default=None)
 
     def seconds(self, stamp_ns: int) -> float:
@@ -224,6 +243,7 @@ class SampleBuffer:
 
     def close(self, stamp_ns: int, keep_ns: int) -> None:
         """Take stamps up to this one as used; drop what is older by more than `keep_ns`."""
-        self.closed_ns = stamp_ns
-        for stream in self.streams.values():
-            stream.forget(stamp_ns - keep_ns)
+        with self._lock:
+            self.closed_ns = stamp_ns
+            for stream in self.streams.values():
+                stream.forget(stamp_ns - keep_ns)

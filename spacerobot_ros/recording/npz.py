@@ -52,11 +52,12 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
         RecordingError: not readable.
     """
     try:
-        file = np.load(path, allow_pickle=False)
-        if isinstance(file, np.ndarray):
-            raise ValueError('it holds one array without a name')
-        with file:
-            return {name: file[name] for name in file.files}
+        with Path(path).open('rb') as opened:  # numpy leaves a broken one open
+            file = np.load(opened, allow_pickle=False)
+            if isinstance(file, np.ndarray):
+                raise ValueError('it holds one array without a name')
+            with file:
+                return {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         reason = ' '.join(str(error).split())
         raise RecordingError(str(path), f'not a readable npz file: {reason}') from error

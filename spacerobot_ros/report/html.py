@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from html import escape
 from pathlib import Path
+from urllib.parse import quote
 
-from ..display import Item, KeyFigure, KeyFigures, Plot, Report, Section, Table
+from ..display import Item, KeyFigure, KeyFigures, PageLink, Plot, Report, Section, Table
 from ..model.files import write_text
 from .formats import is_number
 from .plots import svg_of
@@ -83,7 +84,10 @@ def _table(table: Table) -> str:
 
 def _cell(text: str) -> str:
     kind = ' class="number"' if is_number(text) else ''
-    return f'<td{kind}>{escape(text)}</td>'
+    shown = escape(text)
+    if isinstance(text, PageLink):
+        shown = f'<a href="{quote(text.target)}">{shown}</a>'
+    return f'<td{kind}>{shown}</td>'
 
 
 _CSS = """

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
+from support.contracts import keeps
 
 from spacerobot_ros.cli import main
 from spacerobot_ros.recording.npz import save_npz
@@ -35,7 +34,7 @@ def test_a_recording_without_a_robot(gyro, tmp_path, capsys):
 
 def test_json_alone_and_findings(gyro, tmp_path, capsys):
     assert main.main(['check', gyro, '--robot', 'config/servicer.yaml', '--json']) == 1
-    said = json.loads(capsys.readouterr().out)
+    said = keeps('check', capsys.readouterr().out)
     assert said['verdict'] == 'findings'
     assert said['faults'][0].startswith('/joint_states: is missing')
     assert said['excitation'] is None

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.contracts import keeps
 
 from spacerobot_ros.cli import identify, main, simulate
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -134,7 +135,7 @@ def test_identify_json_is_the_only_output_and_has_the_promised_shape(capsys, bag
     status, out, err = run(capsys, 'identify', bag, '--robot', ROBOT, '--json')
     assert status == 0
     assert err == ''
-    result = json.loads(out)
+    result = keeps('identify', out)
     aam = result['aam']
     assert aam['unit'] == 'N m s'
     error = np.abs(np.array(aam['value']) - TRUTH)
@@ -166,7 +167,7 @@ def test_identify_prints_a_table_for_people(capsys, bag):
 @pytest.mark.parametrize('method', ['ls', 'recursive'])
 def test_identify_by_the_other_methods(capsys, bag, method):
     status, out, _ = run(capsys, 'identify', bag, '--robot', ROBOT, '--json', '--method', method)
-    result = json.loads(out)
+    result = keeps('identify', out)
     assert status == (0 if result['valid'] else 1)
     assert result['method'] == method
 

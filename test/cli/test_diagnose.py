@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from support.contracts import keeps
 from support.diagnosis import hand_made
 
 from spacerobot_ros.cli import main
@@ -97,7 +97,7 @@ def test_hidden_friction_is_found_and_the_extended_model_is_consistent(
     assert status == 1
     assert text.startswith('verdict: explained\n')
     assert 'joint_viscous_friction at joint_2' in text
-    found = json.loads((out / 'diagnosis.json').read_text())
+    found = keeps('diagnose', (out / 'diagnosis.json').read_text())
     (cause,) = found['causes']
     assert (cause['effect'], cause['where']) == ('joint_viscous_friction', 'joint_2')
     coefficient = cause['parameters']['coefficient']
@@ -112,7 +112,7 @@ def test_hidden_friction_is_found_and_the_extended_model_is_consistent(
     assert status == 0
     assert err == ''
     assert text == (again / 'diagnosis.json').read_text()
-    assert json.loads(text)['verdict'] == 'consistent'
+    assert keeps('diagnose', text)['verdict'] == 'consistent'
 
 
 # ---------------------------------------------------------------- what is printed

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from support.contracts import keeps
 
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.control.joint_reference import build_reference
@@ -57,7 +57,7 @@ def test_json_and_reproducibility(robot, tmp_path, capsys):
         assert main(['excite', '--robot', str(robot), '-o', str(out), '--json']) == 0
         texts.append((capsys.readouterr().out, out.read_bytes()))
     assert texts[0] == texts[1]
-    result = json.loads(texts[0][0])
+    result = keeps('excite', texts[0][0])
     assert result['schema'] == 1
     assert {u['name'] for u in result['limits']} >= {'joint_range', 'base_rate', 'joint_torque'}
     assert all(u['margin'] >= 0.0 for u in result['limits'])

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from support.contracts import keeps
 
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
@@ -36,7 +36,7 @@ def test_the_motion_found_is_no_worse_than_the_file_s_own(robot, tmp_path, capsy
     out = tmp_path / 'separate.yaml'
     arguments = ['excite', '--robot', str(robot), '-o', str(out), '--duration', '20']
     assert main([*arguments, '--separate', VISCOUS, COULOMB, '--json']) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = keeps('excite_separate', capsys.readouterr().out)
     assert found['separate'] == [VISCOUS, COULOMB]
     best, own = found['best']['sides'], found['robot_file']['sides']
     assert np.prod([s['told'] for s in best]) >= np.prod([s['told'] for s in own])

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from support.contracts import keeps
 
 from spacerobot_ros.campaign.packaged_robots import packaged
 from spacerobot_ros.campaign.real_arm import RealArm, arm_file
@@ -151,7 +152,7 @@ def compared(capsys, tmp_path, name, before, after):
     words = [folder / before, folder / after, '--robot', tmp_path / f'{name}.yaml']
     words += ['--map', ROOT / 'config' / 'examples' / f'{name}_map.yaml', '--out', tmp_path / 'o']
     status = main(['compare', *map(str, words), '--json'])
-    found = json.loads(capsys.readouterr().out)
+    found = keeps('compare', capsys.readouterr().out)
     assert json.loads((tmp_path / 'o' / 'comparison.json').read_text(encoding='utf-8')) == found
     return status, found
 
@@ -187,7 +188,7 @@ def test_standing_joints_of_a_ur10e_have_no_name(tmp_path, capsys):
     words = [folder / 'ur-20_01_22-joint_1.csv.gz', '--robot', tmp_path / 'ur10e.yaml']
     words += ['--map', ROOT / 'config' / 'examples' / 'ur10e_map.yaml', '--out', tmp_path / 'o']
     assert main(['diagnose', *map(str, words), '--no-closed-loop', '--json']) == 1
-    found = json.loads(capsys.readouterr().out)
+    found = keeps('compare', capsys.readouterr().out)
     standing = {'shoulder_lift_joint', 'elbow_joint'} | {f'wrist_{k}_joint' for k in (1, 2, 3)}
     assert not standing & {c['where'] for c in found['causes']}
     assert 'shoulder_pan_joint' in {c['where'] for c in found['causes']}

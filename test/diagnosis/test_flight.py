@@ -87,6 +87,28 @@ def test_alarm_ends_when_the_fault_does(nominal):
     assert monitor.state.level != 'error'
 
 
+@pytest.mark.parametrize('size', [0.01, 1e200])
+def test_outliers_are_no_alarm_and_counted(nominal, size):
+    monitor, bad = monitor_of(Flight(seed=4), **SHORT), {'joints': 0, 'imu': 0}
+    rng = np.random.default_rng(1)
+
+    def spoilt(step):
+        measured = step.measured
+        if step.stamp_ns > 2e9 and rng.random() < 0.01:
+            bad['imu'] += 1
+            measured = replace(measured, omega=measured.omega + size * np.array([1.0, -1.0, 0.0]))
+        if step.stamp_ns > 2e9 and rng.random() < 0.01:
+            bad['joints'] += 1
+            position = measured.joints.position + np.array([0.0, size, 0.0])
+            measured = replace(measured, joints=replace(measured.joints, position=position))
+        return replace(step, measured=measured)
+
+    assert alarms(monitor, map(spoilt, nominal[:1500])) == ([], [])
+    # those of the last blocks are not judged yet; 30 neighbours of 3000 at most are taken along
+    for sensor, count in bad.items():
+        assert count - 3 <= monitor.left_out[sensor] <= count + 15, sensor
+
+
 def test_gaps_and_absent_sensors_are_no_alarm(nominal):
     def without(step, **sensors):
         return replace(step, measured=replace(step.measured, **sensors))

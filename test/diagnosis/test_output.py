@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support.contracts import keeps
 from support.diagnosis import friction_cause, hand_made
 
 from spacerobot_ros.diagnosis.answer.appearance import appearances
@@ -56,7 +57,7 @@ def beside(tmp_path):
 
 def test_json_has_the_documented_keys_and_only_finite_numbers():
     diagnosis = hand_made(rivals=(RIVAL,))
-    values = json.loads(json.dumps(to_dict(diagnosis), allow_nan=False))
+    values = keeps('diagnose', json.dumps(to_dict(diagnosis), allow_nan=False))
     assert values['schema'] == 2
     assert values['verdict'] == 'explained'
     assert values['extended_model'] == 'extended_model.yaml'

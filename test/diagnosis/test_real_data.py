@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from pathlib import Path
 
 import pytest
+from support.contracts import keeps
 
 from spacerobot_ros.cli.main import main
 
@@ -26,7 +26,7 @@ def data_set(name):
 def diagnosed(capsys, *words):
     """Exit status and diagnosis.json of a command."""
     status = main(['diagnose', *map(str, words), '--no-closed-loop', '--json'])
-    return status, json.loads(capsys.readouterr().out)
+    return status, keeps('diagnose', capsys.readouterr().out)
 
 
 def test_kuka_lwr4(tmp_path, capsys):

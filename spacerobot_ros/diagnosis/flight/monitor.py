@@ -5,7 +5,7 @@ docs/nodes/monitor.md tells how it decides.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,8 +13,10 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import MessageRejectedError
+from ...estimation.noise_levels import noise_levels
 from ...estimation.torque_process import TorqueDriven
 from ...identification.estimate import Estimate
+from ...identification.outliers import without_outliers
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
 from ...recording.buffer import SENSORS, SampleBuffer
@@ -47,6 +49,9 @@ class Monitor:
         believed: The robot file's own effects.
         momentum_std: What is thought possible of the captured wheels' momentum, each axis
             [N m s].
+
+    Attributes:
+        left_out: Samples that contradict their neighbours, by sensor.
     """
 
     def __init__(
@@ -68,6 +73,7 @@ class Monitor:
     def reset(self) -> None:
         """Forget everything, as at the beginning of another run."""
         options = self._settings
+        self.left_out: Counter[str] = Counter()
         self._start: Start | None = None
         self._filter: FlightFilter | None = None
         self.begin_segment()
@@ -88,6 +94,7 @@ class Monitor:
         sensors = SENSORS if self.robot.is_free else ('joints',)
         self.samples = SampleBuffer(self.robot.joints, sensors=sensors)
         self._edge_ns: int | None = None
+        self._counted_ns: int | None = None  # up to which outliers are counted
         self._is_continued = False
         window = self._settings.whiteness_window
         self._whiteness = Whiteness(self.probes, window, min(window, _SHORT_WINDOW))
@@ -239,7 +246,24 @@ class Monitor:
         if blind or len(seen.joint_time) < _FEWEST_JOINTS:
             return None
         robot = self.robot if self._start is None else self._start.process.robot
-        return corrected_record(seen, robot, self._believed)
+        kept = self._screened(corrected_record(seen, robot, self._believed))
+        return None if len(kept.joint_time) < _FEWEST_JOINTS else kept
+
+    def _screened(self, record: Record) -> Record:
+        """A record without samples that contradict their neighbours, which are counted once."""
+        if self._start is None:
+            with np.errstate(over='ignore', invalid='ignore'):  # numbers near the largest
+                noise, _ = noise_levels(self.robot.sensors, record, is_checked=False)
+        else:
+            noise = self._start.noise
+        kept, found = without_outliers(record, noise)
+        start = -np.inf if self._counted_ns is None else self.samples.seconds(self._counted_ns)
+        end = float(record.joint_time[-1]) - 1e-9 * _CONTEXT_NS
+        times = (record.joint_time, record.rate_time, record.attitude_time)
+        for sensor, time, bad in zip(found._fields, times, found, strict=True):
+            self.left_out[sensor] += int(np.sum(bad & (time > start) & (time <= end)))
+        self._counted_ns = (self.samples.origin_ns or 0) + round(end * 1e9)
+        return kept
 
     # ------------------------------------------------------------ judgement
 

@@ -1,0 +1,157 @@
+"""`spacerobot fleet`: many recordings, each diagnosed, one table and one report."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import ConfigurationError
+from .options import (
+    Subparsers,
+    add_command,
+    add_recording_options,
+    add_worker_options,
+    check_folder,
+    tell,
+    workers_of,
+)
+from .terminal import print_json, print_sections, progress
+
+if TYPE_CHECKING:
+    from ..fleet.recordings import Recording
+
+_DESCRIPTION = """\
+Diagnose every recording below folders, each by itself, on all cores or on a Dask cluster. What
+drifts, which cause appears first where, and which recordings can't be used stand in one report.
+The same command goes on where it was stopped, and adds new recordings.
+
+writes: DIR/fleet.parquet, DIR/fleet.csv  a row a recording
+        DIR/report.html                   what drifts, what appeared when, what could not be read
+        DIR/reports/NAME/                 the diagnosis of each recording
+        DIR/fleet.jsonl                   what is finished
+"""
+
+_EPILOG = """\
+examples:
+  spacerobot fleet recordings --robot config/servicer.yaml --out out/fleet
+  spacerobot fleet week1 week2 --robot arm.yaml --map arm_columns.yaml --out out/fleet --jobs 8
+  spacerobot fleet recordings --robot arm.yaml --out out/fleet --scheduler tcp://10.0.0.1:8786
+
+exit status: 0 all are consistent with the model, 1 something was found or could not be read, 2
+unusable input
+"""
+
+
+def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
+    """Add the sub-command's arguments."""
+    parser = add_command(subparsers, 'fleet', _DESCRIPTION, _EPILOG)
+    add_recording_options(parser)
+    add = parser.add_argument
+    add('data', metavar='DATA', nargs='+', help='recordings, and folders of recordings')
+    add('--robot', required=True, metavar='YAML', help='robot file of all machines')
+    add('--out', '-o', required=True, metavar='DIR', help='folder to write')
+    add(
+        '--closed-loop',
+        action='store_true',
+        help='simulate what each extended model is worth to a controller, too',
+    )
+    add('--json', action='store_true', help='print what was said of every recording as JSON')
+    add_worker_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose what is not yet, write, print; 0 where all are consistent with the model."""
+    from ..campaign.runner import Kept, Tasks, complete
+    from ..campaign.table_files import write_table
+    from ..effects.robot_file import load_robot_file
+    from ..fleet.fleet_page import fleet_page, summary
+    from ..fleet.fleet_table import COLUMNS, table_rows
+    from ..fleet.recordings import find_recordings, without_duplicates
+    from ..fleet.single import diagnose_one
+    from ..report.html import write_report
+
+    out = check_folder(args.out)
+    load_robot_file(args.robot)  # before the work is done, not after
+    found, tables = find_recordings(args.data, bool(args.map), out)
+    if tables:
+        tell(f'{len(tables)} tables are left out, such as {tables[0]}: they need --map')
+    if all(recording.fault for recording in found):
+        raise ConfigurationError(args.data[0], found[0].fault)
+    recordings = without_duplicates(found)
+    out.mkdir(parents=True, exist_ok=True)
+    own = digest(args)
+    keys = {_key(r, args, own): r for r in recordings if not r.fault}
+    tasks = Tasks(run=diagnose_one, kept=Kept(out / 'fleet.jsonl'))
+    workers = workers_of(args, isolated=True)
+    with progress() as stage:
+        finished = complete(tasks, list(keys), workers, stage('diagnosing', len(keys)))
+    said = [{**record, **_names(keys[record['case']], args)} for record in finished.records]
+    said += [{'error': r.fault, **_names(r, args)} for r in recordings if r.fault]
+    said.sort(key=lambda one: one['name'])
+    failures = {keys[key].name: why for key, why in finished.failures.items()}
+    rows = [*table_rows(said), *_failed(failures)]
+    written = write_table(sorted(rows, key=lambda row: row['recording']), out / 'fleet', COLUMNS)
+    page = write_report(fleet_page(f'Fleet: {Path(args.robot).stem}', said, failures),
+                        out / 'report.html')  # fmt: skip
+    if args.json:
+        print_json({'schema': 1, 'recordings': said, 'failures': failures})
+    else:
+        print_sections(summary(said, failures))
+        print(f'written: {", ".join(map(str, (*written, page)))}')
+    is_good = all(one.get('verdict') == 'consistent' for one in said) and not failures
+    return 0 if is_good else 1
+
+
+def digest(args: argparse.Namespace) -> str:
+    """What answers depend on beside the recordings: robot, mapping, options, version."""
+    from .. import __version__
+    from ..effects.robot_file import load_robot_file
+    from ..model.files import read_text
+
+    file = load_robot_file(args.robot)
+    parts = [__version__, Path(args.robot).read_text(encoding='utf-8'), file.robot.urdf]
+    parts += [read_text(Path(args.map), 'mapping')] if args.map else []
+    parts += [str(args.split_gaps), str(args.closed_loop)]
+    return hashlib.sha256('\0'.join(parts).encode()).hexdigest()[:16]
+
+
+def _key(recording: Recording, args: argparse.Namespace, own: str) -> str:
+    """All that the answer depends on, as `fleet.single.diagnose_one` takes it."""
+    from ..diagnosis.answer.findings import Question
+
+    question = Question(
+        data=(str(recording.path.absolute()),),
+        robot=str(Path(args.robot).absolute()),
+        map=str(Path(args.map).absolute()) if args.map else '',
+        split_gaps=args.split_gaps,
+        has_closed_loop=args.closed_loop,
+    )
+    return json.dumps(
+        {
+            'question': asdict(question),
+            'out': str((Path(args.out) / 'reports' / recording.name).absolute()),
+            'stamp': recording.stamp(),
+            'asked': own,
+        }
+    )
+
+
+def _names(recording: Recording, args: argparse.Namespace) -> dict[str, Any]:
+    """Where a recording comes from, and its report."""
+    report = Path('reports') / recording.name / 'report.html'
+    has_report = not recording.fault and (Path(args.out) / report).exists()
+    return {
+        'name': recording.name,
+        'machine': recording.machine,
+        'path': str(recording.path),
+        'report': str(report) if has_report else None,
+    }
+
+
+def _failed(failures: Mapping[str, str]) -> Sequence[Mapping[str, Any]]:
+    return [{'recording': name, 'error': why} for name, why in failures.items()]

@@ -1,0 +1,173 @@
+"""Samples that contradict their forerunners, left out before a law acts on them.
+
+As `identification.outliers`, for who can not wait for the samples that follow. A rate is compared
+with a line through the last two, a position with the integral of the rates, an attitude with the
+gyro's. One that is doubted is believed once the next agrees with it: a torque that sets in, a blow
+or a turn of a tracker costs two samples, and what wanders without sense is never believed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from ..identification.outliers import FURTHEST
+from ..types import Array
+
+_REMEMBERED = 50  # errors, by whose median magnitude noise is known where it is more than stated
+_NORMAL = 1.4826  # standard deviation of normal numbers by their median magnitude
+
+
+class ErrorScale:
+    """How large the errors of a prediction usually are.
+
+    Args:
+        std: Stated standard deviation of a sample; zero where none is.
+    """
+
+    def __init__(self, std: float) -> None:
+        self._std = std
+        self._errors: deque[Array] = deque(maxlen=_REMEMBERED)
+
+    def limit(self, error: Array, spread: float) -> Array:
+        """Magnitude (m,) that an error (m,) may have.
+
+        Args:
+            error: Remembered from now on.
+            spread: Its standard deviation by that of a sample.
+        """
+        error = np.abs(error) / spread
+        self._errors.append(error)
+        limit = np.full(len(error), FURTHEST * self._std)
+        if np.any(error > limit):
+            with np.errstate(invalid='ignore', over='ignore'):
+                usual = _NORMAL * np.median(np.array(self._errors), axis=0)
+                limit = np.maximum(limit, FURTHEST * usual)
+            limit[limit == 0.0] = np.inf  # nothing stated, nothing seen
+        return np.asarray(limit * spread)
+
+
+class RateGate:
+    """Tells which rates (m,) contradict their forerunners.
+
+    Args:
+        std: Of a sample.
+    """
+
+    def __init__(self, std: float) -> None:
+        self._scale = ErrorScale(std)
+        self._last: list[tuple[float, Array]] = []
+        self._doubted: tuple[Array, Array] | None = None  # a rate, and how far it was off
+
+    def predicted(self, time: float) -> Array | None:
+        """The rate at a time [s]; None while too few are known."""
+        if len(self._last) < 2:
+            return None
+        (t0, x0), (t1, x1) = self._last
+        return np.asarray(x1 + (x1 - x0) * ((time - t1) / (t1 - t0)))
+
+    def is_doubtful(self, time: float, rate: Array) -> bool:
+        """Whether a rate at a time [s], later than all before, contradicts them."""
+        predicted, doubted = self.predicted(time), self._doubted
+        self._doubted = None
+        if predicted is None:
+            return False
+        (t0, _), (t1, _) = self._last
+        ahead = (time - t1) / (t1 - t0)
+        error = rate - predicted
+        limit = self._scale.limit(error, np.sqrt(1.0 + (1.0 + ahead) ** 2 + ahead**2))
+        if np.all(np.abs(error) <= limit):
+            return False
+        if doubted is not None and np.all(np.abs(rate - doubted[0]) <= limit + np.abs(doubted[1])):
+            return False
+        self._doubted = rate, error
+        return True
+
+    def take(self, time: float, rate: Array) -> None:
+        """Believe a rate at a time [s]."""
+        self._last = [*self._last[-1:], (time, rate)]
+
+
+class JointGate:
+    """Tells which joint samples contradict their forerunners, and what stands in for them.
+
+    Args:
+        position_std: Of a sample [rad].
+        velocity_std: Of a sample [rad/s].
+    """
+
+    def __init__(self, position_std: float, velocity_std: float) -> None:
+        self._rates = RateGate(velocity_std)
+        self._std, self._scale = position_std, ErrorScale(position_std)
+        self._stood: tuple[Array, Array] | None = None  # positions, and since when they are so
+        self._last: tuple[float, Array, Array] | None = None
+        self._doubted: tuple[float, Array, Array] | None = None
+
+    def silence(self, time: float) -> float:
+        """Time since the last sample that was believed [s]."""
+        return 0.0 if self._last is None else time - self._last[0]
+
+    def is_doubtful(self, time: float, q: Array, qd: Array) -> bool:
+        """Whether a sample q (n,), qd (n,) at a time [s] contradicts those before."""
+        last, doubted = self._last, self._doubted
+        is_far = self._is_stuck(time, q, qd) or self._rates.is_doubtful(time, qd)
+        if last is not None:
+            error = _position_error(last, time, q, qd)
+            limit = self._scale.limit(error, np.sqrt(2.0))
+            if np.any(np.abs(error) > limit):
+                follows = doubted is not None and np.all(
+                    np.abs(_position_error(doubted, time, q, qd)) <= limit
+                )
+                is_far = is_far or not follows
+        self._doubted = (time, q, qd) if is_far else None
+        if not is_far:
+            self._rates.take(time, qd)
+            self._last = time, q, qd
+        return is_far
+
+    def _is_stuck(self, time: float, q: Array, qd: Array) -> bool:
+        """Whether a joint stands to the last bit, while its rate says that it moved."""
+        before, since = self._stood or (q, np.full(len(q), time))
+        since = np.where(q == before, since, time)
+        self._stood = q, since
+        return bool(self._std and np.any(np.abs(qd) * (time - since) > FURTHEST * self._std))
+
+    def stand_in(self, time: float, furthest: float) -> tuple[Array, Array]:
+        """Position and rate at a time by the last samples believed, as of `furthest` ahead [s]."""
+        if self._last is None:
+            raise ValueError('nothing was believed yet')
+        last, q, qd = self._last
+        time = min(time, last + furthest)
+        rate = self._rates.predicted(time)
+        rate = qd if rate is None else rate
+        return q + 0.5 * (time - last) * (qd + rate), rate
+
+
+def _position_error(last: tuple[float, Array, Array], time: float, q: Array, qd: Array) -> Array:
+    """By how much a position is off the integral of the rates since another sample."""
+    start, q0, qd0 = last
+    return np.asarray(q - q0 - 0.5 * (time - start) * (qd0 + qd))
+
+
+class AttitudeGate:
+    """Tells which attitudes leave what the gyro says since the one before.
+
+    Args:
+        std: Of a sample [rad].
+    """
+
+    def __init__(self, std: float) -> None:
+        self._scale = ErrorScale(std)
+        self._doubted: Array | None = None
+
+    def is_doubtful(self, error: Array) -> bool:
+        """Whether a turn (3,) [rad] from the predicted attitude to the measured is too large."""
+        doubted, self._doubted = self._doubted, None
+        limit = self._scale.limit(error, np.sqrt(2.0))
+        if np.all(np.abs(error) <= limit):
+            return False
+        if doubted is not None and np.all(np.abs(error - doubted) <= limit):
+            return False
+        self._doubted = error
+        return True

@@ -1,0 +1,1 @@
+"""Many recordings of machines: found, diagnosed one by one, one table, what drifts."""

@@ -1,0 +1,198 @@
+"""The report of a fleet: what drifts, what appeared when, what could not be read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from ..campaign.description import Record as Row
+from ..display import (
+    Curve,
+    Item,
+    KeyFigure,
+    KeyFigures,
+    PageLink,
+    Panel,
+    Plot,
+    Report,
+    Section,
+    Table,
+    table,
+    table_of,
+)
+from ..report.formats import number, probability, value_with
+from .fleet_table import cause_name, courses, in_order
+from .trend import FEWEST, SIGNIFICANT, Trend, trends
+
+_BAND = 3.0  # standard deviations
+_DRAWN, _LISTED = 12, 40  # trends
+_HOW = (
+    f'A trend is a straight line through at least {FEWEST} values of one machine, weighted by '
+    'their standard deviations, which are widened as far as the values scatter; it is a drift '
+    f'where fewer than {SIGNIFICANT:.0%} of reports without a drift would have one like it.'
+)
+
+
+def fleet_page(title: str, said: Sequence[Row], failures: Mapping[str, str]) -> Report:
+    """The page.
+
+    Args:
+        title: Of the page.
+        said: What was said of every recording.
+        failures: Recordings whose diagnosis failed, and why.
+    """
+    lines = trends(courses(said))
+    machines = {one['machine'] for one in said}
+    subtitle = f'{len(said) + len(failures)} recordings of {len(machines)} machines'
+    return Report(
+        title, subtitle, [Section('', [_figures(said, failures, lines)]), *_parts(said, lines),
+                          *unreadable(said, failures)]
+    )  # fmt: skip
+
+
+def summary(said: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
+    """What is printed for people."""
+    lines = trends(courses(said))
+    drifts = [line for line in lines if line.is_drift]
+    yield Section('drifts', [_trend_table(drifts)] if drifts else ['none'])
+    appeared = _appearances(said)
+    title = 'causes, and where each appears first'
+    yield Section(title, [appeared] if appeared.rows else ['none'])
+    yield from unreadable(said, failures)
+    counts = ', '.join(f'{n} {verdict}' for verdict, n in _verdicts(said).items())
+    yield Section('', [f'{len(said) + len(failures)} recordings: {counts or "none diagnosed"}'])
+
+
+def unreadable(said: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
+    """Recordings that could not be used, and those whose diagnosis failed."""
+    bad = {one['name']: one['error'] for one in said if one['error']}
+    for what, why in (('Not read', bad), ('Not finished, tried anew by the next run', failures)):
+        rows = [{'name': name, 'why': text} for name, text in sorted(why.items())]
+        if rows:
+            yield Section(what, [table_of('', '', rows, 'recording | why', '{name} | {why}')])
+
+
+def _verdicts(said: Sequence[Row]) -> dict[str, int]:
+    found = sorted(one['verdict'] for one in said if not one['error'])
+    return {verdict: len(list(same)) for verdict, same in groupby(found)}
+
+
+def _figures(said: Sequence[Row], failures: Mapping[str, str], lines: Sequence[Trend]) -> Item:
+    bad = sum(bool(one['error']) for one in said) + len(failures)
+    found = sum(one['verdict'] != 'consistent' for one in said if not one['error'])
+    drifts = sum(line.is_drift for line in lines)
+    return KeyFigures(
+        [
+            KeyFigure('recordings', str(len(said) + len(failures))),
+            KeyFigure('differ from the model', str(found), status='bad' if found else 'good'),
+            KeyFigure('drifts', str(drifts), remark=f'of {len(lines)} trends',
+                      status='bad' if drifts else 'good'),
+            KeyFigure('could not be used', str(bad), status='bad' if bad else 'good'),
+        ]
+    )  # fmt: skip
+
+
+def _parts(said: Sequence[Row], lines: Sequence[Trend]) -> Iterator[Section]:
+    drifts = [line for line in lines if line.is_drift]
+    _, _, abscissa = in_order(said)
+    yield Section('What drifts', [*_drifts(drifts, abscissa), _HOW])
+    yield Section('What appeared when', [_appearances(said)])
+    yield Section('Recordings', [_recordings(said)])
+    if lines:
+        caption = f'time: {abscissa}' + f'; the first {_LISTED}' * (len(lines) > _LISTED)
+        yield Section('All trends', [_trend_table(lines[:_LISTED], caption)])
+
+
+def _drifts(drifts: Sequence[Trend], abscissa: str) -> Iterator[Item]:
+    if not drifts:
+        yield 'Nothing.'
+        return
+    yield _trend_table(drifts)
+    for line in drifts[:_DRAWN]:
+        yield Plot([_panel(line)], 'Values with 3 standard deviations, and the line.', abscissa)
+
+
+def _panel(line: Trend) -> Panel:
+    h = line.course
+    band = _BAND * h.std if np.all(h.std > 0.0) else None
+    mean = np.mean(h.time) if band is None else np.average(h.time, weights=h.std**-2.0)
+    fitted = line.level + line.slope * (h.time - mean)
+    curves = [Curve('each recording', h.time, h.value, band), Curve('trend', h.time, fitted)]
+    return Panel(f'{h.machine}: {h.quantity}', h.unit, curves)
+
+
+def _trend_table(lines: Sequence[Trend], caption: str = '') -> Table:
+    columns = {
+        'machine': lambda line: line.course.machine,
+        'quantity': lambda line: line.course.quantity,
+        'recordings': lambda line: str(len(line.course.time)),
+        'first': lambda line: number(line.course.value[0]),
+        'last': lambda line: number(line.course.value[-1]),
+        'unit': lambda line: line.course.unit,
+        'by a unit of time': lambda line: value_with(line.slope, line.std),
+        '+- std': lambda line: number(line.std, 2),
+        'p': lambda line: probability(line.p_value),
+        'drift': lambda line: 'yes' if line.is_drift else '',
+    }
+    return table(lines, columns, caption)
+
+
+def _appearances(said: Sequence[Row]) -> Table:
+    """One row a cause of a machine."""
+    ordered, _, _ = in_order(said)
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    total: dict[str, int] = {}
+    for one in ordered:
+        machine = one['machine']
+        total[machine] = total.get(machine, 0) + 1
+        for cause in one['causes']:
+            new = {'first': one, 'number': total[machine], 'count': 0, 'cause': cause}
+            row = rows.setdefault((machine, cause_name(cause)), new)
+            row['count'] += 1
+            row['last'] = cause
+    cells = [
+        (
+            machine,
+            row['cause']['title'],
+            row['cause']['where'] or '',
+            _link(row['first']),
+            row['first']['time'] or '',
+            f'{row["count"]} of {total[machine] - row["number"] + 1}',
+            _values(row['cause']),
+            _values(row['last']),
+        )
+        for (machine, _), row in sorted(rows.items())
+    ]
+    head = ('machine', 'cause', 'where', 'first recording', 'time', 'since then in')
+    return Table((*head, 'there', 'last'), cells)
+
+
+def _values(cause: Row) -> str:
+    return ', '.join(
+        f'{name} {value_with(p["value"], p["std"])} +- {number(p["std"], 2)} {p["unit"] or ""}'
+        for name, p in cause['parameters'].items()
+    )
+
+
+def _recordings(said: Sequence[Row]) -> Table:
+    rows = [
+        (
+            one['machine'],
+            _link(one),
+            one['time'] or '',
+            number(one['duration']),
+            one['verdict'],
+            '; '.join(map(cause_name, one['causes'])),
+            '; '.join(one['health']) or 'good',
+        )
+        for one in in_order(said)[0]
+    ]
+    head = ('machine', 'recording', 'time', 'duration [s]', 'verdict', 'causes', 'health')
+    return Table(head, rows)
+
+
+def _link(one: Row) -> str:
+    return PageLink(one['name'], one['report']) if one.get('report') else one['name']

@@ -1,0 +1,252 @@
+"""The extended model for MuJoCo (MJCF).
+
+Bodies, joints, limits, motors and sensors of the robot that the effects make. A gyrostat becomes
+a small ball that spins about its momentum: its inertia is taken out of the host, and is so small
+that the momentum relative to the host stays what it is. Start it from the keyframe `start`, which
+holds the wheels' rates.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...effects.effect import Effect
+from ...effects.robot_file import RobotFile
+from ...model.body import Body, Gyrostat
+from ...model.robot import Robot
+from ...types import Array
+from .losses import Exported, in_words, only_changes_robot, without
+
+_STEP = 1e-3  # s, at most
+_SMALL = 1e-6
+"""Of the host's smallest moment: what a ball's axis adds to its momentum as the host turns."""
+_JOINT: Mapping[str, tuple[tuple[str, str], ...]] = {
+    'joint_viscous_friction': (('damping', 'coefficient'),),
+    'joint_coulomb_friction': (('frictionloss', 'torque'),),
+    'joint_stiffness': (('stiffness', 'stiffness'), ('springref', 'rest_angle')),
+}
+"""Attributes of `<joint>` and the parameters that they are, by effect."""
+_DELAYS = {'joints': 'joint', 'effort': 'effort', 'imu': 'gyro', 'attitude': 'attitude'}
+"""Sensors by the clock that is late."""
+
+
+@dataclass(slots=True)
+class _Written:
+    """What effects add to the file: attributes of joints, gains of motors, delays of sensors."""
+
+    joints: dict[str, dict[str, float]] = field(default_factory=dict)
+    gains: dict[str, float] = field(default_factory=dict)
+    delays: dict[str, float] = field(default_factory=dict)
+
+    def add(self, effect: Effect) -> bool:
+        """Write an effect; whether that could be done."""
+        if effect.id in _JOINT:
+            own = self.joints.setdefault(str(effect.where), {})
+            names = [attribute for attribute, _ in _JOINT[effect.id]]
+            if len(names) > 1 and names[0] in own:
+                return False  # two springs of one joint
+            for attribute, parameter in _JOINT[effect.id]:
+                own[attribute] = own.get(attribute, 0.0) + effect[parameter]
+            return True
+        if effect.id == 'joint_torque_constant':
+            where = str(effect.where)
+            self.gains[where] = self.gains.get(where, 1.0) * effect['gain']
+            return True
+        late = {clock: effect.delay(clock) for clock in _DELAYS if effect.acts('delay')}
+        if late and all(delay >= 0.0 for delay in late.values()):
+            for clock, delay in late.items():
+                sensor = _DELAYS[clock]
+                self.delays[sensor] = self.delays.get(sensor, 0.0) + delay
+            return True
+        return only_changes_robot(effect)
+
+
+def to_mjcf(file: RobotFile) -> Exported:
+    """Write the robot that a robot file's effects make, as far as MuJoCo goes."""
+    believed = file.believed
+    robot = believed.with_free_rotors(np.array([rotor.rate for rotor in believed.rotors]))
+    written = _Written()
+    said = [effect for effect in file.effects if written.add(effect)]
+    step = file.settings.simulator.period / math.ceil(file.settings.simulator.period / _STEP)
+    root = ElementTree.Element('mujoco', model=robot.name)
+    ElementTree.SubElement(root, 'compiler', angle='radian')
+    option = ElementTree.SubElement(
+        root, 'option', timestep=repr(step), gravity=_text(robot.gravity), integrator='RK4'
+    )
+    ElementTree.SubElement(option, 'flag', contact='disable')
+    world = ElementTree.SubElement(root, 'worldbody')
+    balls = [_ball(robot, gyrostat) for gyrostat in robot.gyrostats if gyrostat.momentum.any()]
+    for ball in balls:
+        robot = robot.with_body(ball.host, robot.bodies[ball.host].without(ball.body))
+    _add_bodies(world, robot, balls, written)
+    _add_motors(root, robot, written)
+    _add_sensors(root, robot, written, step)
+    _add_start(root, robot, balls, file)
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding='unicode') + '\n'
+    return Exported(text, tuple(map(in_words, said)), tuple(without(file.effects, said)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ball:
+    """A gyrostat as a body that spins.
+
+    Args:
+        host: Index of its body. body: It, in the host's frame. rate: Of its spin [rad/s].
+    """
+
+    host: int
+    body: Body
+    rate: float
+
+
+def _ball(robot: Robot, gyrostat: Gyrostat) -> _Ball:
+    host, momentum = robot.bodies[gyrostat.body], gyrostat.body_momentum
+    size = float(np.linalg.norm(momentum))
+    inertia = _SMALL * float(np.linalg.eigvalsh(host.inertia)[0])
+    body = Body(
+        name=f'{gyrostat.link}_wheels',
+        parent=gyrostat.body,
+        rotation=np.eye(3),
+        translation=host.com,
+        axis=momentum / size,
+        is_prismatic=False,
+        mass=_SMALL * host.mass,
+        inertia=inertia * np.eye(3),
+    )
+    return _Ball(gyrostat.body, body, size / inertia)
+
+
+def _add_bodies(
+    world: ElementTree.Element, robot: Robot, balls: Sequence[_Ball], written: _Written
+) -> None:
+    places: list[ElementTree.Element] = []
+    for i, body in enumerate(robot.bodies):
+        parent = world if body.parent < 0 else places[body.parent]
+        place = _add_body(parent, body)
+        if body.mass > 0.0:
+            _add_ellipsoid(place, body)
+        if i == 0 and robot.is_free:
+            place.insert(0, ElementTree.Element('freejoint', name='base'))
+        elif i > 0:
+            name = robot.joints[i - 1]
+            place.insert(0, _joint(name, body, robot.position_limits[i - 1], written))
+        if i == 0:
+            ElementTree.SubElement(place, 'site', name='base')
+        for ball in balls:
+            if ball.host == i:
+                spinning = _add_body(place, ball.body)
+                axis = _text(ball.body.axis)
+                spinning.insert(
+                    0, ElementTree.Element('joint', name=ball.body.name, type='hinge', axis=axis)
+                )
+        places.append(place)
+
+
+def _add_body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
+    quat = np.roll(Rotation.from_matrix(body.rotation).as_quat(), 1)
+    place = ElementTree.SubElement(
+        parent, 'body', name=body.name, pos=_text(body.translation), quat=_text(quat)
+    )
+    if body.mass > 0.0:
+        full = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        ElementTree.SubElement(
+            place, 'inertial', pos=_text(body.com), mass=repr(body.mass), fullinertia=_text(full)
+        )
+    return place
+
+
+def _add_ellipsoid(place: ElementTree.Element, body: Body) -> None:
+    """The homogeneous ellipsoid of the same inertia, to be seen; it weighs and touches nothing."""
+    moments, axes = np.linalg.eigh(body.inertia)
+    squares = 2.5 * (0.5 * moments.sum() - moments) / body.mass
+    if np.all(squares > 0.0):
+        axes[:, 2] *= np.linalg.det(axes)
+        quat = np.roll(Rotation.from_matrix(axes).as_quat(), 1)
+        shape = {'type': 'ellipsoid', 'size': _text(np.sqrt(squares)), 'mass': '0'}
+        where = {'pos': _text(body.com), 'quat': _text(quat)}
+        ElementTree.SubElement(
+            place, 'geom', {**shape, **where, 'contype': '0', 'conaffinity': '0'}
+        )
+
+
+def _joint(name: str, body: Body, limits: Array, written: _Written) -> ElementTree.Element:
+    values = {'armature': body.motor_inertia, **written.joints.get(name, {})}
+    attributes = {key: repr(float(value)) for key, value in values.items() if value}
+    if np.all(np.isfinite(limits)):
+        attributes['range'] = _text(limits)
+        attributes['limited'] = 'true'
+    kind = 'slide' if body.is_prismatic else 'hinge'
+    own = {'name': name, 'type': kind, 'axis': _text(body.axis), **attributes}
+    return ElementTree.Element('joint', own)
+
+
+def _add_motors(root: ElementTree.Element, robot: Robot, written: _Written) -> None:
+    actuators = ElementTree.SubElement(root, 'actuator')
+    for name, limit in zip(robot.arm, robot.effort_limits.tolist(), strict=False):
+        attributes = {'name': name, 'joint': name, 'gear': repr(written.gains.get(name, 1.0))}
+        if math.isfinite(limit):
+            attributes |= {'ctrllimited': 'true', 'ctrlrange': _text([-limit, limit])}
+        ElementTree.SubElement(actuators, 'motor', attributes)
+
+
+def _add_sensors(root: ElementTree.Element, robot: Robot, written: _Written, step: float) -> None:
+    """Noise is what MuJoCo keeps for its users: it adds none by itself."""
+    sensors = ElementTree.SubElement(root, 'sensor')
+
+    def add(kind: str, late: str, channel: str, **attributes: str) -> None:
+        std = robot.sensors.std(channel)
+        if std:
+            attributes['noise'] = repr(std)
+        if delay := written.delays.get(late, 0.0):
+            attributes['delay'] = repr(delay)
+            attributes['nsample'] = str(math.ceil(delay / step) + 2)
+            attributes['interp'] = 'linear'
+        ElementTree.SubElement(sensors, kind, attributes)
+
+    for name in robot.arm:
+        add('jointpos', 'joint', 'joint_position', name=f'{name}_position', joint=name)
+        add('jointvel', 'joint', 'joint_velocity', name=f'{name}_velocity', joint=name)
+        add('actuatorfrc', 'effort', 'joint_effort', name=f'{name}_effort', actuator=name)
+    if robot.is_free:
+        add('gyro', 'gyro', 'gyro', name='gyro', site='base')
+        add('framequat', 'attitude', 'attitude', name='attitude', objtype='site', objname='base')
+
+
+def _add_start(
+    root: ElementTree.Element, robot: Robot, balls: Sequence[_Ball], file: RobotFile
+) -> None:
+    """The keyframe `start`: as a simulation begins, wheels that spin included."""
+    initial = file.settings.initial
+    arm = [body.name for body in robot.bodies[1:]]
+    places = dict(zip(arm, initial.joint_position, strict=False))
+    rates = dict(zip(arm, initial.joint_velocity, strict=False))
+    rates |= {rotor.body.name: rotor.rate for rotor in robot.rotors[: robot.rotor_count]}
+    rates |= {ball.body.name: ball.rate for ball in balls}
+    order = [body.name for body in _depth_first(robot, balls)]
+    position, velocity = ([of.get(name, 0.0) for name in order] for of in (places, rates))
+    if robot.is_free:
+        attitude = np.array(initial.attitude_xyzw) / np.linalg.norm(initial.attitude_xyzw)
+        position = [0.0, 0.0, 0.0, *np.roll(attitude, 1).tolist(), *position]
+        velocity = [0.0, 0.0, 0.0, *initial.angular_velocity, *velocity]
+    keys = ElementTree.SubElement(root, 'keyframe')
+    ElementTree.SubElement(keys, 'key', name='start', qpos=_text(position), qvel=_text(velocity))
+
+
+def _depth_first(robot: Robot, balls: Sequence[_Ball], at: int = 0) -> list[Body]:
+    """Bodies with joints below one, in MuJoCo's order: as they stand in the file."""
+    out = [ball.body for ball in balls if ball.host == at]
+    for i, body in enumerate(robot.bodies):
+        if body.parent == at:
+            out += [body, *_depth_first(robot, balls, i)]
+    return out
+
+
+def _text(values: Array | Sequence[float]) -> str:
+    return ' '.join(repr(float(value)) for value in values)

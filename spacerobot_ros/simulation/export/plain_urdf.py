@@ -1,0 +1,54 @@
+"""The extended model as plain URDF: inertias, damping and friction of the joints."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+
+from ...effects.effect import Effect
+from ...effects.robot_file import RobotFile
+from ...model.robot import Robot
+from ...model.writer import urdf_text
+from .losses import Exported, in_words, only_changes_robot, wheels, without
+
+_DYNAMICS = {
+    'joint_viscous_friction': ('damping', 'coefficient'),
+    'joint_coulomb_friction': ('friction', 'torque'),
+}
+"""Attribute of `<dynamics>` and parameter that is added to it, by effect."""
+
+
+def to_urdf(file: RobotFile) -> Exported:
+    """Write the robot that a robot file's effects make, as far as URDF goes."""
+    robot = file.believed
+    root = ElementTree.fromstring(urdf_text(robot).encode())
+    said = [effect for effect in file.effects if _add(root, effect)]
+    ElementTree.indent(root)
+    text = '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding='unicode') + '\n'
+    lost = (*_of_robot(robot), *without(file.effects, said))
+    return Exported(text, tuple(map(in_words, said)), lost)
+
+
+def _add(root: ElementTree.Element, effect: Effect) -> bool:
+    """Write an effect; whether that could be done."""
+    if effect.id not in _DYNAMICS:
+        return only_changes_robot(effect) and effect.id == 'inertial_parameters'
+    attribute, parameter = _DYNAMICS[effect.id]
+    joint = next(j for j in root.findall('joint') if j.get('name') == effect.where)
+    dynamics = joint.find('dynamics')
+    if dynamics is None:
+        dynamics = ElementTree.SubElement(joint, 'dynamics')
+    value = float(dynamics.get(attribute, '0')) + effect[parameter]
+    dynamics.set(attribute, repr(value))
+    return True
+
+
+def _of_robot(robot: Robot) -> Iterator[str]:
+    yield from wheels(robot)
+    for joint, body in zip(robot.joints, robot.bodies[1:], strict=True):
+        if body.motor_inertia:
+            yield f'motor inertia of {joint} ({body.motor_inertia:.6g} kg m^2)'
+    if robot.gravity.any():
+        x, y, z = robot.gravity
+        yield f'gravity ({x:.6g}, {y:.6g}, {z:.6g} m/s^2)'
+    yield f'that the base is {"free" if robot.is_free else "fixed"}'
