@@ -65,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
     from ..estimation.standard_parameters import standard_parameters
     from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
+    from ..identification.lone_body import identify_lone_body
     from ..model.writer import write_robot_file
     from ..sensing.correction import corrected_record
 
@@ -72,15 +73,20 @@ def run(args: argparse.Namespace) -> int:
         check_file(args.write, args.force)
     file = load_robot_file(args.robot)
     record = _read(args, file.robot)
-    record = corrected_record(record, file.robot, file.effects)
+    if file.robot.joints:
+        record = corrected_record(record, file.robot, file.effects)
     robot, settings = file.believed, file.settings.identifier
     if args.manifold:
         settings = replace(settings, manifold=args.manifold)
-    result = identify_robot(record, robot, settings, args.method)
+    if file.robot.joints:
+        result = identify_robot(record, robot, settings, args.method)
+        minimal = minimal_set(robot, settings.structure)
+        groups = list(standard_parameters(robot, minimal, settings.structure))
+        advice = list(advise_on(record, MomentumModel(robot, minimal), result.estimate))
+    else:
+        result = identify_lone_body(record, file.robot, file.effects)
+        groups, advice = [robot.base_link] * len(result.estimate.parameters), []
     estimate = result.estimate
-    minimal = minimal_set(robot, settings.structure)
-    groups = standard_parameters(robot, minimal, settings.structure)
-    advice = advise_on(record, MomentumModel(robot, minimal), estimate)
     if args.json:
         data = {'schema': 1, **estimate.to_dict()}
         for parameter, group in zip(data['parameters'], groups, strict=True):
@@ -118,19 +124,21 @@ def _sections(
     std = estimate.std
     momentum_std = estimate.total_momentum_covariance.diagonal() ** 0.5
     links = [f'{link} {axis}' for link in estimate.aam_links for axis in 'xyz']
-    yield _estimates(
-        'wheel momentum of the captured body',
-        'N m s',
-        zip(links, estimate.aam, std[:n], strict=True),
-    )
-    yield _estimates(
-        'total angular momentum, inertial frame',
-        'N m s',
-        zip('xyz', estimate.total_momentum, momentum_std, strict=True),
-    )
+    if links:
+        yield _estimates(
+            'wheel momentum of the captured body',
+            'N m s',
+            zip(links, estimate.aam, std[:n], strict=True),
+        )
+    if estimate.unit:
+        yield _estimates(
+            'total angular momentum, inertial frame',
+            'N m s',
+            zip('xyz', estimate.total_momentum, momentum_std, strict=True),
+        )
     yield _estimates(
         'minimal inertial parameters, each with the numbers of the bodies that it groups',
-        'kg m^2',
+        estimate.unit,
         zip(estimate.parameter_names, estimate.parameters, std[n:], groups, strict=True),
     )
     head = (

@@ -84,7 +84,7 @@ def _cause(found: Found, index: int) -> Cause:
         applied=applied,
         parameters={
             p.name: Estimated(value=applied.values[p.name], std=spread[p.name], unit=p.unit)
-            for p in applied.parameters
+            for p in own
         },
         evidence=Evidence(
             log_likelihood_gain=0.5 * choice.score.gain,

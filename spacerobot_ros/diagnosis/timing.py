@@ -55,7 +55,7 @@ def first_timing(
         noise: Noise levels.
         effects: What may be wrong.
     """
-    if record.effort is None:
+    if record.effort is None or not robot.joints:
         return 'sampled'
     short = record.between(-np.inf, record.joint_time[0] + _SPAN)
     fits = {timing: Fit(Run(short, robot, believed, noise, timing), ()) for timing in TIMINGS}
@@ -94,7 +94,7 @@ def better_timing(fit: Fit, tried: Collection[str]) -> str | None:
         tried: Timings that are out of the question.
     """
     others = [t for t in TIMINGS if t not in tried]
-    if fit.run.record.effort is None or not others:
+    if fit.run.record.effort is None or not fit.run.robot.joints or not others:
         return None
     fits = {t: refine(fit.run.timed(t), fit.causes) for t in others}
     best = min(fits, key=lambda t: np.nan_to_num(fits[t].misfit, nan=np.inf))

@@ -123,7 +123,8 @@ class BlockTree:
         g_t = (0.5 * np.trace(blocks, axis1=3, axis2=4)[..., None, None] * np.eye(3) - blocks)[
             :, None
         ]
-        axes = np.stack([maps[:, j + 1, :, 3 + j] for j in range(self.n)], axis=1)
+        joints = np.arange(self.n)
+        axes = maps[:, joints + 1, :, 3 + joints].swapaxes(0, 1)
         turn = skew(axes)
         moved = self.moves.astype(float)
         wide = turn[:, :, None, None]
@@ -248,7 +249,7 @@ def _link_vectors(bodies: tuple[Body, ...]) -> Array:
 
 def _stack_maps(maps: Array) -> Array:
     """(..., b, 3, m) maps one below the other: (..., 3 b, m)."""
-    return maps.reshape(*maps.shape[:-3], -1, maps.shape[-1])
+    return maps.reshape(*maps.shape[:-3], 3 * maps.shape[-3], maps.shape[-1])
 
 
 def _stack_blocks(blocks: Array) -> Array:

@@ -85,11 +85,17 @@ class InertialParameters(MovingBodyEffect):
 
     @classmethod
     def parameters_at(cls, robot: Robot, where: str | None) -> tuple[Parameter, ...]:
-        """As uncertain as the robot file says, in proportion to the body itself."""
+        """As uncertain as the robot file says, in proportion to the body itself.
+
+        A body without joints shows no mass, and where no momentum of its wheels is known, only the
+        ratios of its inertia, which are told with ixx as the file has it.
+        """
         scales = _scales(robot, where)
+        told = _INERTIAS if robot.servicer_momentum.any() else _INERTIAS[1:]
         return tuple(
             replace(p, size=robot.inertia_uncertainty * scale, relevant=_RELEVANT * scale)
             for p, scale in zip(cls.parameters, scales, strict=True)
+            if robot.joints or p.name in told
         )
 
 

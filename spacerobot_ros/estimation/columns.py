@@ -36,6 +36,8 @@ class Candidate:
         directions: K sets of parameter values a small step from doing nothing.
         steps: (K,) that step. sizes: (K,) plausible size of each coefficient.
         lower: (K,) bounds of the coefficients. upper: (K,).
+        trials: Number of variants that were looked at.
+        parameters: Those of the effect that this robot's motion tells.
     """
 
     kind: type[Effect]
@@ -47,6 +49,7 @@ class Candidate:
     lower: Array
     upper: Array
     trials: int = 1
+    parameters: tuple[Parameter, ...] = ()
 
     @property
     def key(self) -> tuple[str, str | None]:
@@ -82,7 +85,7 @@ class Candidate:
         """Parameter values that coefficients (K,) stand for."""
         values = {**self.kind.nominal(), **self.variant}
         used = 0
-        for parameter, phase in _linear_parameters(self.kind.parameters):
+        for parameter, phase in _linear_parameters(self.parameters):
             first = float(coefficients[used])
             if phase is not None:
                 second = float(coefficients[used + 1])
@@ -175,9 +178,9 @@ def _candidate(
     trials: int,
     share: float,
 ) -> Candidate:
-    still = {**kind.nominal(), **variant}
+    still, parameters = {**kind.nominal(), **variant}, kind.parameters_at(robot, where)
     directions, steps, sizes, lower, upper = [], [], [], [], []
-    for parameter, phase in _linear_parameters(kind.parameters_at(robot, where)):
+    for parameter, phase in _linear_parameters(parameters):
         size = parameter.size if math.isfinite(parameter.size) else 1.0
         step = share * size
         value = value_of(parameter, origin_of(parameter) + step)
@@ -202,6 +205,7 @@ def _candidate(
         np.array(lower),
         np.array(upper),
         trials,
+        tuple(parameters),
     )
 
 

@@ -10,7 +10,7 @@ an unbounded solve are no longer the most probable ones of anything.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,19 +24,26 @@ _INSIDE = 0.1  # of a plausible size, from a bound at the start
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhysicalBody:
-    """A body whose ten inertial parameters are among the unknowns.
+    """A body of whose ten inertial parameters some are among the unknowns.
 
     Args:
-        columns: (10,) their places, in the order of Pinocchio's `toDynamicParameters`.
+        columns: (k,) places of these among the unknowns.
         file: (10,) what the unknowns are added to.
+        which: (k,) of the ten, in the order of Pinocchio's `toDynamicParameters`.
     """
 
     columns: IntArray
     file: Array
+    which: IntArray = field(default_factory=lambda: np.arange(10))
+
+    @property
+    def basis(self) -> Array:
+        """(k, 4, 4) derivatives of the pseudo-inertia by the unknowns."""
+        return _BASIS[self.which]
 
     def inverse(self, x: Array) -> Array | None:
         """(4, 4) inverse of the pseudo-inertia; None where this is no body."""
-        j = np.tensordot(self.file + x[self.columns], _BASIS, 1)
+        j = np.tensordot(self.file, _BASIS, 1) + np.tensordot(x[self.columns], self.basis, 1)
         try:
             np.linalg.cholesky(j)
             return np.asarray(np.linalg.inv(j))
@@ -121,7 +128,7 @@ class ConstrainedProblem:
             inverse = body.inverse(x)
             if inverse is None:
                 raise ValueError('a body of the file is none')
-            turned = inverse @ _BASIS  # (10, 4, 4) J^-1 dJ
+            turned = inverse @ body.basis  # (k, 4, 4) J^-1 dJ
             slope[body.columns] -= barrier * np.trace(turned, axis1=1, axis2=2)
             at = np.ix_(body.columns, body.columns)
             curvature[at] += barrier * np.einsum('kab,lba->kl', turned, turned)

@@ -70,7 +70,8 @@ def minimal_set(robot: Robot, structure: str) -> MinimalSet:
     unit = regressor / np.where(norms > 0.0, norms, 1.0)
     kept = independent_columns(unit)
     singular = np.linalg.svd(unit, compute_uv=False)
-    gap = singular[len(kept) - 1] / singular[len(kept)] if len(kept) < len(singular) else np.inf
+    left = singular[len(kept)] if len(kept) < len(singular) else 0.0
+    gap = singular[len(kept) - 1] / left if left else np.inf
     combined = np.linalg.lstsq(regressor[:, kept], regressor, rcond=None)[0]
     combined[np.abs(combined) < _RANK_TOLERANCE] = 0.0
     combined[:, kept] = np.eye(len(kept))

@@ -69,7 +69,7 @@ def fourth_difference_std(values: Array) -> float:
 
     Its fourth differences are noise alone, with variance 70 sigma^2 (1 + 16 + 36 + 16 + 1).
     """
-    if len(values) < 5 or not np.all(np.isfinite(values)):
+    if len(values) < 5 or not values.size or not np.all(np.isfinite(values)):
         return 0.0
     differences = np.diff(values, n=4, axis=0).ravel()
     spread = 1.4826 * np.median(np.abs(differences - np.median(differences)))

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..effects.bodies import NAMES as INERTIAL
 from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
 from ..effects.parameter import Parameter
@@ -211,7 +212,11 @@ class Fit:
         robot = changed_robot(self.run.robot, [*self.run.believed, *self.causes])
         names = [body.name for body in robot.bodies]
         bodies = (
-            PhysicalBody(self.own(i), robot.inertial_parameters[names.index(str(c.where))])
+            PhysicalBody(
+                self.own(i),
+                robot.inertial_parameters[names.index(str(c.where))],
+                np.array([INERTIAL.index(self.free[k][1].name) for k in self.own(i)]),
+            )
             for i, c in enumerate(self.causes)
             if c.id == 'inertial_parameters'
         )

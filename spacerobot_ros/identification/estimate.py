@@ -47,6 +47,7 @@ class Estimate:
         nuisances: Further unknowns that were estimated along, such as a gyro bias.
         weak: (m, 3 n_links + k) the unexcited directions as unit vectors; empty in an estimate
             that came as a message.
+        unit: Of the parameters; empty where they are ratios.
     """
 
     method: str
@@ -68,6 +69,7 @@ class Estimate:
     notes: tuple[str, ...] = field(default=())
     nuisances: tuple[NamedValue, ...] = field(default=())
     weak: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    unit: str = 'kg m^2'
 
     @property
     def unknowns(self) -> int:
@@ -112,7 +114,7 @@ class Estimate:
                 'links': list(self.aam_links),
             },
             'parameters': [
-                {'name': name, 'value': float(value), 'std': float(s), 'unit': 'kg m^2'}
+                {'name': name, 'value': float(value), 'std': float(s), 'unit': self.unit}
                 for name, value, s in zip(
                     self.parameter_names, self.parameters, std[n:], strict=True
                 )

@@ -137,8 +137,8 @@ def _each(options: RobotSettings, place: str, given: Any) -> tuple[Any, ...]:
 def _faulty_joints(options: RobotSettings, tree: Tree) -> Iterator[tuple[str, str]]:
     """Names of joints that don't fit the URDF: place and reason."""
     moving = [j.name for j in tree.joints.values() if j.kind in MOVING]
-    if not options.joints:
-        yield 'robot.joints', 'is empty: name the manipulator joints'
+    if not options.joints and options.base == 'fixed':
+        yield 'robot.joints', 'is empty: on a fixed base nothing moves then'
     if len(options.joints) > _MOST_JOINTS:
         yield 'robot.joints', f'has {len(options.joints)} joints; the most is {_MOST_JOINTS}'
     named = [(f'robot.joints[{i}]', name) for i, name in enumerate(options.joints)]

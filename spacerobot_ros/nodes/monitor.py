@@ -18,7 +18,7 @@ from ..diagnosis.flight.monitor import Monitor
 from ..diagnosis.flight.monitor_state import MonitorState
 from ..effects.catalogue import bind_effects
 from ..model.robot import Robot
-from ..recording.buffer import SENSORS
+from ..recording.buffer import sensors_of
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
@@ -72,7 +72,7 @@ class MonitorNode(SensorNode):
         prior = settings.identifier.momentum_prior_std
         self.monitor = Monitor(robot, settings.monitor, effects, prior)
         self.is_open = True
-        sensors = SENSORS if robot.is_free else ('joints',)
+        sensors = sensors_of(robot)
         kept = dict(TOPICS[sensor] for sensor in sensors)
         if robot.target_wheels:
             kept['/estimate'] = EstimateMessage

@@ -14,6 +14,7 @@ from threading import RLock
 import numpy as np
 
 from ..errors import MessageRejectedError
+from ..model.robot import Robot
 from ..types import Array, IntArray, Quaternion, Vector3
 from .messages import finite, unit, vector
 from .record import AttitudeSeries, JointSeries, RateSeries, Record, shown
@@ -24,6 +25,13 @@ MOST_SAMPLES = 100_000
 """Of a sensor in a `SampleBuffer` that is emptied as it is used: 100 s at 1 kHz, 30 MB. Where
 messages come faster than that for long, the oldest are dropped."""
 JUMP_NS = 1_000_000_000  # stamps that go back further are another run, not out of order
+
+
+def sensors_of(robot: Robot) -> tuple[str, ...]:
+    """Sensors that are waited for: of a fixed base its joints, of a lone base all others."""
+    if not robot.is_free:
+        return ('joints',)
+    return SENSORS if robot.joints else SENSORS[:2]
 
 
 def check_later(stamp_ns: int, newest_ns: int | None, lateness_ns: int | None = 0) -> None:
@@ -144,6 +152,8 @@ class SampleBuffer:
     def add_joints(self, stamp_ns: int, q: Array, qd: Array, effort: Array | None = None) -> None:
         """Add positions (n,) [rad], rates (n,) [rad/s] and torques (n,) [N m]; raises as `add`."""
         n = len(self._joints)
+        if not n:
+            return  # the base's own samples say when
         torque = np.zeros(n) if effort is None else effort
         columns = (('position', q), ('velocity', qd), ('effort', torque))
         row = [vector(values, n, what) for what, values in columns]
@@ -177,6 +187,9 @@ class SampleBuffer:
                 f'{self._ahead:g} s can be bridged; check the clock, or reset'
             )
         self.streams[sensor].add(stamp_ns, value)
+        times = self.streams['joints']
+        if not self._joints and stamp_ns not in times.stamps:
+            times.add(stamp_ns, np.ones(1))
         if self.closed_ns is None:
             self.origin_ns = min(stamp_ns, stamp_ns if self.origin_ns is None else self.origin_ns)
 

@@ -60,7 +60,7 @@ def read_record(
     else:
         record = _read(path, robot, topics)
     if robot is not None:
-        record = _usable(record, robot)
+        record = _usable(in_robot_order(record, robot), robot)
     return record if is_joined else with_gaps_noted(record)
 
 
@@ -125,8 +125,7 @@ def _read_table(
 def _read(path: Path, robot: Robot | None, topics: Topics | None) -> Record:
     kind = kind_of(path)
     if kind == 'npz' and path.is_file():
-        record = load_npz(path)
-        return record if robot is None else in_robot_order(record, robot)
+        return load_npz(path)
     if kind in FORMATS and path.is_file():
         raise RecordingError(str(path), 'needs a column mapping (--map YAML; docs/data.md)')
     return read_bag(path, robot, topics)

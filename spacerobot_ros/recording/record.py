@@ -29,7 +29,8 @@ class JointSeries(SampleSeries):
     """Samples of named joints, manipulator's or wheels'.
 
     Args:
-        names: The n joints, in the order of the columns.
+        names: The n joints, in the order of the columns; none of a robot without joints, whose
+            stamps are then the times of its record.
         stamp_ns: (N,) sample times, increasing [ns].
         position: (N, n) [rad]; zero where a wheel has no encoder. A joint whose positions are NaN
             throughout has the integrals of its rates instead, from zero.
@@ -57,10 +58,8 @@ class JointSeries(SampleSeries):
     def __post_init__(self) -> None:
         """Check and freeze."""
         object.__setattr__(self, 'names', tuple(self.names))
-        if len(set(self.names)) != len(self.names) or not self.names:
-            raise RecordingError(
-                'joints.names', f'must be distinct and not empty, got {list(self.names)}'
-            )
+        if len(set(self.names)) != len(self.names):
+            raise RecordingError('joints.names', f'must be distinct, got {list(self.names)}')
         if self.position is None:
             raise RecordingError('joints.position', 'is missing')
         self._integrate()

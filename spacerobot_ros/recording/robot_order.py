@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ..errors import MessageRejectedError, RecordingError
 from ..model.robot import Robot
 from .messages import joint_order
-from .record import Record
+from .record import JointSeries, Record
 
 
 def in_robot_order(record: Record, robot: Robot) -> Record:
@@ -19,6 +21,8 @@ def in_robot_order(record: Record, robot: Robot) -> Record:
         RecordingError: its joints are not the robot's.
     """
     joints, arm = record.joints, robot.arm
+    if joints is None and not arm:
+        return _without_joints(record)
     if joints is None or joints.names == arm:
         return record
     order = order_of(joints.names, arm, f'{record.source}: joints')
@@ -30,6 +34,15 @@ def in_robot_order(record: Record, robot: Robot) -> Record:
         )
     }  # fmt: skip
     return replace(record, joints=replace(joints, names=arm, **columns))
+
+
+def _without_joints(record: Record) -> Record:
+    """The record of a robot without joints, their samples of width zero at its base's."""
+    base = [s for s in (record.rates, record.attitudes) if s is not None]
+    if not base:
+        return record
+    stamps = max(base, key=len).stamp_ns
+    return replace(record, joints=JointSeries((), stamps, np.zeros((len(stamps), 0))))
 
 
 def order_of(names: Sequence[str], wanted: tuple[str, ...], place: str) -> list[int]:

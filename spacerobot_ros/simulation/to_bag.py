@@ -97,7 +97,7 @@ def record_run(
 
 def _joint_error(step: Step, command: Command) -> float:
     n = len(command.tau)
-    return float(np.max(np.abs(command.setpoint.q - step.state.q[:n])))
+    return float(np.max(np.abs(command.setpoint.q - step.state.q[:n]), initial=0.0))
 
 
 def _write(bag: BagWriter, loop: ClosedLoop, step: Step) -> None:

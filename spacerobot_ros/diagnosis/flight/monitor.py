@@ -19,7 +19,7 @@ from ...identification.estimate import Estimate
 from ...identification.outliers import without_outliers
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
-from ...recording.buffer import SENSORS, SampleBuffer
+from ...recording.buffer import SampleBuffer, sensors_of
 from ...recording.record import Record
 from ...sensing.correction import corrected_record
 from ...types import Array
@@ -91,8 +91,7 @@ class Monitor:
 
         What was learned of noise, efforts and momentum is kept, and so is an alarm.
         """
-        sensors = SENSORS if self.robot.is_free else ('joints',)
-        self.samples = SampleBuffer(self.robot.joints, sensors=sensors)
+        self.samples = SampleBuffer(self.robot.joints, sensors=sensors_of(self.robot))
         self._edge_ns: int | None = None
         self._counted_ns: int | None = None  # up to which outliers are counted
         self._is_continued = False

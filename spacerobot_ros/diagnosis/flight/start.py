@@ -63,7 +63,8 @@ def learn(
     noise, notes = noise_levels(robot.sensors, record)
     process = TorqueDriven(robot, believed)
     measured = MeasuredMotion(record, noise, process)
-    timings = ('sampled',) if record.effort is None else tuple(TIMINGS)
+    is_driven = record.effort is not None and bool(robot.joints)
+    timings = tuple(TIMINGS) if is_driven else ('sampled',)
     tried = [
         _trial(BlockInnovations(measured, process, timing), momentum_std) for timing in timings
     ]

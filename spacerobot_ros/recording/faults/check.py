@@ -55,8 +55,12 @@ def data_faults(record: Record, robot: Robot | None) -> tuple[str, ...]:
 
 def _absent(record: Record, robot: Robot) -> Iterator[DataFault]:
     joints, place = record.joints, '/joint_states'
-    if joints is None:
+    if joints is None and robot.joints:
         yield DataFault('absent', place, 'is missing: without joints nothing is known')
+        return
+    if joints is None:
+        message = 'are both missing: nothing of this robot without joints is seen'
+        yield DataFault('absent', '/imu/data and /attitude', message)
         return
     if joints.names != robot.joints:
         message = f'has joints {", ".join(joints.names)}; the robot has {", ".join(robot.joints)}'

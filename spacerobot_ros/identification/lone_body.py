@@ -1,0 +1,115 @@
+"""A body without joints: what its own turning tells of its inertia.
+
+Without a known torque or momentum, J w' + w x J w = 0 holds for J of any scale: the ratios
+
+    J / J_xx,    five numbers, of which two are ratios of principal moments and three their axes,
+
+are all there is. They are fitted as the effect `inertial_parameters` is by the diagnosis, the
+measured attitude and rates predicted from one initial state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..effects.bodies import InertialParameters
+from ..effects.effect import Effect
+from ..estimation.noise_levels import noise_levels
+from ..estimation.refit import Fit, refine
+from ..estimation.runs import Run
+from ..model.robot import Robot
+from ..recording.record import Record
+from ..types import Array
+from .estimate import Estimate
+from .summary import Identification
+from .validity_limits import BETTER_THAN_PRIOR, LARGEST_CHI2
+
+_RATIOS = ('Jyy/Jxx', 'Jzz/Jxx', 'Jxy/Jxx', 'Jxz/Jxx', 'Jyz/Jxx')
+_PLACES = ((1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_STEP = 1e-6  # of a parameter's plausible size, for the ratios' derivatives
+
+
+def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect]) -> Identification:
+    """Ratios of inertia about the centre of mass, with covariance.
+
+    Args:
+        record: Gyro, attitude or both.
+        robot: The robot file's, without joints.
+        believed: Its own effects.
+
+    Returns:
+        An estimate whose parameters are the ratios, and the robot that has them.
+    """
+    noise, notes = noise_levels(robot.sensors, record, is_checked=False)
+    base = robot.base_link
+    start = InertialParameters(name='body', where=base, values=InertialParameters.nominal())
+    fit = refine(Run(record, robot, believed, noise), [start])
+    found = fit.rows.robot
+    slopes = _slopes(fit)
+    sizes = np.array([p.size for _, p in fit.free])
+    stds = np.array([fit.standard_deviations()[0][p.name] for _, p in fit.free])
+    weak = stds * BETTER_THAN_PRIOR > sizes
+    names = _RATIOS
+    unexcited = tuple(p.name for (_, p), is_weak in zip(fit.free, weak, strict=True) if is_weak)
+    chi2 = float(fit.data @ fit.data) / max(len(fit.data) - len(fit.free), 1)
+    reason = f'{len(unexcited)} of {len(stds)} directions are not excited yet' * bool(unexcited)
+    if chi2 > LARGEST_CHI2:
+        reason = (
+            f'the model does not explain the data: chi-square per degree of freedom {chi2:.3g}'
+        )
+    moments, axes = np.linalg.eigh(found.bodies[0].inertia)
+    estimate = Estimate(
+        method='ml',
+        valid=not reason,
+        reason=reason,
+        aam_links=(),
+        aam=np.zeros(0),
+        parameter_names=names,
+        parameters=_ratios(found),
+        covariance=slopes @ fit.covariance() @ slopes.T,
+        rank=int(np.sum(~weak)),
+        condition=float(np.linalg.cond(fit.tangents * sizes)),
+        unexcited=unexcited,
+        total_momentum=np.full(3, np.nan),
+        total_momentum_covariance=np.full((3, 3), np.nan),
+        chi2_per_dof=chi2,
+        samples=len(record.joint_time),
+        stamp_ns=record.origin_ns + round(record.span[1] * 1e9),
+        notes=(*record.notes, *notes, _in_words(moments, axes)),
+        unit='',
+    )
+    return Identification(estimate, found)
+
+
+def _ratios(robot: Robot) -> Array:
+    """(5,) of the base's inertia about its centre of mass."""
+    inertia = robot.bodies[0].inertia
+    return np.array([inertia[i, j] / inertia[0, 0] for i, j in _PLACES])
+
+
+def _slopes(fit: Fit) -> Array:
+    """(5, P) derivatives of the ratios by the fitted numbers."""
+    here, columns = _ratios(fit.rows.robot), []
+    for k, (_, p) in enumerate(fit.free):
+        step = _STEP * p.size
+        change = np.zeros(len(fit.free))
+        change[k] = step
+        (moved,) = fit.moved(change)
+        columns.append((_ratios(moved.change(fit.run.robot)) - here) / step)
+    return np.stack(columns, axis=1)
+
+
+def _in_words(moments: Array, axes: Array) -> str:
+    """Principal moments in their ratio and how far each principal axis lies off the base's."""
+    ratio = ' : '.join(f'{m / moments[0]:.5g}' for m in moments)
+    tilts = [
+        f'{np.degrees(np.arccos(min(1.0, np.max(np.abs(axis))))):.3g} deg off '
+        f'{"xyz"[int(np.argmax(np.abs(axis)))]}'
+        for axis in axes.T
+    ]
+    return (
+        'no torque on the body and no momentum of wheels is known: its inertia is known but for '
+        f'its scale; principal moments {ratio}, their axes {", ".join(tilts)}'
+    )

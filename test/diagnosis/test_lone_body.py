@@ -1,0 +1,143 @@
+"""A robot without joints: read, simulated, diagnosed, identified, watched."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.flight.monitor import Monitor
+from spacerobot_ros.errors import ConfigurationError, RecordingError
+from spacerobot_ros.identification.lone_body import identify_lone_body
+from spacerobot_ros.recording.faults.check import check_data
+from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record
+from spacerobot_ros.recording.robot_order import in_robot_order
+from spacerobot_ros.simulation.closed_loop import ClosedLoop
+from test.support.lone_body import box_file
+
+NOISE = 1e-4
+BOX = np.diag([0.30, 0.34, 0.40])
+
+
+def tumbled(
+    rng, inertia, *, bias=(0.0, 0.0, 0.0), late=0.0, torque=(0.0, 0.0, 0.0), duration=20.0
+):
+    """A record of Euler's equations, integrated by SciPy: no code shared with the simulator."""
+
+    def rate(_, x):
+        q, w = Rotation.from_quat(x[:4]), x[4:]
+        turn = 0.5 * (q.as_quat()[3] * w + np.cross(q.as_quat()[:3], w))
+        spin = -0.5 * q.as_quat()[:3] @ w
+        momentum = inertia @ w
+        return np.concatenate(
+            [turn, [spin], np.linalg.solve(inertia, np.array(torque) - np.cross(w, momentum))]
+        )
+
+    motion = solve_ivp(
+        rate, (0.0, duration), [0, 0, 0, 1, 0.4, 0.8, 0.2], rtol=1e-11, atol=1e-12,
+        dense_output=True,
+    ).sol  # fmt: skip
+    gyro = np.arange(0.5, duration, 0.02)
+    tracker = np.arange(0.5, duration, 0.1)
+    omega = motion(gyro)[4:].T + bias + NOISE * rng.standard_normal((len(gyro), 3))
+    attitude = Rotation.from_quat(motion(tracker - late)[:4].T)
+    attitude = attitude * Rotation.from_rotvec(NOISE * rng.standard_normal((len(tracker), 3)))
+    return Record(
+        rates=RateSeries(np.round(gyro * 1e9).astype(int), omega),
+        attitudes=AttitudeSeries(np.round(tracker * 1e9).astype(int), attitude.as_quat()),
+    )
+
+
+@pytest.fixture(scope='module')
+def box(tmp_path_factory):
+    return box_file(tmp_path_factory.mktemp('box'))
+
+
+def test_a_right_model_of_a_tumbling_body_is_consistent(box, rng):
+    record = in_robot_order(tumbled(rng, BOX), box.robot)
+
+    found = diagnose(record, box.robot)
+
+    assert found.verdict == 'consistent', found.sentence
+    assert len(record.q) == len(record.omega)
+    assert record.q.shape[1] == 0
+
+
+def test_bias_and_delay_are_named_with_their_size(box, rng):
+    record = in_robot_order(tumbled(rng, BOX, bias=(2e-3, 0.0, -1e-3), late=0.04), box.robot)
+
+    found = diagnose(record, box.robot)
+
+    assert found.verdict == 'explained', found.sentence
+    causes = {c.applied.id: c.parameters for c in found.causes}
+    assert set(causes) == {'gyro_bias', 'attitude_delay'}
+    for axis, true in zip('xyz', (2e-3, 0.0, -1e-3), strict=True):
+        value = causes['gyro_bias'][axis]
+        assert abs(value.value - true) < 4.0 * value.std
+        assert value.std < 1e-5
+    late = causes['attitude_delay']['delay']
+    assert abs(late.value - 0.04) < 4.0 * late.std
+
+
+def test_a_torque_from_outside_is_named(box, rng):
+    found = diagnose(
+        in_robot_order(tumbled(rng, BOX, torque=(0.0, 3e-4, 0.0)), box.robot), box.robot
+    )
+
+    (cause,) = found.causes
+    assert cause.applied.id in ('external_torque_body', 'thruster_leak')
+    rivals = {cause.applied.id, *(rival.effect for rival in cause.rivals)}
+    assert 'external_torque_body' in rivals
+    assert found.verdict == 'explained'
+
+
+TURNED = Rotation.from_rotvec([0.0, 0.0, 0.05])
+OTHER = TURNED.as_matrix() @ np.diag([0.30, 0.35, 0.41]) @ TURNED.as_matrix().T
+
+
+def test_ratios_and_tilt_of_the_inertia_are_found_and_the_scale_is_not(box, rng):
+    record = in_robot_order(tumbled(rng, 7.0 * OTHER), box.robot)  # any scale moves alike
+
+    (cause,) = diagnose(record, box.robot).causes
+
+    assert cause.applied.id == 'inertial_parameters'
+    assert set(cause.parameters) == {'ixy', 'iyy', 'ixz', 'iyz', 'izz'}
+    scale = BOX[0, 0] / OTHER[0, 0]
+    for name, (i, j) in {'ixy': (0, 1), 'iyy': (1, 1), 'izz': (2, 2)}.items():
+        value = cause.parameters[name]
+        assert abs(value.value - (scale * OTHER[i, j] - BOX[i, j])) < 4.0 * value.std
+        assert value.std < 1e-3
+
+
+def test_identify_tells_ratios_with_their_deviation(box, rng):
+    record = in_robot_order(tumbled(rng, OTHER), box.robot)
+
+    estimate = identify_lone_body(record, box.robot, ()).estimate
+
+    assert estimate.valid, estimate.reason
+    assert estimate.unit == ''
+    true = np.array([OTHER[i, j] for i, j in ((1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
+    error = (estimate.parameters - true / OTHER[0, 0]) / estimate.std
+    assert np.max(np.abs(error)) < 4.0
+    assert np.max(estimate.std) < 5e-3
+
+
+def test_the_monitor_watches_it(box, tmp_path):
+    faulty = box_file(tmp_path, effects={'b': {'effect': 'gyro_bias', 'x': 2e-3}})
+    levels = {}
+    for name, machine in (('right', box), ('biased', faulty)):
+        monitor = Monitor(box.robot, box.settings.monitor, ())
+        for step in ClosedLoop(machine.robot, machine.settings).run(700):
+            step.feed(monitor)
+            monitor.step()
+        levels[name] = monitor.state.level
+    assert levels == {'right': 'ok', 'biased': 'error'}
+
+
+def test_refusals(box, tmp_path):
+    with pytest.raises(ConfigurationError, match=r'robot.joints: is empty: on a fixed base'):
+        box_file(tmp_path, robot={'base': 'fixed'})
+    with pytest.raises(RecordingError, match='are both missing: nothing of this robot'):
+        check_data(in_robot_order(Record(source='x'), box.robot), box.robot)
