@@ -33,7 +33,7 @@ def corrected_record(record: Record, robot: Robot, effects: Sequence[Effect]) ->
         return stamp_ns - round(faults.delay[clock] * 1e9)
 
     joints, rates, attitudes = record.joints, record.rates, record.attitudes
-    if joints is not None:
+    if joints is not None and joints.names:
         stamps = earlier(joints.stamp_ns, 'joints')
         joints = replace(_joints(joints, record.joint_time, faults), stamp_ns=stamps)
     if rates is not None:
