@@ -16,6 +16,7 @@ from ..types import Array
 from .adaptive.adaptive_settings import AdaptiveSettings
 from .adaptive.controller import AdaptiveController
 from .adaptive.law_signals import Measured, Target
+from .adaptive.saved_adaptation import Learned
 from .command import Torque
 from .compensation import FeedForward
 from .feedback import NS, Feedback
@@ -178,7 +179,13 @@ class FreeFlyingController(Controller):
         self._brake = ComputedTorque(
             robot_model(robot), options.bandwidth, self._limits, options.damping
         )
-        self._is_started = False
+        self._is_started = self._has_learned = False
+
+    def resume(self, learned: Learned) -> None:
+        """Go on with what was learned before, in place of any estimate."""
+        self.adaptive.take(learned)
+        self._has_learned = True
+        self.restart()
 
     def restart(self) -> None:
         """The adaptation goes on from the parameters in force, without the interval up to now."""
@@ -190,8 +197,10 @@ class FreeFlyingController(Controller):
         Raises:
             IdentificationError: it doesn't fit the robot, or its covariance is indefinite.
         """
-        if estimate is not None and self.estimate is not None and self._law != _FIXED:
+        goes_on = self.estimate is not None or self._has_learned
+        if estimate is not None and goes_on and self._law != _FIXED:
             return
+        self._has_learned = False
         adaptive = self._from_file()
         if estimate is not None:
             adaptive.hand_over(estimate, self._structure)

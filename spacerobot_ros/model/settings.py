@@ -251,6 +251,8 @@ class ControllerSettings:
             holds its torque.
         save_parameters: YAML to which ~/save_parameters and the end of the node write the robot
             with the parameters in force, the URDF beside it; empty: nowhere.
+        save_file: Adaptive laws: file to which what was learned is saved every second, and from
+            which the next start goes on; empty: none.
     """
 
     law: str = param('computed_torque', choices=(*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS))
@@ -264,6 +266,7 @@ class ControllerSettings:
     attitude_timeout: float = param(1.0, 's', above=0.0)
     hold_compensation: bool = param(True)
     save_parameters: str = param('')
+    save_file: str = param('')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,6 +16,7 @@ from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Tracking
 from trajectory_msgs.msg import JointTrajectory
 
+from ..control.controllers import FreeFlyingController
 from ..control.loop import Command, ControlLoop
 from ..control.plausible import EstimateCheck
 from ..model.robot import Robot
@@ -25,6 +26,7 @@ from ..ros.convert import compose
 from ..ros.diagnostics import Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.run_node import run_node
+from .adaptation_file import AdaptationFile
 from .base import SensorNode
 from .controller_status import (
     adaptation_status,
@@ -41,6 +43,7 @@ class ControllerNode(SensorNode, LifecycleNode):
 
     loop: ControlLoop
     _in_force: ParameterPublisher | None = None
+    _learned: AdaptationFile | None = None
 
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
@@ -99,6 +102,8 @@ class ControllerNode(SensorNode, LifecycleNode):
         """Save the parameters in force, if that is asked for."""
         if self._in_force is not None:
             self._in_force.save_at_end()
+        if self._learned is not None:
+            self._learned.close()
         super().destroy_node()
 
     def _release(self) -> None:
@@ -128,6 +133,9 @@ class ControllerNode(SensorNode, LifecycleNode):
             warning = self.loop.adaptive.health.sampling_warning
             if warning:
                 self.get_logger().warning(warning)
+        law = self.loop.controller
+        if self.settings.controller.save_file and isinstance(law, FreeFlyingController):
+            self._learned = AdaptationFile(self, law, self.loop.robot)
         self._watch()
         if self.get_parameter('autostart').value:
             self.trigger_configure()
@@ -238,6 +246,8 @@ class ControllerNode(SensorNode, LifecycleNode):
         self._send(command.stamp_ns, command.tau, command.base)
         if self._in_force is not None:
             self._in_force.publish(command.stamp_ns)
+        if self._learned is not None:
+            self._learned.keep(command.stamp_ns)
         law = self.settings.controller.law
         self._trackings.publish(convert.tracking_message(command, self._names, law))
 

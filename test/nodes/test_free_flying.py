@@ -263,3 +263,25 @@ def test_what_can_not_work_is_refused_at_the_start(rig, change, match):
     with pytest.raises(ConfigurationError, match=match) as caught:
         Bench(rig, **change)
     assert '\n' not in str(caught.value)
+
+
+def test_what_was_learned_survives_the_node(rig, tmp_path):
+    file = {'controller.save_file': str(tmp_path / 'learned.json')}
+    parameters = node_parameters('adaptive_rls', 0.05) | file
+    before = Loop(rig, parameters)
+    start = before.controller.loop.adaptive.parameters.values
+    before.run(200)
+    other = Rig()
+    try:
+        after = Loop(other, parameters)
+        kept = after.controller.loop.adaptive.parameters.values
+        learned = before.controller.loop.adaptive.parameters.values
+        # saved in the last second, in which hardly anything was learned
+        assert np.linalg.norm(kept - learned) < 0.05 * np.linalg.norm(learned - start)
+        estimate = estimate_of(file_with(free_flying_parameters('adaptive_rls', 0.05)))
+        after.controller.loop.set_estimate(estimate)  # it is older than what was adapted
+        assert np.array_equal(after.controller.loop.adaptive.parameters.values, kept)
+        # taken over smoothly: the transient is that of the motion's start alone
+        assert after.run(40).max() < 0.8 * np.array(before.errors)[:40].max()
+    finally:
+        other.close()

@@ -28,6 +28,7 @@ from .learning_kernel import is_within
 from .prior import rate_noise, row_variances
 from .regression import DifferencedRates, FilteredMomentum
 from .regressors import Regressors, parameter_names, parameter_units, with_parameters
+from .saved_adaptation import Learned
 
 _UNKNOWN = np.zeros(3)  # in place of a base velocity or force
 _GAP = 1.5  # periods between two samples from which on some were lost
@@ -213,6 +214,15 @@ class AdaptiveController:
         learner = self._learner
         prior = (learner.physical_pi, learner.G)
         learner.take(*standard_parameters(self.robot, structure, estimate, *prior))
+
+    @property
+    def learned(self) -> Learned:
+        """What was learned so far, for a file."""
+        return Learned(self._learner.pi.copy(), self._learner.G.copy())
+
+    def take(self, learned: Learned) -> None:
+        """Go on from what was learned before."""
+        self._learner.take(*learned)
 
     @property
     def parameters(self) -> ParametersInForce:
