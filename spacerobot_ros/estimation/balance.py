@@ -86,7 +86,7 @@ class Balance:
     @cached_property
     def torque(self) -> Array:
         """(M, n) torques that the model misses, row by row [N m]."""
-        return self._rows(self.missed)
+        return self.in_rows(self.missed)
 
     def samples(self) -> Mapping[str, tuple[Kinematics, Motion]]:
         """Joint positions at the times of the balance: rates and accelerations follow them."""
@@ -111,7 +111,7 @@ class Balance:
         flat = torques.reshape(len(torques), -1)
         seen = np.any(flat != 0.0, axis=0)  # most effects act on one joint
         rows = np.zeros((len(self.row_times), flat.shape[1]))
-        rows[:, seen] = self._rows(flat[:, seen])
+        rows[:, seen] = self.in_rows(flat[:, seen])
         return rows.reshape(len(rows), n, -1)
 
     @property
@@ -131,7 +131,8 @@ class Balance:
             for i, (name, at) in enumerate(zip(self.robot.joints, moving.T, strict=True))
         )
 
-    def _rows(self, values: Array) -> Array:
+    def in_rows(self, values: Array) -> Array:
+        """(M, ...) rows of (N, ...) values: without what is faster than the band."""
         return self.arm.in_band(values)[:: self.arm.stride]
 
     def _required(self, motion: Motion) -> Array:

@@ -1,0 +1,154 @@
+"""Channels of an arm: what is left of each joint's torque, and what laws would make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.fft import dct, idct
+
+from ...effects.learned_torque import input_of
+from ...estimation.arm_rows import ArmRows
+from ...estimation.leftover import JointRows
+from ...types import Array, BoolArray
+from .clocks import Clocks
+from .possible_laws import Extent, Law, joint_laws
+from .spectral_terms import SpectralTerms
+
+_KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMotions:
+    """Inputs of laws along all recordings of an arm.
+
+    Args:
+        rows: The recordings.
+    """
+
+    rows: ArmRows
+
+    @cached_property
+    def moving(self) -> list[BoolArray]:
+        """(M, n) of every recording: rows in which each joint moves."""
+        return [b.arm.is_moving[:: b.arm.stride] for b in self.rows.balances]
+
+    @cached_property
+    def extent(self) -> Extent:
+        """What all recordings cover together."""
+        qd, q = (
+            np.concatenate([getattr(b.motion, name) for b in self.rows.balances])
+            for name in ('qd', 'q')
+        )
+        fast = np.maximum(np.quantile(np.abs(qd), 0.95, axis=0), 1e-3)
+        low, high = np.min(q, axis=0), np.max(q, axis=0)
+        duration = max(float(np.ptp(b.motion.time)) for b in self.rows.balances)
+        names = self.rows.robot.joints
+        return Extent(*(dict(zip(names, x.tolist(), strict=True)) for x in (fast, low, high)), duration)
+
+    def inputs(self, law: Law, run: int) -> list[Array]:
+        """(N,) inputs of a law along a recording."""
+        motion = self.rows.balances[run].motion
+        return [np.asarray(input_of(name, motion)) for name in law.inputs]
+
+    def ranges(self, law: Law, j: int) -> Mapping[str, tuple[float, float]]:
+        """Smallest and largest of every input where joint j moves."""
+        out = {}
+        for k, name in enumerate(law.inputs):
+            ends = [
+                self.inputs(law, run)[k][b.arm.is_moving[:, j]]
+                for run, b in enumerate(self.rows.balances)
+            ]
+            every = np.concatenate(ends)
+            out[name] = float(np.min(every)), float(np.max(every))
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class JointChannel:
+    """What is left of one joint's torque.
+
+    Args:
+        motions: Of the arm. j: Number of the joint. variances: (6,) of its leftover.
+        deviations: (K,) of what is chosen and tolerated.
+    """
+
+    motions: ArmMotions
+    j: int
+    variances: Array
+    deviations: Array
+
+    @property
+    def joint(self) -> str:
+        """Its name."""
+        return self.motions.rows.robot.joints[self.j]
+
+    @cached_property
+    def rows(self) -> JointRows:
+        """Where it moves."""
+        return self.motions.rows.joints[self.j]
+
+    @cached_property
+    def laws(self) -> Sequence[Law]:
+        """That may be."""
+        robot = self.motions.rows.robot
+        return joint_laws(self.joint, robot.joints, (), self.motions.extent)
+
+    @cached_property
+    def clocks(self) -> Clocks | None:
+        """Of a single recording: others have clocks of their own."""
+        if len(self.motions.rows.balances) > 1:
+            return None
+        times = self.motions.rows.joint_times(self.j)
+        return _WhitenedClocks(times, self.whitened)
+
+    @cached_property
+    def terms(self) -> SpectralTerms:
+        """The leftover's; an offset is free."""
+        columns = self.rows.columns * self.deviations
+        columns = columns[:, np.any(columns != 0.0, axis=0)]
+        offset = np.full((len(self.rows.torque), 1), _FREE * np.sqrt(np.mean(self.rows.torque**2)))
+        both = np.column_stack([self.rows.torque, offset, columns])
+        terms = self.to_terms(self.whitened(both))
+        return SpectralTerms(terms[:, 0], terms[:, 1:])
+
+    def columns(self, law: Law) -> Array:
+        """(M, k) terms of a law's columns."""
+        return self.to_terms(self.whitened(self.law_rows(law)))
+
+    def law_rows(self, law: Law) -> Array:
+        """(R, k) a law's columns, row by row [N m by coefficient]."""
+        out = []
+        for run, balance in enumerate(self.motions.rows.balances):
+            values = law.form(self.motions.inputs(law, run), law.options)
+            out.append(balance.in_rows(values)[self.motions.moving[run][:, self.j]])
+        return np.concatenate(out)
+
+    def whitened(self, values: Array) -> Array:
+        """(R, c) values whitened by the level as it was found before any law."""
+        own = self.rows
+        rows = JointRows(np.zeros(len(values)), values, own.observed, own.block, own.gap)
+        return rows.whitened(self.variances)[1]
+
+    def to_terms(self, rows: Array) -> Array:
+        """(M, ...) cosine terms of whitened rows (R, ...), those in the band."""
+        return np.asarray(dct(rows, axis=0, norm='ortho'))[: int(_KEPT * len(rows))]
+
+    def to_rows(self, terms: Array) -> Array:
+        """(R, ...) rows of cosine terms."""
+        padded = np.zeros((len(self.rows.torque), *terms.shape[1:]))
+        padded[: len(terms)] = terms
+        return np.asarray(idct(padded, axis=0, norm='ortho'))
+
+
+_FREE = 10.0  # times the torque that is missed: an offset's prior deviation
+
+
+class _WhitenedClocks(Clocks):
+    """Sines as the rows of a channel see them."""
+
+    def __init__(self, times: Array, whitened: object) -> None:
+        super().__init__(times)
+        self.columns = whitened(self.columns)  # type: ignore[operator]

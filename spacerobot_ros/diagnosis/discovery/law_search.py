@@ -1,0 +1,217 @@
+"""Which laws of the grammar the terms of one channel want, one after another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from ...types import Array, IntArray
+from .chance import chance_of
+from .clocks import Clocks
+from .discovery_limits import CHANCE, DEAD_HEAT, MARGIN, MOST_LAWS
+from .possible_laws import REFINED, Law
+from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening
+
+_SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
+_STEPS = (1.6, 1.25, 1.1)  # by which options are refined
+
+
+class Channel(Protocol):
+    """What is left of one channel, and what laws would make of it."""
+
+    @property
+    def terms(self) -> SpectralTerms:
+        """The leftover's."""
+
+    @property
+    def laws(self) -> Sequence[Law]:
+        """That may be."""
+
+    @property
+    def clocks(self) -> Clocks | None:
+        """Sines of the time."""
+
+    def columns(self, law: Law) -> Array:
+        """(M, k) terms of a law's columns."""
+
+    def to_terms(self, rows: Array) -> Array:
+        """(M, ...) cosine terms of whitened rows."""
+
+    def to_rows(self, terms: Array) -> Array:
+        """Rows of cosine terms."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A law that won.
+
+    Args:
+        law: None: a sine of the time.
+        name: In words, of a sine.
+        columns: (M, k).
+        margin: Gain in log likelihood beyond every price [nats].
+        p_value: Of such a win by chance.
+        rivals: Laws and margins that come close.
+    """
+
+    law: Law | None
+    name: str
+    columns: Array
+    margin: float
+    p_value: float
+    rivals: tuple[tuple[Law, float], ...] = ()
+
+    @property
+    def is_law(self) -> bool:
+        """Whether it is neither a sine of the time, a drift, nor an inertial error."""
+        return self.law is not None and self.law.kind not in ('inertial', 'clock')
+
+
+class LawSearch:
+    """Forward choice of laws.
+
+    Args:
+        channel: The channel.
+    """
+
+    def __init__(self, channel: Channel) -> None:
+        self.channel, self.terms = channel, channel.terms
+        pairs = [(law, channel.columns(law)) for law in channel.laws]
+        pairs = [(law, columns) for law, columns in pairs if np.any(columns)]
+        self.laws = [law for law, _ in pairs]
+        self.prices = [law.price for law in self.laws]
+        own = [columns for _, columns in pairs]
+        ends = np.cumsum([0, *(c.shape[1] for c in own)])
+        self.groups: list[IntArray] = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
+        if channel.clocks is not None:
+            own.append(channel.to_terms(channel.clocks.columns))
+            self.groups += list(ends[-1] + channel.clocks.groups)
+            self.prices += [channel.clocks.price] * len(channel.clocks.frequency)
+        self.columns = np.concatenate([np.zeros((len(self.terms.data), 0)), *own], axis=1)
+
+    def run(self) -> list[Step]:
+        """Laws in their order; a sine of the time or an inertial error ends it."""
+        chosen: list[Step] = []
+        while self.groups and len(chosen) < MOST_LAWS:
+            step = self._next(chosen)
+            if step is None:
+                break
+            chosen.append(step)
+            if not step.is_law:
+                break
+        return chosen
+
+    def _next(self, chosen: Sequence[Step]) -> Step | None:
+        """The best further law; None where none is clear of chance."""
+        beside = np.concatenate(
+            [np.zeros((len(self.terms.data), 0)), *(step.columns for step in chosen)], axis=1
+        )
+        here = self.terms.level(beside)
+        judge = _Judge(self, here.scale, beside)
+        scores = judge.scores(judge.data[:, None])[:, 0]
+        refitted = []
+        for g in self._shortlist(scores):
+            level = self.terms.level(np.concatenate([beside, self.columns[:, self.groups[g]]], 1))
+            refitted.append((level.likelihood - here.likelihood - self._price(g), g, level))
+        refitted.sort(key=lambda entry: -entry[0])
+        margin, g, level = refitted[0]
+        if margin < MARGIN:
+            return None
+        p_value = self._chance(g, beside, level)
+        if p_value > CHANCE:
+            return None
+        close = [(k, m) for m, k, _ in refitted[1:] if margin - m < DEAD_HEAT]
+        rivals = tuple((self.laws[k], margin - m) for k, m in close if k < len(self.laws))
+        if g >= len(self.laws):
+            clocks = self.channel.clocks
+            name = '' if clocks is None else clocks.in_words(g - len(self.laws))
+            return Step(None, name, self.columns[:, self.groups[g]], margin, p_value, rivals)
+        law, columns, margin = self._refined(g, beside, here, margin)
+        return Step(law, '', columns, margin, p_value, rivals)
+
+    def _chance(self, g: int, beside: Array, level: Level) -> float:
+        """Under the level that the law leaves."""
+        both = np.concatenate([beside, self.columns[:, self.groups[g]]], axis=1)
+        judge = _Judge(self, level.scale, beside)
+        return chance_of(
+            float(judge.scores(judge.data[:, None])[g, 0]),
+            judge.largest,
+            _without(judge.white(both), judge.white(self.terms.data)),
+            self.channel.to_rows,
+            self.channel.to_terms,
+        )
+
+    def _refined(
+        self, g: int, beside: Array, here: Level, margin: float
+    ) -> tuple[Law, Array, float]:
+        """The law with the options that the likelihood likes best."""
+        law, columns = self.laws[g], self.columns[:, self.groups[g]]
+        for option in [name for name in REFINED if name in law.options]:
+            for factor in _STEPS:
+                for step in (factor, 1.0 / factor):
+                    tried = replace(
+                        law, options={**law.options, option: step * law.options[option]}
+                    )
+                    moved = self.channel.columns(tried)
+                    level = self.terms.level(np.concatenate([beside, moved], axis=1))
+                    gain = level.likelihood - here.likelihood - self._price(g)
+                    if gain > margin:
+                        law, columns, margin = tried, moved, gain
+        return law, columns, margin
+
+    def _price(self, g: int) -> float:
+        freedom = 0.5 * len(self.groups[g]) * math.log(len(self.terms.data))
+        return freedom + self.prices[g]
+
+    def _shortlist(self, scores: Array) -> list[int]:
+        taken: dict[object, int] = {}
+        out: list[int] = []
+        for g in np.argsort(-scores).tolist():
+            family = self.laws[g].family if g < len(self.laws) else 'clock'
+            taken[family] = taken.get(family, 0) + 1
+            if taken[family] <= _ALIKE:
+                out.append(g)
+            if len(out) == _SHORTLIST:
+                break
+        return out
+
+
+class _Judge:
+    """All laws beside chosen ones, under one level.
+
+    Args:
+        search: The search. scale: (M,) level. beside: (M, k) columns of the chosen laws.
+    """
+
+    def __init__(self, search: LawSearch, scale: Array, beside: Array) -> None:
+        self.white = Whitening(search.terms, scale)
+        own = self.white(beside)
+        self.data = _without(own, self.white(search.terms.data))
+        before = np.sum((search.columns / scale[:, None]) ** 2, axis=0)
+        columns = _without(own, self.white(search.columns))
+        self._basis = GroupBasis(columns, search.groups, before)
+        freedom = 0.5 * self._basis.sizes * math.log(len(scale))
+        self._prices = np.where(self._basis.sizes > 0, freedom + np.array(search.prices), np.inf)
+
+    def scores(self, residuals: Array) -> Array:
+        """(G, F) log likelihood beyond all prices, of (M, F) residuals."""
+        share = self._basis.gains(residuals) / np.sum(residuals**2, axis=0)
+        fit = -0.5 * len(residuals) * np.log1p(-np.minimum(share, 1.0 - 1e-12))
+        return np.asarray(fit - self._prices[:, None])
+
+    def largest(self, residuals: Array) -> Array:
+        """(F,) of the best law."""
+        return np.asarray(np.max(self.scores(residuals), axis=0))
+
+
+def _without(columns: Array, values: Array) -> Array:
+    """Values with the best combination of columns taken off."""
+    if not columns.shape[1]:
+        return values
+    q, _ = np.linalg.qr(columns)
+    return np.asarray(values - q @ (q.T @ values))

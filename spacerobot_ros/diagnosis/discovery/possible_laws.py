@@ -1,0 +1,196 @@
+"""Which laws a leftover may follow: forms of the grammar with inputs, and how rare each is.
+
+A law's price is the negative logarithm of its rarity [nats], as people who build such machines see
+it: what every joint has costs nothing, what needs another joint's variable 2.5, a clock 2.5 and
+more. The evidence must pay it beside the price of the coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ...effects.grammar import FORMS, Form, quantity
+
+_PER_TURN = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
+_BENDS = (0.03, 0.1, 0.3)  # of the 95 % rate
+_DISPLACEMENTS = (2e-3, 6e-3, 0.02, 0.06)  # rad
+_WARM_UP = (0.1, 0.3, 1.0)  # of the record's length
+_STOPS = (0.1, 0.2, 0.3)  # of the range, at either end
+REFINED = ('scale', 'displacement')
+"""Options whose values are refined by the likelihood."""
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A form with inputs.
+
+    Args:
+        form: Of the grammar.
+        inputs: Their names.
+        price: [nats].
+        resembles: Class of laws, in words.
+        kind: What it does with energy, see `learned_torque.KINDS`; `inertial` and `clock` are no
+            laws: where they win, the leftover is an error of the masses, or follows the time.
+        options: What the form is not linear in.
+    """
+
+    form: Form
+    inputs: tuple[str, ...]
+    price: float
+    resembles: str
+    kind: str
+    options: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def family(self) -> tuple[frozenset[str], str]:
+        """Variables and class: laws that say the same in other words."""
+        return frozenset(self.inputs), self.resembles
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """What a motion covers, for guesses of options.
+
+    Args:
+        fast: 95 % rate of each joint [rad/s]. low, high: Its angles [rad]. duration: [s].
+    """
+
+    fast: Mapping[str, float]
+    low: Mapping[str, float]
+    high: Mapping[str, float]
+    duration: float
+
+
+_OWN_RATE = (
+    ('x', 0.0, 'viscous friction'),
+    ('sign(x)', 1.0, 'Coulomb friction'),
+    ('sign(x), x', 1.0, 'Coulomb and viscous friction'),
+    ('x |x|', 1.5, 'drag'),
+    ('sign(x) sqrt|x|', 2.0, 'friction that grows ever less with the rate'),
+    ('sign(x), x, |x|', 2.0, 'friction that differs between directions'),
+    ('x^3', 2.5, 'friction that grows ever more with the rate'),
+)
+_ANGLE_AND_RATE = (  # x is the rate, y the angle
+    ('sign(x), y sign(x), y^2 sign(x)', 3.0, 'friction that changes with the angle'),
+    ('x, x y, x y^2', 3.5, 'viscous friction that changes with the angle'),
+)
+_TURNING_AND_RATE = (
+    ('sign(x), sin(m y) sign(x), cos(m y) sign(x)', 3.0, 'friction that changes with the angle'),
+    ('x, x sin(m y), x cos(m y)', 3.5, 'viscous friction that changes with the angle'),
+)
+_LOAD = (
+    (('rate', 'load'), '|y| sign(x)', 2.0, 'friction in proportion to the load', 'dissipative'),
+    (('rate', 'load'), 'y^2 sign(x)', 3.0, 'friction that grows with the load', 'dissipative'),
+    (('rate', 'load'), 'y |x|', 3.0, 'a gain that changes with the rate', 'gain'),
+    (('load',), 'x |x|', 3.0, 'a gain that changes with the load', 'gain'),
+)
+_OTHER = (  # of another joint alone
+    ('rate', 'x', 2.5, 'friction of another joint'),
+    ('rate', 'sign(x)', 2.5, 'friction of another joint'),
+    ('angle', 'x', 2.5, 'a spring to another joint'),
+)
+_BOTH = (  # x is the joint's own
+    ('rate', 'sign(x + y)', 3.0, 'friction of a coupled wrist'),
+    ('rate', 'sign(x + y), x + y', 3.0, 'friction of a coupled wrist'),
+    ('rate', 'sign(x - y)', 3.0, 'friction of a coupled wrist'),
+    ('rate', 'sign(x - y), x - y', 3.0, 'friction of a coupled wrist'),
+    ('angle', 'sin(x + y), cos(x + y)', 3.0, 'a load on two angles'),
+    ('angle', 'sin(x - y), cos(x - y)', 3.0, 'a load on two angles'),
+    ('rate', 'x y', 3.5, 'a torque of two rates'),
+    ('rate', 'x, y', 4.0, 'viscous friction of two joints'),
+    ('rate', 'sign(x), y', 4.0, 'friction of two joints'),
+)
+_WITH_EXTRA = (  # x is the rate, y is measured beside the motion
+    ('x, x y', 3.0, 'viscous friction that changes with what is measured'),
+    ('sign(x), y sign(x)', 3.0, 'Coulomb friction that changes with what is measured'),
+)
+
+
+def joint_laws(joint: str, joints: Sequence[str], extras: Sequence[str], at: Extent) -> list[Law]:
+    """Laws of a joint's torque.
+
+    Args:
+        joint: Whose. joints: All. extras: Names of what else is measured. at: Of the motion.
+    """
+    out = list(_own_laws(joint, at))
+    for other in joints:
+        if other != joint:
+            out += _shared_laws(joint, other)
+    for extra in extras:
+        name = f'extra/{extra}'
+        out += [_law(form, (f'rate/{joint}', name), *rest) for form, *rest in _WITH_EXTRA]
+        out.append(_law('x', (name,), 2.5, 'what is measured', 'external'))
+        out.append(_law('x, x^2', (name,), 3.0, 'what is measured', 'external'))
+    return [*out, *_slow_laws(at)]
+
+
+def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
+    v, q = f'rate/{joint}', f'angle/{joint}'
+    for form, price, resembles in _OWN_RATE:
+        yield _law(form, (v,), price, resembles)
+    for share in _BENDS:
+        options = {'scale': share * at.fast[joint]}
+        yield _law('sign(x) exp(-(x/scale)^2)', (v,), 2.5, 'Stribeck friction', options=options)
+    yield _law('x', (q,), 1.5, 'a spring', 'potential')
+    yield _law('x, x^2, x^3', (q,), 1.5, 'a spring', 'potential')
+    for m in _PER_TURN:
+        form, options = 'sin(m x), cos(m x)', {'m': m}
+        yield _law(form, (q,), 2.5, 'a torque that goes round', 'potential', options)
+    low, high = at.low[joint], at.high[joint]
+    for share in _STOPS:
+        ends = {'lower': low + share * (high - low), 'upper': high - share * (high - low)}
+        yield _law('beyond(x)', (q,), 3.0, 'a spring near the stops', 'potential', ends)
+    for displacement in _DISPLACEMENTS:
+        options = {'displacement': displacement}
+        yield _law('play(x)', (q,), 3.0, 'dry friction with a history', options=options)
+        yield _law('dahl(x)', (q,), 3.0, 'dry friction with a history', options=options)
+    for form, price, resembles in _ANGLE_AND_RATE:
+        yield _law(form, (v, q), price, resembles)
+    for m in _PER_TURN:
+        for form, price, resembles in _TURNING_AND_RATE:
+            yield _law(form, (v, q), price, resembles, options={'m': m})
+    for what, form, price, resembles, kind in _LOAD:
+        yield _law(form, tuple(f'{name}/{joint}' for name in what), price, resembles, kind)
+    for length in _WARM_UP:
+        form, options = 'x, x exp(-y/scale)', {'scale': length * at.duration}
+        yield _law(form, (v, 'time'), 3.5, 'friction that warms up', options=options)
+    yield _law('x', (f'acceleration/{joint}',), 2.0, 'an inertial error', 'inertial')
+
+
+def _shared_laws(joint: str, other: str) -> Iterator[Law]:
+    for what, form, price, resembles in _OTHER:
+        yield _law(form, (f'{what}/{other}',), price, resembles, 'coupled')
+    for what, form, price, resembles in _BOTH:
+        yield _law(form, (f'{what}/{joint}', f'{what}/{other}'), price, resembles, 'coupled')
+    yield _law('x', (f'acceleration/{other}',), 3.5, 'an inertial error', 'inertial')
+
+
+def _slow_laws(at: Extent) -> Iterator[Law]:
+    yield _law('x', ('time',), 2.5, 'a drift', 'clock')
+    yield _law('x, x^2', ('time',), 3.0, 'a drift', 'clock')
+    for length in _WARM_UP:
+        yield _law(
+            'exp(-x/scale)', ('time',), 4.0, 'a drift', 'clock', {'scale': length * at.duration}
+        )
+
+
+def _law(
+    form: str,
+    inputs: tuple[str, ...],
+    price: float,
+    resembles: str,
+    kind: str = 'dissipative',
+    options: Mapping[str, float] | None = None,
+) -> Law:
+    return Law(FORMS[form], inputs, price, resembles, kind, dict(options or {}))
+
+
+def variables(law: Law) -> frozenset[str]:
+    """What it depends on: joints and quantities."""
+    return frozenset(law.inputs)
+
+
+def is_of_another(law: Law, joint: str) -> bool:
+    """Whether it needs another joint's variable."""
+    return any(quantity(name)[1] not in ('', joint) for name in law.inputs)

@@ -1,0 +1,165 @@
+r"""Cosine terms of one channel, whitened by the level that a hypothesis itself leaves.
+
+    y = X c + Z z + S n,    z ~ N(0, 1),  n ~ N(0, 1)
+
+with y the discrete cosine transform of the rows, X the columns of chosen laws, Z those of named
+causes, inertial errors and tolerances times their prior deviations, and S the level: constant in
+bins of frequency, interpolated. S is estimated along with c and z (expectation maximisation), so
+that a law is no part of the noise that judges it, and the spectrum needs no model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...types import Array, IntArray
+
+_FIRST, _WIDER = 12, 1.45  # terms of the first bin of frequency; the next one's by this
+_PASSES = 5
+_LEAST = 1e-6  # of the data's rms: no level is below
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """Level of what a hypothesis leaves, and how well it explains.
+
+    Args:
+        scale: (M,) S. likelihood: Log likelihood, z integrated out, c and S at their best.
+        coefficients: (k,) c.
+    """
+
+    scale: Array
+    likelihood: float
+    coefficients: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralTerms:
+    """A channel's M terms.
+
+    Args:
+        data: (M,). nuisance: (M, r) Z.
+    """
+
+    data: Array
+    nuisance: Array
+
+    @cached_property
+    def _bins(self) -> tuple[IntArray, Array]:
+        """(M,) bin of each term, and the logarithm of each bin's middle."""
+        ends, width = [0], float(_FIRST)
+        while ends[-1] < len(self.data):
+            ends.append(min(round(ends[-1] + width), len(self.data)))
+            width *= _WIDER
+        if len(ends) > 2 and ends[-1] - ends[-2] < 0.5 * (ends[-2] - ends[-3]):
+            del ends[-2]
+        number = np.searchsorted(ends, np.arange(len(self.data)), side='right') - 1
+        middles = 0.5 * (np.array(ends[1:]) + np.array(ends[:-1]))
+        return number, np.log(middles)
+
+    def level(self, columns: Array, start: Array | None = None) -> Level:
+        """What (M, k) columns of chosen laws leave."""
+        r = self.nuisance.shape[1]
+        both = np.concatenate([self.nuisance, columns], axis=1)
+        prior = np.concatenate([np.ones(r), np.zeros(columns.shape[1])])
+        size = np.maximum(np.sqrt(np.mean(both**2, axis=0)), 1e-300)
+        scale = self._smooth(self.data**2) if start is None else start
+        for _ in range(_PASSES):
+            mean, covariance = _posterior(both, self.data, scale, prior, size)
+            left = self.data - both @ mean
+            known = np.einsum('ij,jk,ik->i', both, covariance, both)
+            scale = self._smooth(left**2 + known)
+        mean, _ = _posterior(both, self.data, scale, prior, size)
+        white = Whitening(self, scale)
+        rest = white(self.data - columns @ mean[r:])
+        likelihood = -float(np.sum(np.log(scale))) - 0.5 * white.log_det - 0.5 * float(rest @ rest)
+        return Level(scale, likelihood, mean[r:])
+
+    def _smooth(self, squares: Array) -> Array:
+        """(M,) root of the mean square of each bin, between them in proportion."""
+        number, middles = self._bins
+        means = np.bincount(number, squares) / np.bincount(number)
+        floor = (_LEAST**2) * float(np.mean(self.data**2)) + 1e-300
+        logs = np.log(np.maximum(means, floor))
+        at = np.log(np.arange(len(squares)) + 0.5)
+        return np.asarray(np.exp(0.5 * np.interp(at, middles, logs)))
+
+
+class Whitening:
+    """C^-1/2 of C = S (1 + Z_S Z_S^T) S with Z_S = S^-1 Z.
+
+    Args:
+        terms: The channel's. scale: (M,) S.
+    """
+
+    def __init__(self, terms: SpectralTerms, scale: Array) -> None:
+        self.scale = scale
+        # the left singular vectors by way of the small matrix
+        scaled = terms.nuisance / scale[:, None]
+        values, vectors = np.linalg.eigh(scaled.T @ scaled)
+        seen = values > 1e-12 * max(float(values[-1]), 1e-300) if len(values) else values > 0.0
+        values = np.maximum(values[seen], 0.0)
+        self._left = scaled @ vectors[:, seen] / np.sqrt(values)
+        self._loss = 1.0 - 1.0 / np.sqrt(1.0 + values)
+        self.log_det = float(np.sum(np.log1p(values)))
+
+    def __call__(self, values: Array) -> Array:
+        """(M, ...) whitened."""
+        scaled = (values.T / self.scale).T
+        inside = self._left.T @ scaled
+        return np.asarray(scaled - self._left @ (self._loss * inside.T).T)
+
+
+def _posterior(
+    columns: Array, data: Array, scale: Array, prior: Array, size: Array
+) -> tuple[Array, Array]:
+    """Mean and covariance of all coefficients."""
+    scaled = columns / scale[:, None]
+    matrix = scaled.T @ scaled + np.diag(prior)
+    matrix += np.diag(1e-10 * np.diag(matrix) + 1e-12 / size**2)
+    covariance = np.linalg.inv(matrix)
+    return covariance @ (scaled.T @ (data / scale)), covariance
+
+
+class GroupBasis:
+    """Orthonormal directions of every group of columns.
+
+    Args:
+        columns: (M, C) whitened, chosen laws taken out.
+        groups: Columns of each group.
+        before: (C,) their squares before nuisances and chosen laws were taken out.
+    """
+
+    def __init__(self, columns: Array, groups: Sequence[IntArray], before: Array) -> None:
+        squares = np.sum(columns**2, axis=0)
+        usable = squares > LEFT * before
+        scaled = (columns * np.where(usable, 1.0, 0.0) / np.sqrt(np.maximum(squares, 1e-300))).T
+        counts = np.array([len(own) for own in groups])
+        order = np.argsort(counts, kind='stable')
+        self._back, parts, sizes = np.argsort(order), [], []
+        for count in np.unique(counts):
+            at = np.array([groups[g] for g in order if counts[g] == count])
+            own = scaled[at]  # (G, k, M)
+            values, vectors = np.linalg.eigh(own @ own.transpose(0, 2, 1))
+            kept = values > _COLLINEAR
+            root = np.where(kept, 1.0 / np.sqrt(np.maximum(values, 1e-300)), 0.0)
+            parts.append((root[:, :, None] * (vectors.transpose(0, 2, 1) @ own)).reshape(-1, own.shape[2]))
+            sizes.append(np.sum(kept, axis=1))
+        self._rows = np.concatenate(parts)
+        self._starts = np.concatenate([[0], np.cumsum(counts[order])[:-1]])
+        self.sizes = np.concatenate(sizes)[self._back]
+        """(G,) number of directions."""
+
+    def gains(self, residuals: Array) -> Array:
+        """(G, F) squares that each group explains of (M, F) residuals."""
+        squares = (self._rows @ residuals) ** 2
+        return np.asarray(np.add.reduceat(squares, self._starts, axis=0)[self._back])
+
+
+LEFT = 0.05
+"""Share of a column's square that nuisances and chosen laws must leave of it: less is theirs."""
+_COLLINEAR = 1e-3  # eigenvalue of normed columns: below, two are one
