@@ -69,7 +69,7 @@ def _diagnosed(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[Record], Sel
     record = observed(RealArm(seed, hidden).record(0), file.robot)
     kinds = list(CATALOGUE.values())
     found = find_arm_causes([record], file.robot, file.effects, kinds, lambda what, share: None)
-    causes = conclude_arm(found, ()).causes
+    causes = conclude_arm(found, None, ()).causes
     return [
         _plain(c.applied.id, c.applied.where, c.parameters, c.rivals) for c in causes
     ], found.selection

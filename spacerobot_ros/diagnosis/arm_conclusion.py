@@ -23,6 +23,7 @@ from .answer.result import (
     Estimated,
     Evidence,
     Gain,
+    Leftover,
     Ranked,
     RecordingMisfit,
     Residual,
@@ -42,11 +43,14 @@ _UNTESTED = Evidence(
 )
 
 
-def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
+def conclude_arm(
+    found: ArmFound, leftover: tuple[Leftover, ...] | None, notes: tuple[str, ...]
+) -> Diagnosis:
     """What a search says.
 
     Args:
         found: Its result.
+        leftover: What that depends on; None: not asked.
         notes: What else a user should know.
     """
     order = sorted(
@@ -60,6 +64,9 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
     minor = tuple(c for c in causes if not c.relevant)
     before, after = rms(found.fit.rows.balances), rms(found.extended)
     verdict = _verdict(found, bool(named), after)
+    laws = [entry for entry in leftover or () if entry.form is not None]
+    if laws:  # a law is no named cause, and it is no noise
+        verdict = 'partly_explained'
     channels = series(
         _levelled(found.fit.rows.balances[0].channels(), found.levels),
         _levelled(found.extended[0].channels(), found.levels),
@@ -78,7 +85,7 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
     )
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, named, float(_overall(before)), float(_overall(after))),
+        sentence=_sentence(verdict, named, _overall(before), _overall(after)) + _law_words(laws),
         causes=(*constants, *named),
         minor=minor,
         residuals=residuals,
@@ -92,6 +99,7 @@ def conclude_arm(found: ArmFound, notes: tuple[str, ...]) -> Diagnosis:
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),
         friction=friction_laws(found),
+        leftover=leftover,
     )
 
 
@@ -305,12 +313,21 @@ def _sentence(verdict: str, named: Sequence[Cause], before: float, after: float)
     left = f'{after:.3g} of {before:.3g} N m (rms)'
     if verdict == 'consistent':
         return f'The model explains the data up to {after:.3g} N m (rms).'
-    if verdict == 'unexplained':
+    if not named:
         return f'The model does not explain the data ({left} is left), and no known effect does.'
     what = '; '.join(_in_words(cause) for cause in named[:3])
     more = f'; and {len(named) - 3} more' if len(named) > 3 else ''
     rest = 'is left, no more than usual' if verdict == 'explained' else 'remains unexplained'
     return f'The data differ from the model by {what}{more}. {left} {rest}.'
+
+
+def _law_words(laws: Sequence[Leftover]) -> str:
+    """What the leftover goes with."""
+    return ''.join(
+        f' What is left of {law.channel} goes with {" and ".join(law.depends_on)} like '
+        f'{law.resembles}.'
+        for law in laws
+    )
 
 
 def _in_words(cause: Cause) -> str:

@@ -47,6 +47,7 @@ class ArmFound:
         clear: Numbers of the causes that are named. named: The same as they are applied.
         calibration: What is applied beside them without a name: causes that are not clear of
             their own spread, and corrections of the file within its tolerance.
+        learned: Laws that nobody has named, see `discovery`.
     """
 
     records: tuple[Record, ...]
@@ -61,11 +62,13 @@ class ArmFound:
     named: tuple[Effect, ...]
     calibration: tuple[Effect, ...]
     constants: tuple[Effect, ...] = ()
+    learned: tuple[Effect, ...] = ()
 
     @cached_property
     def extended(self) -> tuple[Balance, ...]:
         """The recordings under the extended model."""
         effects = (*self.believed, *self.constants, *self.named, *self.calibration)
+        effects += self.learned
         return tuple(balance_of(record, self.robot, effects) for record in self.records)
 
 
@@ -126,12 +129,12 @@ def _found(
     first, rough = (Selection(rows, parts, rows.recording, rows.held) for _ in range(2))
     report('choosing causes', 0.4)
     rough.run()
-    levels = _levels(rows, rough)
+    levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
     selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)
     selection.run()
     selection.check_held_out()
-    plain = _plain(selection, rows.parts(levels, is_white=False))
+    plain = plain_of(selection, rows.parts(levels, is_white=False))
     selection.check_plain(plain)
     evidence = _beyond_placebos(selection, levels)
     report('fitting all causes together', 0.8)
@@ -151,7 +154,7 @@ def _found(
     )
 
 
-def _levels(rows: ArmRows, chosen: Selection) -> list[Array]:
+def levels_of(rows: ArmRows, chosen: Selection) -> list[Array]:
     """(6,) variances of each joint, with what is chosen beside the tolerances."""
     fit = ArmFit(rows, chosen.whole, tuple(chosen.chosen))
     friction = rows.friction.copy()
@@ -163,7 +166,7 @@ def _levels(rows: ArmRows, chosen: Selection) -> list[Array]:
     return rows.levels(fit.deviations, friction)
 
 
-def _plain(selection: Selection, parts: Sequence[Gram]) -> Selection:
+def plain_of(selection: Selection, parts: Sequence[Gram]) -> Selection:
     """The same with rows that are not whitened, counted so often that they say as much."""
     chosen = [selection.rows.places[i] for i in selection.chosen or selection.live]
     own = np.concatenate(chosen) if chosen else np.zeros(0, dtype=int)

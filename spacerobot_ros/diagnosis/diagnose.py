@@ -21,6 +21,7 @@ from .answer.result import Diagnosis
 from .arm_conclusion import conclude_arm
 from .arms import ArmFound, find_arm_causes, rms
 from .conclusion import conclude
+from .discovery.discover import discover
 from .limits import LIKE_NOISE, MISFIT, MOST
 from .search import Search
 from .timing import better_timing, first_timing, held_after_all, in_words
@@ -64,14 +65,14 @@ def diagnose(
     if len(measured) > 1:
         refuse_unbalanced(measured, robot)
         found = find_arm_causes(measured, robot, believed, kinds, report)
-        return conclude_arm(found, (_TOGETHER,))
+        return conclude_arm(*discover(found, report), (_TOGETHER,))
     noise, notes = noise_levels(robot.sensors, measured[0])
     if _is_of_unknown_noise(measured[0], robot):
         found = find_arm_causes(measured, robot, believed, kinds, report)
         is_whole = not (_lacks_efforts(measured[0]) or robot.without_constant or robot.rate_only)
         is_predictable = is_whole and _is_like_noise(found, noise)
         if not (is_predictable and _may_fit(found, noise, kinds)):
-            return conclude_arm(found, (*notes, _BALANCED))
+            return conclude_arm(*discover(found, report), (*notes, _BALANCED))
     report('finding how efforts act', 0.02)
     timing = first_timing(measured[0], robot, believed, noise, kinds)
     run = Run(measured[0], robot, believed, noise, timing)

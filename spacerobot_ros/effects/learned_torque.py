@@ -95,9 +95,7 @@ class LearnedTorque(Effect):
             'options': {option: entry.number(option) for option in form.parameters},
         }
         entry.refuse_others((*_OWN, *form.parameters, *form.keys))
-        if where is not None and '/' in where:
-            return LearnedBaseTorque(**out)
-        return (LearnedHysteresis if form.has_history else LearnedTorque)(**out)
+        return law_at(**out)
 
     def entry(self) -> dict[str, Any]:
         """As in a robot file."""
@@ -156,7 +154,7 @@ class LearnedTorque(Effect):
     def is_known_ahead(self) -> bool:
         """Whether a controller may feed it forward along a reference."""
         quantities = {quantity(name)[0] for name in self.inputs}
-        is_own = self.kind in ('dissipative', 'potential', 'gain') or bool(self.react)
+        is_own = self.kind != 'external' and (self.kind != 'coupled' or bool(self.react))
         return is_own and quantities <= {'rate', 'angle', 'load'}
 
     def force(self, motion: Motion, hidden: Array) -> Array:
@@ -190,7 +188,7 @@ class LearnedTorque(Effect):
         """(N,) rate against which it is friction [rad/s]; None where it is none."""
         if self.kind == 'dissipative':
             return motion.qd[:, motion.column(self.where)]
-        if self.react:
+        if self.kind == 'coupled' and self.react:
             own, other = (motion.qd[:, motion.column(j)] for j in (self.where, self.react))
             return np.asarray(own + self.form.ratio * other)
         return None
@@ -281,6 +279,14 @@ class LearnedBaseTorque(LearnedTorque):
     def fastest(self, robot: Robot) -> float:
         """Slow: it follows attitude and time."""
         return 0.0
+
+
+def law_at(*, where: str | None, form: Form | TableForm, **entries: Any) -> LearnedTorque:
+    """The law of the class that its place and form ask for; see `LearnedTorque`."""
+    kind: type[LearnedTorque] = LearnedHysteresis if form.has_history else LearnedTorque
+    if where is not None and '/' in where:
+        kind = LearnedBaseTorque
+    return kind(where=where, form=form, **entries)
 
 
 def input_of(name: str, motion: Motion) -> Array | None:

@@ -96,7 +96,7 @@ def _date(stamp_ns: int) -> str | None:
 
 def _momentum(answer: Findings) -> dict[str, list[dict[str, float | None]]]:
     """Momentum of the captured wheels [N m s] by link, as the extended model has it."""
-    added = (*answer.file.effects, *answer.added, *answer.calibration)
+    added = (*answer.file.effects, *answer.extension)
     robot = changed_robot(answer.file.robot, added)
     spread = {
         (cause.applied.where, name): p.std

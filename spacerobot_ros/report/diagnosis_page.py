@@ -19,6 +19,7 @@ from ..types import Array
 from . import diagnosis_tables as tables
 from .diagnosis_tables import is_balance
 from .formats import number, probability
+from .leftover_tables import leftover_items
 from .plots import thinned
 
 _SHORT = 20  # characters of a cell that stays on one line
@@ -71,6 +72,7 @@ def diagnosis_page(answer: Findings) -> Report:
     """The report of a diagnosis."""
     diagnosis = answer.diagnosis
     causes = [('Causes', _causes)] if diagnosis.causes or diagnosis.minor else []
+    asked = [('What the leftover depends on', _leftover)] if diagnosis.leftover else []
     sections: list[tuple[str, Callable[[Findings], Iterator[Item]]]] = [
         ('Verdict', _verdict),
         *causes,
@@ -79,6 +81,7 @@ def diagnosis_page(answer: Findings) -> Report:
         ('Which effects the data want', _ranking),
         ('In closed loop', _closed_loop),
         ('What remains', _remains),
+        *asked,
         ('What to fly next', _next),
         ('How it was done', _how),
     ]
@@ -222,6 +225,10 @@ def _remains(answer: Findings) -> Iterator[Item]:
     yield from lines
     if answer.score:
         yield f'Also: {tables.score_line(answer.score)}.'
+
+
+def _leftover(answer: Findings) -> Iterator[Item]:
+    yield from leftover_items(answer.diagnosis)
 
 
 def _next(answer: Findings) -> Iterator[Item]:

@@ -13,6 +13,7 @@ from ..diagnosis.answer.result import Cause, Diagnosis, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..display import Section, Table, table
 from .formats import UNTESTED, number, percent, probability, value_with
+from .leftover_tables import leftover_lines
 
 _RANKED = 10  # rows
 _CLEAR = 0.5  # correlation from which it is worth a word
@@ -44,6 +45,7 @@ def summary(answer: Findings) -> Iterator[Section]:
     worth += [] if closed is None else [closed_loop_line(closed)]
     yield Section('', worth)
     yield Section('what remains:', remaining(diagnosis))
+    yield Section('what the leftover depends on:', leftover_lines(diagnosis))
     yield Section('what to fly next:', diagnosis.next_motion)
     yield Section('', [f'note: {note}' for note in diagnosis.notes])
 

@@ -9,9 +9,11 @@ from typing import Any
 
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile, load_robot_file
+from ...recording.faults.check import check_data
 from ...recording.read import read_record, read_records
 from ...recording.record import Record
 from ..diagnose import diagnose
+from ..discovery.other_recording import judged_on
 from .appearance import Appearance, appearances
 from .closed_loop_gain import ClosedLoopGain, closed_loop_gain
 from .extended_model import named
@@ -62,6 +64,7 @@ class Findings:
         records: The data.
         added: The causes as they stand in the extended model.
         calibration: What else stands there: corrections within the tolerance of any file.
+        learned: And laws that nobody has named.
         closed_loop: Worth of the extended model to a controller; None where it was not measured.
         why_open: Why it was not.
         appearances: Where in the motion each channel's error appears, by channel.
@@ -79,6 +82,12 @@ class Findings:
     appearances: Mapping[str, Appearance]
     command: str
     score: tuple[JointScore, ...] = ()
+    learned: tuple[Effect, ...] = ()
+
+    @property
+    def extension(self) -> tuple[Effect, ...]:
+        """All that the extended model adds."""
+        return (*self.added, *self.calibration, *self.learned)
 
     def to_dict(self) -> dict[str, Any]:
         """Content of diagnosis.json."""
@@ -110,12 +119,14 @@ def findings(
     diagnosis = with_motions(diagnosis, asked.robot)
     added = named((cause.applied for cause in diagnosis.causes), file.effects)
     calibration = named(diagnosis.calibration, (*file.effects, *added))
-    extension = (*added, *calibration)
+    other = read_record(asked.score, file.robot, asked.map or None) if asked.score else None
+    diagnosis = _with_names(diagnosis, other, file, (*added, *calibration))
+    learned = tuple(e.applied for e in diagnosis.leftover or () if e.applied is not None)
+    extension = (*added, *calibration, *learned)
     closed, why = None, 'left out (--no-closed-loop)'
     if asked.has_closed_loop:
         report(0.95, 'simulating a controller with the old and the extended model')
         closed, why = closed_loop_gain(file, extension)
-    other = read_record(asked.score, file.robot, asked.map or None) if asked.score else None
     return Findings(
         diagnosis=diagnosis,
         file=file,
@@ -126,5 +137,27 @@ def findings(
         why_open=why,
         appearances=appearances(diagnosis.series, records[0]),
         command=command,
+        learned=learned,
         score=() if other is None else score_on(other, file.robot, extension, file.effects),
+    )
+
+
+def _with_names(
+    diagnosis: Diagnosis, other: Record | None, file: RobotFile, added: tuple[Effect, ...]
+) -> Diagnosis:
+    """The laws under names of the extended model, those that another recording confirms."""
+    leftover = diagnosis.leftover
+    if not leftover:
+        return diagnosis
+    if other is not None:
+        check_data(other, file.robot)
+        leftover = judged_on(other, file.robot, (*file.effects, *added), leftover)
+    laws = [entry.applied for entry in leftover if entry.applied is not None]
+    names = iter(named(laws, (*file.effects, *added)))
+    return replace(
+        diagnosis,
+        leftover=tuple(
+            entry if entry.applied is None else replace(entry, applied=next(names))
+            for entry in leftover
+        ),
     )

@@ -16,7 +16,7 @@ def with_motions(diagnosis: Diagnosis, robot_file: str) -> Diagnosis:
         robot_file: Path of the robot file, for the commands.
     """
     causes = tuple(_with_motions(cause, robot_file) for cause in diagnosis.causes)
-    return replace(diagnosis, causes=causes, next_motion=_advice(diagnosis, causes))
+    return replace(diagnosis, causes=causes, next_motion=_advice(diagnosis, causes, robot_file))
 
 
 def effect_at(effect: str, where: str | None) -> str:
@@ -31,18 +31,30 @@ def _with_motions(cause: Cause, robot_file: str) -> Cause:
 
 
 def _command(own: str, rival: Rival, robot_file: str) -> str:
-    other = effect_at(rival.effect, rival.where)
+    return _separating(own, effect_at(rival.effect, rival.where), robot_file)
+
+
+def _separating(own: str, other: str, robot_file: str) -> str:
     words = ['spacerobot', 'excite', '--robot', robot_file, '--separate', own, other]
     return shlex.join([*words, '-o', 'separate.yaml'])
 
 
-def _advice(diagnosis: Diagnosis, causes: tuple[Cause, ...]) -> tuple[str, ...]:
+def _advice(diagnosis: Diagnosis, causes: tuple[Cause, ...], robot_file: str) -> tuple[str, ...]:
     """What would say more, most useful first."""
     lines = [
         f'To tell {effect_at(cause.applied.id, cause.applied.where)} from '
         f'{effect_at(rival.effect, rival.where)}, fly the motion that this designs: {rival.motion}'
         for cause in causes
         for rival in cause.rivals
+    ]
+    lines += [
+        f'{place} moves at one speed only: friction that grows with the rate and friction that '
+        'does not are one there. The motion that tells them apart: '
+        + _separating(
+            f'joint_viscous_friction@{place}', f'joint_coulomb_friction@{place}', robot_file
+        )
+        for entry in diagnosis.leftover or ()
+        if entry.one_speed and (place := entry.channel.rpartition('/')[2])
     ]
     if diagnosis.verdict in ('unexplained', 'partly_explained'):
         lines += [

@@ -12,7 +12,7 @@ from ...effects.parameter import Parameter
 from ...json_values import json_value
 from .appearance import Appearance
 from .closed_loop_gain import ClosedLoopGain
-from .result import Cause, Diagnosis, Gain, Residual
+from .result import Cause, Diagnosis, Gain, Leftover, Residual
 
 SCHEMA = 2
 EXTENDED_MODEL = 'extended_model.yaml'
@@ -55,6 +55,9 @@ def to_dict(
         'notes': list(diagnosis.notes),
         'recordings': [asdict(r) for r in diagnosis.recordings] or None,
         'friction': [asdict(law) for law in diagnosis.friction],
+        'leftover': None
+        if diagnosis.leftover is None
+        else [_leftover(entry) for entry in diagnosis.leftover],
         'calibration': [_calibration(effect) for effect in diagnosis.calibration],
     }
     return dict(json_value(values))
@@ -83,6 +86,25 @@ def _cause(cause: Cause) -> dict[str, Any]:
 
 def _calibration(effect: Effect) -> dict[str, Any]:
     return {'effect': effect.id, 'where': effect.where, 'parameters': dict(effect.values)}
+
+
+def _leftover(entry: Leftover) -> dict[str, Any]:
+    return {
+        'channel': entry.channel,
+        'depends_on': entry.depends_on,
+        'form': entry.form,
+        'coefficients': [asdict(c) for c in entry.coefficients],
+        'resembles': entry.resembles,
+        'kind': entry.kind or None,
+        'p_value': entry.p_value,
+        'share': entry.share,
+        'held_out_gain': entry.held_out_gain,
+        'placebo_gain': entry.placebo_gain,
+        'other_recording': entry.other_recording,
+        'indistinguishable_from': [asdict(rival) for rival in entry.rivals],
+        'learned': None if entry.applied is None else entry.applied.name,
+        'one_speed': entry.one_speed,
+    }
 
 
 def relevance(parameter: Parameter) -> float | None:

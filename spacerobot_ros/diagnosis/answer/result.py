@@ -192,6 +192,52 @@ class Gain:
         return self.after / self.before if self.before else 1.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leftover:
+    """What one channel's leftover depends on.
+
+    Args:
+        channel: As in `Residual`.
+        depends_on: Variables, such as `rate/joint_2`; `time`, or `nothing measured`.
+        form: Of the law; None where there is none.
+        coefficients: Of its columns.
+        resembles: Class of laws, or in words what it is.
+        kind: What it does with energy; empty without a law.
+        p_value: Of such a law by chance.
+        share: Of the whitened leftover that it explains.
+        held_out_gain: The same of parts that it was not fitted to.
+        placebo_gain: The same of the best columns without meaning.
+        other_recording: The same of recordings that it was not fitted to.
+        rivals: Laws that this motion can not tell from it.
+        applied: The law as it is simulated; None where it is not worth it.
+        one_speed: Whether the joint moves at one speed, so that forms can not be told apart.
+    """
+
+    channel: str
+    depends_on: tuple[str, ...]
+    form: str | None = None
+    coefficients: tuple[Estimated, ...] = ()
+    resembles: str = ''
+    kind: str = ''
+    p_value: float | None = None
+    share: float | None = None
+    held_out_gain: float | None = None
+    placebo_gain: float | None = None
+    other_recording: float | None = None
+    rivals: tuple[LawRival, ...] = ()
+    applied: Effect | None = None
+    one_speed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawRival:
+    """A law that could stand in another's place: its form, variables, and gap in log evidence."""
+
+    form: str
+    depends_on: tuple[str, ...]
+    gap: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Diagnosis:
     """The whole answer.
@@ -213,6 +259,7 @@ class Diagnosis:
             the causes: they stand in the extended model and are not named.
         recordings: Every recording, where torques were balanced.
         friction: There, the friction of each joint as one law.
+        leftover: What it depends on, channel by channel; None where that was not asked.
     """
 
     verdict: str
@@ -230,3 +277,4 @@ class Diagnosis:
     calibration: tuple[Effect, ...] = ()
     recordings: tuple[RecordingMisfit, ...] = ()
     friction: tuple[FrictionLaw, ...] = ()
+    leftover: tuple[Leftover, ...] | None = None

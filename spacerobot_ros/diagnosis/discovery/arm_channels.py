@@ -12,11 +12,12 @@ from scipy.fft import dct, idct
 from ...effects.learned_torque import input_of
 from ...estimation.arm_rows import ArmRows
 from ...estimation.leftover import JointRows
-from ...types import Array, BoolArray
+from ...types import Array, BoolArray, IntArray
 from .clocks import Clocks
 from .possible_laws import Extent, Law, joint_laws
 from .spectral_terms import SpectralTerms
 
+_FIFTHS = 5
 _KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
 
 
@@ -46,7 +47,8 @@ class ArmMotions:
         low, high = np.min(q, axis=0), np.max(q, axis=0)
         duration = max(float(np.ptp(b.motion.time)) for b in self.rows.balances)
         names = self.rows.robot.joints
-        return Extent(*(dict(zip(names, x.tolist(), strict=True)) for x in (fast, low, high)), duration)
+        ends = [dict(zip(names, x.tolist(), strict=True)) for x in (fast, low, high)]
+        return Extent(ends[0], ends[1], ends[2], duration)
 
     def inputs(self, law: Law, run: int) -> list[Array]:
         """(N,) inputs of a law along a recording."""
@@ -90,6 +92,28 @@ class JointChannel:
         """Where it moves."""
         return self.motions.rows.joints[self.j]
 
+    @property
+    def times(self) -> Array:
+        """(R,) of rows, each of its recording [s]."""
+        return self.motions.rows.joint_times(self.j)
+
+    @cached_property
+    def part(self) -> IntArray:
+        """(R,) number of the part of each row: recordings, or fifths of one."""
+        recording = self.motions.rows.recording[self.rows.block]
+        if len(np.unique(recording)) > 1:
+            return np.unique(recording, return_inverse=True)[1]
+        return np.arange(len(recording)) * _FIFTHS // len(recording)
+
+    @property
+    def speed(self) -> Array:
+        """(N,) of the joint where it moves [rad/s]."""
+        parts = [
+            np.abs(b.motion.qd[b.arm.is_moving[:, self.j], self.j])
+            for b in self.motions.rows.balances
+        ]
+        return np.concatenate(parts)
+
     @cached_property
     def laws(self) -> Sequence[Law]:
         """That may be."""
@@ -101,8 +125,7 @@ class JointChannel:
         """Of a single recording: others have clocks of their own."""
         if len(self.motions.rows.balances) > 1:
             return None
-        times = self.motions.rows.joint_times(self.j)
-        return _WhitenedClocks(times, self.whitened)
+        return Clocks(self.times)
 
     @cached_property
     def terms(self) -> SpectralTerms:
@@ -144,11 +167,3 @@ class JointChannel:
 
 
 _FREE = 10.0  # times the torque that is missed: an offset's prior deviation
-
-
-class _WhitenedClocks(Clocks):
-    """Sines as the rows of a channel see them."""
-
-    def __init__(self, times: Array, whitened: object) -> None:
-        super().__init__(times)
-        self.columns = whitened(self.columns)  # type: ignore[operator]

@@ -32,3 +32,7 @@ FED_IN = 0.25
 NEEDS_OTHER = 0.8
 """What a law with another joint's variable leaves of left-out parts, by what the best law of the
 joint alone leaves: more, and the other joint is not needed."""
+
+ONE_SPEED = 0.2
+"""Of its middle speed: a joint whose speeds spread less moves at one speed, where friction that
+grows with the rate is friction that does not."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol
@@ -38,6 +38,9 @@ class Channel(Protocol):
 
     def columns(self, law: Law) -> Array:
         """(M, k) terms of a law's columns."""
+
+    def whitened(self, values: Array) -> Array:
+        """(R, c) rows whitened as those of the channel are."""
 
     def to_terms(self, rows: Array) -> Array:
         """(M, ...) cosine terms of whitened rows."""
@@ -89,7 +92,7 @@ class LawSearch:
         ends = np.cumsum([0, *(c.shape[1] for c in own)])
         self.groups: list[IntArray] = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
         if channel.clocks is not None:
-            own.append(channel.to_terms(channel.clocks.columns))
+            own.append(channel.to_terms(channel.whitened(channel.clocks.columns)))
             self.groups += list(ends[-1] + channel.clocks.groups)
             self.prices += [channel.clocks.price] * len(channel.clocks.frequency)
         self.columns = np.concatenate([np.zeros((len(self.terms.data), 0)), *own], axis=1)
@@ -106,11 +109,21 @@ class LawSearch:
                 break
         return chosen
 
+    def best_of(self, chosen: Sequence[Step], is_asked: Callable[[Law], bool]) -> Array | None:
+        """(M, k) columns of the best of some laws beside chosen ones."""
+        beside = self._beside(chosen)
+        judge = _Judge(self, self.terms.level(beside).scale, beside)
+        scores = judge.scores(judge.data[:, None])[:, 0]
+        asked = [g for g, law in enumerate(self.laws) if is_asked(law)]
+        return self.columns[:, self.groups[max(asked, key=scores.__getitem__)]] if asked else None
+
+    def _beside(self, chosen: Sequence[Step]) -> Array:
+        none = np.zeros((len(self.terms.data), 0))
+        return np.concatenate([none, *(step.columns for step in chosen)], axis=1)
+
     def _next(self, chosen: Sequence[Step]) -> Step | None:
         """The best further law; None where none is clear of chance."""
-        beside = np.concatenate(
-            [np.zeros((len(self.terms.data), 0)), *(step.columns for step in chosen)], axis=1
-        )
+        beside = self._beside(chosen)
         here = self.terms.level(beside)
         judge = _Judge(self, here.scale, beside)
         scores = judge.scores(judge.data[:, None])[:, 0]

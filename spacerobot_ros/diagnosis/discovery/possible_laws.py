@@ -111,7 +111,10 @@ def joint_laws(joint: str, joints: Sequence[str], extras: Sequence[str], at: Ext
     """Laws of a joint's torque.
 
     Args:
-        joint: Whose. joints: All. extras: Names of what else is measured. at: Of the motion.
+        joint: Whose.
+        joints: All.
+        extras: Names of what else is measured.
+        at: Of the motion.
     """
     out = list(_own_laws(joint, at))
     for other in joints:
@@ -119,7 +122,7 @@ def joint_laws(joint: str, joints: Sequence[str], extras: Sequence[str], at: Ext
             out += _shared_laws(joint, other)
     for extra in extras:
         name = f'extra/{extra}'
-        out += [_law(form, (f'rate/{joint}', name), *rest) for form, *rest in _WITH_EXTRA]
+        out += [_law(form, (f'rate/{joint}', name), p, r) for form, p, r in _WITH_EXTRA]
         out.append(_law('x', (name,), 2.5, 'what is measured', 'external'))
         out.append(_law('x, x^2', (name,), 3.0, 'what is measured', 'external'))
     return [*out, *_slow_laws(at)]
@@ -132,19 +135,7 @@ def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
     for share in _BENDS:
         options = {'scale': share * at.fast[joint]}
         yield _law('sign(x) exp(-(x/scale)^2)', (v,), 2.5, 'Stribeck friction', options=options)
-    yield _law('x', (q,), 1.5, 'a spring', 'potential')
-    yield _law('x, x^2, x^3', (q,), 1.5, 'a spring', 'potential')
-    for m in _PER_TURN:
-        form, options = 'sin(m x), cos(m x)', {'m': m}
-        yield _law(form, (q,), 2.5, 'a torque that goes round', 'potential', options)
-    low, high = at.low[joint], at.high[joint]
-    for share in _STOPS:
-        ends = {'lower': low + share * (high - low), 'upper': high - share * (high - low)}
-        yield _law('beyond(x)', (q,), 3.0, 'a spring near the stops', 'potential', ends)
-    for displacement in _DISPLACEMENTS:
-        options = {'displacement': displacement}
-        yield _law('play(x)', (q,), 3.0, 'dry friction with a history', options=options)
-        yield _law('dahl(x)', (q,), 3.0, 'dry friction with a history', options=options)
+    yield from _angle_laws(q, at.low[joint], at.high[joint])
     for form, price, resembles in _ANGLE_AND_RATE:
         yield _law(form, (v, q), price, resembles)
     for m in _PER_TURN:
@@ -153,9 +144,26 @@ def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
     for what, form, price, resembles, kind in _LOAD:
         yield _law(form, tuple(f'{name}/{joint}' for name in what), price, resembles, kind)
     for length in _WARM_UP:
-        form, options = 'x, x exp(-y/scale)', {'scale': length * at.duration}
-        yield _law(form, (v, 'time'), 3.5, 'friction that warms up', options=options)
+        options = {'scale': length * at.duration}
+        yield _law(
+            'x, x exp(-y/scale)', (v, 'time'), 3.5, 'friction that warms up', options=options
+        )
     yield _law('x', (f'acceleration/{joint}',), 2.0, 'an inertial error', 'inertial')
+
+
+def _angle_laws(q: str, low: float, high: float) -> Iterator[Law]:
+    yield _law('x', (q,), 1.5, 'a spring', 'potential')
+    yield _law('x, x^2, x^3', (q,), 1.5, 'a spring', 'potential')
+    for m in _PER_TURN:
+        form, options = 'sin(m x), cos(m x)', {'m': m}
+        yield _law(form, (q,), 2.5, 'a torque that goes round', 'potential', options)
+    for share in _STOPS:
+        ends = {'lower': low + share * (high - low), 'upper': high - share * (high - low)}
+        yield _law('beyond(x)', (q,), 3.0, 'a spring near the stops', 'potential', ends)
+    for displacement in _DISPLACEMENTS:
+        options = {'displacement': displacement}
+        yield _law('play(x)', (q,), 3.0, 'dry friction with a history', options=options)
+        yield _law('dahl(x)', (q,), 3.0, 'dry friction with a history', options=options)
 
 
 def _shared_laws(joint: str, other: str) -> Iterator[Law]:
@@ -184,11 +192,6 @@ def _law(
     options: Mapping[str, float] | None = None,
 ) -> Law:
     return Law(FORMS[form], inputs, price, resembles, kind, dict(options or {}))
-
-
-def variables(law: Law) -> frozenset[str]:
-    """What it depends on: joints and quantities."""
-    return frozenset(law.inputs)
 
 
 def is_of_another(law: Law, joint: str) -> bool:

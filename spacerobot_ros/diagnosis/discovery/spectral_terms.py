@@ -121,7 +121,7 @@ def _posterior(
     scaled = columns / scale[:, None]
     matrix = scaled.T @ scaled + np.diag(prior)
     matrix += np.diag(1e-10 * np.diag(matrix) + 1e-12 / size**2)
-    covariance = np.linalg.inv(matrix)
+    covariance = np.asarray(np.linalg.inv(matrix), dtype=float)
     return covariance @ (scaled.T @ (data / scale)), covariance
 
 
@@ -147,7 +147,9 @@ class GroupBasis:
             values, vectors = np.linalg.eigh(own @ own.transpose(0, 2, 1))
             kept = values > _COLLINEAR
             root = np.where(kept, 1.0 / np.sqrt(np.maximum(values, 1e-300)), 0.0)
-            parts.append((root[:, :, None] * (vectors.transpose(0, 2, 1) @ own)).reshape(-1, own.shape[2]))
+            parts.append(
+                (root[:, :, None] * (vectors.transpose(0, 2, 1) @ own)).reshape(-1, own.shape[2])
+            )
             sizes.append(np.sum(kept, axis=1))
         self._rows = np.concatenate(parts)
         self._starts = np.concatenate([[0], np.cumsum(counts[order])[:-1]])

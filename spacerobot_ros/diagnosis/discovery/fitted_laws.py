@@ -1,0 +1,133 @@
+"""Laws beside an arm's named causes: values of all of them together, as they will be applied."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...effects.learned_torque import LearnedTorque, law_at
+from ...estimation.arm_fit import ArmFit
+from ...estimation.arm_priors import NOTHING
+from ...estimation.arm_rows import ArmRows
+from ...estimation.columns import Candidate
+from ...types import Array
+from ..arms import ArmFound, levels_of, plain_of
+from ..selection import Selection
+from .arm_channels import ArmMotions
+from .possible_laws import Law
+
+_SIZE = 3.0  # times the torque that is missed: a law's plausible torque
+_LIMIT = 1.5  # of its largest torque in the data
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawCandidate(Candidate):
+    """A law among the candidates of an arm.
+
+    Args:
+        law: With any coefficients, neither limited nor guarded, so that it is linear in them.
+    """
+
+    law: LearnedTorque | None = None
+
+    def values(self, coefficients: Array) -> dict[str, float]:
+        """Coefficients by number."""
+        return {str(k): float(c) for k, c in enumerate(coefficients)}
+
+    def applied(self, values: Mapping[str, float]) -> Effect:
+        """The law with given coefficients."""
+        if self.law is None:
+            raise ValueError('a candidate without a law')
+        return replace(self.law, coefficients=tuple(values.values()))
+
+
+def candidate_of(law: Law, j: int, motions: ArmMotions, react: str = '') -> LawCandidate:
+    """A law at joint j as a candidate, its sizes in proportion to what is missed there."""
+    rows = motions.rows
+    joint = rows.robot.joints[j]
+    count = len(law.form.powers)
+    free = LearnedTorque(
+        name=f'learned_torque_{joint}',
+        where=joint,
+        values={},
+        form=law.form,
+        inputs=law.inputs,
+        coefficients=(0.0,) * count,
+        range=motions.ranges(law, j),
+        limit=math.inf,
+        kind='external',
+        react=react,
+        options=dict(law.options),
+    )
+    missed = float(np.sqrt(np.mean(rows.joints[j].torque ** 2)))
+    values = [law.form(motions.inputs(law, run), law.options) for run in range(len(rows.balances))]
+    sizes = _SIZE * missed / np.sqrt(np.mean(np.concatenate(values) ** 2, axis=0))
+    return LawCandidate(
+        kind=LearnedTorque,
+        where=joint,
+        variant={},
+        directions=tuple(
+            {str(i): float(s) if i == k else 0.0 for i in range(count)}
+            for k, s in enumerate(sizes.tolist())
+        ),
+        steps=sizes,
+        sizes=sizes,
+        lower=np.full(count, -np.inf),
+        upper=np.full(count, 0.0 if law.form.has_history else np.inf),
+        law=free,
+    )
+
+
+def rows_with(rows: ArmRows, laws: Sequence[LawCandidate]) -> ArmRows:
+    """The same recordings with further candidates, which no machine has unless they are chosen."""
+    tolerances = [rows.tolerances, *(NOTHING * law.sizes for law in laws)]
+    out = replace(
+        rows, candidates=(*rows.candidates, *laws), tolerances=np.concatenate(tolerances)
+    )
+    steps = [step for law in laws for step in law.small_steps]
+    columns = zip(rows.balances, rows.columns, strict=True)
+    out.__dict__['columns'] = [
+        np.concatenate([own, balance.columns(steps)], axis=2) for balance, own in columns
+    ]
+    return out
+
+
+def applied_law(law: Law, free: LearnedTorque, motions: ArmMotions) -> LearnedTorque:
+    """The law as it is simulated: limited, and without what friction can not do."""
+    largest = 0.0
+    for balance in motions.rows.balances:
+        motion, j = balance.motion, motions.rows.robot.joints.index(str(free.where))
+        torque = free.force(motion, np.zeros((len(motion), 0)))[:, 6 + j]
+        largest = max(largest, float(np.max(np.abs(torque[balance.arm.is_moving[:, j]]))))
+    entries = {f.name: getattr(free, f.name) for f in fields(free)}
+    return law_at(**{**entries, 'kind': law.kind, 'limit': _LIMIT * largest})
+
+
+def with_laws(found: ArmFound, laws: Sequence[LawCandidate]) -> tuple[ArmFound, list[int]]:
+    """All causes and laws fitted together, and the laws' numbers among the candidates."""
+    if not laws:
+        return found, []
+    rows = rows_with(found.fit.rows, laws)
+    numbers = list(range(len(rows.candidates) - len(laws), len(rows.candidates)))
+    rough = Selection(rows, rows.parts(list(found.levels)), rows.recording)
+    rough.chosen = [*found.fit.chosen, *numbers]
+    levels = levels_of(rows, rough)
+    selection = Selection(rows, rows.parts(levels), rows.recording)
+    selection.chosen = list(rough.chosen)
+    plain = plain_of(selection, rows.parts(levels, is_white=False))
+    fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
+    unclear = [i for i in found.fit.chosen if i not in found.clear]
+    corrections = fit.calibration if len(found.calibration) > len(unclear) else []
+    out = replace(
+        found,
+        selection=selection,
+        fit=fit,
+        levels=np.array(levels),
+        named=tuple(fit.effects(found.clear)),
+        calibration=tuple(fit.effects([*unclear, *corrections])),
+    )
+    return out, numbers

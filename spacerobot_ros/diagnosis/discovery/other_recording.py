@@ -1,0 +1,73 @@
+"""Whether a law holds on a recording that nobody fitted it to; nothing is fitted here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...estimation.balance import Balance, balance_of
+from ...estimation.observations import observed
+from ...model.robot import Robot
+from ...recording.record import Record
+from ...types import Array
+from ..answer.result import Leftover
+from .discovery_limits import BEYOND_PLACEBO
+
+_PLACEBOS = 20
+_NEAR, _FAR = 0.15, 0.85  # of the recording, by which placebos are moved in time
+_SEED = 17
+
+
+def judged_on(
+    other: Record, robot: Robot, effects: Sequence[Effect], leftover: Sequence[Leftover]
+) -> tuple[Leftover, ...]:
+    """What is said of every channel, with the laws' share of another recording.
+
+    A law that explains no more of it than its own torque at other times, fitted, is none that
+    belongs in a model.
+
+    Args:
+        other: The recording.
+        robot: The robot file's robot.
+        effects: All of the extended model but the laws.
+        leftover: What was said.
+    """
+    laws = [entry.applied for entry in leftover if entry.applied is not None]
+    if not laws:
+        return tuple(leftover)
+    balance = balance_of(observed(other, robot), robot, effects)
+    torques = [_torques(balance, law) for law in laws]
+    left = balance.torque - np.sum(torques, axis=0)
+    out = []
+    for entry in leftover:
+        if entry.applied is None:
+            out.append(entry)
+            continue
+        j = robot.joints.index(str(entry.applied.where))
+        moving = balance.arm.is_moving[:: balance.arm.stride, j]
+        own = torques[laws.index(entry.applied)][moving, j]
+        out.append(_judged(entry, left[moving, j] + own, own))
+    return tuple(out)
+
+
+def _judged(entry: Leftover, left: Array, own: Array) -> Leftover:
+    if not len(left):
+        return entry
+    square = float(left @ left)
+    share = 1.0 - float(np.sum((left - own) ** 2)) / square
+    rng = np.random.default_rng(_SEED)
+    best = 0.0
+    for _ in range(_PLACEBOS):
+        moved = np.roll(own, round(rng.uniform(_NEAR, _FAR) * len(own)))[:: rng.choice([-1, 1])]
+        best = max(best, float(moved @ left) ** 2 / (float(moved @ moved) * square + 1e-300))
+    holds = share > best + BEYOND_PLACEBO
+    return replace(entry, other_recording=share, applied=entry.applied if holds else None)
+
+
+def _torques(balance: Balance, law: Effect) -> Array:
+    """(M, n) rows of a law's torques."""
+    motion = balance.motion
+    return balance.in_rows(law.force(motion, law.driven(motion))[:, 6:])

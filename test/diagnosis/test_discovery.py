@@ -1,0 +1,144 @@
+"""What a leftover depends on: hidden laws, no law, a clock, another recording that says no."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.real_arm import COULOMB, RATE, RealArm, arm_file
+from spacerobot_ros.diagnosis.answer.output import to_dict
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.discovery.other_recording import judged_on
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
+from spacerobot_ros.report.leftover_tables import leftover_items, leftover_lines
+
+FEW = [CATALOGUE[f'joint_{name}_friction'] for name in ('coulomb', 'viscous')]
+MOVING, DURATION = ('joint_2', 'joint_3'), 20.0
+SIZE = 0.4  # of the Coulomb torque: three times what else is left
+Law = Callable[..., np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class LawArm(RealArm):
+    """An arm with a torque of joint_3 that nobody has named: (q, q', time) -> (N,)."""
+
+    law: Law | None = None
+
+    def _motor(self, rng, q, qd, qdd):
+        torque = super()._motor(rng, q, qd, qdd)
+        if self.law is not None:
+            hidden = self.law(q, qd, np.arange(len(q)) / RATE)
+            torque[:, 2] += SIZE * COULOMB[2] * hidden / np.sqrt(np.mean(hidden**2))
+        return torque
+
+
+def asked(law, run=0, seed=3):
+    file = arm_file()
+    record = LawArm(seed, law=law).record(run, MOVING, DURATION)
+    return diagnose(record, file.robot, file.effects, FEW), record
+
+
+def of_joint(answer, joint='joint_3'):
+    (entry,) = [e for e in answer.leftover if e.channel == f'joint_torque/{joint}']
+    return entry
+
+
+def drag(q, qd, t):
+    return qd[:, 2] * np.abs(qd[:, 2])
+
+
+@pytest.fixture(scope='module')
+def dragged():
+    return asked(drag)
+
+
+def test_a_hidden_law_is_said_with_its_variables_and_size(dragged):
+    answer, _ = dragged
+    entry = of_joint(answer)
+    assert answer.verdict == 'partly_explained'
+    assert entry.depends_on == ('rate/joint_3',)
+    assert entry.form == 'x |x|'
+    q = LawArm(3).record(0, MOVING, DURATION).joints.position[:, 2]
+    rate = np.gradient(q, 1.0 / RATE)
+    true = SIZE * COULOMB[2] / np.sqrt(np.mean((rate * rate) ** 2))
+    (c,) = entry.coefficients
+    assert c.unit == 'N m s^2/rad^2'
+    assert abs(c.value + true) < 4.0 * c.std + 0.1 * true  # beside the drift of friction
+    assert entry.p_value < 1e-5
+    assert entry.held_out_gain > entry.placebo_gain + 0.1
+    assert of_joint(answer, 'joint_2').depends_on == ('nothing measured',)
+
+
+def test_the_law_is_an_effect_that_loads(dragged):
+    answer, _ = dragged
+    applied = of_joint(answer).applied
+    assert applied.kind == 'dissipative'
+    given = {'effect': 'learned_torque', 'where': 'joint_3', **applied.entry()}
+    again = bind_effects({'law': given}, arm_file().robot)[0]
+    assert again.coefficients == applied.coefficients
+    low, high = applied.range['rate/joint_3']
+    largest = abs(applied.coefficients[0]) * max(low**2, high**2)
+    assert applied.limit == pytest.approx(1.5 * largest, rel=1e-6)
+
+
+def test_results_say_it(dragged):
+    answer, _ = dragged
+    (said,) = [e for e in to_dict(answer)['leftover'] if e['form']]
+    assert said['channel'] == 'joint_torque/joint_3'
+    assert said['learned'] == 'learned_torque_joint_3'
+    assert said['other_recording'] is None
+    assert any('x |x| of rate/joint_3' in line for line in leftover_lines(answer))
+    assert any('form: x |x|' in item for item in leftover_items(answer) if isinstance(item, str))
+
+
+def test_another_recording_confirms_a_law_or_takes_it_out(dragged):
+    answer, _ = dragged
+    file = arm_file()
+    same, none = (LawArm(3, law=law).record(1, MOVING, DURATION) for law in (drag, None))
+    kept, gone = (
+        of_joint(replace(answer, leftover=judged_on(r, file.robot, file.effects, answer.leftover)))
+        for r in (same, none)
+    )
+    assert kept.other_recording > 0.5
+    assert kept.applied is not None
+    assert gone.other_recording < 0.0
+    assert gone.applied is None
+    assert gone.form == 'x |x|'  # it is still said
+
+
+def test_friction_of_the_other_joint_is_told_from_its_own():
+    answer, _ = asked(lambda q, qd, t: np.sign(qd[:, 1]))
+    entry = of_joint(answer)
+    assert entry.depends_on == ('rate/joint_2',)
+    assert entry.kind == 'coupled'
+
+
+def test_what_follows_a_clock_is_no_law():
+    answer, _ = asked(lambda q, qd, t: np.sin(2.0 * np.pi * (0.31 * t + 0.005 * t**2)))
+    entry = of_joint(answer)
+    assert entry.depends_on == ('time',)
+    assert entry.form is None
+    assert entry.applied is None
+
+
+def test_an_arm_as_it_should_be_has_no_law():
+    answer, _ = asked(None)
+    assert [e.depends_on for e in answer.leftover] == [('nothing measured',)] * 2
+    assert all(e.form is None for e in answer.leftover)
+
+
+def test_a_joint_of_one_speed_is_told(monkeypatch):
+    def back_and_forth(rng, time, is_moving):
+        turns = np.floor(time / 4.0) % 2
+        way = np.where(turns == 0, time % 4.0, 4.0 - time % 4.0)
+        q = 0.25 * way[:, None] * is_moving
+        qd = np.where(turns == 0, 0.25, -0.25)[:, None] * is_moving
+        return q, qd, np.zeros_like(q)
+
+    monkeypatch.setattr('spacerobot_ros.campaign.real_arm._motion', back_and_forth)
+    answer, _ = asked(None)
+    assert of_joint(answer).one_speed
+    assert any('moves at one speed only' in line for line in leftover_lines(answer))
