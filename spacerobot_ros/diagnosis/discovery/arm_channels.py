@@ -13,9 +13,9 @@ from ...effects.learned_torque import input_of
 from ...estimation.arm_rows import ArmRows
 from ...estimation.leftover import JointRows
 from ...types import Array, BoolArray, IntArray
-from .clocks import Clocks
 from .possible_laws import Extent, Law, joint_laws
 from .spectral_terms import SpectralTerms
+from .time_sines import TimeSines
 
 _FIFTHS = 5
 _KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
@@ -121,11 +121,11 @@ class JointChannel:
         return joint_laws(self.joint, robot.joints, (), self.motions.extent)
 
     @cached_property
-    def clocks(self) -> Clocks | None:
+    def clocks(self) -> TimeSines | None:
         """Of a single recording: others have clocks of their own."""
         if len(self.motions.rows.balances) > 1:
             return None
-        return Clocks(self.times)
+        return TimeSines(self.times)
 
     @cached_property
     def terms(self) -> SpectralTerms:

@@ -15,7 +15,7 @@ from ..arms import ArmFound, rms
 from .arm_channels import ArmMotions, JointChannel
 from .discovery_limits import AGREEING, BEYOND_PLACEBO, FED_IN, HELD_OUT, NEEDS_OTHER, ONE_SPEED
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
-from .law_search import LawSearch, Step
+from .law_search import LawSearch, Winner
 from .left_out import LeftOut, Parts
 from .possible_laws import Law, is_of_another
 
@@ -25,11 +25,11 @@ _AGREE = 3.0  # standard deviations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class HeldLaw:
     """A law that a channel wants, with what it does for parts that it was not fitted to."""
 
     j: int
-    step: Step
+    step: Winner
     law: Law
     left_out: LeftOut
 
@@ -39,7 +39,7 @@ def discover(
 ) -> tuple[ArmFound, tuple[Leftover, ...]]:
     """The causes with laws beside them, and what is to be said of every joint that moves."""
     motions = ArmMotions(found.fit.rows)
-    accepted: list[Judged] = []
+    accepted: list[HeldLaw] = []
     said: list[Leftover] = []
     moving = [j for j, rows in enumerate(found.fit.rows.joints) if len(rows.torque)]
     for count, j in enumerate(moving):
@@ -54,7 +54,7 @@ def discover(
     return extended, tuple(sorted([*held, *said], key=lambda entry: entry.channel))
 
 
-def _of_channel(channel: JointChannel) -> tuple[list[Judged], Leftover]:
+def _of_channel(channel: JointChannel) -> tuple[list[HeldLaw], Leftover]:
     """Laws that hold, and what to say where there are none."""
     search = LawSearch(channel)
     steps = search.run()
@@ -80,12 +80,12 @@ def _of_channel(channel: JointChannel) -> tuple[list[Judged], Leftover]:
     return [], replace(nothing, depends_on=(TIME,), resembles=unknown, p_value=last.p_value)
 
 
-def _held(search: LawSearch, channel: JointChannel, chosen: list[Step]) -> list[Judged]:
+def _held(search: LawSearch, channel: JointChannel, chosen: list[Winner]) -> list[HeldLaw]:
     """Laws that predict what they were not fitted to; the weakest of others goes first."""
     while chosen:
         parts = Parts(channel, chosen, channel.part, channel.times)
         judged = [
-            Judged(
+            HeldLaw(
                 channel.j,
                 step,
                 step.law,
@@ -104,7 +104,7 @@ def _held(search: LawSearch, channel: JointChannel, chosen: list[Step]) -> list[
 
 
 def _is_held(
-    it: Judged, search: LawSearch, channel: JointChannel, parts: Parts, chosen: Sequence[Step]
+    it: HeldLaw, search: LawSearch, channel: JointChannel, parts: Parts, chosen: Sequence[Winner]
 ) -> bool:
     out = it.left_out
     if out.share < HELD_OUT or out.share < out.placebo + BEYOND_PLACEBO or out.agreeing < AGREEING:
@@ -124,7 +124,7 @@ def _has_one_speed(channel: JointChannel) -> bool:
 
 
 def _applied(
-    found: ArmFound, accepted: Sequence[Judged], motions: ArmMotions
+    found: ArmFound, accepted: Sequence[HeldLaw], motions: ArmMotions
 ) -> tuple[ArmFound, list[Leftover]]:
     """All of them fitted with the causes; what feeds energy in or makes a joint worse is left."""
     alone = [candidate_of(it.law, it.j, motions) for it in accepted]
@@ -158,7 +158,7 @@ def _applied(
 
 def _coupled(
     found: ArmFound,
-    accepted: Sequence[Judged],
+    accepted: Sequence[HeldLaw],
     candidates: Sequence[LawCandidate],
     motions: ArmMotions,
 ) -> list[LawCandidate | None]:
@@ -204,7 +204,7 @@ def _pushes(law: LearnedTorque, motions: ArmMotions) -> bool:
 
 
 def _said(
-    it: Judged, law: LearnedTorque | None, spread: Array | None, motions: ArmMotions
+    it: HeldLaw, law: LearnedTorque | None, spread: Array | None, motions: ArmMotions
 ) -> Leftover:
     """A law with all that speaks for it."""
     joints = motions.rows.robot.joints

@@ -12,16 +12,16 @@ import numpy as np
 
 from ...types import Array, IntArray
 from .chance import chance_of
-from .clocks import Clocks
 from .discovery_limits import CHANCE, DEAD_HEAT, MARGIN, MOST_LAWS
 from .possible_laws import REFINED, Law
 from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening
+from .time_sines import TimeSines
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined
 
 
-class Channel(Protocol):
+class SearchedChannel(Protocol):
     """What is left of one channel, and what laws would make of it."""
 
     @property
@@ -33,7 +33,7 @@ class Channel(Protocol):
         """That may be."""
 
     @property
-    def clocks(self) -> Clocks | None:
+    def clocks(self) -> TimeSines | None:
         """Sines of the time."""
 
     def columns(self, law: Law) -> Array:
@@ -50,7 +50,7 @@ class Channel(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class Winner:
     """A law that won.
 
     Args:
@@ -82,7 +82,7 @@ class LawSearch:
         channel: The channel.
     """
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: SearchedChannel) -> None:
         self.channel, self.terms = channel, channel.terms
         pairs = [(law, channel.columns(law)) for law in channel.laws]
         pairs = [(law, columns) for law, columns in pairs if np.any(columns)]
@@ -97,9 +97,9 @@ class LawSearch:
             self.prices += [channel.clocks.price] * len(channel.clocks.frequency)
         self.columns = np.concatenate([np.zeros((len(self.terms.data), 0)), *own], axis=1)
 
-    def run(self) -> list[Step]:
+    def run(self) -> list[Winner]:
         """Laws in their order; a sine of the time or an inertial error ends it."""
-        chosen: list[Step] = []
+        chosen: list[Winner] = []
         while self.groups and len(chosen) < MOST_LAWS:
             step = self._next(chosen)
             if step is None:
@@ -109,7 +109,7 @@ class LawSearch:
                 break
         return chosen
 
-    def best_of(self, chosen: Sequence[Step], is_asked: Callable[[Law], bool]) -> Array | None:
+    def best_of(self, chosen: Sequence[Winner], is_asked: Callable[[Law], bool]) -> Array | None:
         """(M, k) columns of the best of some laws beside chosen ones."""
         beside = self._beside(chosen)
         judge = _Judge(self, self.terms.level(beside).scale, beside)
@@ -117,11 +117,11 @@ class LawSearch:
         asked = [g for g, law in enumerate(self.laws) if is_asked(law)]
         return self.columns[:, self.groups[max(asked, key=scores.__getitem__)]] if asked else None
 
-    def _beside(self, chosen: Sequence[Step]) -> Array:
+    def _beside(self, chosen: Sequence[Winner]) -> Array:
         none = np.zeros((len(self.terms.data), 0))
         return np.concatenate([none, *(step.columns for step in chosen)], axis=1)
 
-    def _next(self, chosen: Sequence[Step]) -> Step | None:
+    def _next(self, chosen: Sequence[Winner]) -> Winner | None:
         """The best further law; None where none is clear of chance."""
         beside = self._beside(chosen)
         here = self.terms.level(beside)
@@ -143,9 +143,9 @@ class LawSearch:
         if g >= len(self.laws):
             clocks = self.channel.clocks
             name = '' if clocks is None else clocks.in_words(g - len(self.laws))
-            return Step(None, name, self.columns[:, self.groups[g]], margin, p_value, rivals)
+            return Winner(None, name, self.columns[:, self.groups[g]], margin, p_value, rivals)
         law, columns, margin = self._refined(g, beside, here, margin)
-        return Step(law, '', columns, margin, p_value, rivals)
+        return Winner(law, '', columns, margin, p_value, rivals)
 
     def _chance(self, g: int, beside: Array, level: Level) -> float:
         """Under the level that the law leaves."""

@@ -15,7 +15,7 @@ import numpy as np
 from ...estimation.evidence import Gram, folds, score, sum_of
 from ...estimation.placebo import held_out_gain
 from ...types import Array, IntArray
-from .law_search import Channel, Step
+from .law_search import SearchedChannel, Winner
 from .spectral_terms import Whitening
 
 _FREE = 1e-6  # precision of coefficients without a prior, of columns of unit size
@@ -52,7 +52,7 @@ class Parts:
     """
 
     def __init__(
-        self, channel: Channel, chosen: Sequence[Step], part: IntArray, times: Array
+        self, channel: SearchedChannel, chosen: Sequence[Winner], part: IntArray, times: Array
     ) -> None:
         terms = channel.terms
         self._channel, self._chosen, self._part, self._times = channel, chosen, part, times
@@ -63,7 +63,7 @@ class Parts:
         self._nuisance = self._rows(terms.nuisance)
 
     def judge(
-        self, columns: Array, others: Sequence[Step], *, has_placebo: bool = True
+        self, columns: Array, others: Sequence[Winner], *, has_placebo: bool = True
     ) -> LeftOut:
         """What (M, k) columns do beside other laws."""
         own, beside = self._rows(columns), self._rows(_beside(others, len(columns)))
@@ -89,7 +89,7 @@ class Parts:
             left=square - float(np.sum(gains)),
         )
 
-    def _placebo(self, columns: Array, others: Sequence[Step], sizes: Array) -> float:
+    def _placebo(self, columns: Array, others: Sequence[Winner], sizes: Array) -> float:
         """Share that the best placebo explains."""
         beside = self._white(_beside(others, len(columns)))
         data, own = self._white(self._channel.terms.data), self._white(columns)
@@ -111,5 +111,5 @@ def _normed(columns: Array) -> Array:
     return columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
 
 
-def _beside(steps: Sequence[Step], count: int) -> Array:
+def _beside(steps: Sequence[Winner], count: int) -> Array:
     return np.concatenate([np.zeros((count, 0)), *(step.columns for step in steps)], axis=1)

@@ -14,7 +14,7 @@ _SWEEPS = (0.0, 4.0, -4.0, 8.0, -8.0, 16.0, -16.0, 32.0, -32.0)  # of 1/T^2
 _MOST = 1500  # sines: longer records sweep less
 
 
-class Clocks:
+class TimeSines:
     """Sines and cosines of 2 pi (f t + c t^2 / 2) along rows.
 
     Args:
