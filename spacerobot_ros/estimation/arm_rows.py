@@ -164,7 +164,7 @@ class ArmRows:
         """(n,) whether a joint has a motor that is ever on."""
         return np.asarray(np.any([b.arm.powered.any(axis=0) for b in self.balances], axis=0))
 
-    def _at(self, balance: Balance, k: int) -> IntArray:
+    def rows_at(self, balance: Balance, k: int) -> IntArray:
         """Rows of a recording that belong to set k of `joints`."""
         n, arm = self.robot.n_joints, balance.arm
         state = arm.powered if k < n else arm.unpowered
@@ -180,7 +180,7 @@ class ArmRows:
         parts = zip(self.balances, self.columns, self.blocks, strict=True)
         for run, (balance, full, own) in enumerate(parts):
             stride = balance.arm.stride
-            at = self._at(balance, k)
+            at = self.rows_at(balance, k)
             times = balance.row_times[at]
             torque.append(self.torque(run)[at, j])
             columns.append(full[at, j])
@@ -193,7 +193,7 @@ class ArmRows:
 
     def joint_times(self, k: int) -> Array:
         """(M,) times of the rows of set k, each of its recording [s]."""
-        return np.concatenate([b.row_times[self._at(b, k)] for b in self.balances])
+        return np.concatenate([b.row_times[self.rows_at(b, k)] for b in self.balances])
 
     @cached_property
     def joints(self) -> list[JointRows]:

@@ -12,7 +12,7 @@ from scipy.fft import dct, idct
 from ...effects.learned_torque import input_of
 from ...estimation.arm_rows import ArmRows
 from ...estimation.leftover import JointRows
-from ...types import Array, BoolArray, IntArray
+from ...types import Array, IntArray
 from .possible_laws import Extent, Law, joint_laws
 from .spectral_terms import SpectralTerms
 from .time_sines import TimeSines
@@ -30,11 +30,6 @@ class ArmMotions:
     """
 
     rows: ArmRows
-
-    @cached_property
-    def moving(self) -> list[BoolArray]:
-        """(M, n) of every recording: rows in which each joint moves."""
-        return [b.arm.is_moving[:: b.arm.stride] for b in self.rows.balances]
 
     @cached_property
     def extent(self) -> Extent:
@@ -146,7 +141,7 @@ class JointChannel:
         out = []
         for run, balance in enumerate(self.motions.rows.balances):
             values = law.form(self.motions.inputs(law, run), law.options)
-            out.append(balance.in_rows(values)[self.motions.moving[run][:, self.j]])
+            out.append(balance.in_rows(values)[self.motions.rows.rows_at(balance, self.j)])
         return np.concatenate(out)
 
     def whitened(self, values: Array) -> Array:

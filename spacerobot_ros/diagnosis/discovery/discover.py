@@ -41,7 +41,8 @@ def discover(
     motions = ArmMotions(found.fit.rows)
     accepted: list[HeldLaw] = []
     said: list[Leftover] = []
-    moving = [j for j, rows in enumerate(found.fit.rows.joints) if len(rows.torque)]
+    rows = found.fit.rows
+    moving = [j for j in range(rows.robot.n_joints) if len(rows.joints[j].torque)]
     for count, j in enumerate(moving):
         report('asking what the leftover depends on', 0.85 + 0.05 * count / len(moving))
         channel = JointChannel(motions, j, found.levels[j], found.fit.deviations)

@@ -113,10 +113,10 @@ def with_laws(found: ArmFound, laws: Sequence[LawCandidate]) -> tuple[ArmFound, 
         return found, []
     rows = rows_with(found.fit.rows, laws)
     numbers = list(range(len(rows.candidates) - len(laws), len(rows.candidates)))
-    rough = Selection(rows, rows.parts(list(found.levels)), rows.recording)
+    rough = Selection(rows, rows.parts(list(found.levels)), rows.recording, rows.held)
     rough.chosen = [*found.fit.chosen, *numbers]
     levels = levels_of(rows, rough)
-    selection = Selection(rows, rows.parts(levels), rows.recording)
+    selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)
     selection.chosen = list(rough.chosen)
     plain = plain_of(selection, rows.parts(levels, is_white=False))
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
