@@ -33,6 +33,7 @@ COMMANDS = {
     'compare': 'say what changed on an arm between two recordings, or that nothing did',
     'fleet': 'diagnose many recordings: one table, what drifts, what appeared when',
     'excite': 'design the motion that an identification learns most from',
+    'montecarlo': 'simulate the closed loop over ranges of what is not known',
     'export': 'write a model for MuJoCo or as plain URDF, and say what is lost',
     'reproduce': 'repeat published experiments and campaigns beside their figures',
     'completion': 'what makes bash or zsh complete all of this',
