@@ -16,7 +16,7 @@ from ..effects.effect import Effect
 from ..errors import ConfigurationError, SpaceRobotError
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.plant import Plant
-from ..simulation.smooth_loops import Followed, Law, follow, rotated, steps_for
+from ..simulation.smooth_loops import Followed, TrackingLaw, follow, rotated, steps_for
 from ..simulation.truth import build_plant
 from ..types import Array
 from .ranges import MIDDLE, Ranges, load_ranges
@@ -173,18 +173,18 @@ def steps_of(ranges: Ranges) -> int:
     return steps
 
 
-def _followed(plants: Sequence[Plant], law: Law, duration: float, steps: int) -> Followed:
+def _followed(plants: Sequence[Plant], law: TrackingLaw, duration: float, steps: int) -> Followed:
     states = np.stack([plant.state.to_vector() for plant in plants])
     return follow([plant.robot for plant in plants], states, law, duration, steps)
 
 
-def _law(ranges: Ranges) -> Law:
+def _law(ranges: Ranges) -> TrackingLaw:
     file = ranges.robot_file
     check_dynamics(ranges)
     options, model = file.settings.controller, file.believed
     start = _plant(ranges, MIDDLE).state.q[: len(model.arm)]
     limits = torque_limits(options.torque_limit, model.effort_limits, 'torque_limit', 'a joint')
-    return Law(
+    return TrackingLaw(
         model=model,
         reference=build_reference(file.settings.reference, start),
         bandwidth=options.bandwidth,

@@ -30,7 +30,7 @@ _WITHIN = np.array([0.25, 0.5, 0.75])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Law:
+class TrackingLaw:
     """What the controller knows.
 
     Args:
@@ -67,7 +67,9 @@ class Followed:
     states: Array
 
 
-def follow(machines: Sequence[Robot], x: Array, law: Law, duration: float, steps: int) -> Followed:
+def follow(
+    machines: Sequence[Robot], x: Array, law: TrackingLaw, duration: float, steps: int
+) -> Followed:
     """Let machines follow a motion; what diverges is NaN.
 
     Args:
@@ -115,7 +117,7 @@ def follow(machines: Sequence[Robot], x: Array, law: Law, duration: float, steps
 class _Loops:
     """Rates of change of all runs."""
 
-    def __init__(self, trees: Records, law: Law, shape: tuple[int, ...]) -> None:
+    def __init__(self, trees: Records, law: TrackingLaw, shape: tuple[int, ...]) -> None:
         self._trees, self._law = trees, law
         self._n, self._m = len(law.model.joints), (shape[1] - 13) // 2
         self._links = np.zeros(trees.shape[1], LINK)
@@ -179,7 +181,7 @@ def rotated(start: Array, now: Array) -> Array:
     return 2.0 * np.arccos(np.minimum(1.0, np.abs(np.sum(start * now, axis=1))))
 
 
-def steps_for(law: Law, duration: float) -> int:
+def steps_for(law: TrackingLaw, duration: float) -> int:
     """Steps to begin with: an eighth of the error dynamics' time, none longer than a 40th."""
     return max(40, math.ceil(duration * law.bandwidth * 8.0))
 
