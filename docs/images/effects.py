@@ -57,6 +57,7 @@ EXAMPLES: dict[str, tuple[str | None, dict[str, float]]] = {
     'joint_sensor_delay': ('joint_2', {'delay': 2e-2}),
     'gyro_bias': (None, {'x': 0.0, 'y': 0.0, 'z': 5e-5}),
     'gyro_scale': (None, {'x': 1e-3, 'y': 1e-3, 'z': 1e-3}),
+    'gyro_drift': (None, {'x': 0.0, 'y': 0.0, 'z': 1e-6}),
     'gyro_misalignment': (None, {'x': 1e-3, 'y': 0.0, 'z': 0.0}),
     'attitude_misalignment': (None, {'x': 1e-3, 'y': 0.0, 'z': 0.0}),
     'imu_delay': (None, {'delay': 5e-3}),

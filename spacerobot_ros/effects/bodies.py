@@ -88,10 +88,13 @@ class InertialParameters(MovingBodyEffect):
         """As uncertain as the robot file says, in proportion to the body itself.
 
         A body without joints shows no mass, and where no momentum of its wheels is known, only the
-        ratios of its inertia, which are told with ixx as the file has it.
+        ratios of its inertia, which are told with ixx as the file has it. Known forces on it show
+        all but the mass, and that where its position is measured.
         """
         scales = _scales(robot, where)
-        told = _INERTIAS if robot.servicer_momentum.any() else _INERTIAS[1:]
+        told: tuple[str, ...] = _INERTIAS if robot.servicer_momentum.any() else _INERTIAS[1:]
+        if robot.inputs is not None and len(robot.inputs.times):
+            told = NAMES if robot.inputs.is_located else NAMES[1:]
         return tuple(
             replace(p, size=robot.inertia_uncertainty * scale, relevant=_RELEVANT * scale)
             for p, scale in zip(cls.parameters, scales, strict=True)

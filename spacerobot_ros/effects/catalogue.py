@@ -23,13 +23,14 @@ from . import (
     rotors,
     sensor_errors,
     sprung,
+    thrusters,
 )
 from .effect import Effect
 
 _MODULES = (
     *(joint, presliding, coupled_friction, flexibility, learned_torque),
     *(sensor_errors, gyrostats, rotors),
-    *(bodies, appendage, sprung, environment),
+    *(bodies, appendage, sprung, environment, thrusters),
 )
 
 

@@ -42,6 +42,8 @@ class Motion:
         unpowered: (N, n) where motors are off, so that their torque is zero; None: nowhere.
         coasts: Whether the base's linear acceleration is that of a robot on which no force acts,
             so that what an effect does to the whole comes on top: nobody measures translations.
+        window: (N, 2) times between which inputs count with their mean [s]; None: around
+            each time.
     """
 
     robot: Robot
@@ -56,6 +58,7 @@ class Motion:
     acceleration: Array | None = None
     unpowered: BoolArray | None = None
     coasts: bool = False
+    window: Array | None = None
     _accelerated: tuple[Array, Array] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:

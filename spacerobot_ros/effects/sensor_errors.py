@@ -213,6 +213,25 @@ class GyroBias(GyroFault):
         return value + self.vector()
 
 
+class GyroDrift(GyroFault):
+    """omega_measured = omega + d t, t since the start of the record.
+
+    Typical: 1e-9 rad/s^2 (fibre optic) to 1e-6 rad/s^2 (MEMS that warms up).
+    Signature: an attitude that drifts from the integral of the rate with the square of the time.
+
+    Args:
+        x, y, z: Rate by which the bias about an axis grows.
+    """
+
+    id = 'gyro_drift'
+    title = 'bias of the gyro that grows'
+    parameters = xyz('rad/s^2', 1e-5, 1e-7)
+
+    def faulty(self, value: Array, motion: Motion) -> Array:
+        """Rates shifted by what has grown."""
+        return value + motion.time[:, None] * self.vector()
+
+
 class GyroScale(GyroFault):
     """omega_measured = (1 + s) omega, axis by axis.
 

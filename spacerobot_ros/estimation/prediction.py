@@ -27,6 +27,7 @@ from .time_base import make_time_base
 from .torque_process import TorqueDriven
 
 _GAUSS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
+_CELLS = np.array([0.0, 5.0, 13.0, 18.0]) / 18.0
 _PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
 _START_STD = 0.03  # rad, rad/s; far above what the reference misses
 _UNKNOWN_EFFORT = 1e3  # N m; internal torques unknown: only momentum is left to judge by
@@ -276,11 +277,17 @@ class Innovations:
         errors = []
         for place, kinematics in self._measured.inner:
             effort = self._effort(kinematics.time, self.time_base.interval)
-            motion = self.process.motion(kinematics, effort)
+            motion = self.process.motion(kinematics, effort, window=self._cells(place))
             by_force = _between(self._linear.by_force, place)
             errors.append(np.einsum('nij,nj->ni', by_force, self.process.force_error(motion)))
         parabola = np.einsum('pg,gnm->pnm', _PARABOLA, np.stack(errors))[..., None]
         return self._steps.driven(*parabola)[..., 0]
+
+    def _cells(self, place: float) -> Array:
+        """(N-1, 2) part of every step that one of Gauss's points stands for, by its weight."""
+        k = _GAUSS.index(place)
+        starts = self.time_base.times[:-1, None]
+        return np.asarray(starts + self.durations[:, None] * _CELLS[k : k + 2])
 
     def _effort_variance(self) -> Array:
         """(N-1, n) variance of the effort samples that enter with each step."""

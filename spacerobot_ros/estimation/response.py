@@ -7,8 +7,6 @@ given motion; that the motion itself stays as measured is what a filter's column
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from ..dynamics.rnea import rnea
@@ -32,11 +30,14 @@ class InverseDynamics:
         self.tree = tree_of(robot)
 
     def __call__(self, motion: Motion) -> Array:
-        """(N, 6 + n) of S tau + external forces; the first six are zero for a fixed base."""
-        return needed(self.tree, motion)
+        """(N, 6 + n) of S tau + unknown forces; the first six are zero for a fixed base."""
+        force = needed(self.tree, motion)
+        if self.robot.inputs is not None:
+            force -= input_force(self.robot, motion)
+        return force
 
-    def motion(self, kinematics: Kinematics, effort: Array) -> Motion:
-        """A reference as a motion; a free base moves so that no force acts on the whole."""
+    def motion(self, kinematics: Kinematics, effort: Array, window: Array | None = None) -> Motion:
+        """A reference as a motion; known inputs alone act on a free base as a whole."""
         k = kinematics
         acceleration = np.zeros((len(k.time), 6 + self.robot.n_joints))
         acceleration[:, 6:] = k.qdd
@@ -51,6 +52,7 @@ class InverseDynamics:
             omega=k.omega,
             acceleration=acceleration,
             coasts=self.robot.is_free,
+            window=window,
         )
         if self.robot.is_free:
             mass = float(np.sum(self.robot.inertial_parameters[:, 0]))
@@ -67,6 +69,21 @@ def needed(tree: Records, motion: Motion) -> Array:
     return np.asarray(rnea(tree, motion.kinematics, motion.accelerations, qdd))
 
 
+def input_force(robot: Robot, motion: Motion) -> Array:
+    """(N, 6 + n) of the robot's known inputs, each state's mean over its share of the time."""
+    out = motion.zeros()
+    if robot.inputs is None or not robot.is_free:
+        return out
+    window = motion.window
+    if window is None:
+        middle = 0.5 * (motion.time[1:] + motion.time[:-1])
+        window = np.stack(
+            [np.append(motion.time[:1], middle), np.append(middle, motion.time[-1:])], axis=1
+        )
+    out[:, :6] = robot.inputs.force(robot.thrusters, *window.T)
+    return out
+
+
 class Response:
     """Generalised forces of effects along one motion.
 
@@ -80,21 +97,20 @@ class Response:
         self.motion = motion
         self._inverse = InverseDynamics(robot)
 
-    @cached_property
-    def _needed(self) -> Array:
-        return self._inverse(self.motion)
-
     def force(self, effect: Effect) -> Array:
         """(N, 6 + n) by which the robot with the effect differs from the one without."""
         changed = effect.change(self.robot)
         if changed is self.robot:
             return effect.force(self.motion, effect.driven(self.motion))
         motion = self.motion.of(changed)
-        return effect.force(motion, effect.driven(motion)) - self._difference(changed, motion)
+        force = effect.force(motion, effect.driven(motion)) - self._difference(changed, motion)
+        if self.robot.inputs is not None:
+            force += input_force(changed, motion) - input_force(self.robot, motion)
+        return force
 
     def _difference(self, changed: Robot, motion: Motion) -> Array:
         """(N, 6 + n) inverse dynamics of the changed robot less those of this one."""
         if not np.array_equal(changed.gravity, self.robot.gravity):
-            return InverseDynamics(changed)(motion) - self._needed
+            return needed(tree_of(changed), motion) - needed(self._inverse.tree, motion)
         change = difference(tree_of(changed), self._inverse.tree)
         return motion.zeros() if is_empty(change) else needed(change, motion)

@@ -8,6 +8,7 @@ from functools import cached_property
 from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..recording.record import Record
+from ..recording.robot_inputs import with_inputs
 from ..sensing.correction import corrected_record
 from .prediction import MeasuredMotion
 from .prediction_rows import PredictionRows
@@ -38,7 +39,7 @@ class Run:
         timing: str = 'sampled',
     ) -> None:
         self.record = record
-        self.robot = robot
+        self.robot = with_inputs(robot, record)
         self.believed = tuple(believed)
         self.noise = noise
         self.timing = timing

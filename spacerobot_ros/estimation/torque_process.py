@@ -20,7 +20,7 @@ from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array, BoolArray
 from .reference import Kinematics
-from .response import InverseDynamics
+from .response import InverseDynamics, input_force
 
 _STEP = 1e-6  # of the differences that give the gradient of believed forces; rad, rad/s
 
@@ -59,13 +59,17 @@ class TorqueDriven:
         self._inverse = InverseDynamics(self.robot)
 
     def motion(
-        self, kinematics: Kinematics, effort: Array, unpowered: BoolArray | None = None
+        self,
+        kinematics: Kinematics,
+        effort: Array,
+        unpowered: BoolArray | None = None,
+        window: Array | None = None,
     ) -> Motion:
         """The reference with the accelerations of base and joints that belong to it."""
-        return replace(self._inverse.motion(kinematics, effort), unpowered=unpowered)
+        return replace(self._inverse.motion(kinematics, effort, window), unpowered=unpowered)
 
     def needed(self, motion: Motion) -> Array:
-        """(N, 6 + n) generalised force that a motion needs, without effects."""
+        """(N, 6 + n) force that a motion needs beyond known inputs, without effects."""
         return self._inverse(motion)
 
     def forces(self, motion: Motion) -> Array:
@@ -84,7 +88,7 @@ class TorqueDriven:
     def linearize(self, motion: Motion) -> Linearized:
         """Derivatives of the accelerations about a motion."""
         robot, first = self.robot, self.first
-        forces = self.forces(motion) if self.effects else motion.zeros()
+        forces = self.forces(motion) + input_force(robot, motion)
         forces[:, 6:] += motion.effort
         by_q, by_v, inverse = acceleration_derivatives(tree_of(robot), motion.kinematics, forces)
         by_position, by_velocity = by_q[:, first:, first:].copy(), by_v[:, first:, first:].copy()

@@ -77,7 +77,7 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
         chi2_per_dof=chi2,
         samples=len(record.joint_time),
         stamp_ns=record.origin_ns + round(record.span[1] * 1e9),
-        notes=(*record.notes, *notes, _in_words(moments, axes)),
+        notes=(*record.notes, *notes, *_scale(found), _in_words(moments, axes)),
         unit='',
     )
     return Identification(estimate, found)
@@ -101,6 +101,14 @@ def _slopes(fit: Fit) -> Array:
     return np.stack(columns, axis=1)
 
 
+def _scale(robot: Robot) -> tuple[str, ...]:
+    """That the inertia's scale is not known, or what it is by known torques."""
+    if InertialParameters.parameters_at(robot, robot.base_link)[0].name in ('ixy', 'ixz'):
+        why = 'no torque on the body and no momentum of wheels is known'
+        return (f'{why}: its inertia is known but for its scale',)
+    return (f'Jxx {robot.bodies[0].inertia[0, 0]:.5g} kg m^2 by known torques or wheels',)
+
+
 def _in_words(moments: Array, axes: Array) -> str:
     """Principal moments in their ratio and how far each principal axis lies off the base's."""
     ratio = ' : '.join(f'{m / moments[0]:.5g}' for m in moments)
@@ -109,7 +117,4 @@ def _in_words(moments: Array, axes: Array) -> str:
         f'{"xyz"[int(np.argmax(np.abs(axis)))]}'
         for axis in axes.T
     ]
-    return (
-        'no torque on the body and no momentum of wheels is known: its inertia is known but for '
-        f'its scale; principal moments {ratio}, their axes {", ".join(tilts)}'
-    )
+    return f'principal moments {ratio}, their axes {", ".join(tilts)}'

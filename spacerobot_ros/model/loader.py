@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from .body import Body, Rotor
+from .inputs import read_thrusters
 from .rigid_bodies import merge_bodies
 from .robot import Robot
 from .settings import RobotSettings, SensorSettings, Settings
@@ -112,6 +113,7 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         motor_constants=_each(options, 'robot.motor_constant', options.motor_constant),
         passive_joints=options.passive_joints,
         anchor=options.scale.anchor,
+        thrusters=read_thrusters(options.thrusters),
     )
 
 

@@ -22,6 +22,7 @@ import pinocchio as pin
 from ..errors import ConfigurationError
 from ..types import Array, Vector3
 from .body import Body, Gyrostat, Rotor, tree_order
+from .inputs import Inputs, Thruster
 from .settings import SensorSettings
 
 
@@ -48,6 +49,8 @@ class Robot:
         effort_kinds: What the measured effort of each joint of the arm is, see `RobotSettings`.
         motor_constants: Of each joint of the arm [N m/A]; empty where they are not stated.
         passive_joints: Joints of the arm without a motor.
+        thrusters: On the base.
+        inputs: What acts on the base in the run that it is asked about; None: nothing known.
         rate_only: Joints of whose motion a recording has only the rates.
         anchor: What of the file is right where no torque is measured, see `ScaleSettings`.
     """
@@ -69,6 +72,8 @@ class Robot:
     effort_kinds: tuple[str, ...] = ()
     motor_constants: tuple[float, ...] = ()
     passive_joints: tuple[str, ...] = ()
+    thrusters: tuple[Thruster, ...] = ()
+    inputs: Inputs | None = None
     rate_only: tuple[str, ...] = ()
     anchor: str = 'none'
 

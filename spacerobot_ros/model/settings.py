@@ -84,6 +84,9 @@ class RobotSettings:
     where a message or mapping gives it so; times `motor_constant` it is a torque of the motor.
     gravity_compensated: torque of the motor less what holds the arm. command: what was commanded.
 
+    `thrusters` on the base are a map under free names: {at: [x, y, z], direction: [x, y, z],
+    force: N at a command of 1}, the direction that of the force on the base, in its coordinates.
+
     Args:
         urdf: package:// URL, absolute path, or path beside the robot file.
         base: Free-floating base, or fixed for a ground test.
@@ -108,6 +111,7 @@ class RobotSettings:
     motor_constant: FloatOrList | None = param(None, 'N m/A', above=0.0)
     passive_joints: TextList = param(())
     scale: ScaleSettings = field(default_factory=ScaleSettings)
+    thrusters: FreeMaps = field(default_factory=dict)
     servicer_wheels: WheelSettings = field(default_factory=WheelSettings)
     target_wheels: WheelSettings = field(default_factory=WheelSettings)
 
@@ -492,6 +496,8 @@ class Settings:
 
     `effects` holds physical effects that the model believes in, under free names, as {effect: id,
     where: place, parameters...}; `effects.catalogue.bind_effects` checks them against the robot.
+    `firings` are the commands of a simulated run, under free names: {thruster: name, start: s,
+    width: s, share: 1, period: s}, without a period once.
     """
 
     robot: RobotSettings
@@ -506,6 +512,7 @@ class Settings:
     adaptive: AdaptationSettings = field(default_factory=AdaptationSettings)
     excitation: ExcitationSettings = field(default_factory=ExcitationSettings)
     effects: FreeMaps = field(default_factory=dict)
+    firings: FreeMaps = field(default_factory=dict)
 
     def changed(self, values: Mapping[str, Any]) -> Settings:
         """Settings with other values by name, such as `simulator.seed`; None leaves one as is."""

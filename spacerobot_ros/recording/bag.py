@@ -21,8 +21,11 @@ from ..model.robot import Robot
 from ..types import Array, IntArray
 from . import messages
 from .bag_storage import StoredMessages, read_messages
+from .mapped_inputs import INPUTS
 from .message_types import typestore
 from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, shown
+from .series import InputSeries
+from .units import SI_UNITS
 
 LATE_LIMIT = 10  # messages in a row behind the newest stamp: more is a clock that jumped back
 _TYPES = {
@@ -30,7 +33,11 @@ _TYPES = {
     'imu': 'sensor_msgs/msg/Imu',
     'attitude': 'geometry_msgs/msg/QuaternionStamped',
     'wheels': 'sensor_msgs/msg/JointState',
+    'thrusters': 'sensor_msgs/msg/JointState',
+    'base_wrench': 'geometry_msgs/msg/WrenchStamped',
 }
+_INPUTS = ('thrusters', 'base_wrench')
+_OPTIONAL = ('wheels', *_INPUTS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +48,8 @@ class Topics:
     imu: str = '/imu/data'
     attitude: str = '/attitude'
     wheels: str = '/wheel_states'
+    thrusters: str = '/thruster_commands'
+    base_wrench: str = '/base_torque'
 
 
 @dataclass(slots=True)
@@ -96,6 +105,8 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
     """
     topics, path = topics or Topics(), Path(path)
     channels = {kind: _Channel(getattr(topics, kind)) for kind in _TYPES}
+    if robot is not None and not robot.thrusters:
+        del channels['thrusters']
     joints = channels['joints']
     if robot is not None:
         joints.names, joints.effort_units = robot.arm, robot.known_effort_units
@@ -130,9 +141,9 @@ def _check_topics(path: Path, stored: StoredMessages, channels: dict[str, _Chann
         expected = _TYPES[kinds[topic]] if topic in kinds else msgtype
         if msgtype != expected:
             raise RecordingError(f'{path}: {topic}', f'carries {msgtype}, expected {expected}')
-    if not any(kinds[topic] != 'wheels' for topic, _, _ in stored.messages):
+    if not any(kinds[topic] not in _OPTIONAL for topic, _, _ in stored.messages):
         present = ', '.join(sorted({topic for topic, _ in stored.channels})) or 'nothing'
-        joints, imu, attitude, _ = kinds
+        joints, imu, attitude, *_ = kinds
         raise RecordingError(
             str(path), f'has no message on {joints}, {imu} or {attitude} (it has {present})'
         )
@@ -161,6 +172,8 @@ def _row(kind: str, message: Any, channel: _Channel, base_link: str | None) -> A
         limit = f'{messages.NORM_LIMIT:g}'
         channel.remarks[f'quaternions normalized (norms off by up to {limit})'] = None
         return messages.unit(q)
+    if kind in _INPUTS:
+        return _input_row(kind, message, channel, base_link)
     if kind == 'wheels':
         names = channel.names or tuple(message.name)
         columns = messages.joint_columns(message, names, 'position?', 'velocity', 'effort?')
@@ -179,6 +192,14 @@ def _row(kind: str, message: Any, channel: _Channel, base_link: str | None) -> A
     return _stacked(columns, len(channel.names), missing=(0.0, np.nan, np.nan))
 
 
+def _input_row(kind: str, message: Any, channel: _Channel, base_link: str) -> Array:
+    """Commands of all thrusters, or the wrench on the base."""
+    if kind == 'base_wrench':
+        return messages.base_wrench(message, base_link)[1]
+    channel.names = channel.names or tuple(message.name)
+    return np.asarray(messages.joint_columns(message, channel.names, 'effort')[0])
+
+
 def _stacked(columns: Sequence[Array | None], n: int, missing: Sequence[float]) -> Array:
     return np.array(
         [np.full(n, m) if c is None else c for c, m in zip(columns, missing, strict=True)]
@@ -195,11 +216,25 @@ def _build(path: Path, channels: dict[str, _Channel], lost: list[str]) -> Record
         elif kind in ('joints', 'wheels'):
             optional = kind == 'joints'
             series[kind] = _joint_series(channel, *samples, notes if optional else [])
+        elif kind in _INPUTS:
+            series[kind] = _input_series(kind, channel, *samples)
         else:
             series[kind] = (RateSeries if kind == 'imu' else AttitudeSeries)(*samples)
-        notes += _notes(channel, optional=kind == 'wheels')
-    joints, imu, attitude, wheels = (series[kind] for kind in _TYPES)
-    return Record(joints, imu, attitude, wheels, str(path), tuple(notes))
+        notes += _notes(channel, optional=kind in _OPTIONAL)
+    inputs = {kind: series.pop(kind) for kind in _INPUTS if kind in series}
+    inputs = {kind: given for kind, given in inputs.items() if given is not None}
+    joints, imu, attitude, wheels = series.values()
+    return Record(joints, imu, attitude, wheels, str(path), tuple(notes), inputs=inputs)
+
+
+def _input_series(kind: str, channel: _Channel, stamps: IntArray, rows: Array) -> Any:
+    """Commands or wrenches; None where they never are other than zero."""
+    if not rows.any():
+        return None
+    if kind == 'thrusters':
+        return InputSeries(channel.names, stamps, rows)
+    names, quantities = INPUTS[kind]
+    return InputSeries(names, stamps, rows, tuple(SI_UNITS[q] for q in quantities))
 
 
 def _sorted(path: Path, channel: _Channel) -> tuple[IntArray, Array] | None:

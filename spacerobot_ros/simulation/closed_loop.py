@@ -20,6 +20,7 @@ from ..model.robot import Robot
 from ..model.settings import Settings
 from ..sensing.sensors import SensorSamples
 from ..types import Array
+from .firings import Firings
 from .truth import build_plant, build_sensors
 
 
@@ -86,6 +87,9 @@ class ClosedLoop:
         if estimate is not None:
             self.controller.set_estimate(estimate)
         self._sensors = build_sensors(self.plant, settings)
+        self.firings = Firings(
+            settings.firings, robot, self.plant.robot, self.plant.effects, self.plant.period
+        )
         self._tau = np.zeros(self.plant.n_arm)
         self._wrench: Array | None = None
 
@@ -101,7 +105,14 @@ class ClosedLoop:
         for k in range(steps + 1):
             yield self._measure()
             if k < steps:
-                self.plant.step(self._tau, self._wrench)
+                self.plant.step(self._tau, self._total_wrench())
+
+    def _total_wrench(self) -> Array | None:
+        """(6,) of the controller and the thrusters over the next period; None where none acts."""
+        if not self.firings:
+            return self._wrench
+        thrust = self.firings.wrench(self.plant.step_index)
+        return thrust if self._wrench is None else thrust + self._wrench
 
     def _measure(self) -> Step:
         plant = self.plant

@@ -14,6 +14,7 @@ from .closed_loop import ClosedLoop, Step
 from .sample_messages import sample_messages
 
 LEDGER_PERIOD = 0.1  # s
+THRUSTERS = '/thruster_commands'
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +105,9 @@ def _write(bag: BagWriter, loop: ClosedLoop, step: Step) -> None:
     compose, ns = bag.compose, step.stamp_ns
     for topic, message in sample_messages(compose, loop.plant, step.measured):
         bag.add(topic, message)
+    if loop.firings:
+        shares = loop.firings.commands(ns // loop.plant.period_ns)
+        bag.add(THRUSTERS, compose.joint_state(ns, loop.firings.names, effort=shares))
     if step.command is not None:
         command = compose.joint_state(ns, loop.joints, effort=step.command.tau)
         bag.add('/joint_commands', command)
