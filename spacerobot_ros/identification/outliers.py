@@ -61,7 +61,7 @@ def without_outliers(record: Record, noise: NoiseLevels) -> tuple[Record, Outlie
 
 def _outlying_joints(record: Record, noise: NoiseLevels) -> np.ndarray:
     time, q, qd = record.joint_time, record.q, record.qd
-    if qd is None:
+    if qd is None or not qd.size:
         return _outlying_rates(time, q, noise.joint_position)
     bad = _outlying_rates(time, qd, noise.joint_velocity) | _stuck(time, q, qd, noise)
     return bad | _off_median(time, q - _integral(time, qd, bad), noise.joint_position)
@@ -145,7 +145,7 @@ def _far(errors: Array, std: float) -> np.ndarray:
 
 def _integral(time: Array, rates: Array, bad: np.ndarray) -> Array:
     """(N, m) integral of rates, those that are bad bridged."""
-    if np.count_nonzero(~bad) < 2:
+    if np.count_nonzero(~bad) < 2 or not rates.size:
         return np.zeros_like(rates)
     bridged = np.column_stack([np.interp(time, time[~bad], x[~bad]) for x in rates.T])
     return np.asarray(cumulative_trapezoid(bridged, time, axis=0, initial=0.0))

@@ -22,7 +22,7 @@ _INSTANT = 1e-6  # s, over which a mean is the value; times of records are right
 
 
 @dataclass(frozen=True, eq=False)
-class Thruster:
+class MountedThruster:
     """A thruster fixed to the base.
 
     Args:
@@ -98,7 +98,7 @@ class Inputs:
         """All commands later."""
         return self if self.commands is None else replace(self, commands=self.commands.delayed(by))
 
-    def force(self, thrusters: Sequence[Thruster], start: Array, end: Array) -> Array:
+    def force(self, thrusters: Sequence[MountedThruster], start: Array, end: Array) -> Array:
         """(M, 6) mean [force; torque] on the base at its origin, between times (M,) each."""
         total = np.zeros((len(start), 6))
         if self.commands is not None:
@@ -109,7 +109,7 @@ class Inputs:
         return total
 
 
-def read_thrusters(section: Mapping[str, Mapping[str, object]]) -> tuple[Thruster, ...]:
+def read_thrusters(section: Mapping[str, Mapping[str, object]]) -> tuple[MountedThruster, ...]:
     """`robot.thrusters` of a robot file: free name to {at, direction, force}.
 
     Raises:
@@ -118,7 +118,7 @@ def read_thrusters(section: Mapping[str, Mapping[str, object]]) -> tuple[Thruste
     return tuple(_thruster(name, entry) for name, entry in section.items())
 
 
-def _thruster(name: str, entry: Mapping[str, object]) -> Thruster:
+def _thruster(name: str, entry: Mapping[str, object]) -> MountedThruster:
     place = f'robot.thrusters.{name}'
     for key in entry:
         if key not in ('at', 'direction', 'force'):
@@ -129,7 +129,7 @@ def _thruster(name: str, entry: Mapping[str, object]) -> Thruster:
         raise ConfigurationError(f'{place}.force', f'expected newtons above zero, got {force!r}')
     if length == 0.0:
         raise ConfigurationError(f'{place}.direction', 'has no length')
-    return Thruster(name, vectors['at'], vectors['direction'] / length, float(force))
+    return MountedThruster(name, vectors['at'], vectors['direction'] / length, float(force))
 
 
 def _vector(given: object, place: str) -> Vector3:

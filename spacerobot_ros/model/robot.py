@@ -22,7 +22,7 @@ import pinocchio as pin
 from ..errors import ConfigurationError
 from ..types import Array, Vector3
 from .body import Body, Gyrostat, Rotor, tree_order
-from .inputs import Inputs, Thruster
+from .inputs import Inputs, MountedThruster
 from .settings import SensorSettings
 
 
@@ -72,7 +72,7 @@ class Robot:
     effort_kinds: tuple[str, ...] = ()
     motor_constants: tuple[float, ...] = ()
     passive_joints: tuple[str, ...] = ()
-    thrusters: tuple[Thruster, ...] = ()
+    thrusters: tuple[MountedThruster, ...] = ()
     inputs: Inputs | None = None
     rate_only: tuple[str, ...] = ()
     anchor: str = 'none'
