@@ -35,6 +35,14 @@ alike. Ids, places and parameters: effects.md.
     effects:
       elbow_friction: {effect: joint_viscous_friction, where: joint_2, coefficient: 3.1}
       tracker_latency: {effect: attitude_delay, delay: 0.02}
+
+## `firings`
+
+Commands to the thrusters of `robot.thrusters` in a simulated run, under free names; without a
+period once.
+
+    firings:
+      a: {thruster: T1, start: 1.0, width: 0.3, share: 1.0, period: 3.0}
 """
 _KINDS = {float: 'number', int: 'whole number', str: 'text', bool: 'true or false'}
 
