@@ -29,7 +29,7 @@ from spacerobot_ros.recording.record import (
     to_stamps,
 )
 
-STEP, DURATION, KNOT = 0.02, 20.0, 0.5
+STEP, DURATION, KNOT = 0.02, 10.0, 0.5
 GRID = STEP * np.arange(round(DURATION / STEP) + 1)
 JOINTS, GYRO, ATTITUDE = slice(None), slice(0, None, 2), slice(0, None, 5)
 STDS = (1e-4, 5e-4, 2e-4, 3e-4)

@@ -90,21 +90,17 @@ def _explains(before: Array, after: Array) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Torques:
-    """A record at even steps, and the rows of it that are looked at.
+    """A record, smoothed, at the times that are looked at.
 
     Args:
         robot: The model.
-        q: (N, n) positions at even steps [rad].
-        step: Between them [s].
-        rows: (K,) of them that are looked at.
-        effort: (K, n) measured there, smoothed [N m].
-        omega: (K, 3) base rate there [rad/s].
+        motion: (3, K, n) positions [rad], rates and accelerations.
+        effort: (K, n) measured [N m].
+        omega: (K, 3) base rate [rad/s].
     """
 
     robot: Robot
-    q: Array
-    step: float
-    rows: Array
+    motion: Array
     effort: Array
     omega: Array
 
@@ -129,17 +125,15 @@ class _Torques:
             omega = _at(even, record.rate_time, record.omega)
         smooth = savgol_filter(_at(even, time, effort), span, 3, axis=0)
         q = _at(even, time, record.q)
-        return _Torques(robot, q, step, rows, smooth[rows], omega[rows])
+        motion = np.stack([savgol_filter(q, span, 3, d, step, axis=0)[rows] for d in range(3)])
+        return _Torques(robot, motion, smooth[rows], omega[rows])
 
     def unlike(self, slip: _Slip) -> Array:
         """(2, n) share of each joint's torque that the model does not explain, the slip undone.
 
         As it is, and with friction and bias taken out of both.
         """
-        q, span = slip.undone(self.q), _span(self.step)
-        position, rate, acceleration = (
-            savgol_filter(q, span, 3, d, self.step, axis=0)[self.rows] for d in range(3)
-        )
+        position, rate, acceleration = map(slip.undone, self.motion)
         measured = slip.undone(self.effort, effort=True)
         model = joint_torques(self.robot, position, rate, acceleration, self.omega)
         lacking = np.array([kind == COMPENSATED for kind in self.robot.effort_kinds])
