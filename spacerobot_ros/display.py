@@ -170,7 +170,21 @@ class Plot:
     file: str = ''
 
 
-Item = str | KeyFigures | Table | Plot
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A recording in 3D.
+
+    Args:
+        scene: A `simulation.replay.scene.Scene`, or what makes one: where none can be made that
+            costs the replay only.
+        caption: What to see in it.
+    """
+
+    scene: Any
+    caption: str = ''
+
+
+Item = str | KeyFigures | Table | Plot | Replay
 """A text is a paragraph."""
 
 

@@ -18,6 +18,7 @@ from .terminal import Stage, print_sections, progress
 if TYPE_CHECKING:
     from ..demo.results import Results
     from ..effects.robot_file import RobotFile
+    from ..simulation.replay.scene import Scene
 
 _DESCRIPTION = """\
 Run simulator, identifier and controller as ROS 2 nodes in one process, in lockstep:
@@ -73,9 +74,19 @@ def run(args: argparse.Namespace) -> int:
         from ..report.html import write_report
 
         write_text(work / 'summary.json', json_text(results.summary()))
-        write_report(demo_report(results), work / 'report.html')
+        scene = partial(_scene, args, work / _BAGS[0])
+        write_report(demo_report(results, scene), work / 'report.html')
     print_sections(demo_summary(results, out))
     return 0 if results.reached else 1
+
+
+def _scene(args: argparse.Namespace, bag: Path) -> Scene:
+    """The first run as it was recorded."""
+    from ..recording.read import read_record
+    from ..simulation.replay.scene import scene_of
+
+    file = _robot_file(args)
+    return scene_of(read_record(bag, file.robot), file)
 
 
 def _results(args: argparse.Namespace, work: Path) -> Results:

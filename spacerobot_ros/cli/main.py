@@ -29,6 +29,7 @@ COMMANDS = {
     'simulate': 'simulate a robot in closed loop (no ROS needed) and record a bag',
     'identify': 'estimate wheel momentum and inertial parameters from a recording',
     'check': 'say what a recording is worth: rates, clocks, noise, faults, excitation',
+    'show': 'play a recording in 3D on one page, with what the model makes of it',
     'diagnose': 'name what a simulation gets wrong about measured data, and extend its model',
     'compare': 'say what changed on an arm between two recordings, or that nothing did',
     'fleet': 'diagnose many recordings: one table, what drifts, what appeared when',

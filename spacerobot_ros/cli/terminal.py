@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..display import KeyFigures, Plot, Section, Table
+from ..display import KeyFigures, Plot, Replay, Section, Table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -49,7 +49,7 @@ def print_sections(sections: Iterable[Section]) -> None:
                 console.print(text, markup=False, soft_wrap=True)
             elif isinstance(item, Table):
                 _print_table(console, item)
-            elif isinstance(item, KeyFigures | Plot):
+            elif isinstance(item, KeyFigures | Plot | Replay):
                 continue  # of the page
 
 

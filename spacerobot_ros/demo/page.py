@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from ..display import (
     KeyFigures,
     Panel,
     Plot,
+    Replay,
     Report,
     Section,
     Status,
@@ -25,8 +28,19 @@ from .results import AIM_AAM_PERCENT, AIM_DRIFT, AIM_RATIO, DemoRun, Results
 AXES = 'xyz'
 
 
-def demo_report(results: Results) -> Report:
-    """The page."""
+def demo_report(results: Results, scene: Callable[[], Any]) -> Report:
+    """The page.
+
+    Args:
+        results: Of the demonstration.
+        scene: Makes the `simulation.replay.scene.Scene` of the first run.
+    """
+    replay = Replay(
+        scene,
+        'The run that excites and identifies. The orange ghost is what the model makes of the '
+        'measured efforts while it knows nothing of the captured wheels, beginning again from the '
+        'measured state every two seconds.',
+    )
     tracking = Plot(partial(_tracking, results), 'Reference minus true joint position.')
     ledger = Plot(
         partial(_ledger, results.identification),
@@ -37,6 +51,7 @@ def demo_report(results: Results) -> Report:
         subtitle=f'robot {results.robot}, seed {results.seed}, simulated on ROS 2 nodes',
         sections=(
             Section('Result', _figures(results)),
+            Section('In motion', [replay]),
             Section('Joint error with and without the wheel momentum', [tracking]),
             Section('Convergence of the estimates', _convergence(results)),
             Section('Estimated parameters', [_parameters(results)]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..model.files import read_parameters, read_text
@@ -21,11 +21,13 @@ class RobotFile:
         robot: The robot of URDF and `robot` section.
         settings: All settings.
         effects: The physical effects that the model believes in beside them.
+        folder: That of the URDF, for what it names by a relative path.
     """
 
     robot: Robot
     settings: Settings
     effects: tuple[Effect, ...] = ()
+    folder: Path = field(default_factory=Path)
 
     @property
     def believed(self) -> Robot:
@@ -61,4 +63,4 @@ def load_robot_file(path: str | Path) -> RobotFile:
     settings = parse_settings(read_parameters(path), f'{path}: ')
     urdf_path = resolve_urdf(settings.robot.urdf, beside=path.parent)
     robot = build_robot(settings, read_text(urdf_path, 'robot.urdf'), str(urdf_path))
-    return RobotFile(robot, settings, bind_effects(settings.effects, robot))
+    return RobotFile(robot, settings, bind_effects(settings.effects, robot), urdf_path.parent)

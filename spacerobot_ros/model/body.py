@@ -61,6 +61,21 @@ class Body:
         return self.with_spatial_inertia(self.spatial_inertia - placed)
 
 
+def inertia_ellipsoid(body: Body) -> tuple[Vector3, Matrix3] | None:
+    """Half axes [m] and axes (columns, body coordinates) of the homogeneous ellipsoid of a body.
+
+    None where there is no such solid: without a mass, or flat as a plate.
+    """
+    if body.mass <= 0.0:
+        return None
+    moments, axes = np.linalg.eigh(body.inertia)
+    squares = 5.0 * (0.5 * moments.sum() - moments) / body.mass
+    if not np.all(squares > 0.0):
+        return None
+    axes[:, 2] *= np.linalg.det(axes)
+    return np.sqrt(squares), axes
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Gyrostat:
     """Wheels of one link as a momentum relative to it.

@@ -24,6 +24,7 @@ INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 # Relative slack of the triangle inequality: URDFs print inertias with about six digits, and a flat
 # plate sits on the bound.
 _TRIANGLE_SLACK = 1e-6
+_XACRO = 'ros.org/wiki/xacro}'  # namespace of its elements, as the parser writes it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +92,9 @@ def parse_urdf(text: str, place: str = 'URDF') -> Tree:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise ModelError(place, f'not well-formed XML: {error}') from error
+    if any(_XACRO in element.tag for element in root.iter()):
+        why = 'is xacro, not URDF: convert it with `xacro FILE > robot.urdf` and name that'
+        raise ModelError(place, why)
     if root.tag != 'robot':
         raise ModelError(place, f'the root element is <{root.tag}>, expected <robot>')
     links = _unique([_parse_link(e, place) for e in root.findall('link')], 'link', place)

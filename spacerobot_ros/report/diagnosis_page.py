@@ -14,7 +14,20 @@ from .. import __version__
 from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.result import Diagnosis, Series
 from ..diagnosis.answer.score_on import BAND
-from ..display import Bars, Curve, Item, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table
+from ..display import (
+    Bars,
+    Curve,
+    Item,
+    KeyFigure,
+    KeyFigures,
+    Panel,
+    Plot,
+    Replay,
+    Report,
+    Section,
+    Table,
+)
+from ..simulation.replay.scene import scene_of
 from ..types import Array
 from . import diagnosis_tables as tables
 from .diagnosis_tables import is_balance
@@ -76,6 +89,7 @@ def diagnosis_page(answer: Findings) -> Report:
     sections: list[tuple[str, Callable[[Findings], Iterator[Item]]]] = [
         ('Verdict', _verdict),
         *causes,
+        ('In motion', _replay),
         ('Measured against simulated', _signals),
         ('Prediction errors, channel by channel', _errors),
         ('Which effects the data want', _ranking),
@@ -89,6 +103,18 @@ def diagnosis_page(answer: Findings) -> Report:
         title=f'Diagnosis: {diagnosis.verdict.replace("_", " ")}',
         subtitle=f'robot {answer.file.robot.name}, {_data_in_words(answer)}',
         sections=[Section(title, list(items(answer))) for title, items in sections],
+    )
+
+
+def _replay(answer: Findings) -> Iterator[Item]:
+    """The first recording, causes at their places, and what the model as it stands predicts."""
+    marks = [(cause.applied.where, cause.applied.title) for cause in answer.diagnosis.causes]
+    scene = partial(scene_of, answer.records[0], answer.file, marks)
+    yield Replay(
+        scene,
+        'The first recording, causes where they are. The orange ghost is what the model as it '
+        'stands makes of the measured efforts, beginning again from the measured state every two '
+        'seconds or where it has gone astray.',
     )
 
 

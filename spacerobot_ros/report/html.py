@@ -1,19 +1,23 @@
 """Reports as one self-contained HTML page.
 
-A page needs no network, reads well on a phone and in print, and is the same to the last byte for
-the same content.
+A page needs no network, reads well on a phone, in the dark and in print, and is the same to the
+last byte for the same content. Curves can be zoomed and read (uPlot), recordings played in 3D
+(three.js); both libraries are part of the page, and of the package under `assets/`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from html import escape
+from importlib import resources
 from pathlib import Path
 from urllib.parse import quote
 
-from ..display import Item, KeyFigure, KeyFigures, PageLink, Plot, Report, Section, Table
+from ..display import Item, KeyFigure, KeyFigures, PageLink, Plot, Replay, Report, Section, Table
 from ..model.files import write_text
 from .formats import is_number
-from .plots import svg_of
+from .inline import inline_json
+from .plots import COLORS, live_panels, svg_of
 
 
 def write_report(report: Report, path: str | Path) -> Path:
@@ -31,7 +35,7 @@ def render(report: Report) -> str:
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<title>{escape(report.title)}</title>\n<style>{_CSS}</style>\n</head>\n<body>\n<main>\n'
+        f'<title>{escape(report.title)}</title>\n{"".join(_head(sections))}</head>\n<body>\n<main>\n'
         f'<header><h1>{escape(report.title)}</h1><p>{escape(report.subtitle)}</p></header>\n'
         f'{sections}\n</main>\n</body>\n</html>\n'
     )
@@ -41,6 +45,21 @@ def _section(section: Section) -> str:
     items = '\n'.join(_item(item) for item in section.items)
     title = f'<h2>{escape(section.title)}</h2>\n' * bool(section.title)
     return f'<section>\n{title}{items}\n</section>'
+
+
+def _head(sections: str) -> Iterator[str]:
+    """Styles, and the scripts that something on the page needs."""
+    colors = ''.join(f'--curve-{k}: {color}; ' for k, color in enumerate(COLORS[:-1]))
+    yield f'<style>:root {{ {colors}}}\n{_asset("report.css")}</style>\n'
+    has_replay = '<figure class="replay"' in sections
+    if has_replay or '<figure class="chart"' in sections:
+        yield f'<style>{_asset("uplot.min.css")}</style>\n'
+        names = ['uplot.min.js', 'charts.js', *['three.min.js', 'replay.js'] * has_replay]
+        yield from (f'<script>{_asset(name)}</script>\n' for name in names)
+
+
+def _asset(name: str) -> str:
+    return (resources.files(__package__) / 'assets' / name).read_text(encoding='utf-8')
 
 
 def _item(item: Item) -> str:
@@ -53,14 +72,31 @@ def _item(item: Item) -> str:
     return _figure(item)
 
 
-def _figure(figure: Plot) -> str:
-    caption = f'<figcaption>{escape(figure.caption)}</figcaption>' if figure.caption else ''
+def _figure(item: Plot | Replay) -> str:
+    caption = f'<figcaption>{escape(item.caption)}</figcaption>' if item.caption else ''
     try:
-        svg = svg_of(figure)
+        return _replay(item, caption) if isinstance(item, Replay) else _plot(item, caption)
     except Exception as error:  # noqa: BLE001  whatever fails in a picture costs that picture only
         why = f'This picture could not be drawn: {type(error).__name__}: {error}'
         return f'<figure><p>{escape(why)}</p>{caption}</figure>'
-    return f'<figure>{svg}{caption}</figure>'
+
+
+def _plot(figure: Plot, caption: str) -> str:
+    """The static picture, and where it has curves the data of one that can be read."""
+    svg, panels = svg_of(figure), live_panels(figure)
+    if not panels:
+        return f'<figure>{svg}{caption}</figure>'
+    content = inline_json({'sync': figure.abscissa, 'panels': panels})
+    return f'<figure class="chart">{content}{svg}<div class="live"></div>{caption}</figure>'
+
+
+def _replay(item: Replay, caption: str) -> str:
+    from .replay_view import scene_values  # late: it knows dynamics
+
+    scene = item.scene() if callable(item.scene) else item.scene
+    notes = ''.join(f'<p class="note">{escape(note)}</p>' for note in scene.notes)
+    content = inline_json(scene_values(scene))
+    return f'<figure class="replay">{content}<div class="view"></div>{caption}{notes}</figure>'
 
 
 def _key_figure(figure: KeyFigure) -> str:
@@ -88,41 +124,3 @@ def _cell(text: str) -> str:
     if isinstance(text, PageLink):
         shown = f'<a href="{quote(text.target)}">{shown}</a>'
     return f'<td{kind}>{shown}</td>'
-
-
-_CSS = """
-:root { color-scheme: light; --ink: #1c2128; --soft: #59636e; --line: #d9dee4; --accent: #0072b2; }
-* { box-sizing: border-box; }
-body { margin: 0; background: #f4f6f8; color: var(--ink);
-  font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", sans-serif; }
-main { max-width: 60rem; margin: 0 auto; padding: 1.5rem 1rem 3rem; }
-header { border-left: 4px solid var(--accent); padding-left: 1rem; margin-bottom: 1.5rem; }
-h1 { font-size: 1.6rem; line-height: 1.2; margin: 0; }
-header p { margin: .25rem 0 0; color: var(--soft); }
-section { background: #fff; border: 1px solid var(--line); border-radius: 10px;
-  padding: 1rem 1.25rem; margin: 0 0 1.25rem; }
-h2 { font-size: 1.15rem; margin: 0 0 .5rem; }
-p { max-width: 46rem; }
-.key { display: grid; grid-template-columns: repeat(auto-fit, minmax(11rem, 1fr)); gap: .75rem; }
-dl { margin: 0; padding: .6rem .8rem; border: 1px solid var(--line); border-radius: 8px; }
-dt { color: var(--soft); font-size: .85rem; }
-dd { margin: 0; font-size: 1.4rem; font-weight: 600; font-variant-numeric: tabular-nums; }
-dd span { font-size: .85rem; font-weight: 400; }
-dd i { font-style: normal; font-size: 1rem; }
-.good { color: #00734f; } .bad { color: #b34a00; }
-small { color: var(--soft); }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-size: .92rem; }
-caption { text-align: left; color: var(--soft); padding: .25rem 0; }
-th, td { text-align: left; padding: .3rem .7rem; border-bottom: 1px solid var(--line); }
-th { font-weight: 600; border-bottom-color: #9aa3ad; }
-.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-figure { margin: .75rem 0; overflow-x: auto; }
-svg { display: block; width: 100%; min-width: 32rem; height: auto; }
-figcaption { color: var(--soft); font-size: .9rem; }
-@media print {
-  body { background: #fff; font-size: 11pt; } main { max-width: none; padding: 0; }
-  section { border: 0; padding: 0; } figure, table, dl { break-inside: avoid; }
-  svg { min-width: 0; }
-}
-"""

@@ -16,10 +16,12 @@ import numpy as np
 
 from ..display import Bars, Matrix, Panel, Plot
 from ..types import Array, IntArray
+from .inline import packed
 
 COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
 STYLES: tuple[Any, ...] = ('-', '--', '-.', (0, (4, 1, 1, 1, 1, 1)), (0, (1, 1)))
 MAX_POINTS = 1500  # a curve; more than a screen shows
+LIVE_POINTS = 2400  # of all curves of a panel: 60 to 100 kB of a page
 
 _RC = {
     'svg.fonttype': 'none',
@@ -51,6 +53,48 @@ def svg_of(figure: Plot) -> str:
     if isinstance(picture, Bars):
         return bars(picture)
     return plot(picture, abscissa=figure.abscissa, height=figure.height)
+
+
+def live_panels(figure: Plot) -> list[dict[str, Any]]:
+    """What `assets/charts.js` draws of a picture; nothing of one that has no panels."""
+    picture = figure.picture() if callable(figure.picture) else figure.picture
+    if isinstance(picture, str | Matrix | Bars):
+        return []
+    return [_live(panel, figure.abscissa) for panel in picture if panel.curves]
+
+
+def _live(panel: Panel, abscissa: str) -> dict[str, Any]:
+    """Curves on the times of all of them, so thinned that every peak is kept."""
+    limit = max(LIVE_POINTS // len(panel.curves), 200)
+    sides = [(np.asarray(c.t, float), np.asarray(c.y, float)) for c in panel.curves]
+    kept = [thinned(t, y, limit)[0] for t, y in sides]
+    x = np.unique(np.concatenate(kept))
+    curves = []
+    for place, (curve, (t, y)) in enumerate(zip(panel.curves, sides, strict=True)):
+        lines = {'y': y}
+        if curve.half_band is not None:
+            half = np.asarray(curve.half_band, float)
+            lines |= {'low': y - half, 'high': y + half}
+        if panel.log:
+            lines['y'] = np.abs(y)
+            lines = {key: np.where(line > 0.0, line, np.nan) for key, line in lines.items()}
+        shown = {
+            key: packed(
+                np.interp(x, t, line, np.nan, np.nan) if len(t) else np.full_like(x, np.nan)
+            )
+            for key, line in lines.items()
+        }
+        color = place if curve.color is None else curve.color
+        curves.append({'label': curve.label, 'color': color % len(COLORS), 'dash': place, **shown})
+    return {
+        'title': panel.title,
+        'unit': panel.unit,
+        'log': panel.log,
+        'abscissa': abscissa,
+        'x': packed(x),
+        'levels': [value for value, _ in panel.levels],
+        'curves': curves,
+    }
 
 
 def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float = 2.3) -> str:

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
-from ...model.body import Body, Gyrostat
+from ...model.body import Body, Gyrostat, inertia_ellipsoid
 from ...model.robot import Robot
 from ...types import Array
 from .losses import Exported, in_words, only_changes_robot, without
@@ -130,8 +130,7 @@ def _add_bodies(
     for i, body in enumerate(robot.bodies):
         parent = world if body.parent < 0 else places[body.parent]
         place = _add_body(parent, body)
-        if body.mass > 0.0:
-            _add_ellipsoid(place, body)
+        _add_ellipsoid(place, body)
         if i == 0 and robot.is_free:
             place.insert(0, ElementTree.Element('freejoint', name='base'))
         elif i > 0:
@@ -163,17 +162,15 @@ def _add_body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
 
 
 def _add_ellipsoid(place: ElementTree.Element, body: Body) -> None:
-    """The homogeneous ellipsoid of the same inertia, to be seen; it weighs and touches nothing."""
-    moments, axes = np.linalg.eigh(body.inertia)
-    squares = 2.5 * (0.5 * moments.sum() - moments) / body.mass
-    if np.all(squares > 0.0):
-        axes[:, 2] *= np.linalg.det(axes)
+    """To be seen; it weighs and touches nothing."""
+    seen = inertia_ellipsoid(body)
+    if seen is not None:
+        half_axes, axes = seen
         quat = np.roll(Rotation.from_matrix(axes).as_quat(), 1)
-        shape = {'type': 'ellipsoid', 'size': _text(np.sqrt(squares)), 'mass': '0'}
+        shape = {'type': 'ellipsoid', 'size': _text(half_axes), 'mass': '0'}
         where = {'pos': _text(body.com), 'quat': _text(quat)}
-        ElementTree.SubElement(
-            place, 'geom', {**shape, **where, 'contype': '0', 'conaffinity': '0'}
-        )
+        through = {'contype': '0', 'conaffinity': '0'}
+        ElementTree.SubElement(place, 'geom', {**shape, **where, **through})
 
 
 def _joint(name: str, body: Body, limits: Array, written: _Written) -> ElementTree.Element:

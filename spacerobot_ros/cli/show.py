@@ -1,0 +1,59 @@
+"""`spacerobot show`: a recording in 3D, on one page."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from .options import Subparsers, add_command, check_file
+
+_DESCRIPTION = """\
+Write one page that plays a recording in 3D: bodies from the URDF's visuals or from their inertia,
+base attitude, joints, wheel and total momentum as arrows; beneath it the channels. A ghost shows
+what the model makes of the measured efforts, beginning again from the measured state every two
+seconds. The page needs no network; meshes are read from STL and OBJ. ROS is not needed.
+"""
+
+_EPILOG = """\
+examples:
+  spacerobot show run --robot config/servicer.yaml -o out/replay.html
+  spacerobot show run --robot out/diagnosis/extended_model.yaml -o out/extended.html
+
+exit status: 0 written, 2 unusable input
+"""
+
+
+def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
+    """Add the sub-command's arguments."""
+    add = add_command(subparsers, 'show', _DESCRIPTION, _EPILOG).add_argument
+    add('data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')
+    add('--robot', required=True, metavar='YAML', help='robot file')
+    add('-o', '--output', required=True, metavar='HTML', help='page to write')
+    add('--map', metavar='YAML', help='column mapping of CSV, JSON or npz data (docs/data.md)')
+    add('--no-prediction', action='store_true', help="leave the model's ghost out")
+    add('--force', action='store_true', help='replace a page that is there')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the page."""
+    from ..display import Replay, Report, Section
+    from ..effects.robot_file import load_robot_file
+    from ..recording.read import read_record
+    from ..report.html import write_report
+    from ..simulation.replay.scene import scene_of
+
+    target = check_file(args.output, args.force, args.robot)
+    file = load_robot_file(args.robot)
+    record = read_record(args.data, file.robot, args.map)
+    scene = scene_of(record, file, has_prediction=not args.no_prediction)
+    caption = 'Drag to turn, wheel or pinch to zoom; click into a channel to go to that time.'
+    if scene.predicted is not None:
+        caption += ' The orange ghost is what the model makes of the measured efforts.'
+    section = Section('', [Replay(scene, caption)])
+    title = f'{file.robot.name}: {Path(args.data).name}'
+    write_report(Report(title, record.source, [section]), target)
+    length = scene.measured.time[-1] - scene.measured.time[0]
+    print(f'written: {target}: {length:.3g} s in {len(scene.measured.time)} pictures')
+    for note in scene.notes:
+        print(f'note: {note}')
+    return 0

@@ -1,0 +1,89 @@
+"""A scene as the `<figure>` that `assets/replay.js` plays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..simulation.replay.scene import Scene
+from ..simulation.replay.shapes import Shape
+from ..simulation.replay.tracks import RobotTrack
+from ..types import Matrix3
+from .inline import packed
+
+
+def scene_values(scene: Scene) -> dict[str, Any]:
+    """Everything that the script reads, arrays as base64 of float32."""
+    return {
+        'bodies': [
+            {
+                'name': body.name,
+                'parent': body.parent,
+                'position': body.translation.tolist(),
+                'quat': _quat(body.rotation),
+                'axis': body.axis.tolist(),
+                'slides': body.is_prismatic,
+                'com': body.com.tolist(),
+                'shapes': [_shape(shape) for shape in shapes],
+            }
+            for body, shapes in zip(scene.robot.bodies, scene.shapes, strict=True)
+        ],
+        'is_free': scene.robot.is_free,
+        'size': _size(scene),
+        'time': packed(scene.measured.time),
+        'measured': _track(scene.measured),
+        'predicted': None if scene.predicted is None else _track(scene.predicted),
+        'arrows': [
+            {'label': arrow.label, 'body': arrow.body, 'values': packed(arrow.values)}
+            for arrow in scene.arrows
+        ],
+        'channels': [
+            {
+                'title': channel.title,
+                'unit': channel.unit,
+                'labels': list(channel.labels),
+                'values': packed(channel.values),
+            }
+            for channel in scene.channels
+        ],
+        'marks': [{'body': body, 'text': text} for body, text in scene.marks],
+    }
+
+
+def _track(track: RobotTrack) -> dict[str, str]:
+    names = {'position': track.position, 'attitude': track.attitude_xyzw, 'q': track.q}
+    return {name: packed(values) for name, values in names.items()}
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        'kind': shape.kind,
+        'size': list(shape.size),
+        'position': np.asarray(shape.position).tolist(),
+        'quat': _quat(shape.rotation),
+        'color': shape.color,
+    }
+    return {**out, 'triangles': packed(shape.triangles)} if shape.kind == 'mesh' else out
+
+
+def _quat(rotation: Matrix3) -> list[float]:
+    return list(Rotation.from_matrix(rotation).as_quat().tolist())
+
+
+def _size(scene: Scene) -> float:
+    """Half the extent of the robot stretched out, by which the camera stands off [m]."""
+    origins, ends = [0.0] * len(scene.robot.bodies), [1e-3]
+    for i, body in enumerate(scene.robot.bodies):
+        if i:
+            origins[i] = origins[body.parent] + float(np.linalg.norm(body.translation))
+        shapes = scene.shapes[i]
+        ends += [origins[i] + float(np.linalg.norm(s.position)) + _radius(s) for s in shapes]
+    return 0.6 * max(ends + origins)
+
+
+def _radius(shape: Shape) -> float:
+    if shape.kind == 'mesh':
+        return float(np.abs(shape.triangles).max(initial=0.0))
+    return 0.6 * max(shape.size)
