@@ -132,9 +132,9 @@ def _ranked(found: Found) -> Iterable[Ranked]:
 
 def _sentence(verdict: str, named: Sequence[Cause], minor: Sequence[Cause], left: str) -> str:
     """The verdict as a test engineer would say it."""
-    what = ' and '.join(_in_words(c) for c in named)
+    what = ' and '.join(cause_in_words(c) for c in named)
     if verdict == 'consistent' and minor:
-        small = ' and '.join(_in_words(c) for c in minor)
+        small = ' and '.join(cause_in_words(c) for c in minor)
         return f'The model explains the data but for effects too small to matter: {small}.'
     if verdict == 'consistent':
         return 'The model explains the data within the noise of the sensors.'
@@ -156,7 +156,8 @@ def _stands_out(fit: ChannelFit) -> str:
     return f'{kind} in {fit.channel.replace("_", " ")} {fit.axis + 1}'
 
 
-def _in_words(cause: Cause) -> str:
+def cause_in_words(cause: Cause) -> str:
+    """A cause with its place and values."""
     where = f' at {cause.applied.where}' if cause.applied.where else ''
     values = ', '.join(
         f'{name} {e.value:.4g} +- {e.std:.2g}{f" {e.unit}" if e.unit else ""}'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
@@ -23,6 +24,7 @@ from .arms import ArmFound, find_arm_causes, rms
 from .conclusion import conclude
 from .discovery.discover import discover
 from .limits import LIKE_NOISE, MISFIT, MOST
+from .pieces import diagnose_pieces, pieces_of
 from .search import Search
 from .timing import better_timing, first_timing, held_after_all, in_words
 
@@ -56,6 +58,9 @@ def diagnose(
             of a robot whose torques can not be balanced.
     """
     every = [records] if isinstance(records, Record) else list(records)
+    if len(every) == 1 and len(pieces := pieces_of(every[0])) > 1:
+        one = partial(diagnose, robot=robot, believed=believed, catalogue=catalogue)
+        return diagnose_pieces(pieces, one, report)
     measured = []
     for record in every:
         check_data(record, robot)
