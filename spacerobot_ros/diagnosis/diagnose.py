@@ -26,6 +26,7 @@ from .discovery.discover import discover
 from .limits import LIKE_NOISE, MISFIT, MOST
 from .pieces import diagnose_pieces, pieces_of
 from .search import Search
+from .spinning import diagnose_spin, is_spinning
 from .timing import better_timing, first_timing, held_after_all, in_words
 
 _BALANCED = (
@@ -65,6 +66,9 @@ def diagnose(
     for record in every:
         check_data(record, robot)
         measured.append(observed(record, robot))
+    if is_spinning(measured, robot):
+        report('fitting the spin that the magnetometer sees', 0.1)
+        return diagnose_spin(measured, robot, ())
     robot = as_recorded(robot, measured)
     kinds = list(CATALOGUE.values() if catalogue is None else catalogue)
     if len(measured) > 1:

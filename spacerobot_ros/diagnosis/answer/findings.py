@@ -116,7 +116,8 @@ def findings(
     )
     said = dict.fromkeys(note for record in records for note in record.notes)
     diagnosis = replace(diagnosis, notes=(*said, *diagnosis.notes))
-    diagnosis = with_motions(diagnosis, asked.robot)
+    if file.robot.joints:  # without any there is no motion to design
+        diagnosis = with_motions(diagnosis, asked.robot)
     added = named((cause.applied for cause in diagnosis.causes), file.effects)
     calibration = named(diagnosis.calibration, (*file.effects, *added))
     other = read_record(asked.score, file.robot, asked.map or None) if asked.score else None
@@ -124,7 +125,9 @@ def findings(
     learned = tuple(e.applied for e in diagnosis.leftover or () if e.applied is not None)
     extension = (*added, *calibration, *learned)
     closed, why = None, 'left out (--no-closed-loop)'
-    if asked.has_closed_loop:
+    if not file.robot.joints:
+        why = 'left out (the robot has no joints)'
+    elif asked.has_closed_loop:
         report(0.95, 'simulating a controller with the old and the extended model')
         closed, why = closed_loop_gain(file, extension)
     return Findings(

@@ -21,7 +21,7 @@ def clock_faults(record: Record) -> Iterator[DataFault]:
         if not thresholds.PERIODS[0] < period < thresholds.PERIODS[1]:
             message = f'a sample every {period:.3g} s: the stamps are not in seconds'
             yield DataFault('clock', place, message)
-        else:
+        elif values.size:
             yield from _jumps(place, seconds, values)
     (_, joints, _), *others = signals
     lasts = joints[-1] - joints[0]

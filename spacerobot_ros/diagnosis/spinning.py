@@ -1,0 +1,376 @@
+r"""Spinning bodies that have a gyro and a magnetometer, and no attitude: what their means tell.
+
+Window by window the gyro's mean g is compared with the spin w n that the magnetometer sees
+(`estimation.spin`), as every fault of the gyro changes it:
+
+    g - w n = b + s w n + r x w n + ...
+
+Effects are chosen one by one where they lower the Bayesian information criterion; every
+second window must be predicted by the others. What both sensors see of the axis is the body's, or
+that of a board on which both sit: it is said to be likely, with that rival.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from ..effects.catalogue import CATALOGUE
+from ..effects.effect import Effect
+from ..effects.motion import Motion
+from ..errors import RecordingError
+from ..estimation.scaling import is_relevant
+from ..estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
+from ..model.robot import Robot
+from ..recording.record import Record
+from ..types import Array, IntArray
+from .answer.result import (
+    Cause,
+    Diagnosis,
+    Estimated,
+    Evidence,
+    Gain,
+    Ranked,
+    Residual,
+    Rival,
+    Series,
+)
+from .limits import EQUIVALENT, FALSE_ALARMS
+from .spin_axis import Tilt, tilt_of
+
+KINDS = ('gyro_bias', 'gyro_scale', 'gyro_misalignment')
+_FEWEST = 4  # windows
+_TOLD = 0.5  # of a plausible size that a number's deviation may be, to be fitted at all
+_WIDE = 20.0  # plausible sizes that a chip's faults may reach: those listed are of space practice
+_SAME_AXIS = math.cos(math.radians(5.0))  # a magnetometer tells a window's axis to some degrees
+_STEP = 1e-6
+_NEXT = (
+    'Spin it about another axis and record again: a board that is tilted stays so, a principal '
+    'axis does not follow.'
+)
+_QUIET = 1e-5  # rad/s; below the means of any such gyro
+
+
+def is_spinning(records: Sequence[Record], robot: Robot) -> bool:
+    """Whether recordings are judged by the spin: a lone body's gyro and magnetometer alone."""
+    return not robot.joints and all(
+        r.attitudes is None and r.rates is not None and 'magnetic_field' in r.inputs
+        for r in records
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Effects fitted to the means.
+
+    Args:
+        kinds: Ids.
+        names: (P,) effect and parameter of every number.
+        values: (P,). covariance: (P, P).
+        left: (M, 3) of the means [rad/s].
+        misfit: Sum of their squares over the noise.
+    """
+
+    kinds: tuple[str, ...]
+    names: tuple[tuple[str, str], ...]
+    values: Array
+    covariance: Array
+    left: Array
+    misfit: float
+
+    def bic(self, rows: int) -> float:
+        """Bayesian information criterion."""
+        return self.misfit + len(self.values) * math.log(rows)
+
+
+class _Means:
+    """The windows' means, and columns of effects in them."""
+
+    def __init__(self, windows: Sequence[SpinWindow], robot: Robot) -> None:
+        self.windows, self.robot = windows, robot
+        self.seen = np.array([w.spin for w in windows])
+        self.spin = self._steady()
+        self.error = np.array([w.mean for w in windows]) - self.spin
+        self.time = np.array([np.mean(w.time) for w in windows])
+        self.noise = np.full(3, _QUIET)
+        for _ in range(2):  # what is told depends on the noise itself
+            full = self.fit(KINDS)
+            free = max(len(windows) - len(full.values) / 3.0, 1.0)
+            self.noise = np.sqrt(np.sum(full.left**2, axis=0) / free)
+
+    def _steady(self) -> Array:
+        """(M, 3) every window's rate about the mean axis, its recording's where that is another.
+
+        A window's own axis is far noisier than a mean of the gyro, and noise in columns would be
+        taken for scales.
+        """
+        out = np.zeros_like(self.seen)
+        number = np.array([w.recording for w in self.windows])
+        common = _mean_axis(self.seen)
+        for recording in np.unique(number):
+            own = self.seen[number == recording]
+            axis = _mean_axis(own)
+            if abs(axis @ common) > _SAME_AXIS:
+                axis = common
+            rates = np.sign(own @ axis) * np.linalg.norm(own, axis=1)
+            out[number == recording] = np.outer(rates, axis)
+        return out
+
+    def fit(
+        self,
+        kinds: Sequence[str],
+        rows: IntArray | None = None,
+        among: Sequence[tuple[str, str]] | None = None,
+    ) -> _Fit:
+        """Least squares over some windows (all), what the data do not tell left at nothing.
+
+        Args:
+            kinds: Ids of effects.
+            rows: Windows.
+            among: Effect and parameter of the numbers that may be fitted; None: all.
+        """
+        names = [(k, p.name) for k in kinds for p in CATALOGUE[k].parameters]
+        names = [name for name in names if among is None or name in among]
+        columns = np.stack([self._column(*name) for name in names], axis=2) if names else None
+        used = np.arange(len(self.windows)) if rows is None else rows
+        target = (self.error / self.noise)[used].ravel()
+        values, covariance = np.zeros(0), np.zeros((0, 0))
+        left = self.error.copy()
+        if columns is not None:
+            design = (columns / self.noise[:, None])[used].reshape(len(target), -1)
+            sizes = _WIDE * np.array([self._size(*name) for name in names])
+            spread = np.linalg.inv(design.T @ design + np.diag(sizes**-2.0))
+            told = np.flatnonzero(np.sqrt(np.diag(spread)) < _TOLD * sizes)
+            names, columns, design = [names[i] for i in told], columns[..., told], design[:, told]
+            values = np.linalg.lstsq(design, target, rcond=None)[0]
+            covariance = np.linalg.pinv(design.T @ design)
+            left -= columns @ values
+        misfit = float(np.sum((left / self.noise) ** 2))
+        return _Fit(tuple(kinds), tuple(names), values, covariance, left, misfit)
+
+    def _column(self, kind: str, name: str) -> Array:
+        """(M, 3) change of the means by one parameter of an effect."""
+        values = CATALOGUE[kind].nominal()
+        values[name] += _STEP
+        effect = CATALOGUE[kind](name=kind, where=None, values=values)
+        none = np.zeros((len(self.time), 0))
+        motion = Motion(self.robot, self.time, none, none, none, omega=self.spin)
+        return np.asarray((effect.sense('gyro', self.spin, motion) - self.spin) / _STEP)
+
+    def _size(self, kind: str, name: str) -> float:
+        return next(p.size for p in CATALOGUE[kind].parameters if p.name == name)
+
+    def held_out(self, kinds: Sequence[str]) -> float:
+        """Misfit of every second window by what the others give."""
+        groups, total = np.arange(len(self.windows)) % 2, 0.0
+        for g in (0, 1):
+            left = self.fit(kinds, np.flatnonzero(groups != g)).left / self.noise
+            total += float(np.sum(left[groups == g] ** 2))
+        return total
+
+
+def _mean_axis(spins: Array) -> Array:
+    """(3,) unit axis of spins of either sense."""
+    axis = np.sum(np.sign(spins @ spins[0])[:, None] * spins, axis=0)
+    return np.asarray(axis / np.linalg.norm(axis))
+
+
+def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str]) -> Diagnosis:
+    """What gyro and magnetometer of a spinning body tell, of all its recordings together.
+
+    Raises:
+        RecordingError: too few windows in which it spins.
+    """
+    windows = spin_windows(records)
+    if len(windows) < _FEWEST:
+        raise RecordingError(
+            records[0].source,
+            f'{len(windows)} windows in which the magnetometer sees the body spin, at least '
+            f'{_FEWEST} of 1.5 turns are needed: without an attitude nothing else is judged',
+        )
+    means = _Means(windows, robot)
+    rows = 3 * len(windows)
+    null, (best, rivals) = means.fit(()), _chosen(means)
+    causes = [_cause(means, best, kind, rivals[kind]) for kind in best.kinds]
+    tilt = _tilt(windows, means, best, robot)
+    if tilt is not None:
+        causes.append(_tilt_cause(tilt, robot))
+    named = tuple(c for c in causes if c.relevant)
+    channels = _series(means, null, best)
+    before, after = (math.sqrt(means.held_out(k) / rows) for k in ((), best.kinds))
+    said = () if tilt is None else (tilt.in_words,)
+    count = len({w.recording for w in windows})
+    spans = f'{len(windows)} windows of up to {LONGEST:g} s of {count} recordings'
+    return Diagnosis(
+        verdict='partly_explained' if named else 'consistent',
+        sentence=_sentence(named, tilt),
+        causes=named,
+        minor=tuple(c for c in causes if not c.relevant),
+        residuals=tuple(_residual(s) for s in channels),
+        series=channels,
+        gain=Gain(before=before, after=after, placebo=math.nan),
+        ranking=tuple(_ranked(means, null, means.fit((kind,)), rows) for kind in KINDS),
+        fit_p=None,
+        null_p=None,
+        next_motion=(_NEXT,) if tilt is not None and tilt.is_tilted else (),
+        notes=(*notes, f'judged by the spin that the magnetometer sees: {spans}', *said),
+    )
+
+
+def _chosen(means: _Means) -> tuple[_Fit, dict[str, tuple[Rival, ...]]]:
+    """Effects that the means want, one by one, and what each can not be told from."""
+    best, rows = means.fit(()), means.error.size
+    rivals: dict[str, tuple[Rival, ...]] = {}
+    while len(best.kinds) < len(KINDS):
+        trials = [means.fit((*best.kinds, kind)) for kind in KINDS if kind not in best.kinds]
+        trials.sort(key=lambda fit: fit.bic(rows))
+        ahead, least = trials[0], trials[0].bic(rows)
+        is_better = least < best.bic(rows)
+        if not (is_better and means.held_out(ahead.kinds) < means.held_out(best.kinds)):
+            break
+        rivals[ahead.kinds[-1]] = tuple(
+            Rival(effect=t.kinds[-1], where=None, bic_gap=t.bic(rows) - least, motion='')
+            for t in trials[1:]
+            if t.bic(rows) - least < 2.0 * EQUIVALENT
+        )
+        best = ahead
+    told = means.fit(KINDS).names
+    for kind in best.kinds:  # at one rate of one sense a bias, a scale and a tilt are alike
+        if any(name not in told for name in best.names if name[0] == kind):
+            others = (k for k in KINDS if k != kind)
+            rivals[kind] = tuple(
+                Rival(effect=k, where=None, bic_gap=0.0, motion='') for k in others
+            )
+    return best, rivals
+
+
+def _tilt(windows: Sequence[SpinWindow], means: _Means, fit: _Fit, robot: Robot) -> Tilt | None:
+    bias = np.zeros(3)
+    for (kind, name), value in zip(fit.names, fit.values, strict=True):
+        if kind == 'gyro_bias':
+            bias['xyz'.index(name)] = value
+    gyro = np.array([w.mean for w in windows]) - bias
+    trials, windows_count = 1.0 / 0.01, len(windows)
+    kappa, std, gain = nutation(windows)
+    is_line = chi2.sf(2.0 * gain, 2 * windows_count) * trials < FALSE_ALARMS
+    return tilt_of(means.seen, gyro, (kappa, std) if is_line else None, robot)
+
+
+def _cause(means: _Means, fit: _Fit, kind: str, rivals: tuple[Rival, ...]) -> Cause:
+    own = [i for i, (k, _) in enumerate(fit.names) if k == kind]
+    fitted = {fit.names[i][1]: i for i in own}
+    values = {**CATALOGUE[kind].nominal(), **{n: float(fit.values[i]) for n, i in fitted.items()}}
+    thresholds = {p.name: p for p in CATALOGUE[kind].parameters_at(means.robot, None)}
+    rest = tuple(k for k in fit.kinds if k != kind)
+    without = means.fit(rest, among=fit.names)
+    rows, stds = fit.left.size, np.sqrt(np.diag(fit.covariance))
+    held, held_without = means.held_out(fit.kinds), means.held_out(rest)
+    return Cause(
+        applied=_applied(kind, values),
+        parameters={
+            n: Estimated(value=values[n], std=float(stds[i]), unit=thresholds[n].unit)
+            for n, i in fitted.items()
+        },
+        evidence=Evidence(
+            log_likelihood_gain=0.5 * (without.misfit - fit.misfit),
+            bic_gain=without.bic(rows) - fit.bic(rows),
+            p_value=float(chi2.sf(without.misfit - fit.misfit, max(len(own), 1))),
+            held_out_gain=(held_without - held) / max(held_without - rows, 1.0),
+            placebo_gain=math.nan,
+        ),
+        rivals=rivals,
+        thresholds=thresholds,
+        relevant=any(is_relevant(thresholds[n], values[n]) for n in fitted),
+        constant_p=math.nan,
+    )
+
+
+def _applied(kind: str, values: dict[str, float], where: str | None = None) -> Effect:
+    return CATALOGUE[kind](name=kind, where=where, values=values)
+
+
+def _tilt_cause(tilt: Tilt, robot: Robot) -> Cause:
+    kind, base = 'inertial_parameters', robot.base_link
+    thresholds = {p.name: p for p in CATALOGUE[kind].parameters_at(robot, base)}
+    values = {**CATALOGUE[kind].nominal(), **tilt.change}
+    board = Rival(
+        effect='gyro_misalignment',
+        where='gyro and magnetometer on one board',
+        bic_gap=0.0,
+        motion='',
+    )
+    nan = math.nan
+    return Cause(
+        applied=_applied(kind, values, base),
+        parameters={
+            n: Estimated(value=v, std=tilt.stds[n], unit='kg m^2') for n, v in tilt.change.items()
+        },
+        evidence=Evidence(
+            log_likelihood_gain=nan, bic_gain=nan, p_value=nan, held_out_gain=nan, placebo_gain=nan
+        ),
+        rivals=(board,) if tilt.is_tilted else (),
+        thresholds=thresholds,
+        relevant=True,
+        constant_p=nan,
+    )
+
+
+def _ranked(means: _Means, null: _Fit, fit: _Fit, rows: int) -> Ranked:
+    (kind,) = fit.kinds
+    values = {**CATALOGUE[kind].nominal()}
+    values |= {name: float(v) for (_, name), v in zip(fit.names, fit.values, strict=True)}
+    gain = null.misfit - fit.misfit
+    return Ranked(
+        effect=kind,
+        where=None,
+        values=values,
+        evidence=0.5 * (null.bic(rows) - fit.bic(rows)),
+        log_likelihood_gain=0.5 * gain,
+        p_value=float(chi2.sf(gain, max(len(fit.values), 1))),
+    )
+
+
+def _series(means: _Means, null: _Fit, best: _Fit) -> tuple[Series, ...]:
+    measured = np.array([w.mean for w in means.windows])
+    place = np.arange(len(means.windows), dtype=float)
+    return tuple(
+        Series(
+            f'gyro/{axis}', 'rad/s', place, measured[:, i], null.left[:, i], best.left[:, i],
+            float(means.noise[i]),
+        )
+        for i, axis in enumerate('xyz')
+    )  # fmt: skip
+
+
+def _residual(series: Series) -> Residual:
+    before, after = (float(np.sqrt(np.mean(e**2))) for e in (series.before, series.after))
+    return Residual(
+        channel=series.channel,
+        unit=series.unit,
+        rms_before=before,
+        rms_after=after,
+        noise_floor=series.noise_floor,
+        whiteness_p=math.nan,
+        whiteness_p_before=math.nan,
+    )
+
+
+def _sentence(named: Sequence[Cause], tilt: Tilt | None) -> str:
+    gyro = [c for c in named if c.applied.group == 'sensor']
+    what = ' and '.join(_in_words(c) for c in gyro)
+    parts = [f'The data differ from the model by {what}' * bool(gyro)]
+    parts += [tilt.likely] if tilt is not None else []
+    said = '; '.join(part for part in parts if part)
+    return f'{said}.' if said else 'The model explains the mean rates of the gyro.'
+
+
+def _in_words(cause: Cause) -> str:
+    values = ', '.join(
+        f'{name} {e.value:.4g} +- {e.std:.2g}{f" {e.unit}" if e.unit else ""}'
+        for name, e in cause.parameters.items()
+    )
+    return f'{cause.applied.title} ({values})'

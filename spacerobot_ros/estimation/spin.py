@@ -1,0 +1,142 @@
+r"""Rate and axis of a spin that a magnetometer sees, without a model of the field.
+
+A body that spins at w about the unit axis n sees a field that stands still in space as
+
+    m(t) = a + c cos(w t) + s sin(w t),    n = s x c / |s x c|,
+
+with the part of the field along n, and whatever iron adds, in a. So w n is measured in the
+magnetometer's axes, free of offsets; w is found by trying. A window must be short beside the orbit
+and hold some turns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from ..recording.record import Record
+from ..types import Array, Vector3
+
+LONGEST = 180.0  # s; in a low orbit the field turns by 20 deg meanwhile
+_TURNS, _SAMPLES = 1.5, 30  # at least, in a window
+_PAUSE = 4.0  # periods of the gyro
+_RANGE = (0.6, 1.6)  # of the rate that the gyro says: bias and scale may be that wrong
+_SEEN = 0.5  # share of the field's variation that the spin must explain
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpinWindow:
+    """One window of a spin.
+
+    Args:
+        recording: Number of its recording.
+        time: (K,) of its gyro samples [s].
+        gyro: (K, 3) what the gyro says [rad/s].
+        spin: (3,) w n by the magnetometer, in its axes [rad/s].
+    """
+
+    recording: int
+    time: Array
+    gyro: Array
+    spin: Vector3
+
+    @property
+    def mean(self) -> Vector3:
+        """(3,) of what the gyro says [rad/s]."""
+        return np.asarray(np.mean(self.gyro, axis=0))
+
+
+def spin_windows(records: Sequence[Record]) -> list[SpinWindow]:
+    """Windows of recordings in which the body spins and the magnetometer sees it."""
+    return [window for i, record in enumerate(records) for window in _windows(i, record)]
+
+
+def _windows(number: int, record: Record) -> list[SpinWindow]:
+    time, omega = record.rate_time, record.omega
+    series = record.inputs['magnetic_field']
+    at, field = series.seconds(record.origin_ns), series.values
+    pause = _PAUSE * float(np.median(np.diff(time)))
+    out = []
+    for part in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > pause) + 1):
+        length = float(time[part[-1]] - time[part[0]])
+        for piece in np.array_split(part, max(1, math.ceil(length / LONGEST))):
+            start, end = time[piece[0]], time[piece[-1]]
+            inside = (at >= start) & (at <= end)
+            rate: float = float(np.linalg.norm(np.mean(omega[piece], axis=0)))
+            turns = rate * (end - start) / (2.0 * math.pi)
+            fewest = min(len(piece), int(np.sum(inside)))
+            if fewest < _SAMPLES or turns < _TURNS:
+                continue
+            spin = _spin(at[inside], field[inside], rate)
+            if spin is not None:
+                out.append(SpinWindow(number, time[piece], omega[piece], spin))
+    return out
+
+
+def _spin(time: Array, field: Array, rate: float) -> Vector3 | None:
+    """(3,) w n [rad/s]; None where the field does not vary as in a spin."""
+    t = time - np.mean(time)
+
+    def left(w: float) -> float:
+        return float(np.sum((field - _fit(t, field, w)[0]) ** 2))
+
+    low, high = (share * rate for share in _RANGE)
+    step = math.pi / (4.0 * np.ptp(t))  # an eighth of what two lines need to be told apart
+    coarse = np.arange(low, high, step)
+    best = float(coarse[np.argmin([left(w) for w in coarse])])
+    w = float(minimize_scalar(left, bounds=(best - step, best + step), method='bounded').x)
+    total = float(np.sum((field - np.mean(field, axis=0)) ** 2))
+    if total == 0.0 or left(w) > (1.0 - _SEEN) * total:
+        return None
+    c, s = _fit(t, field, w)[1][1:3]
+    normal = np.cross(s, c)
+    return np.asarray(w * normal / np.linalg.norm(normal))
+
+
+def _fit(t: Array, field: Array, w: float) -> tuple[Array, Array]:
+    """The fitted field, and coefficients of 1, cos, sin, a slow trend."""
+    design = np.stack([np.ones_like(t), np.cos(w * t), np.sin(w * t), t], axis=1)
+    coefficients = np.linalg.lstsq(design, field, rcond=None)[0]
+    return design @ coefficients, coefficients
+
+
+def nutation(windows: Sequence[SpinWindow], least: float = 0.02) -> tuple[float, float, float]:
+    """Line of the gyro at a share of the spin that all windows have in common.
+
+    kappa |w| is the rate at which the axis nutates in the body; amplitude and phase are each
+    window's own.
+
+    Returns:
+        kappa, its standard deviation, and the gain in log likelihood; kappa is looked for up to 1.
+    """
+    signals = []
+    for window in windows:
+        across = window.gyro - window.mean
+        axis = window.spin / np.linalg.norm(window.spin)
+        across = across - np.outer(across @ axis, axis)
+        main = np.linalg.svd(across, full_matrices=False)[2][0]
+        phase = np.linalg.norm(window.spin) * (window.time - np.mean(window.time))
+        signals.append((phase, across @ main))
+    total = sum(float(x @ x) for _, x in signals)
+    count = sum(len(x) for _, x in signals)
+
+    def gain(kappa: float) -> float:
+        left = total
+        for phase, x in signals:
+            design = np.stack([np.cos(kappa * phase), np.sin(kappa * phase)], axis=1)
+            fitted = design @ np.linalg.lstsq(design, x, rcond=None)[0]
+            left -= float(fitted @ x)
+        return 0.5 * count * math.log(total / max(left, 1e-12 * total))
+
+    step = 0.5 / max(float(np.ptp(phase)) for phase, _ in signals)
+    grid = np.arange(least, 1.0, step)
+    best = float(grid[np.argmax([gain(k) for k in grid])])
+    ends = (best - step, best + step)
+    kappa = float(minimize_scalar(lambda k: -gain(k), bounds=ends, method='bounded').x)
+    d = 0.2 * step
+    bend = (2.0 * gain(kappa) - gain(kappa + d) - gain(kappa - d)) / d**2
+    return kappa, 1.0 / math.sqrt(max(bend, 1e-300)), gain(kappa)
