@@ -64,7 +64,7 @@ def is_spinning(records: Sequence[Record], robot: Robot) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
+class _MeanFit:
     """Effects fitted to the means.
 
     Args:
@@ -125,7 +125,7 @@ class _Means:
         kinds: Sequence[str],
         rows: IntArray | None = None,
         among: Sequence[tuple[str, str]] | None = None,
-    ) -> _Fit:
+    ) -> _MeanFit:
         """Least squares over some windows (all), what the data do not tell left at nothing.
 
         Args:
@@ -150,7 +150,7 @@ class _Means:
             covariance = np.linalg.pinv(design.T @ design)
             left -= columns @ values
         misfit = float(np.sum((left / self.noise) ** 2))
-        return _Fit(tuple(kinds), tuple(names), values, covariance, left, misfit)
+        return _MeanFit(tuple(kinds), tuple(names), values, covariance, left, misfit)
 
     def _column(self, kind: str, name: str) -> Array:
         """(M, 3) change of the means by one parameter of an effect."""
@@ -221,7 +221,7 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
     )
 
 
-def _chosen(means: _Means) -> tuple[_Fit, dict[str, tuple[Rival, ...]]]:
+def _chosen(means: _Means) -> tuple[_MeanFit, dict[str, tuple[Rival, ...]]]:
     """Effects that the means want, one by one, and what each can not be told from."""
     best, rows = means.fit(()), means.error.size
     rivals: dict[str, tuple[Rival, ...]] = {}
@@ -248,7 +248,9 @@ def _chosen(means: _Means) -> tuple[_Fit, dict[str, tuple[Rival, ...]]]:
     return best, rivals
 
 
-def _tilt(windows: Sequence[SpinWindow], means: _Means, fit: _Fit, robot: Robot) -> Tilt | None:
+def _tilt(
+    windows: Sequence[SpinWindow], means: _Means, fit: _MeanFit, robot: Robot
+) -> Tilt | None:
     bias = np.zeros(3)
     for (kind, name), value in zip(fit.names, fit.values, strict=True):
         if kind == 'gyro_bias':
@@ -260,7 +262,7 @@ def _tilt(windows: Sequence[SpinWindow], means: _Means, fit: _Fit, robot: Robot)
     return tilt_of(means.seen, gyro, (kappa, std) if is_line else None, robot)
 
 
-def _cause(means: _Means, fit: _Fit, kind: str, rivals: tuple[Rival, ...]) -> Cause:
+def _cause(means: _Means, fit: _MeanFit, kind: str, rivals: tuple[Rival, ...]) -> Cause:
     own = [i for i, (k, _) in enumerate(fit.names) if k == kind]
     fitted = {fit.names[i][1]: i for i in own}
     values = {**CATALOGUE[kind].nominal(), **{n: float(fit.values[i]) for n, i in fitted.items()}}
@@ -319,7 +321,7 @@ def _tilt_cause(tilt: Tilt, robot: Robot) -> Cause:
     )
 
 
-def _ranked(means: _Means, null: _Fit, fit: _Fit, rows: int) -> Ranked:
+def _ranked(means: _Means, null: _MeanFit, fit: _MeanFit, rows: int) -> Ranked:
     (kind,) = fit.kinds
     values = {**CATALOGUE[kind].nominal()}
     values |= {name: float(v) for (_, name), v in zip(fit.names, fit.values, strict=True)}
@@ -334,7 +336,7 @@ def _ranked(means: _Means, null: _Fit, fit: _Fit, rows: int) -> Ranked:
     )
 
 
-def _series(means: _Means, null: _Fit, best: _Fit) -> tuple[Series, ...]:
+def _series(means: _Means, null: _MeanFit, best: _MeanFit) -> tuple[Series, ...]:
     measured = np.array([w.mean for w in means.windows])
     place = np.arange(len(means.windows), dtype=float)
     return tuple(
