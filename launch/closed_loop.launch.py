@@ -4,14 +4,16 @@ Needs a full ROS 2 installation (`ros2 launch` has no wheels):
 
     ros2 launch spacerobot_ros closed_loop.launch.py params_file:=/path/to/robot.yaml
 
-The simulator owns the clock, the others run on it. The controller is a lifecycle node that
-configures and activates itself; with `autostart:=false` it waits for
-`ros2 lifecycle set /controller configure`.
+The simulator owns the clock, the others run on it. All are lifecycle nodes that configure and
+activate themselves; with `autostart:=false` the controller waits for
+`ros2 lifecycle set /controller configure`. With `rviz:=true` the robot is shown: its links are
+frames of robot_state_publisher, its base one of the simulator.
 """
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.conditions import IfCondition
+from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -21,7 +23,8 @@ PACKAGE = 'spacerobot_ros'
 
 def generate_launch_description() -> LaunchDescription:
     """Return the four nodes."""
-    default_params = PathJoinSubstitution([FindPackageShare(PACKAGE), 'config', 'servicer.yaml'])
+    config = PathJoinSubstitution([FindPackageShare(PACKAGE), 'config'])
+    default_params = PathJoinSubstitution([config, 'servicer.yaml'])
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -34,6 +37,12 @@ def generate_launch_description() -> LaunchDescription:
                 default_value='true',
                 description='Whether the controller configures and activates itself.',
             ),
+            DeclareLaunchArgument('rviz', default_value='false', description='Show the robot.'),
+            DeclareLaunchArgument(
+                'urdf',
+                default_value=PathJoinSubstitution([config, 'servicer.urdf']),
+                description='URDF to show; that of params_file.',
+            ),
             part('simulator'),
             part('identifier', {'use_sim_time': True}),
             part('monitor', {'use_sim_time': True}),
@@ -44,8 +53,31 @@ def generate_launch_description() -> LaunchDescription:
                     'autostart': ParameterValue(LaunchConfiguration('autostart'), value_type=bool),
                 },
             ),
+            *view(config),
         ]
     )
+
+
+def view(config: PathJoinSubstitution) -> list[Node]:
+    """Return what shows the robot."""
+    urdf = ParameterValue(Command(['cat ', LaunchConfiguration('urdf')]), value_type=str)
+    simulated, is_shown = {'use_sim_time': True}, IfCondition(LaunchConfiguration('rviz'))
+    return [
+        Node(
+            package='robot_state_publisher',
+            executable='robot_state_publisher',
+            parameters=[{'robot_description': urdf}, simulated],
+            remappings=[('robot_description', 'robot_description_shown')],
+            condition=is_shown,
+        ),
+        Node(
+            package='rviz2',
+            executable='rviz2',
+            arguments=['-d', PathJoinSubstitution([config, 'views', 'spacerobot.rviz'])],
+            parameters=[simulated],
+            condition=is_shown,
+        ),
+    ]
 
 
 def part(name: str, *parameters: dict[str, object]) -> Node:

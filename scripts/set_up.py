@@ -42,7 +42,7 @@ HINTS = (  # what a log says -> what to tell
     ('hash mismatch', 'a downloaded package does not match its locked hash'),
 )
 PACKAGES = ('spacerobot_msgs', 'spacerobot_ros')
-EXECUTABLES = ('simulator', 'identifier', 'controller', 'monitor', 'spacerobot')
+EXECUTABLES = ('simulator', 'identifier', 'controller', 'monitor', 'composed', 'spacerobot')
 
 
 class SetupError(Exception):

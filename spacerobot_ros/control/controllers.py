@@ -48,12 +48,23 @@ class Controller(ABC):
         options = settings.controller
         self._robot, self._law = robot, options.law
         self._structure = settings.identifier.structure
-        given, limits = options.torque_limit, robot.effort_limits
-        self._limits = torque_limits(given, limits, 'torque_limit', 'a joint')
+        self._limits = self._joint_limits(settings)
         self.takes_estimates = options.use_estimate
         self.estimate: Estimate | None = None
         self.joining = 4.0 / bandwidth
         self.adaptive: AdaptiveController | None = None
+
+    @abstractmethod
+    def retune(self, settings: Settings) -> None:
+        """Go on with other gains, damping and limits.
+
+        Raises:
+            ConfigurationError: they don't fit; nothing has changed.
+        """
+
+    def _joint_limits(self, settings: Settings) -> Array:
+        given, limits = settings.controller.torque_limit, self._robot.effort_limits
+        return torque_limits(given, limits, 'torque_limit', 'a joint')
 
     @abstractmethod
     def restart(self) -> None:
@@ -104,6 +115,11 @@ class JointController(Controller):
             model, options.bandwidth, self._limits, options.damping, feed_forward
         )
         self.takes_estimates &= options.law != 'computed_torque_no_aam'
+
+    def retune(self, settings: Settings) -> None:
+        """Go on with other gains, damping and limits."""
+        self._limits, options = self._joint_limits(settings), settings.controller
+        self._torque.tune(options.bandwidth, self._limits, options.damping)
 
     def restart(self) -> None:
         """Nothing to forget."""
@@ -172,14 +188,26 @@ class FreeFlyingController(Controller):
                 f'{options.state_timeout:g} s is shorter than the {self._period:g} s between '
                 'joint states (simulator.joint_rate)',
             )
-        given, unlimited = options.base_torque_limit, np.full(3, np.inf)
-        base = torque_limits(given, unlimited, 'base_torque_limit', 'an axis')
-        self._all_limits = np.concatenate([base, self._limits])
+        self._all_limits = self._of_all(settings)
         self.adaptive = self._from_file()
         self._brake = ComputedTorque(
             robot_model(robot), options.bandwidth, self._limits, options.damping
         )
         self._is_started = self._has_learned = False
+
+    def _of_all(self, settings: Settings) -> Array:
+        """(3 + n,) limits of base and joints."""
+        given, unlimited = settings.controller.base_torque_limit, np.full(3, np.inf)
+        base = torque_limits(given, unlimited, 'base_torque_limit', 'an axis')
+        return np.concatenate([base, self._joint_limits(settings)])
+
+    def retune(self, settings: Settings) -> None:
+        """Go on with other gains, damping and limits; what was learned stays."""
+        limits, adaptive = self._of_all(settings), AdaptiveSettings.of(settings)
+        self.adaptive.retune(adaptive)
+        self._options, self._all_limits = adaptive, limits
+        self._brake.tune(settings.controller.bandwidth, limits[3:], settings.controller.damping)
+        self.restart()
 
     def resume(self, learned: Learned) -> None:
         """Go on with what was learned before, in place of any estimate."""

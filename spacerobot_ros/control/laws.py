@@ -110,6 +110,10 @@ class ComputedTorque:
     ) -> None:
         self.model = model
         self._feed_forward = feed_forward
+        self.tune(bandwidth, limits, damping)
+
+    def tune(self, bandwidth: float, limits: Array, damping: float) -> None:
+        """Set the gains, the limits and the damping."""
         self._kp, self._kd = bandwidth**2, 2.0 * bandwidth
         self._limits = np.array(limits, dtype=float)
         self._damping = damping

@@ -136,6 +136,15 @@ class ControlLoop:
         except SpaceRobotError as error:
             raise MessageRejectedError(str(error)) from error
 
+    def retune(self, settings: Settings) -> None:
+        """Go on with other gains, damping and limits.
+
+        Raises:
+            ConfigurationError: they don't fit; nothing has changed.
+        """
+        self.controller.retune(settings)
+        self._settings = settings.controller
+
     def set_reference(self, reference: Reference, start_ns: int | None = None) -> None:
         """Follow another joint motion, joined smoothly from the present one.
 
@@ -156,6 +165,10 @@ class ControlLoop:
     def setpoint(self) -> Setpoint | None:
         """Where the present motion is at the last joint sample; None before the first."""
         return self._motion.setpoint(self._last[0]) if self._last else None
+
+    def time_left(self) -> float:
+        """Time from the last joint sample to the end of the motion asked for last [s]."""
+        return self._motion.left(self._last[0]) if self._last else np.inf
 
     def add_rate(self, stamp_ns: int, omega_WB_B: Vector3) -> None:
         """Take a gyro sample.

@@ -66,6 +66,11 @@ class ReferenceMotion:
         )
         return not turning and self.time(stamp_ns) >= self.joints.duration
 
+    def left(self, stamp_ns: int) -> float:
+        """Time to the end of what was asked for last [s]; infinite while it is not begun."""
+        is_begun = self._pending is None and self._joints is not None
+        return self.joints.duration - self.time(stamp_ns) if is_begun else np.inf
+
     def begin(self, stamp_ns: int, q: Array) -> None:
         """Start the joint motion at a sample."""
         self._asked = self._joints = build_reference(self._settings, q)

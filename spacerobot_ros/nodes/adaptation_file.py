@@ -63,7 +63,7 @@ class AdaptationFile:
 
     def close(self) -> None:
         """Let the disk finish."""
-        self._beside.finish(STOP)
+        self._beside.end(STOP)
 
     def _write(self, learned: Learned) -> str:
         """Write a file; why it can not be written, empty where it is."""

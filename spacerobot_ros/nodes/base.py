@@ -8,25 +8,29 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import QuaternionStamped
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
-from rclpy.node import Node
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 
-from ..errors import MessageRejectedError
+from ..errors import MessageRejectedError, SpaceRobotError
 from ..model.robot import Robot
+from ..model.settings import Settings
 from ..recording import messages
 from ..recording.buffer import JUMP_NS, PATIENCE_NS
 from ..recording.clock_jumps import Judgement, JumpDetector, Sample, refusal
 from ..ros.diagnostics import OK, STALE, WARN, NodeHealth, Status
-from ..ros.params import declare_settings, open_robot
+from ..ros.params import declare_settings, let_change, open_robot
+from ..ros.qos import best_effort
 
 TOPICS: dict[str, tuple[str, Any]] = {
     'imu': ('/imu/data', Imu),
@@ -36,8 +40,10 @@ TOPICS: dict[str, tuple[str, Any]] = {
 """Topic and message type of every sensor."""
 
 
-class RobotNode(Node):
-    """A node about one robot, whose parameters are those of a robot file.
+class RobotNode(LifecycleNode):
+    """A lifecycle node about one robot, whose parameters are those of a robot file.
+
+    It configures and activates itself as soon as the robot is known, unless `autostart` is false.
 
     Args:
         name: Of the node.
@@ -47,27 +53,87 @@ class RobotNode(Node):
         settings: All settings.
         health: What it says on /diagnostics.
         is_open: Whether the robot is known.
+        is_active: Whether it does its work.
+        live: Parameters that may change while it runs (`retune`).
 
     Raises:
         ConfigurationError: bad parameters.
     """
 
+    live: frozenset[str] = frozenset()
+    is_open = is_active = False
+
     def __init__(self, name: str, **node_kwargs: Any) -> None:
         super().__init__(name, **node_kwargs)
-        self.settings = declare_settings(self)
+        with self._destroyed_by_failure():
+            self.settings = declare_settings(self)
         self.health = NodeHealth(self)
-        self.is_open = False
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
+        let_change(self, lambda: self.settings, self.live, self.retune)
 
     @abstractmethod
     def on_robot(self, robot: Robot) -> None:
         """Take up the robot, once it is known."""
 
+    def retune(self, settings: Settings) -> None:
+        """Take up settings in which parameters in `live` may differ.
+
+        Raises:
+            ConfigurationError: they can't be; nothing has changed.
+        """
+        self.settings = settings
+
     def find_robot(self) -> None:
         """Have `on_robot` called: now, or when /robot_description says what the robot is."""
-        open_robot(self, self.settings, self.on_robot)
 
-    def listen(self, topic: str, kind: Any, qos: QoSProfile, take: Callable[[Any], None]) -> Any:
+        def use(robot: Robot) -> None:
+            self.on_robot(robot)
+            if self.get_parameter('autostart').value:
+                self.trigger_configure()
+                self.trigger_activate()
+
+        with self._destroyed_by_failure():
+            open_robot(self, self.settings, use)
+
+    @contextmanager
+    def _destroyed_by_failure(self) -> Iterator[None]:
+        """Leave no half-made node, which would keep its name."""
+        try:
+            yield
+        except SpaceRobotError:
+            self.destroy_node()
+            raise
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Fails while there is no robot."""
+        if not self.is_open:
+            self.get_logger().warning('no robot yet: waiting for /robot_description')
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start to work."""
+        self.is_active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop to work; what is known is kept."""
+        self.is_active = False
+        return super().on_deactivate(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop for good."""
+        self.is_active = False
+        return super().on_shutdown(state)
+
+    def listen(
+        self,
+        topic: str,
+        kind: Any,
+        qos: QoSProfile,
+        take: Callable[[Any], None],
+        events: SubscriptionEventCallbacks | None = None,
+    ) -> Any:
         """Subscribe; a message for which `take` raises MessageRejectedError is counted."""
 
         def on_message(message: Any) -> None:
@@ -76,7 +142,22 @@ class RobotNode(Node):
             except MessageRejectedError as error:
                 self.health.reject(topic, error)
 
-        return self.create_subscription(kind, topic, on_message, qos)
+        return self.create_subscription(kind, topic, on_message, qos, event_callbacks=events)
+
+    def listen_to_driver(
+        self, topic: str, kind: Any, qos: QoSProfile, take: Callable[[Any], None]
+    ) -> None:
+        """Subscribe as `listen`, reliably; where a driver offers best effort alone, so."""
+        heard: list[Any] = []
+
+        def on_mismatch(_: Any) -> None:
+            if len(heard) == 1:
+                self.get_logger().info(f'{topic} is offered with best effort: taken so')
+                heard.append(self.listen(topic, kind, best_effort(qos), take))
+                self.destroy_subscription(heard[0])
+
+        events = SubscriptionEventCallbacks(incompatible_qos=on_mismatch)
+        heard.append(self.listen(topic, kind, qos, take, events))
 
     def offer(self, name: str, act: Callable[[], tuple[bool, str]]) -> None:
         """Offer a Trigger service that answers with success and a message."""
@@ -153,7 +234,8 @@ class SensorNode(RobotNode):
         }
         for sensor in self._sensors:
             topic, kind = TOPICS[sensor]
-            self.listen(topic, kind, qos, partial(self._on_sample, sensor, read[sensor]))
+            take = partial(self._on_sample, sensor, read[sensor])
+            self.listen_to_driver(topic, kind, qos, take)
         self._jumps = JumpDetector(self.jump_ns)
         moves = JumpThreshold(
             min_forward=Duration(nanoseconds=1),

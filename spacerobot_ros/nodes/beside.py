@@ -53,6 +53,11 @@ class Beside:
             self._hand_over()
         return not self.is_busy
 
+    def end(self, seconds: float) -> None:
+        """Wait for the work under way, whose result nobody takes any more."""
+        if self._thread is not None:
+            self._thread.join(seconds)
+
     def _run(self, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
         try:
             self._outcome = partial(then, work())

@@ -10,16 +10,18 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Tracking
+from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from ..control.controllers import FreeFlyingController
 from ..control.loop import Command, ControlLoop
 from ..control.plausible import EstimateCheck
 from ..model.robot import Robot
+from ..model.settings import Settings
 from ..recording.buffer import check_later
 from ..ros import convert
 from ..ros.convert import compose
@@ -36,42 +38,49 @@ from .controller_status import (
 )
 from .pairing import Pairing
 from .parameter_publisher import ParameterPublisher
+from .trajectory_action import TrajectoryAction
 
 
-class ControllerNode(SensorNode, LifecycleNode):
+class ControllerNode(SensorNode):
     """Answers every joint sample with a torque while active."""
 
     loop: ControlLoop
+    live = frozenset(
+        (
+            'controller.bandwidth',
+            'controller.damping',
+            'controller.torque_limit',
+            'controller.base_torque_limit',
+            'adaptive.kappa',
+            'adaptive.attitude_bandwidth',
+            'adaptive.joint_bandwidth',
+        )
+    )
     _in_force: ParameterPublisher | None = None
     _learned: AdaptationFile | None = None
+    _action: TrajectoryAction | None = None
 
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('controller', **node_kwargs)
         self.last_command: Command | None = None
-        self._is_active = False
         self._arrived_ns = 0
         self._estimate_note = 'none received'
         self.jump_ns = round(self.settings.controller.state_timeout * 1e9)
         self._efforts = self.create_lifecycle_publisher(JointState, '/joint_commands', STATE)
         self._trackings = self.create_lifecycle_publisher(Tracking, '/tracking', STATE)
+        self._arrays = self.create_lifecycle_publisher(
+            Float64MultiArray, '~/effort_commands', STATE
+        )
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, '/base_torque', STATE)
         self.find_robot()
 
     # ------------------------------------------------------------ life cycle
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take up the robot; fails while there is none."""
-        if not self.is_open:
-            self.get_logger().warning('no robot yet: waiting for /robot_description')
-            return TransitionCallbackReturn.FAILURE
-        return super().on_configure(state)
-
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the motion: at the last joint sample if there is one, it is owed an answer."""
         result = super().on_activate(state)
         self.loop.reset()
-        self._is_active = True
         if 'imu' in self.latest:
             self.loop.add_rate(*self.latest['imu'])
         if 'attitude' in self.latest:
@@ -106,13 +115,21 @@ class ControllerNode(SensorNode, LifecycleNode):
             self._learned.close()
         super().destroy_node()
 
+    def retune(self, settings: Settings) -> None:
+        """Take up gains, damping and limits, while the motion goes on."""
+        if self.is_open:
+            self.loop.retune(settings)
+        super().retune(settings)
+
     def _release(self) -> None:
-        if self._is_active and self.last_command is not None:
-            self._is_active = False
+        if self._action is not None:
+            self._action.stop('the controller was deactivated')
+        if self.is_active and self.last_command is not None:
+            self.is_active = False
             stamp = self.last_command.stamp_ns
             free = np.zeros(3) if self.loop.controller.controls_attitude else None
             self._send(stamp, np.zeros(len(self._names)), free)
-        self._is_active = False
+        self.is_active = False
         if self.is_open:
             self._pairing.waiting = None
 
@@ -133,13 +150,14 @@ class ControllerNode(SensorNode, LifecycleNode):
             warning = self.loop.adaptive.health.sampling_warning
             if warning:
                 self.get_logger().warning(warning)
+        try:
+            self._action = TrajectoryAction(self, self.loop, self._names)
+        except ImportError:
+            self.get_logger().debug('no FollowJointTrajectory: control_msgs is not installed')
         law = self.loop.controller
         if self.settings.controller.save_file and isinstance(law, FreeFlyingController):
             self._learned = AdaptationFile(self, law, self.loop.robot)
         self._watch()
-        if self.get_parameter('autostart').value:
-            self.trigger_configure()
-            self.trigger_activate()
 
     def _subscribe(self, robot: Robot) -> None:
         self.listen('/estimate', EstimateMessage, LATCHED, self._on_estimate)
@@ -158,7 +176,7 @@ class ControllerNode(SensorNode, LifecycleNode):
                 check_later(stamp_ns, last[0])
             self.latest['joints'] = (stamp_ns, *content)
             self._arrived_ns = self.steady.now().nanoseconds
-            if self._is_active:
+            if self.is_active:
                 self._answer_when_complete(self.latest['joints'])
             return
         add = self.loop.add_rate if sensor == 'imu' else self.loop.add_attitude
@@ -179,6 +197,8 @@ class ControllerNode(SensorNode, LifecycleNode):
     def _on_reference(self, message: JointTrajectory) -> None:
         start = self.loop.setpoint()
         self.loop.set_reference(*convert.trajectory(message, self._names, start))
+        if self._action is not None:
+            self._action.replaced('a motion on /reference has taken its place')
 
     def restart(self, why: str) -> None:
         """Begin the motion anew."""
@@ -209,16 +229,16 @@ class ControllerNode(SensorNode, LifecycleNode):
 
     def _answer(self, joints: tuple[Any, ...]) -> None:
         self._pairing.waiting = None
-        if self._is_active:
+        if self.is_active:
             self._publish(self.loop.add_joints(*joints))
 
     def _repeat(self, stamp: int) -> None:
         """Send the command for a stamp again: who repeats a sample has not got its answer."""
-        if self._is_active and self.last_command and self.last_command.stamp_ns == stamp:
+        if self.is_active and self.last_command and self.last_command.stamp_ns == stamp:
             self._publish(self.last_command)
 
     def _on_watch(self) -> None:
-        if not self._is_active or 'joints' not in self.latest or self._pairing.waiting is not None:
+        if not self.is_active or 'joints' not in self.latest or self._pairing.waiting is not None:
             return
         command = self.loop.blind(self._silent_ns())
         if command is not None:
@@ -246,6 +266,8 @@ class ControllerNode(SensorNode, LifecycleNode):
         self._send(command.stamp_ns, command.tau, command.base)
         if self._in_force is not None:
             self._in_force.publish(command.stamp_ns)
+        if self._action is not None:
+            self._action.follow(command)
         if self._learned is not None:
             self._learned.keep(command.stamp_ns)
         law = self.settings.controller.law
@@ -255,13 +277,15 @@ class ControllerNode(SensorNode, LifecycleNode):
         if base is not None:
             self._wrenches.publish(compose.base_torque(stamp, self._base_link, base))
         self._efforts.publish(compose.joint_state(stamp, self._names, effort=tau))
+        if self._arrays.get_subscription_count():
+            self._arrays.publish(Float64MultiArray(data=convert.doubles(tau)))
 
     def _watch(self) -> None:
         """Say on /diagnostics how things are."""
         law = self.settings.controller.law
         self.health.watch(
             self._sensor_status,
-            lambda: control_status(self._is_active, self.last_command, law),
+            lambda: control_status(self.is_active, self.last_command, law),
             lambda: estimate_status(self.loop, self._estimate_note),
         )
         if self.loop.adaptive is not None:
@@ -270,7 +294,7 @@ class ControllerNode(SensorNode, LifecycleNode):
     def _sensor_status(self) -> Status:
         stamp = self.latest['joints'][0] if 'joints' in self.latest else None
         command = self.last_command
-        reason = command.reason if self._is_active and command else ''
+        reason = command.reason if self.is_active and command else ''
         return input_status(self.loop, stamp, self._silent_ns() * 1e-9, reason)
 
 

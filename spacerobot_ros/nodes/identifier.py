@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Vector3Stamped
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..effects.catalogue import bind_effects, changed_robot
@@ -68,8 +69,13 @@ class IdentifierNode(SensorNode):
         """Let a solution that is under way end, then leave."""
         if self.is_open:
             self.identifier.abandon()
-            self._beside.finish(STOP)
+            self._beside.end(STOP)
         super().destroy_node()
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything."""
+        self.reset('cleaned up')
+        return super().on_cleanup(state)
 
     def restart(self, why: str) -> None:
         """Forget all samples, and say so in an estimate that is not valid."""
@@ -140,6 +146,8 @@ class IdentifierNode(SensorNode):
 
     def take(self, sensor: str, stamp_ns: int, *content: Any) -> None:
         """Add a sample as a sensor without the believed faults would have given it."""
+        if not self.is_active:
+            return
         identifier, faults = self.identifier, self._faults
         stamp_ns -= round(faults.delay[sensor] * 1e9)
         if sensor == 'joints':

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..diagnosis.flight.monitor import Monitor
@@ -33,11 +34,11 @@ class MonitorNode(SensorNode):
     """Feeds the monitor, says and records what it finds."""
 
     monitor: Monitor
+    recorder: EventRecorder | None = None
 
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('monitor', **node_kwargs)
-        self.recorder: EventRecorder | None = None
         self._raised_ns: int | None = None
         self.offer('~/reset', self._on_reset)
         self.find_robot()
@@ -47,6 +48,11 @@ class MonitorNode(SensorNode):
         if self.recorder is not None:
             self.recorder.close()
         super().destroy_node()
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the flight."""
+        self.reset('cleaned up')
+        return super().on_cleanup(state)
 
     def restart(self, why: str) -> None:
         """Forget the flight."""
@@ -87,6 +93,8 @@ class MonitorNode(SensorNode):
 
     def take(self, sensor: str, stamp_ns: int, *content: Any) -> None:
         """Add a sample and judge what is complete by now."""
+        if not self.is_active:
+            return
         monitor = self.monitor
         add: dict[str, Callable[..., None]] = {
             'imu': monitor.add_rate,

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
@@ -49,7 +50,7 @@ class SimulatorNode(RobotNode):
         self.stop_at: int | None = None  # step at which to stop by itself
         self.observers: list[Callable[[Plant], None]] = []  # shown the truth at every step
         self._is_started = False
-        self._is_paused = False
+        self._is_halted = False
         period_ns = round(self._options.period * 1e9)
         self._pace = Pace(period_ns, self._options.real_time_factor, CATCH_UP)
         self.offer('~/reset', self._on_reset)
@@ -101,9 +102,24 @@ class SimulatorNode(RobotNode):
             self._pace.anchor(self.step_index)
             self._publish()
 
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let time go on."""
+        result = super().on_activate(state)
+        self.pause(self._is_halted)
+        return result
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Back to the start."""
+        self.reset()
+        return super().on_cleanup(state)
+
+    @property
+    def _is_paused(self) -> bool:
+        return self._is_halted or not self.is_active
+
     def pause(self, is_paused: bool) -> None:
         """Stop or go on."""
-        self._is_paused = is_paused
+        self._is_halted = is_paused
         self._pace.anchor(self.step_index)
         if self.is_open:
             self._advance()
@@ -147,6 +163,8 @@ class SimulatorNode(RobotNode):
     def _on_timer(self) -> None:
         if self._options.lockstep:
             self._poll()
+            return
+        if not self.is_active:
             return
         self.start()
         if self._is_paused:

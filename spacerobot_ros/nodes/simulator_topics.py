@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 from rclpy.node import Node
@@ -9,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Ledger
 
-from ..ros.convert import compose
+from ..ros.convert import compose, message_type
 from ..ros.qos import STATE
 from ..sensing.sensors import SensorSamples
 from ..simulation.plant import Plant
@@ -31,6 +32,8 @@ class SimulatorTopics:
         kinds: dict[str, Any] = {'/clock': Clock, **dict(TOPICS.values()), '~/ledger': Ledger}
         if has_wheels:
             kinds['/wheel_states'] = JointState
+        with suppress(ImportError):  # part of ROS, but not of its wheels
+            kinds['/tf'] = message_type('tf2_msgs/msg/TFMessage')
         self._publishers = {
             topic: node.create_publisher(kind, topic, STATE) for topic, kind in kinds.items()
         }
@@ -51,6 +54,10 @@ class SimulatorTopics:
         self._publishers['/clock'].publish(Clock(clock=compose.time(ns)))
         if plant.step_index % self._ledger_every == 0:
             self._publishers['~/ledger'].publish(compose.ledger(ns, plant.ledger()))
+        frames = self._publishers.get('/tf')
+        if samples.joints is not None and frames and frames.get_subscription_count():
+            robot, state = plant.robot, plant.state
+            frames.publish(compose.base_frame(ns, robot.base_link, state.p_WB, state.q_WB_xyzw))
         for topic, message in sample_messages(compose, plant, samples):
             self._last[topic] = message
             self._publishers[topic].publish(message)

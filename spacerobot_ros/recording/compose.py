@@ -91,6 +91,22 @@ class Composer:
         wrench = self.make('geometry_msgs/msg/Wrench', force=force, torque=self.vector(torque))
         return self.stamped('geometry_msgs/msg/WrenchStamped', ns, base_link, wrench=wrench)
 
+    def base_frame(self, ns: int, base_link: str, p_WB: Vector3, q_WB_xyzw: Quaternion) -> Any:
+        """A TFMessage from the inertial frame to the base."""
+        pose = self.make(
+            'geometry_msgs/msg/Transform',
+            translation=self.vector(p_WB),
+            rotation=self.rotation(q_WB_xyzw),
+        )
+        transform = self.stamped(
+            'geometry_msgs/msg/TransformStamped',
+            ns,
+            INERTIAL_FRAME,
+            child_frame_id=base_link,
+            transform=pose,
+        )
+        return self.make('tf2_msgs/msg/TFMessage', transforms=[transform])
+
     def momentum(self, ns: int, link: str, h: Vector3) -> Any:
         """A Vector3Stamped of a link's wheel momentum [N m s], in its frame."""
         return self.stamped('geometry_msgs/msg/Vector3Stamped', ns, link, vector=self.vector(h))

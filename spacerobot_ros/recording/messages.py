@@ -58,16 +58,18 @@ def joint_columns(
     for column in columns:
         name = column.rstrip('?')
         values = np.asarray(getattr(message, name), dtype=float)
-        absent = np.isnan(values) & (column != name)
-        if column != name and absent.all():
+        is_optional = column != name
+        if is_optional and np.isnan(values).all():
             out.append(None)
             continue
         if len(values) != len(message.name):
             raise MessageRejectedError(
                 f'{name} has {len(values)} entries for {len(message.name)} joints'
             )
+        values = values[order]  # what other joints say is of no concern
+        absent = np.isnan(values) & is_optional
         finite(values[~absent] if partly else values, name)
-        out.append(values[order])
+        out.append(None if len(absent) and absent.all() else values)
     return tuple(out)
 
 

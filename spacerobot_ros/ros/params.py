@@ -1,18 +1,19 @@
 """ROS parameters of a node, from the one schema in `model.settings`.
 
 All that a parameter file or `-p` sets is validated as a whole, unknown names included; then every
-parameter of the schema is declared, read-only, with its meaning, unit and bounds, so that
-`ros2 param list` and `ros2 param describe` teach what there is.
+parameter of the schema is declared with its meaning, unit and bounds, so that `ros2 param list`
+and `ros2 param describe` teach what there is. Few of them may change while a node runs; a node
+that is asked to change another says why it does not.
 """
 
 from __future__ import annotations
 
 import typing
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, NamedTuple
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -27,10 +28,14 @@ from .qos import LATCHED
 
 OWN = {
     'robot_description': ('', 'URDF text; takes the place of robot.urdf.'),
-    'autostart': (True, 'Controller: configure and activate without a lifecycle manager.'),
+    'autostart': (True, 'Configure and activate without a lifecycle manager.'),
 }
 """Parameters of the nodes that are not part of a robot file: default and meaning."""
 
+_FIXED = (
+    'is read when the node starts, for what it computes rests on it: start it again with '
+    'another value'
+)
 _OF_ROS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.', '/')
 
 
@@ -70,6 +75,49 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
             yield from _flat(f'{name}.{key}', entry)
     else:
         yield name, list(value) if isinstance(value, tuple) else value
+
+
+def let_change(
+    node: Node,
+    settings: Callable[[], Settings],
+    live: Collection[str],
+    take: Callable[[Settings], None],
+) -> None:
+    """Answer who sets parameters of a node: all of a request are taken up, or none.
+
+    Args:
+        node: A node with `declare_settings` done.
+        settings: Gives its present settings.
+        live: Names of those that may change.
+        take: Takes up other settings; raises ConfigurationError where they can't be.
+    """
+    known = {leaf.name for leaf in leaves(settings())} | set(OWN)
+
+    def answer(parameters: list[Parameter]) -> SetParametersResult:
+        asked = {p.name: p.value for p in parameters if p.name in known}
+        for name in asked:
+            if name not in live:
+                return SetParametersResult(successful=False, reason=f'{name}: {_FIXED}')
+        try:
+            if asked:
+                take(_with(settings(), asked))
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(answer)
+
+
+def _with(settings: Settings, asked: Mapping[str, Any]) -> Settings:
+    """Settings in which some parameters have other values, checked as those of a file are."""
+    values = {leaf.name: leaf.value for leaf in leaves(settings)} | dict(asked)
+    plain = {
+        name: list(value) if hasattr(value, '__len__') and not isinstance(value, str) else value
+        for name, value in values.items()
+    }
+    parsed = parse_settings(nested({k: v for k, v in plain.items() if v not in (None, [])}))
+    sections = {name.partition('.')[0] for name in asked}
+    return replace(settings, **{name: getattr(parsed, name) for name in sections})
 
 
 def nested(flat: Mapping[str, Any]) -> dict[str, Any]:
@@ -167,6 +215,4 @@ def _declare(node: Node, leaf: Leaf) -> None:
 
 def _descriptor(doc: str, unit: str = '', limits: str = '') -> ParameterDescriptor:
     description = f'{doc} [{unit}]' if unit else doc
-    return ParameterDescriptor(
-        description=description, additional_constraints=limits, read_only=True
-    )
+    return ParameterDescriptor(description=description, additional_constraints=limits)

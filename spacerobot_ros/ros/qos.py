@@ -22,3 +22,10 @@ SAMPLES = _reliable(1000)
 
 LATCHED = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """The last one reaches who comes late: model, estimate."""
+
+
+def best_effort(qos: QoSProfile) -> QoSProfile:
+    """The same for publishers that offer best effort alone, as drivers of sensors do."""
+    return QoSProfile(
+        history=qos.history, depth=qos.depth, reliability=ReliabilityPolicy.BEST_EFFORT
+    )

@@ -1,46 +1,57 @@
-"""Run one node as a process, with errors as one line and an exit status."""
+"""Run nodes as a process, with errors as one line and an exit status."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from ..errors import ConfigurationError, SpaceRobotError
 from ..model.files import read_yaml
 
+SWITCH = 5e-4  # s after which a thread that computes lets callbacks go on; a tenth of Python's
 CONFIGURATION = (ConfigurationError, ParameterException, rclpy_implementation.RCLError)
 STOPPED = (rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle)
 
 
 def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> int:
-    """Spin a node until it is stopped.
+    """Spin a node until it is stopped; as `run_nodes`."""
+    return run_nodes([factory], args)
+
+
+def run_nodes(factories: Sequence[Callable[[], Node]], args: Sequence[str] | None = None) -> int:
+    """Spin nodes in one process until they are stopped.
 
     Args:
-        factory: Makes the node.
+        factories: Make the nodes.
         args: Command line; None: that of the process.
 
     Returns:
         0 when stopped from outside, 1 when the run failed, 2 for an unusable configuration.
     """
+    sys.setswitchinterval(SWITCH)
     try:
         _check_parameter_files(sys.argv if args is None else args)
-        with rclpy.init(args=None if args is None else list(args)):
-            node = factory()
+        with ExitStack() as stack:
+            stack.enter_context(rclpy.init(args=None if args is None else list(args)))
+            executor = SingleThreadedExecutor()
+            for factory in factories:
+                node = factory()
+                stack.callback(node.destroy_node)
+                executor.add_node(node)
             try:
-                rclpy.spin(node)
+                executor.spin()
             except STOPPED:
                 if rclpy.ok():  # otherwise stopped in the middle of a callback
                     raise
-            finally:
-                node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except CONFIGURATION as error:

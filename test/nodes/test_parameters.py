@@ -25,11 +25,11 @@ def test_every_parameter_teaches(rig, servicer, node_type):
     descriptor = node.describe_parameter('controller.bandwidth')
     assert descriptor.description == 'Double pole of the error dynamics. [rad/s]'
     assert descriptor.additional_constraints == 'above 0; at most 100'
-    assert descriptor.read_only
     assert list(node.get_parameter('robot.gravity').value) == [0.0, 0.0, 0.0]
     assert node.describe_parameter('truth.links').type == Parameter.Type.STRING_ARRAY.value
-    result = node.set_parameters([Parameter('controller.bandwidth', value=2.0)])[0]
+    result = node.set_parameters([Parameter('simulator.period', value=0.02)])[0]
     assert not result.successful
+    assert 'is read when the node starts' in result.reason
 
 
 @pytest.mark.parametrize('node_type', ALL)

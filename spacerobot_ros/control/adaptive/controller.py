@@ -119,6 +119,17 @@ class AdaptiveController:
         self._Vr[:3] = self._state[4:7]
         self._is_cut = False
 
+    def retune(self, settings: AdaptiveSettings) -> None:
+        """Go on with other bandwidths; `start` must follow.
+
+        Raises:
+            ConfigurationError: bandwidths beyond what the period can sample.
+        """
+        self._warning = sampling_warning(settings, self.period)
+        self._sampling, self.settings = sampling_ratio(settings, self.period), settings
+        self._bandwidths[:] = settings.joint_bandwidth
+        self._bandwidths[0] = settings.attitude_bandwidth
+
     def step(self, measured: Measured, target: Target, elapsed: float | None = None) -> Torques:
         """Adapt to what was measured and command the next period's torques.
 

@@ -1,0 +1,93 @@
+"""Access policies of SROS 2 with the least that each node needs, read off the nodes themselves.
+
+    python -m spacerobot_ros.nodes.security_policy > config/security/policy.xml
+    ros2 security generate_artifacts -k keystore -p config/security/policy.xml
+
+Each node has an enclave of its name. Nodes are made with several settings, because some topics
+depend on them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from typing import Any
+from xml.sax.saxutils import escape
+
+from ..effects.robot_file import load_robot_file
+from ..model.loader import package_folder
+from ..ros.session import Session
+from .controller import ControllerNode
+from .identifier import IdentifierNode
+from .monitor import MonitorNode
+from .simulator import SimulatorNode
+
+NODES = (SimulatorNode, IdentifierNode, ControllerNode, MonitorNode)
+_ACTION = '/_action/'
+_KINDS = (
+    ('topics', 'publish', 'get_publisher_names_and_types_by_node'),
+    ('topics', 'subscribe', 'get_subscriber_names_and_types_by_node'),
+    ('services', 'reply', 'get_service_names_and_types_by_node'),
+    ('services', 'request', 'get_client_names_and_types_by_node'),
+)
+_SETTINGS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ('servicer', {'controller.save_parameters': ''}),
+    ('minisat', {'controller.law': 'adaptive_rls', 'controller.save_file': '/tmp/none/learned'}),
+)
+
+
+def policy() -> str:
+    """The policy of all nodes, as XML of sros2's schema 0.2.0."""
+    used: dict[str, dict[tuple[str, str], set[str]]] = defaultdict(lambda: defaultdict(set))
+    for robot, changes in _SETTINGS:
+        file = load_robot_file(package_folder('spacerobot_ros') / 'config' / f'{robot}.yaml')
+        for kind in NODES:
+            _note(kind, file.settings.changed(changes), file.robot.urdf, used)
+    for rules in used.values():
+        rules['topics', 'publish'].add('rosout')
+        if 'robot_description' not in rules['topics', 'publish']:
+            rules['topics', 'subscribe'].add('robot_description')
+    enclaves = ''.join(_enclave(name, rules) for name, rules in sorted(used.items()))
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        f'<policy version="0.2.0">\n  <enclaves>\n{enclaves}  </enclaves>\n</policy>\n'
+    )
+
+
+def _note(kind: Callable[..., Any], settings: Any, urdf: str, used: Any) -> None:
+    with Session() as session:
+        node = session.add(kind, settings, urdf)
+        for group, right, query in _KINDS:
+            for name, _ in getattr(node, query)(node.get_name(), node.get_namespace()):
+                if _ACTION in name:
+                    action = name.partition(_ACTION)[0]
+                    used[node.get_name()]['actions', 'execute'].add(_short(action, node))
+                else:
+                    used[node.get_name()][group, right].add(_short(name, node))
+
+
+def _short(name: str, node: Any) -> str:
+    own = f'/{node.get_name()}/'
+    return f'~/{name[len(own) :]}' if name.startswith(own) else name.removeprefix('/')
+
+
+def _enclave(name: str, rules: dict[tuple[str, str], set[str]]) -> str:
+    groups = ''.join(
+        _group(group, right, names) for (group, right), names in sorted(rules.items())
+    )
+    return (
+        f'    <enclave path="/{name}">\n      <profiles>\n'
+        f'        <profile ns="/" node="{name}">\n{groups}        </profile>\n'
+        '      </profiles>\n    </enclave>\n'
+    )
+
+
+def _group(group: str, right: str, names: Iterable[str]) -> str:
+    tag = group.removesuffix('s')
+    lines = ''.join(f'            <{tag}>{escape(name)}</{tag}>\n' for name in sorted(names))
+    return f'          <{group} {right}="ALLOW">\n{lines}          </{group}>\n'
+
+
+if __name__ == '__main__':
+    sys.stdout.write(policy())
