@@ -10,7 +10,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from ..effects.catalogue import bind_effects, changed_robot
+from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
@@ -52,7 +52,7 @@ class ControlLoop:
     """
 
     def __init__(self, robot: Robot, settings: Settings) -> None:
-        effects = bind_effects(settings.effects, robot)
+        effects = believed_effects(settings, robot)
         robot = changed_robot(robot, effects)
         self._faults = SensorFaults(robot, effects)
         self.robot = robot

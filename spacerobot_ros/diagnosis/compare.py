@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects.catalogue import CATALOGUE
+from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
 from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_priors import NOTHING
@@ -102,7 +102,7 @@ def compare(
         measured = [observed(record, robot) for record in records]
         refuse_unbalanced(measured, robot)
         groups.append(measured)
-    kinds = list(CATALOGUE.values())
+    kinds = kinds_beside(believed)
     count = len(before)
     if count >= FEWEST and (runs := aligned([*groups[0], *groups[1]])):
         report('balancing torques of repeats of one motion', 0.2)

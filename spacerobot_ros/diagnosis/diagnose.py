@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
-from ..effects.catalogue import CATALOGUE
+from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
 from ..estimation.balance import noise_in_band
 from ..estimation.motor_constants import as_recorded
@@ -70,7 +70,7 @@ def diagnose(
         report('fitting the spin that the magnetometer sees', 0.1)
         return diagnose_spin(measured, robot, ())
     robot = as_recorded(robot, measured)
-    kinds = list(CATALOGUE.values() if catalogue is None else catalogue)
+    kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
     if len(measured) > 1:
         refuse_unbalanced(measured, robot)
         found = find_arm_causes(measured, robot, believed, kinds, report)

@@ -5,17 +5,21 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from ..errors import ConfigurationError
 from ..model.robot import Robot
+from ..model.settings import Settings
 from . import (
     appendage,
     bodies,
     coupled_friction,
     environment,
     flexibility,
+    formula,
     gyrostats,
     joint,
     learned_torque,
@@ -26,9 +30,10 @@ from . import (
     thrusters,
 )
 from .effect import Effect
+from .own_kinds import add_installed, add_named
 
 _MODULES = (
-    *(joint, presliding, coupled_friction, flexibility, learned_torque),
+    *(joint, presliding, coupled_friction, flexibility, learned_torque, formula),
     *(sensor_errors, gyrostats, rotors),
     *(bodies, appendage, sprung, environment, thrusters),
 )
@@ -41,8 +46,39 @@ def _kinds() -> Iterator[type[Effect]]:
                 yield value
 
 
-CATALOGUE: Mapping[str, type[Effect]] = MappingProxyType({kind.id: kind for kind in _kinds()})
-"""Every kind of effect by its id, in the order of the documentation."""
+_KNOWN: dict[str, type[Effect]] = {kind.id: kind for kind in _kinds()}
+CATALOGUE: Mapping[str, type[Effect]] = MappingProxyType(_KNOWN)
+"""Every kind of effect by its id, in the order of the documentation; then those of others, once
+a robot file has named their modules."""
+
+
+def believed_effects(
+    settings: Settings, robot: Robot, folder: Path | None = None
+) -> tuple[Effect, ...]:
+    """The effects of a robot file, those of its own modules and of installed packages known.
+
+    Args:
+        settings: Of the robot file.
+        robot: The robot they act on.
+        folder: Of the robot file, for modules with relative names; None where it is unknown.
+
+    Raises:
+        ConfigurationError: a module that can't be used, or anything wrong in `effects`.
+    """
+    _add_installed()
+    add_named(_KNOWN, settings.robot.effect_modules, folder)
+    return bind_effects(settings.effects, robot)
+
+
+def kinds_beside(believed: Iterable[Effect]) -> list[type[Effect]]:
+    """The catalogue, and formulas that a robot file has: what may be a cause."""
+    own = {type(effect).id: type(effect) for effect in believed}
+    return list({**CATALOGUE, **own}.values())
+
+
+@cache
+def _add_installed() -> None:
+    add_installed(_KNOWN)
 
 
 def bind_effect(

@@ -71,6 +71,7 @@ class Effect:
         refines: Ids of simpler laws that are special cases of it.
         is_rare: Whether the diagnosis looks for it only where a test of whiteness asks for more
             than common causes: beside an unknown leftover it would take what is theirs.
+        is_own: Whether a user wrote it: its sizes are taken as they are on an arm, too.
         is_fitted: Whether the diagnosis considers it; False for what a record can not tell from
             another effect of the catalogue.
     """
@@ -86,6 +87,7 @@ class Effect:
     excludes: ClassVar[tuple[str, ...]] = ()
     is_rare: ClassVar[bool] = False
     is_fitted: ClassVar[bool] = True
+    is_own: ClassVar[bool] = False
     refines: ClassVar[tuple[str, ...]] = ()
 
     name: str

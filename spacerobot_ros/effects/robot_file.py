@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..model.files import read_parameters, read_text
 from ..model.loader import build_robot, resolve_urdf
 from ..model.robot import Robot
 from ..model.settings import Settings, parse_settings
-from .catalogue import bind_effects, changed_robot
+from .catalogue import believed_effects, changed_robot
 from .effect import Effect
 
 
@@ -61,6 +61,14 @@ def load_robot_file(path: str | Path) -> RobotFile:
     """
     path = Path(path)
     settings = parse_settings(read_parameters(path), f'{path}: ')
+    modules = tuple(_absolute(name, path.parent) for name in settings.robot.effect_modules)
+    settings = replace(settings, robot=replace(settings.robot, effect_modules=modules))
     urdf_path = resolve_urdf(settings.robot.urdf, beside=path.parent)
     robot = build_robot(settings, read_text(urdf_path, 'robot.urdf'), str(urdf_path))
-    return RobotFile(robot, settings, bind_effects(settings.effects, robot), urdf_path.parent)
+    effects = believed_effects(settings, robot, path.parent)
+    return RobotFile(robot, settings, effects, urdf_path.parent)
+
+
+def _absolute(module: str, folder: Path) -> str:
+    """A module's file with its folder, for whoever does not know the robot file's."""
+    return str((folder / module).absolute()) if module.endswith('.py') else module

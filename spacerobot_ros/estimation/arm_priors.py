@@ -124,6 +124,8 @@ class Machine:
             'effort_delay': (max(0.01, self.interval), 0.0),
             'gravity_error': (0.2, 0.0),
         }
+        if candidate.kind.is_own:
+            return candidate.sizes, NOTHING * candidate.sizes
         if kind not in sizes:
             return None
         size, tolerance = sizes[kind]

@@ -99,6 +99,8 @@ class RobotSettings:
         motor_constant: Torque at the joint of one ampere; one for all joints, or one a joint.
             Without it currents are read in A, and the diagnosis estimates it.
         passive_joints: Joints without a motor: their torque is zero.
+        effect_modules: Python modules with effects of your own: names that can be imported, or
+            files ending in .py beside the robot file. They are run as they are.
     """
 
     urdf: str = param('')
@@ -110,6 +112,7 @@ class RobotSettings:
     effort_kind: TextOrList = param('motor', choices=EFFORT_KINDS)
     motor_constant: FloatOrList | None = param(None, 'N m/A', above=0.0)
     passive_joints: TextList = param(())
+    effect_modules: TextList = param(())
     scale: ScaleSettings = field(default_factory=ScaleSettings)
     thrusters: FreeMaps = field(default_factory=dict)
     servicer_wheels: WheelSettings = field(default_factory=WheelSettings)

@@ -17,7 +17,7 @@ from geometry_msgs.msg import Vector3Stamped
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
-from ..effects.catalogue import bind_effects, changed_robot
+from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import IdentificationError, SpaceRobotError
 from ..estimation.time_base import LONGEST_GAP
 from ..identification.estimate import Estimate
@@ -135,7 +135,7 @@ class IdentifierNode(SensorNode):
 
     def on_robot(self, robot: Robot) -> None:
         """Start to identify."""
-        effects = bind_effects(self.settings.effects, robot)
+        effects = believed_effects(self.settings, robot)
         self._faults = SensorFaults(robot, effects)
         self.identifier = OnlineIdentifier(changed_robot(robot, effects), self.settings.identifier)
         self.is_open = True

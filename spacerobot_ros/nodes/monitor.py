@@ -17,7 +17,7 @@ from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..diagnosis.flight.monitor import Monitor
 from ..diagnosis.flight.monitor_state import MonitorState
-from ..effects.catalogue import bind_effects
+from ..effects.catalogue import believed_effects
 from ..model.robot import Robot
 from ..recording.buffer import sensors_of
 from ..ros import convert
@@ -74,7 +74,7 @@ class MonitorNode(SensorNode):
     def on_robot(self, robot: Robot) -> None:
         """Start to watch."""
         settings = self.settings
-        effects = bind_effects(settings.effects, robot)
+        effects = believed_effects(settings, robot)
         prior = settings.identifier.momentum_prior_std
         self.monitor = Monitor(robot, settings.monitor, effects, prior)
         self.is_open = True

@@ -8,7 +8,7 @@ import pinocchio as pin
 from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import TABLEAUS
 from ..dynamics.state import initial_state
-from ..effects.catalogue import bind_effects, changed_robot
+from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.settings import Settings, TruthSettings
@@ -33,7 +33,7 @@ def build_plant(robot: Robot, settings: Settings) -> Plant:
         ConfigurationError: settings that don't fit the robot.
     """
     options = settings.simulator
-    truth, effects = true_robot(robot, settings), bind_effects(settings.effects, robot)
+    truth, effects = true_robot(robot, settings), believed_effects(settings, robot)
     start = initial_state(truth, settings.initial)
     at_rest, method = Dynamics(truth).at_rest_centre(start), TABLEAUS[options.integrator]
     return Plant(truth, at_rest, options.period, options.substeps, effects, method)
@@ -67,7 +67,7 @@ def true_robot(robot: Robot, settings: Settings) -> Robot:
     """
     truth = settings.truth
     plant = robot.with_free_rotors(_true_rates(robot, truth))
-    plant = changed_robot(plant, bind_effects(settings.effects, robot))
+    plant = changed_robot(plant, believed_effects(settings, robot))
     for side, is_target in _SIDES.items():
         momentum, name = getattr(truth, f'{side}_momentum'), f'truth.{side}_momentum'
         if momentum and any(rotor.is_target == is_target for rotor in robot.rotors):

@@ -18,7 +18,7 @@ from operator import add
 
 import numpy as np
 
-from ...effects.catalogue import CATALOGUE
+from ...effects.catalogue import kinds_beside
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
 from ...estimation.arm_rows import ArmRows
@@ -80,7 +80,7 @@ def excited(record: Record, file: RobotFile) -> tuple[Excited, ...]:
         RecordingError: nothing of this robot's motion was measured.
     """
     record = observed(record, file.robot)
-    kinds = [kind for kind in CATALOGUE.values() if not (kind.hidden or kind.is_rare)]
+    kinds = [kind for kind in kinds_beside(file.effects) if not (kind.hidden or kind.is_rare)]
     if not file.robot.is_free and record.effort is not None:
         found, gram = _of_balance(record, file, kinds)
     else:

@@ -1,0 +1,313 @@
+"""Effects of a user's own: formulas in a robot file, and Python modules."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from support.effects import motion_of
+from support.models import AXIS, Part, robot_of
+
+from spacerobot_ros.control.compensation import FeedForward
+from spacerobot_ros.control.joint_reference import Setpoint
+from spacerobot_ros.diagnosis.answer.extended_model import effects_section
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.effects import catalogue
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
+from spacerobot_ros.effects.expression import Expression
+from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.model.settings import SensorSettings
+from spacerobot_ros.recording.record import JointSeries, Record
+from spacerobot_ros.sensing.faults import SensorFaults
+from spacerobot_ros.simulation.plant import Plant
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+VISCOUS = {
+    'effect': 'formula',
+    'where': 'j_first',
+    'torque': '-c * rate',
+    'parameters': {'c': {'unit': 'N m s/rad', 'size': 10.0, 'relevant': 0.05, 'minimum': 0.0}},
+}
+BUILT_IN = {'effect': 'joint_viscous_friction', 'where': 'j_first'}
+STEP = 0.01
+STATED = {'joint_position_std': 1e-4, 'joint_velocity_std': 1e-3, 'joint_effort_std': 0.02}
+
+
+def robot(**settings):
+    zero, along = np.zeros(3), np.array([0.3, 0.0, 0.0])
+    parts = [
+        Part('base_link', -1, 'base', 10.0, zero, np.eye(3)),
+        Part('first', 0, 'revolute', 4.0, along, 0.3 * np.eye(3), AXIS['z']),
+        Part('second', 1, 'prismatic', 1.0, zero, 0.2 * np.eye(3), AXIS['x'], along),
+    ]
+    return robot_of(parts, base='fixed', **settings)
+
+
+def bound(**entry):
+    return bind_effects({'own': {**VISCOUS, **entry}}, robot())[0]
+
+
+def test_a_formula_is_what_it_says(rng):
+    body = robot()
+    entry = {
+        **VISCOUS,
+        'torque': '-k * sin(n * position + 0.5) - c * rate * abs(rate) + 0.1 * effort',
+        'parameters': {
+            'k': {'unit': 'N m'},
+            'n': {'unit': '', 'guesses': [2.0, 4.0]},
+            'c': {'unit': 'N m s^2/rad^2'},
+        },
+        **{'k': 2.0, 'n': 3.0, 'c': 0.5},
+    }
+    # a term that no parameter scales would be there at all times
+    with pytest.raises(ConfigurationError, match='is not in proportion to k, c together'):
+        bind_effects({'own': entry}, body)
+    entry['torque'] = '-k * sin(n * position + 0.5) - c * rate * abs(rate)'
+    (own,) = bind_effects({'own': entry}, body)
+    motion = motion_of(body, rng, 5)
+    q, qd = motion.q[:, 0], motion.qd[:, 0]
+    force = own.force(motion, np.zeros((5, 0)))
+    want = -2.0 * np.sin(3.0 * q + 0.5) - 0.5 * qd * np.abs(qd)
+    np.testing.assert_allclose(force[:, 6], want, rtol=1e-12)
+    assert not force[:, :6].any()
+    assert not force[:, 7].any()
+
+
+def run(entry, steps=300):
+    """Positions of the plant under held torques and an effect."""
+    body = robot()
+    effects = bind_effects({'own': entry}, body)
+    zero = np.zeros(2)
+    still = State(
+        np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), zero, np.zeros(3), np.zeros(3), zero
+    )
+    plant, rows = Plant(body, still, STEP, 1, effects), []
+    for k in range(steps):
+        rows.append((plant.state.q, plant.state.qd, plant.effort))
+        plant.step(np.array([2.0, 1.0]) * np.sin(0.03 * k + np.arange(2)))
+    return tuple(np.array(column) for column in zip(*rows, strict=True))
+
+
+def test_simulated_as_its_built_in_twin():
+    for own, theirs in zip(
+        run({**VISCOUS, 'c': 0.7}), run({**BUILT_IN, 'coefficient': 0.7}), strict=True
+    ):
+        np.testing.assert_allclose(own, theirs, rtol=0, atol=1e-13)
+
+
+@pytest.fixture(scope='module')
+def measured():
+    """12 s with friction of 0.7 N m s/rad that no model knows of, and noise that is stated."""
+    rng = np.random.default_rng(5)
+    q, qd, effort = run({**BUILT_IN, 'coefficient': 0.7}, 1200)
+    stamps = np.arange(len(q)) * round(STEP * 1e9)
+    noisy = (
+        x + s * rng.standard_normal(x.shape) for x, s in ((q, 1e-4), (qd, 1e-3), (effort, 0.02))
+    )
+    return Record(JointSeries(('j_first', 'j_second'), stamps, *noisy))
+
+
+def found(record, own, catalogue):
+    """The one cause that a diagnosis names."""
+    body = replace(robot(), sensors=SensorSettings(**STATED))
+    (cause,) = diagnose(record, body, own, catalogue).causes
+    return cause
+
+
+def test_diagnosed_as_its_built_in_twin(measured):
+    twin = CATALOGUE['joint_viscous_friction']
+    others = [CATALOGUE['joint_coulomb_friction'], CATALOGUE['torque_sensor_bias']]
+    own_kind = type(bound())
+    theirs = found(measured, (), [twin, *others]).parameters['coefficient']
+    cause = found(measured, (), [own_kind, *others])
+    ours = cause.parameters['c']
+    assert (cause.applied.id, cause.applied.where) == ('formula_own', 'j_first')
+    assert ours.value == pytest.approx(theirs.value, rel=1e-3)
+    assert ours.std == pytest.approx(theirs.std, rel=0.01)
+    assert abs(ours.value - 0.7) < 4.0 * ours.std
+    # what is written is read again as the same effect
+    section = effects_section([cause.applied])
+    (again,) = bind_effects(section, robot())
+    assert type(again) is type(cause.applied)
+    assert again.values == cause.applied.values
+
+
+def test_a_formula_of_the_file_is_looked_for_without_being_asked():
+    body = robot()
+    believed = bind_effects({'own': VISCOUS}, body)  # without a value: it does nothing
+    assert believed[0].values == {'c': 0.0}
+    assert type(believed[0]) in catalogue.kinds_beside(believed)
+    assert type(believed[0]) not in catalogue.kinds_beside(())
+    assert type(bound()) is type(believed[0])
+
+
+def test_fed_forward_as_every_other():
+    body, at = robot(), Setpoint(np.zeros(2), np.array([0.5, 0.2]), np.zeros(2))
+    tau = FeedForward(body, [bound(c=0.7)])(at, np.zeros(3), np.zeros(2))
+    np.testing.assert_allclose(tau, [0.35, 0.0], atol=1e-12)
+    period = {'unit': 's', 'guesses': [3.0]}
+    parameters = {'c': {'unit': 'N m'}, 'T': period}
+    timed = bound(torque='-c * sin(time / T)', parameters=parameters, c=1.0)
+    assert FeedForward(body, [timed])(at, np.zeros(3), np.zeros(2)) == pytest.approx([0.0, 0.0])
+
+
+def test_a_sensor_reads_what_the_formula_adds(rng):
+    body = robot()
+    entry = {
+        **{'effect': 'formula', 'where': 'j_first', 'channel': 'joint_position'},
+        **{'change': 'a * sin(2 * reading)', 'parameters': {'a': {'unit': 'rad'}}, 'a': 0.01},
+    }
+    faults = SensorFaults(body, bind_effects({'gear': entry}, body))
+    motion = motion_of(body, rng, 4)
+    said = faults.sensed('joint_position', motion.q, motion)
+    want = motion.q + 0.01 * np.sin(2.0 * motion.q) * [1.0, 0.0]
+    np.testing.assert_allclose(said, want, rtol=1e-12)
+    np.testing.assert_array_equal(faults.sensed('joint_velocity', motion.qd, motion), motion.qd)
+    undone, _, _ = faults.undo_joints(said, motion.qd, motion.effort)
+    np.testing.assert_allclose(undone, motion.q, atol=2e-7)  # 0.02^4 rad left by three passes
+
+
+@pytest.mark.parametrize(
+    ('change', 'why'),
+    [
+        ({'torque': '-c * speed'}, r"effects\.own\.torque: nothing is called 'speed' here"),
+        ({'torque': '-c * rate +'}, r'is no formula: invalid syntax'),
+        ({'torque': '-c * velocity(rate)'}, r"there is no function 'velocity'"),
+        ({'torque': '-c * rate.real'}, r"'rate.real' is not part of a formula"),
+        ({'torque': '(lambda: c * rate)()'}, 'is not part of a formula'),
+        ({'torque': '-c * rate if rate else 0'}, 'is not part of a formula'),
+        ({'torque': '-c * position'}, r'is in kg m\^2 s\^-1, expected N m'),
+        ({'torque': '-c * (rate + position)'}, 's\\^-1 and pure numbers do not add up'),
+        ({'torque': '-c * sin(rate)'}, 'sin takes a pure number, got s\\^-1'),
+        ({'torque': '-c * rate / position'}, r'is not finite at position 0, rate 0'),
+        ({'torque': '-c * rate ** 2 / rate'}, 'is not finite at rate 0'),
+        ({'torque': '-exp(c * rate)'}, 'is not in proportion to c'),
+        ({'c': -1.0}, r'effects\.own\.c: -1'),
+        ({'d': 1.0}, r'effects\.own\.d: no such parameter \(it has c\)'),
+        ({'parameters': {'c': {'unit': 'lbf'}}}, r"'lbf' is no SI unit"),
+        ({'parameters': {'c': {}}}, r'parameters\.c: expected \{unit'),
+        ({'parameters': {'c': {'unit': '1', 'sise': 1.0}}}, "there is no 'sise'"),
+        ({'where': 'j_second'}, 'expected N'),
+        ({'where': 'elbow'}, "no place 'elbow'"),
+        ({'change': 'c'}, 'needs one formula'),
+        ({'torque': '(' * 1200 + 'c' + ')' * 1200}, 'longer than 2000 characters'),
+        ({'torque': '-' * 100 + 'c * rate'}, 'nested deeper than'),
+    ],
+)
+def test_what_is_no_formula_is_refused_with_its_place(change, why):
+    with pytest.raises(ConfigurationError, match=why):
+        bound(**change)
+
+
+HOSTILE = (
+    '__import__("os").system("touch taken")',
+    'c.__class__.__mro__[1].__subclasses__()',
+    '(lambda: open("taken", "w"))()',
+    '[x for x in (1, 2)]',
+    'eval("1")',
+    'f"{c}"',
+    'c := 3',
+    '"a" * 10**9',
+    'sin(*[c])',
+    'min(c, c, key=c)',
+)
+
+
+@pytest.mark.parametrize('text', HOSTILE)
+def test_no_formula_runs_code(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigurationError):
+        Expression.parse(text, 'here')
+    assert not list(tmp_path.iterdir())
+
+
+@given(st.text(alphabet='cr()+-*/. 012sin_[]{}:="\'\n', max_size=40))
+def test_any_text_is_a_formula_or_refused(text):
+    try:
+        found = Expression.parse(text, 'here')
+    except ConfigurationError:
+        return
+    values = dict.fromkeys(found.names, 0.5)
+    assert np.shape(found(values)) == ()
+
+
+MODULE = '''
+from spacerobot_ros.effects.joint import JointTorque
+from spacerobot_ros.effects.parameter import amount
+
+
+class Grease(JointTorque):
+    """tau = -c q' abs(q').
+
+    Args:
+        coefficient: Torque against the joint rate, per squared rate.
+    """
+
+    id = '{id}'
+    title = 'grease'
+    parameters = (amount('coefficient', 'N m s^2/rad^2', 1.0),)
+
+    def torque(self, q, qd, effort):
+        return -self['coefficient'] * qd * abs(qd)
+'''
+
+
+IDLE = MODULE.replace('{id}', 'idle').replace('def torque', 'def other')
+IDLE = IDLE.replace('JointTorque', 'JointEffect')
+
+
+@pytest.fixture
+def with_module(tmp_path):
+    """A robot file with a module beside it; the catalogue is as it was afterwards."""
+    before = dict(CATALOGUE)
+
+    def load(text, name='own_effects.py', effects=()):
+        (tmp_path / name).write_text(text)
+        content = yaml.safe_load((CONFIG / 'servicer.yaml').read_text())
+        values = content['/**']['ros__parameters']
+        values['robot']['effect_modules'] = [name]
+        values['effects'] = dict(effects)
+        (tmp_path / 'robot.yaml').write_text(yaml.safe_dump(content))
+        return load_robot_file(tmp_path / 'robot.yaml')
+
+    yield load
+    for added in set(CATALOGUE) - set(before):
+        del catalogue._KNOWN[added]
+
+
+def test_effects_of_a_module_are_as_those_of_the_catalogue(with_module, rng):
+    entry = {'effect': 'grease', 'where': 'joint_1', 'coefficient': 0.5}
+    file = with_module(MODULE.replace('{id}', 'grease'), effects={'own': entry})
+    motion = motion_of(file.robot, rng, 3)
+    force = file.effects[0].force(motion, np.zeros((3, 0)))[:, 6]
+    np.testing.assert_allclose(force, -0.5 * motion.qd[:, 0] * np.abs(motion.qd[:, 0]))
+    assert CATALOGUE['grease'].is_own
+    assert load_robot_file  # a second time it is the same kind
+    again = with_module(MODULE.replace('{id}', 'grease'), effects={'own': entry})
+    assert type(again.effects[0]) is type(file.effects[0])
+
+
+@pytest.mark.parametrize(
+    ('text', 'why'),
+    [
+        ('import nothing_of_that_name', r'raises ModuleNotFoundError.*\(raising_0\.py:1\)'),
+        ('\n\n1 / 0', r'raises ZeroDivisionError: division by zero \(raising_1\.py:3\)'),
+        ('x = 1', 'has no effect'),
+        (MODULE.replace('{id}', 'joint_coulomb_friction'), "'joint_coulomb_friction' is taken"),
+        (IDLE, 'does nothing'),
+    ],
+    ids=range(5),
+)
+def test_modules_that_can_not_be_used_are_refused_in_one_line(with_module, text, why, request):
+    name = f'raising_{request.node.callspec.id}.py'
+    with pytest.raises(ConfigurationError, match=why) as refused:
+        with_module(text, name)
+    assert str(refused.value).startswith('robot.effect_modules[0] (')
+    assert '\n' not in str(refused.value)
