@@ -16,6 +16,7 @@ from ..estimation.evidence import Gram, score
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_std
 from ..types import Array
+from .answer.free_motion import free_motion
 from .answer.residuals import series
 from .answer.result import (
     Cause,
@@ -32,6 +33,7 @@ from .answer.result import (
 from .arms import ArmFound, rms
 from .friction_law import friction_laws
 from .limits import EQUIVALENT, RELEVANT
+from .ratios import ratios, scale_notes
 from .selection import Selection
 
 _UNTESTED = Evidence(
@@ -95,11 +97,13 @@ def conclude_arm(
         fit_p=None,
         null_p=None,
         next_motion=(),
-        notes=notes,
+        notes=(*notes, *scale_notes(found)),
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),
         friction=friction_laws(found),
         leftover=leftover,
+        ratios=ratios(found, usual),
+        free_motion=free_motion(found.fit.rows.balances, found.extended),
     )
 
 
@@ -142,7 +146,8 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
     i = keys.index(('joint_torque_constant', effect.where))
     (at,) = rows.places[i]
     scatter, dof = _scatter(found, i)
-    std = math.sqrt(max(1.0, scatter / dof) * float(posterior.covariance[at, at]))
+    birge = max(1.0, scatter / dof)
+    std = math.sqrt(birge * float(posterior.covariance[at, at]))
     return Cause(
         applied=effect,
         parameters={
@@ -155,7 +160,7 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
         rivals=(),
         thresholds={p.name: replace(p, relevant=0.0) for p in effect.parameters},
         relevant=True,
-        constant_p=float(chi2.sf(scatter, dof)),
+        constant_p=float(chi2.sf(scatter / birge, dof)),
     )
 
 

@@ -20,6 +20,7 @@ from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
 from ..estimation.evidence import Gram, sum_of
+from ..estimation.motor_constants import as_recorded, first_constants
 from ..estimation.observations import observed, refuse_unbalanced
 from ..model.robot import Robot
 from ..recording.faults.check import check_data
@@ -102,9 +103,12 @@ def compare(
         measured = [observed(record, robot) for record in records]
         refuse_unbalanced(measured, robot)
         groups.append(measured)
+    every = [*groups[0], *groups[1]]
+    robot = as_recorded(robot, every)
+    believed = (*believed, *first_constants(every, robot, believed))
     kinds = kinds_beside(believed)
     count = len(before)
-    if count >= FEWEST and (runs := aligned([*groups[0], *groups[1]])):
+    if count >= FEWEST and (runs := aligned(every)):
         report('balancing torques of repeats of one motion', 0.2)
         return find_changes_of_repeats(runs[:count], runs[count:], robot, believed, kinds)
     return find_changes(groups[0], groups[1], robot, believed, kinds, report)
@@ -141,7 +145,7 @@ def find_changes(
         rows,
         [_doubled(part, shared, is_changed=True) for part in second.parts(levels)],
         second.recording,
-        _doubled(sum_of(first.parts(levels)), shared, is_changed=False),
+        _doubled(sum_of(first.parts(levels)), shared, is_changed=False) + _both_held(both.held),
     )
     selection.run()
     selection.check_held_out()
@@ -169,6 +173,13 @@ def _changed_rows(both: ArmRows) -> ChangedRows:
     )
     common = np.maximum(both.sizes, both.tolerances)
     return ChangedRows(both.balances, candidates, np.concatenate([common, *tolerances]), common)
+
+
+def _both_held(held: Gram) -> Gram:
+    """Scales that nothing measured tells: they are the file's, and do not change."""
+    none = np.zeros_like(held.matrix)
+    matrix = np.block([[held.matrix, none], [none, held.matrix]])
+    return Gram(matrix, np.concatenate([held.vector, held.vector]), 0.0, 0)
 
 
 def _doubled(gram: Gram, shared: int, *, is_changed: bool) -> Gram:

@@ -29,6 +29,11 @@ _AFTER_FRICTION = (
 )
 
 
+_LAST = ('joint_torque_ripple',)
+"""Chosen where nothing else is wanted: a few periods follow any smooth curve of the angle. What
+stands in its place until then is pruned."""
+
+
 class Selection:
     """Choice of causes.
 
@@ -169,6 +174,8 @@ class Selection:
         the same as their neighbours', what hangs on the last link.
         """
         candidates, last = self.rows.candidates, self.rows.robot.bodies[-1].name
+        usual = [pair for pair in wanted if candidates[pair[0]].kind.id not in _LAST]
+        wanted = usual or wanted
         close = [(i, m) for i, m in wanted if m > SIMPLER_MARGIN * wanted[0][1]]
         best = candidates[wanted[0][0]]
         if best.kind.id == 'inertial_parameters':

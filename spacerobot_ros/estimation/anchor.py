@@ -33,14 +33,21 @@ double precision takes the rest."""
 _BODIES = ('inertial_parameters', 'motor_inertia')
 
 
-def scale_columns(balances: Sequence[Balance], candidates: Sequence[Candidate]) -> Array:
-    """(A, K) relative change of each unanchored branch's scale by unit of every coefficient.
+def unanchored(balances: Sequence[Balance]) -> list[list[int]]:
+    """Numbers of the joints of every branch from the base where no torque is measured."""
+    return [b for b in _branches(balances[0].robot) if not _is_measured(b, balances)]
+
+
+def scale_columns(
+    balances: Sequence[Balance],
+    candidates: Sequence[Candidate],
+    branches: Sequence[Sequence[int]],
+) -> Array:
+    """(A, K) relative change of the scale of each of A branches by unit of every coefficient.
 
     Raises:
         ConfigurationError: gravity is to be the anchor of a branch that has no weight.
     """
-    robot = balances[0].robot
-    branches = [b for b in _branches(robot) if not _is_measured(b, balances)]
     return np.array([_scale(balances, candidates, branch) for branch in branches]).reshape(
         len(branches), sum(len(c.sizes) for c in candidates)
     )
@@ -63,6 +70,7 @@ def _scale(
     balances: Sequence[Balance], candidates: Sequence[Candidate], branch: Sequence[int]
 ) -> Array:
     robot = balances[0].robot
+    branch = [j for j in branch if robot.joints[j] in robot.passive_joints] or branch
     weights = [_resting(b.arm.kinematics) for b in balances]
     is_heavy = any(b.weight[:, branch].any() for b in balances)
     if robot.anchor == 'gravity' and not is_heavy:

@@ -14,6 +14,11 @@ from .arm_rows import ArmRows
 from .constrained import ConstrainedProblem, PhysicalBody
 from .evidence import Gram
 
+_TURNING = [1, 2, 3, 5, 7, 8]
+"""First moments and products of inertia: a wheel's, whose rate alone is measured, are known in one
+recording only, whose first sample they are counted from."""
+_ROUNDING = 1e-9  # of a size: what barriers leave of coefficients that are zero
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
@@ -86,6 +91,7 @@ class ArmFit:
         )
         out = np.zeros(len(self.deviations))
         out[used] = problem.solve()
+        out[np.abs(out) < _ROUNDING * self.deviations] = 0.0
         return out
 
     def spread(self, i: int) -> Array:
@@ -113,16 +119,17 @@ class ArmFit:
 
         A gain that is not named stays in the measured torques, in whose units all values are.
         """
-        named = [self.rows.candidates[i].where for i in self.chosen if self._is_gain(i)]
+        named = [self.rows.candidates[i].where for i in self.chosen if self.is_gain(i)]
         out = np.diag(self.whole.matrix) > 0.0
         for i, at in enumerate(self.rows.places):
             if self.rows.candidates[i].kind.id == 'inertial_parameters':
                 out[at] = out[at].any()
-            if self._is_gain(i) and self.rows.candidates[i].where not in named:
+            if self.is_gain(i) and self.rows.candidates[i].where not in named:
                 out[at] = False
         return np.flatnonzero(out)
 
-    def _is_gain(self, i: int) -> bool:
+    def is_gain(self, i: int) -> bool:
+        """Whether a candidate is the gain of a joint's measured torques."""
         return self.rows.candidates[i].kind.id == 'joint_torque_constant'
 
     def _bodies(self, used: IntArray) -> tuple[PhysicalBody, ...]:
@@ -151,17 +158,26 @@ class ArmFit:
         gains = {
             rows.candidates[i].where: 1.0 / (1.0 - min(float(self.values[rows.places[i][0]]), 0.9))
             for i in self.chosen
-            if self._is_gain(i)
+            if self.is_gain(i)
         }
         out = []
         for i in which:
-            c, values = rows.candidates[i], self.values[rows.places[i]]
-            if self._is_gain(i):
+            c, values = rows.candidates[i], self.lasting(i, self.values)
+            if self.is_gain(i):
                 values = np.array([gains[c.where] - 1.0])
             elif c.where in gains:
                 values = gains[c.where] * values
             out.append(c.applied(c.values(values)).canonical())
         return out
+
+    def lasting(self, i: int, every: Array) -> Array:
+        """(k,) of (K,) values of a candidate, without what goes round with an unknown angle."""
+        c, values = self.rows.candidates[i], every[self.rows.places[i]]
+        robot = self.rows.robot
+        bodies = [robot.bodies[1 + robot.joints.index(joint)].name for joint in robot.rate_only]
+        if c.kind.id == 'inertial_parameters' and c.where in bodies:
+            values[_TURNING] = 0.0
+        return values
 
     @property
     def calibration(self) -> list[int]:

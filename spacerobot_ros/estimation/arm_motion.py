@@ -80,11 +80,14 @@ class ArmMotion:
     @cached_property
     def kinematics(self) -> Kinematics:
         """Positions, rates and accelerations."""
-        spline = self._smooth(self.record.joint_time, self.record.q)
-        q, qd, qdd = (np.asarray(spline(self.times, order)) for order in range(3))
+        q, qd, qdd = (np.asarray(self.path(self.times, order)) for order in range(3))
         none = np.zeros((len(q), 3))
-        still = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(q), 1)))
-        return Kinematics(self.times, q, qd, none, still, qdd, none)
+        return Kinematics(self.times, q, qd, none, Rotation.identity(len(q)), qdd, none)
+
+    @cached_property
+    def path(self) -> BSpline:
+        """Positions at any times, or a derivative: `path(times, order)`."""
+        return self._smooth(self.record.joint_time, self.record.q)
 
     @cached_property
     def effort(self) -> Array:

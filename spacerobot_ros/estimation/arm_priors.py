@@ -23,9 +23,11 @@ from .columns import Candidate
 
 _GAIN_TOLERANCE, _SENSOR_TOLERANCE = 0.08, 0.03
 """Of a torque that is a motor current times a constant from a data sheet; of a torque sensor."""
-_BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
 NOTHING = 1e-4
 """Of a size: no tolerance, and still a number."""
+_BY_ANGLE = ('joint_torque_ripple', 'joint_stiffness', 'encoder_offset')
+"""Nothing of a wheel of which only the rate is measured: its angle begins anywhere."""
+_BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
 RUN_TO_RUN = 0.05
 """Of a friction: by so much it differs from run to run of one machine, which a single recording
 can not show (docs/real_machines.md)."""
@@ -96,6 +98,8 @@ class Machine:
         kind, where = candidate.kind.id, candidate.where
         if kind == 'inertial_parameters':
             return self._body(str(where))
+        if kind in _BY_ANGLE and where in self.robot.rate_only:
+            return None
         if where in self.robot.joints:
             j = self.robot.joints.index(str(where))
             if not self.torque[j]:  # it never moves, or has no effort

@@ -13,7 +13,7 @@ import numpy as np
 from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..types import Array, BoolArray, IntArray
-from .anchor import HELD, scale_columns
+from .anchor import HELD, scale_columns, unanchored
 from .arm_priors import NOTHING, Machine, with_prior
 from .balance import Balance
 from .columns import Candidate, candidate_at
@@ -24,7 +24,8 @@ _BLOCKS, _FEW = 4, 2
 _LEAST_BLOCK = 4.0  # s
 _PER_TURN = (1.0, 2.0)
 """Harmonics of a torque ripple: eccentricity and misalignment. Faster ones of a usual motion are
-above the band, and what the data seem to say of them is something else (docs/real_machines.md)."""
+above the band, and what the data seem to say of them is something else (docs/real_machines.md).
+Over less than half a period they are any curve: a weight, a spring, an inertia of a swing."""
 _STRIBECK = 0.1  # of the 95 % rate
 _DRIFT = 0.03
 """Of a torque's rms: how far the level of friction and a gain may drift unnamed. More would be the
@@ -68,7 +69,12 @@ class ArmRows:
     @cached_property
     def anchors(self) -> Array:
         """(A, K) changes of scales that nothing measured tells, which stay as in the file."""
-        return scale_columns(self.balances, self.candidates)
+        return scale_columns(self.balances, self.candidates, self.unanchored)
+
+    @cached_property
+    def unanchored(self) -> list[list[int]]:
+        """Numbers of the joints of every branch where no torque is measured."""
+        return unanchored(self.balances)
 
     @property
     def held(self) -> Gram:
@@ -274,11 +280,12 @@ def _variants(
     kind: type[Effect], where: str | None, balances: Sequence[Balance]
 ) -> list[dict[str, float]]:
     """Values of what an effect is not linear in, as an arm's motion suggests them."""
-    if kind.id == 'joint_torque_ripple':
-        return [{'harmonic': p} for p in _PER_TURN]
     if where not in balances[0].robot.joints:
         return [{}]
     j = balances[0].robot.joints.index(str(where))
+    if kind.id == 'joint_torque_ripple':
+        most = max(float(np.ptp(b.motion.q[:, j])) for b in balances)
+        return [{'harmonic': p} for p in _PER_TURN if p * most > math.pi]
     if kind.id in ('joint_stribeck_friction', 'joint_friction_curvature'):
         speed = np.abs(np.concatenate([b.motion.qd[:, j] for b in balances]))
         fast = max(float(np.quantile(speed, 0.95)), 1e-2)

@@ -55,7 +55,7 @@ class Balance:
         self.robot = process.robot
         self.is_torque = ~np.isin(self.robot.joints, estimated)
         """(n,) whether the effort of a joint that has one is measured in N m."""
-        self.arm, self._process = arm, process
+        self.arm, self.process = arm, process
         off = arm.unpowered
         given = process.motion(
             arm.kinematics, np.where(off, 0.0, arm.effort + compensation), unpowered=off
@@ -69,7 +69,7 @@ class Balance:
     @property
     def effects(self) -> tuple[Effect, ...]:
         """What the model believes to act as a force."""
-        return self._process.effects
+        return self.process.effects
 
     @property
     def effort_rate(self) -> Array:
@@ -81,7 +81,7 @@ class Balance:
         """(N, n) torques that the model needs at rest [N m]."""
         at = self.arm.kinematics
         still = replace(at, qd=np.zeros_like(at.qd), qdd=np.zeros_like(at.qd))
-        return self._process.needed(self._process.motion(still, self.arm.effort))[:, 6:]
+        return self.process.needed(self.process.motion(still, self.arm.effort))[:, 6:]
 
     @cached_property
     def torque(self) -> Array:
@@ -137,7 +137,7 @@ class Balance:
 
     def _required(self, motion: Motion) -> Array:
         """(N, n) motor torque that the model needs for a motion, effects included [N m]."""
-        return (self._process.needed(motion) - self._process.forces(motion))[:, 6:]
+        return (self.process.needed(motion) - self.process.forces(motion))[:, 6:]
 
     def _misread(self, error: Array) -> Array:
         """(N, n) torque that inverse dynamics add where positions are read by `error` too large.
@@ -154,7 +154,7 @@ class Balance:
             at.time, at.q + off, at.qd + slope, at.omega, at.rotation, at.qdd + bend, at.alpha
         )
         required = self._required(
-            self._process.motion(read, self.motion.effort, unpowered=self.motion.unpowered)
+            self.process.motion(read, self.motion.effort, unpowered=self.motion.unpowered)
         )
         return np.asarray((required - self._required(self.motion)) / scale)
 

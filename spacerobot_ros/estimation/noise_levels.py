@@ -14,7 +14,7 @@ from .reference import NoiseLevels, integrated_rotation
 _FLOOR = {
     'joint_position': 1e-8,
     'joint_velocity': 1e-7,
-    'joint_effort': 1e-6,
+    'joint_effort': 1e-8,  # of the largest effort: machines may be of any size
     'gyro': 1e-8,
     'attitude': 1e-8,
 }
@@ -60,7 +60,10 @@ def noise_levels(
                 f'{name}: the data are noisier than stated, {seen:.3g} against {stated:.3g}; '
                 'the data count'
             )
-        levels[name] = max(level or 0.0, _resolution(values) / _UNIFORM, _FLOOR[name])
+        floor = _FLOOR[name]
+        if name == 'joint_effort' and values is not None:
+            floor *= max(float(np.nanmax(np.abs(values))), 1e-300)
+        levels[name] = max(level or 0.0, _resolution(values) / _UNIFORM, floor)
     return NoiseLevels(**levels), tuple(notes)
 
 

@@ -29,6 +29,7 @@ from .torque_process import TorqueDriven
 _GAUSS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
 _CELLS = np.array([0.0, 5.0, 13.0, 18.0]) / 18.0
 _PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
+_PASSIVE = 1e-3  # of the efforts' noise, at joints whose torque is zero
 _START_STD = 0.03  # rad, rad/s; far above what the reference misses
 _UNKNOWN_EFFORT = 1e3  # N m; internal torques unknown: only momentum is left to judge by
 _THREADS = 2
@@ -291,12 +292,18 @@ class Innovations:
 
     def _effort_variance(self) -> Array:
         """(N-1, n) variance of the effort samples that enter with each step."""
-        variance = np.full((len(self.durations), self.n), self.noise.joint_effort**2)
+        variance = np.tile(self._sampled_effort, (len(self.durations), 1))
         effort = self.record.effort
         if effort is None:
             return variance + _UNKNOWN_EFFORT**2
-        variance[self.time_base.blind] += np.var(effort, axis=0) + self.noise.joint_effort**2
+        variance[self.time_base.blind] += np.var(effort, axis=0) + self._sampled_effort
         return variance
+
+    @property
+    def _sampled_effort(self) -> Array:
+        """(n,) variance of an effort sample; next to nothing where there is no motor."""
+        passive = np.isin(self.process.robot.joints, self.process.robot.passive_joints)
+        return np.where(passive, _PASSIVE, 1.0) ** 2 * self.noise.joint_effort**2
 
     def _extra_variance(self) -> Array:
         """(N-1, d) variance that enters each step beside the efforts' own."""
@@ -305,7 +312,7 @@ class Innovations:
     def _start(self) -> Array:
         size = 2 * self.m
         variance = np.full(size + 2 * self.n, _START_STD**2)
-        variance[size:] = self.noise.joint_effort**2
+        variance[size:] = np.tile(self._sampled_effort, 2)
         return np.diag(variance)
 
 

@@ -162,6 +162,8 @@ def _causes(answer: Findings) -> Iterator[Item]:
             'named frictions over the rates of the record; an offset of the torque makes its two '
             'directions differ.',
         )
+    if answer.diagnosis.ratios:
+        yield tables.ratio_table(answer.diagnosis, tables.RATIOS)
     for line in tables.rival_lines(causes):
         yield line
     for line in tables.minor_lines(minor):
@@ -251,6 +253,8 @@ def _remains(answer: Findings) -> Iterator[Item]:
     yield from lines
     if answer.score:
         yield f'Also: {tables.score_line(answer.score)}.'
+    for one in (*answer.diagnosis.free_motion, *(s.free for s in answer.score if s.free)):
+        yield f'{tables.free_motion_line(one)}.'
 
 
 def _leftover(answer: Findings) -> Iterator[Item]:

@@ -9,12 +9,13 @@ from ..diagnosis.answer.appearance import Appearance
 from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
 from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.output import relevance
-from ..diagnosis.answer.result import Cause, Diagnosis, Residual
+from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..display import Section, Table, table
 from .formats import UNTESTED, number, percent, probability, value_with
 from .leftover_tables import leftover_lines
 
+RATIOS = 'ratios, which hold for any scale of the torques'
 _RANKED = 10  # rows
 _CLEAR = 0.5  # correlation from which it is worth a word
 ABOVE_NOISE = 1.05
@@ -33,6 +34,8 @@ def summary(answer: Findings) -> Iterator[Section]:
         yield Section('evidence', [evidence_table(causes)])
     if diagnosis.friction:
         yield Section('friction of each joint, all laws together', [friction_table(diagnosis)])
+    if diagnosis.ratios:
+        yield Section(RATIOS, [ratio_table(diagnosis)])
     yield Section('rivals:', rival_lines(causes))
     yield Section('found, but too small to matter:', minor_lines(diagnosis.minor))
     if diagnosis.verdict != 'consistent':
@@ -41,7 +44,9 @@ def summary(answer: Findings) -> Iterator[Section]:
     title = 'residuals before and after (white p: probability of as much structure in white noise)'
     yield Section(title, [residual_table(diagnosis)])
     worth = [gain_line(diagnosis)]
+    worth += [free_motion_line(one) for one in diagnosis.free_motion]
     worth += [score_line(answer.score)] if answer.score else []
+    worth += [f'there: {free_motion_line(one.free)}' for one in answer.score if one.free]
     worth += [] if closed is None else [closed_loop_line(closed)]
     yield Section('', worth)
     yield Section('what remains:', remaining(diagnosis))
@@ -95,6 +100,27 @@ def friction_table(diagnosis: Diagnosis, caption: str = '') -> Table:
         'viscous [N m s/rad]': lambda law: number(law.viscous, 3),
     }
     return table(diagnosis.friction, columns, caption)
+
+
+def ratio_table(diagnosis: Diagnosis, caption: str = '') -> Table:
+    """One row a ratio."""
+    columns = {
+        'joint': lambda r: r.joint,
+        'ratio': lambda r: r.ratio.replace('_', ' ') + (f' ({r.of})' if r.of else ''),
+        'value': lambda r: value_with(r.value, r.std),
+        '+- std': lambda r: number(r.std, 2),
+        'unit': lambda r: r.unit or '1',
+    }
+    return table(diagnosis.ratios, columns, caption)
+
+
+def free_motion_line(free: FreeMotion) -> str:
+    """How far a joint without a motor is predicted, in a line."""
+    return (
+        f'{free.joint}, free, predicted over {free.horizon:g} s ({free.windows} times): '
+        f'{number(free.rms_before, 3)} {free.unit} rms before, {number(free.rms_after, 3)} after '
+        f'(median {number(free.median_before, 3)}, {number(free.median_after, 3)})'
+    )
 
 
 def residual_table(diagnosis: Diagnosis, caption: str = '') -> Table:

@@ -66,6 +66,7 @@ class Plant:
         self.effort: Array = np.zeros(self.n_arm)
         self._x = initial.to_vector()
         self._joint_work = 0.0
+        self._driven = 1.0 - np.isin(robot.arm, robot.passive_joints)
         self._torque, self._arm = np.zeros(robot.n_joints), slice(7, 7 + self.n_arm)
         self._free = Holding(self.dynamics, self.period, substeps, tableau)
         self._forced = ForcedMotion(self.dynamics, effects, self.period, substeps, tableau)
@@ -98,7 +99,8 @@ class Plant:
         """Advance by one control period.
 
         Args:
-            tau: (n_arm,) joint torques held over the period [N m].
+            tau: (n_arm,) joint torques held over the period [N m]; those of joints without a motor
+                are zero, whatever is commanded.
             base_wrench: (6,) [force; torque] held on the base, at its origin in base coordinates
                 [N, N m].
 
@@ -107,7 +109,7 @@ class Plant:
                 was.
             SimulationDivergedError: the new state is not finite; the plant stays as it was.
         """
-        tau = _checked(tau, self.n_arm, 'joint torque')
+        tau = _checked(tau, self.n_arm, 'joint torque') * self._driven
         wrench = None if base_wrench is None else _checked(base_wrench, 6, 'base wrench')
         is_pushed = wrench is not None and self.robot.is_free and bool(wrench.any())
         torque, arm = self._torque, self._arm

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from ..recording.compose import Composer
 from ..sensing.sensors import SensorSamples
 from .plant import Plant
@@ -36,6 +38,7 @@ def sample_messages(
         yield '/wheel_states', compose.joint_state(ns, wheels, velocity=samples.wheel_rates)
     if samples.joints is not None:
         j, names = samples.joints, robot.arm
-        effort = j.effort / robot.effort_units
+        driven = ~np.isin(names, robot.passive_joints)
+        effort = np.where(driven, j.effort / robot.effort_units, 0.0)
         message = compose.joint_state(ns, names, j.position, j.velocity, effort)
         yield '/joint_states', message

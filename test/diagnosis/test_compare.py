@@ -188,7 +188,7 @@ def test_standing_joints_of_a_ur10e_have_no_name(tmp_path, capsys):
     words = [folder / 'ur-20_01_22-joint_1.csv.gz', '--robot', tmp_path / 'ur10e.yaml']
     words += ['--map', ROOT / 'config' / 'examples' / 'ur10e_map.yaml', '--out', tmp_path / 'o']
     assert main(['diagnose', *map(str, words), '--no-closed-loop', '--json']) == 1
-    found = keeps('compare', capsys.readouterr().out)
+    found = keeps('diagnose', capsys.readouterr().out)
     standing = {'shoulder_lift_joint', 'elbow_joint'} | {f'wrist_{k}_joint' for k in (1, 2, 3)}
     assert not standing & {c['where'] for c in found['causes']}
     assert 'shoulder_pan_joint' in {c['where'] for c in found['causes']}

@@ -62,6 +62,68 @@ def test_kuka_lwr4(tmp_path, capsys):
     assert found['score']['rms_after'] < 0.4
 
 
+def test_xl330_pendulum_s_zero_of_the_encoder(tmp_path, capsys):
+    """From where the torque goes off; published: 0.028 to 0.031 rad the other way round.
+
+    Its rotor: 0.0018 kg m^2; friction: 0.0128 N m and 0.0037 N m s/rad, as one law at 1 rad/s.
+    """
+    folder = data_set('bam_xl330_pendulum')
+    drops = [path for path in folder.glob('*.json') if '"lift_and_drop"' in path.read_text()]
+    assert len(drops) == 2
+    _, found = diagnosed(
+        capsys,
+        *sorted(drops),
+        '--map',
+        EXAMPLES / 'xl330_pendulum_map.yaml',
+        '--robot',
+        EXAMPLES / 'xl330_pendulum.yaml',
+        '--out',
+        tmp_path / 'out',
+    )
+    causes = {c['effect']: c['parameters'] for c in found['causes']}
+    assert causes['encoder_offset']['offset']['value'] == pytest.approx(-0.0295, abs=0.005)
+    assert 'inertial_parameters' not in causes
+    assert causes['motor_inertia']['inertia']['value'] == pytest.approx(0.0018, rel=0.2)
+    (law,) = found['friction']
+    assert law['coulomb'] + law['viscous'] == pytest.approx(0.0165, rel=0.5)
+
+
+def test_reaction_wheel_pendulum(tmp_path, capsys):
+    """Neither a torque nor a mass is known; ranges of several fits of these runs."""
+    folder = data_set('delft_reaction_pendulum')
+    head, *rows = (folder / 'no_input.csv').read_text().splitlines()
+    alone = [row for row in rows if float(row.split(',')[0]) > 6.0]  # after a hand let go
+    (tmp_path / 'free.csv').write_text('\n'.join([head, *alone]) + '\n')
+    _, found = diagnosed(
+        capsys,
+        folder / 'no_chirp_015amp.csv',
+        '--score',
+        tmp_path / 'free.csv',
+        '--map',
+        EXAMPLES / 'reaction_pendulum_map.yaml',
+        '--robot',
+        EXAMPLES / 'reaction_pendulum.yaml',
+        '--out',
+        tmp_path / 'out',
+    )
+    ratios = {(r['joint'], r['ratio'], r['of']): r['value'] for r in found['ratios']}
+    for key, low, high in (
+        (('pivot', 'weight_by_inertia', None), 10.5, 10.9),
+        (('pivot', 'inertia_by_inertia', 'wheel'), 0.0093, 0.0102),
+        (('pivot', 'coulomb_by_inertia', None), 0.10, 0.145),
+        (('wheel', 'motor_constant_by_inertia', None), 109.0, 115.0),
+        (('wheel', 'coulomb_by_motor_constant', None), 0.060, 0.072),
+    ):
+        assert low < ratios[key] < high, key
+    causes = {(c['effect'], c['where']): c['parameters'] for c in found['causes']}
+    assert causes['current_offset', 'wheel']['offset']['value'] == pytest.approx(0.067, abs=0.01)
+    assert 0.015 < causes['joint_sensor_delay', 'wheel']['delay']['value'] < 0.045
+    (free,) = found['free_motion']
+    assert free['rms_after'] < 2e-3 < 0.25 * free['rms_before']
+    (other,) = found['score']['free_motion']
+    assert other['rms_after'] < 2e-3 < 0.25 * other['rms_before']
+
+
 def test_xl330_pendulum_names_nothing_that_it_can_not_carry(tmp_path, capsys):
     folder = data_set('bam_xl330_pendulum')
     status, found = diagnosed(

@@ -9,6 +9,8 @@ from typing import Any
 
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile, load_robot_file
+from ...estimation.motor_constants import as_recorded
+from ...model.robot import Robot
 from ...recording.faults.check import check_data
 from ...recording.read import read_record, read_records
 from ...recording.record import Record
@@ -95,6 +97,15 @@ class Findings:
         return {**found, 'score': score_to_dict(self.score)} if self.score else found
 
 
+def _uncontrolled(machine: Robot) -> str:
+    """Why no controller is simulated; empty where one can be."""
+    if not machine.joints:
+        return 'left out (the robot has no joints)'
+    if machine.passive_joints or machine.without_constant:
+        return 'a joint without a motor, or without a motor constant, follows no command'
+    return ''
+
+
 def findings(
     asked: Question, command: str, report: Callable[[float, str], None] = lambda share, what: None
 ) -> Findings:
@@ -125,8 +136,8 @@ def findings(
     learned = tuple(e.applied for e in diagnosis.leftover or () if e.applied is not None)
     extension = (*added, *calibration, *learned)
     closed, why = None, 'left out (--no-closed-loop)'
-    if not file.robot.joints:
-        why = 'left out (the robot has no joints)'
+    if lacking := _uncontrolled(as_recorded(file.robot, records)):
+        why = lacking
     elif asked.has_closed_loop:
         report(0.95, 'simulating a controller with the old and the extended model')
         closed, why = closed_loop_gain(file, extension)

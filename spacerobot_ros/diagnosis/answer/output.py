@@ -58,6 +58,8 @@ def to_dict(
         'leftover': None
         if diagnosis.leftover is None
         else [_leftover(entry) for entry in diagnosis.leftover],
+        'ratios': [asdict(ratio) for ratio in diagnosis.ratios],
+        'free_motion': [asdict(joint) for joint in diagnosis.free_motion],
         'calibration': [_calibration(effect) for effect in diagnosis.calibration],
     }
     return dict(json_value(values))

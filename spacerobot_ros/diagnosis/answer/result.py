@@ -160,6 +160,46 @@ class FrictionLaw:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Ratio:
+    """What holds of a joint for any scale of all torques, masses and inertias.
+
+    Args:
+        joint: Its name. ratio: Such as `weight_by_inertia` (docs/diagnosis.md).
+        of: The other joint, of `inertia_by_inertia`: of its inertia coupling with the joint.
+        value: In `unit`. std: Standard deviation.
+    """
+
+    joint: str
+    ratio: str
+    of: str | None
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeMotion:
+    """How far predictions of a joint without a motor are from what it did.
+
+    Args:
+        joint: Its name. unit: rad or m.
+        horizon: Time that is predicted at once, from the best start [s].
+        windows: Number of such times.
+        rms_before: Over all of them, of the model as it stands. rms_after: Of the extended one.
+        median_before: Median of the windows' own. median_after: The same of the extended one.
+    """
+
+    joint: str
+    unit: str
+    horizon: float
+    windows: int
+    rms_before: float
+    rms_after: float
+    median_before: float
+    median_after: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingMisfit:
     """Rms of the torques that models miss of one recording, over all joints where they move.
 
@@ -260,6 +300,8 @@ class Diagnosis:
         recordings: Every recording, where torques were balanced.
         friction: There, the friction of each joint as one law.
         leftover: What it depends on, channel by channel; None where that was not asked.
+        ratios: There, what holds for any scale of the torques, where none is measured.
+        free_motion: There, how far joints without a motor are predicted (before, after).
     """
 
     verdict: str
@@ -278,3 +320,5 @@ class Diagnosis:
     recordings: tuple[RecordingMisfit, ...] = ()
     friction: tuple[FrictionLaw, ...] = ()
     leftover: tuple[Leftover, ...] | None = None
+    ratios: tuple[Ratio, ...] = ()
+    free_motion: tuple[FreeMotion, ...] = ()

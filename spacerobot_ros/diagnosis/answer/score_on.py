@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from ...effects.effect import Effect
+from ...effects.joint import MotorConstant
 from ...errors import RecordingError
 from ...estimation.arm_motion import BAND as BAND
 from ...estimation.balance import balance_of
+from ...estimation.motor_constants import as_recorded
 from ...estimation.observations import observed
 from ...model.robot import Robot
 from ...recording.faults.check import check_data
 from ...recording.record import Record
 from ..arms import rms
+from .free_motion import free_motion
+from .result import FreeMotion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,11 +31,13 @@ class JointScore:
         joint: Its name.
         before: Of the model as it stands [N m].
         after: Of the extended model [N m].
+        free: How far the joint is predicted, where it has no motor.
     """
 
     joint: str
     before: float
     after: float
+    free: FreeMotion | None = None
 
 
 def score_on(
@@ -55,12 +61,15 @@ def score_on(
     if record.joints is None or record.joints.effort is None:
         raise RecordingError(record.source or 'score', 'has no efforts to hold a model against')
     measured = observed(record, robot)
-    before, after = (
-        rms([balance_of(measured, robot, (*believed, *chosen))]) for chosen in ((), causes)
-    )
+    robot = as_recorded(robot, [measured])
+    constants = [cause for cause in causes if isinstance(cause, MotorConstant)]
+    models = [
+        [balance_of(measured, robot, (*believed, *chosen))] for chosen in (constants, causes)
+    ]
+    free = {one.joint: one for one in free_motion(*models)}
     return tuple(
-        JointScore(joint=joint, before=float(b), after=float(a))
-        for joint, b, a in zip(robot.joints, before, after, strict=True)
+        JointScore(joint=joint, before=float(b), after=float(a), free=free.get(joint))
+        for joint, b, a in zip(robot.joints, *map(rms, models), strict=True)
     )
 
 
@@ -79,4 +88,5 @@ def to_dict(scores: Sequence[JointScore]) -> dict[str, Any]:
         'rms_before': before,
         'rms_after': after,
         'joints': {s.joint: {'rms_before': s.before, 'rms_after': s.after} for s in scores},
+        'free_motion': [asdict(s.free) for s in scores if s.free],
     }
