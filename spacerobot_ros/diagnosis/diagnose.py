@@ -27,6 +27,7 @@ from .limits import LIKE_NOISE, MISFIT, MOST
 from .pieces import diagnose_pieces, pieces_of
 from .search import Search
 from .spinning import diagnose_spin, is_spinning
+from .thrust import diagnose_thrust, has_pose_and_thrust
 from .timing import better_timing, first_timing, held_after_all, in_words
 
 _BALANCED = (
@@ -69,6 +70,9 @@ def diagnose(
     if is_spinning(measured, robot):
         report('fitting the spin that the magnetometer sees', 0.1)
         return diagnose_spin(measured, robot, ())
+    if has_pose_and_thrust(measured, robot):
+        report('fitting the thrusters to the pose', 0.1)
+        return diagnose_thrust(measured, robot, ())
     robot = as_recorded(robot, measured)
     kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
     if len(measured) > 1:
