@@ -78,6 +78,7 @@ class Panel:
         curves: Lines, drawn in order.
         log: Magnitudes on a logarithmic scale.
         levels: Horizontal reference lines: value and label.
+        spans: Shaded parts of the abscissa: from, to and label.
     """
 
     title: str
@@ -85,6 +86,7 @@ class Panel:
     curves: Sequence[Curve]
     log: bool = False
     levels: Sequence[tuple[float, str]] = ()
+    spans: Sequence[tuple[float, float, str]] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

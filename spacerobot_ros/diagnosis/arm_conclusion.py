@@ -31,6 +31,7 @@ from .answer.result import (
     Rival,
 )
 from .arms import ArmFound, rms
+from .events.answer import with_events
 from .friction_law import friction_laws
 from .limits import EQUIVALENT, RELEVANT
 from .ratios import ratios, scale_notes
@@ -85,7 +86,7 @@ def conclude_arm(
         )
         for s, b, a in zip(channels, before, after, strict=True)
     )
-    return Diagnosis(
+    diagnosis = Diagnosis(
         verdict=verdict,
         sentence=_sentence(verdict, named, _overall(before), _overall(after)) + _law_words(laws),
         causes=(*constants, *named),
@@ -105,6 +106,7 @@ def conclude_arm(
         ratios=ratios(found, usual),
         free_motion=free_motion(found.fit.rows.balances, found.extended),
     )
+    return with_events(diagnosis, found.events.events)
 
 
 def _cause(found: ArmFound, k: int, usual: float) -> Cause:

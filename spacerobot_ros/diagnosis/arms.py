@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ from ..recording.record import Record
 from ..types import Array
 from .answer.result import Evidence
 from .arm_evidence import evidence_of
+from .events.arm_events import ArmEvents, Spans, arm_events
 from .limits import CLEAR
 from .selection import Selection
 
@@ -48,6 +49,7 @@ class ArmFound:
         calibration: What is applied beside them without a name: causes that are not clear of
             their own spread, and corrections of the file within its tolerance.
         learned: Laws that nobody has named, see `discovery`.
+        events: What came from outside; all else is found without those times.
     """
 
     records: tuple[Record, ...]
@@ -63,13 +65,14 @@ class ArmFound:
     calibration: tuple[Effect, ...]
     constants: tuple[Effect, ...] = ()
     learned: tuple[Effect, ...] = ()
+    events: ArmEvents = field(default_factory=ArmEvents)
 
     @cached_property
     def extended(self) -> tuple[Balance, ...]:
         """The recordings under the extended model."""
         effects = (*self.believed, *self.constants, *self.named, *self.calibration)
         effects += self.learned
-        return tuple(balance_of(record, self.robot, effects) for record in self.records)
+        return tuple(_balances(self.records, self.robot, effects, self.events.left_out))
 
 
 def find_arm_causes(
@@ -121,9 +124,14 @@ def _found(
     chosen, since a catalogue explains some of any leftover.
     """
     report('balancing torques along the motion', 0.1)
-    balances = [balance_of(record, robot, believed) for record in records]
+    balances = _balances(records, robot, believed, [()] * len(records))
     refuse_rest(balances, records)
     rows = ArmRows.of(balances, kinds)
+    report('looking for events', 0.15)
+    events = arm_events(balances, rows)
+    if any(events.left_out):
+        rows = ArmRows.of(_balances(records, robot, believed, events.left_out), kinds)
+        refuse_rest(rows.balances, records)
     report('finding the level of what no cause explains', 0.2)
     parts = rows.parts(rows.levels(rows.sizes, rows.friction))
     first, rough = (Selection(rows, parts, rows.recording, rows.held) for _ in range(2))
@@ -138,7 +146,8 @@ def _found(
     selection.check_plain(plain)
     evidence = _beyond_placebos(selection, levels)
     report('fitting all causes together', 0.8)
-    fit, clear, named, calibration = _applicable(selection, plain, records, robot, believed)
+    spans = events.left_out
+    fit, clear, named, calibration = _applicable(selection, plain, records, robot, believed, spans)
     return ArmFound(
         tuple(records),
         robot,
@@ -151,7 +160,19 @@ def _found(
         clear,
         named,
         calibration,
+        events=events,
     )
+
+
+def _balances(
+    records: Sequence[Record],
+    robot: Robot,
+    effects: Sequence[Effect],
+    left_out: Sequence[Spans],
+) -> list[Balance]:
+    """Every recording under a robot with effects, without some times."""
+    both = zip(records, left_out, strict=True)
+    return [balance_of(record, robot, effects, spans) for record, spans in both]
 
 
 def levels_of(rows: ArmRows, chosen: Selection) -> list[Array]:
@@ -194,6 +215,7 @@ def _applicable(
     records: Sequence[Record],
     robot: Robot,
     believed: Sequence[Effect],
+    left_out: Sequence[Spans],
 ) -> tuple[ArmFit, tuple[int, ...], tuple[Effect, ...], tuple[Effect, ...]]:
     """The causes as they are applied: no joint may be worse with them than without.
 
@@ -208,7 +230,8 @@ def _applicable(
         unclear = [i for i in fit.chosen if i not in clear]
         named = fit.effects(clear)
         for calibration in (fit.effects([*unclear, *fit.calibration]), fit.effects(unclear)):
-            after = _applied_rms(records, robot, [*believed, *named, *calibration])
+            effects = [*believed, *named, *calibration]
+            after = _applied_rms(records, robot, effects, left_out)
             if after is not None and np.all(after <= _WORSE * before, where=np.isfinite(before)):
                 return fit, clear, tuple(named), tuple(calibration)
         if not selection.chosen:
@@ -229,11 +252,14 @@ def _clear(fit: ArmFit) -> tuple[int, ...]:
 
 
 def _applied_rms(
-    records: Sequence[Record], robot: Robot, effects: Sequence[Effect]
+    records: Sequence[Record],
+    robot: Robot,
+    effects: Sequence[Effect],
+    left_out: Sequence[Spans],
 ) -> Array | None:
     """(n,) rms that a model leaves; None where there is no such robot."""
     try:
-        return rms([balance_of(record, robot, effects) for record in records])
+        return rms(_balances(records, robot, effects, left_out))
     except ConfigurationError:
         return None
 

@@ -7,7 +7,8 @@ from functools import partial
 
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
-from ..estimation.balance import noise_in_band
+from ..estimation.arm_rows import ArmRows
+from ..estimation.balance import Balance, balance_of, noise_in_band
 from ..estimation.motor_constants import as_recorded
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed, refuse_unbalanced
@@ -20,9 +21,11 @@ from ..recording.faults.check import check_data
 from ..recording.record import Record
 from .answer.result import Diagnosis
 from .arm_conclusion import conclude_arm
-from .arms import ArmFound, find_arm_causes, rms
+from .arms import ArmFound, find_arm_causes, refuse_rest, rms
 from .conclusion import conclude
 from .discovery.discover import discover
+from .events.answer import still_answer, with_events
+from .events.arm_events import arm_events
 from .limits import LIKE_NOISE, MISFIT, MOST
 from .pieces import diagnose_pieces, pieces_of
 from .search import Search
@@ -77,6 +80,11 @@ def diagnose(
     kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
     if len(measured) > 1:
         refuse_unbalanced(measured, robot)
+    balanced = not (robot.is_free or robot.without_constant or measured[0].effort is None)
+    balances = [balance_of(record, robot, believed) for record in measured * balanced]
+    if still := _at_rest(balances, measured):
+        return still
+    if len(measured) > 1:
         found = find_arm_causes(measured, robot, believed, kinds, report)
         return conclude_arm(*discover(found, report), (_TOGETHER,))
     noise, notes = noise_levels(robot.sensors, measured[0])
@@ -88,8 +96,26 @@ def diagnose(
             return conclude_arm(*discover(found, report), (*notes, _BALANCED))
     report('finding how efforts act', 0.02)
     timing = first_timing(measured[0], robot, believed, noise, kinds)
-    run = Run(measured[0], robot, believed, noise, timing)
-    return _predicted(run, kinds, notes, report)
+    if not balances:
+        run = Run(measured[0], robot, believed, noise, timing)
+        return _predicted(run, kinds, notes, report)
+    events = arm_events(balances, ArmRows.of(balances, kinds))
+    run = Run(measured[0], robot, believed, noise, timing, events.left_out[0])
+    return with_events(_predicted(run, kinds, notes, report), events.events)
+
+
+def _at_rest(balances: Sequence[Balance], records: Sequence[Record]) -> Diagnosis | None:
+    """The answer where no joint moves, which events alone can be; None where one does.
+
+    Raises:
+        RecordingError: nothing moves, and nobody pushes.
+    """
+    if not balances or any(b.arm.is_moving.any() for b in balances):
+        return None
+    events = arm_events(balances, None).events
+    if not (events.named or events.possible):
+        refuse_rest(balances, records)
+    return still_answer(balances, events)
 
 
 def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:

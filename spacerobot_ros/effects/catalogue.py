@@ -18,6 +18,7 @@ from . import (
     bodies,
     coupled_friction,
     environment,
+    external,
     flexibility,
     formula,
     gyrostats,
@@ -35,7 +36,7 @@ from .own_kinds import add_installed, add_named
 _MODULES = (
     *(joint, presliding, coupled_friction, flexibility, learned_torque, formula),
     *(sensor_errors, gyrostats, rotors),
-    *(bodies, appendage, sprung, environment, thrusters),
+    *(bodies, appendage, sprung, environment, thrusters, external),
 )
 
 

@@ -57,7 +57,7 @@ class Effect:
     Attributes of the kinds:
         id: Name in robot files and results; never renamed.
         title: What it is, in words.
-        group: joint, sensor, wheels, bodies, environment or learned.
+        group: joint, sensor, wheels, bodies, environment, learned or events.
         parameters: In the order of results.
         needs_free_base: Whether a fixed base shows nothing of it.
         hidden: Number of its own states.
@@ -72,8 +72,9 @@ class Effect:
         is_rare: Whether the diagnosis looks for it only where a test of whiteness asks for more
             than common causes: beside an unknown leftover it would take what is theirs.
         is_own: Whether a user wrote it: its sizes are taken as they are on an arm, too.
-        is_fitted: Whether the diagnosis considers it; False for what a record can not tell from
-            another effect of the catalogue.
+        is_fitted: Whether the diagnosis considers it as a cause; False for what a record can not
+            tell from another effect of the catalogue, and for events, which have a scan of their
+            own.
     """
 
     id: ClassVar[str]

@@ -43,9 +43,11 @@ class ArmMotion:
 
     Args:
         record: Joint positions and efforts; sensor effects already undone.
+        left_out: Starts and ends of times [s] in which something acts from outside.
     """
 
     record: Record
+    left_out: tuple[tuple[float, float], ...] = ()
 
     @cached_property
     def interval(self) -> float:
@@ -131,7 +133,23 @@ class ArmMotion:
 
     @cached_property
     def is_moving(self) -> BoolArray:
-        """(N, n) where a joint with a known effort moves; at rest friction takes any value."""
+        """(N, n) where a joint with a known effort moves and nothing acts from outside.
+
+        At rest friction takes any value.
+        """
+        moving = self._moves.copy()
+        for start, end in self.left_out:
+            moving[(self.times >= start) & (self.times <= end)] = False
+        return moving
+
+    @property
+    def is_shown(self) -> BoolArray:
+        """(N, n) where a joint moves, whatever acts; all known times where none does."""
+        known = np.broadcast_to(self.is_known[:, None], self._moves.shape)
+        return self._moves if self._moves.any() else known
+
+    @cached_property
+    def _moves(self) -> BoolArray:
         speed = np.abs(self.kinematics.qd)
         usual = (
             np.quantile(speed[self.is_known], 0.95, axis=0) if self.is_known.any() else speed[0]

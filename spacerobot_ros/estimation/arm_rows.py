@@ -218,12 +218,15 @@ class ArmRows:
         power = [np.sum((rows.columns * deviations) ** 2, axis=1) for rows in own]
         return np.array([math.sqrt(np.mean(p)) if len(p) else math.nan for p in power])
 
-    def levels(self, priors: Array, friction: Array) -> list[Array]:
+    def levels(
+        self, priors: Array, friction: Array, joints: Sequence[JointRows] | None = None
+    ) -> list[Array]:
         """(6,) variances of the leftover of every set of `joints`; NaN of one without rows.
 
         Args:
             priors: (K,) standard deviation of every coefficient.
             friction: (n,) Coulomb friction that was found [N m].
+            joints: Rows of every joint; None: all there are.
         """
         scale = np.tile(self.scale, 2)
         friction_drift = np.maximum(_DRIFT * scale, _FRICTION_DRIFT * np.tile(friction, 2))
@@ -232,7 +235,7 @@ class ArmRows:
         free, _ = np.linalg.qr((self.anchors * priors).T)
         return [
             level_of(rows, priors, s, drift, free) if len(rows.torque) else np.full(6, np.nan)
-            for rows, s, drift in zip(self.joints, scale.tolist(), drifts, strict=True)
+            for rows, s, drift in zip(joints or self.joints, scale.tolist(), drifts, strict=True)
         ]
 
     def parts(self, levels: Sequence[Array], *, is_white: bool = True) -> list[Gram]:

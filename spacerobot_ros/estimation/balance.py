@@ -120,10 +120,10 @@ class Balance:
         return self.arm.times[:: self.arm.stride]
 
     def channels(self) -> tuple[ChannelError, ...]:
-        """Missed torque of every joint in the band, where it moves."""
+        """Missed torque of every joint in the band, where it moves; all along at rest."""
         stride = max(1, round(1.0 / self.arm.step / _SHOWN))
         error = self.arm.in_band(self.missed)[::stride]
-        time, moving = self.arm.times[::stride], self.arm.is_moving[::stride]
+        time, moving = self.arm.times[::stride], self.arm.is_shown[::stride]
         return tuple(
             ChannelError(
                 f'joint_torque/{name}', 'N m', time[at], np.zeros(0), error[at, i], np.nan
@@ -159,18 +159,24 @@ class Balance:
         return np.asarray((required - self._required(self.motion)) / scale)
 
 
-def balance_of(record: Record, robot: Robot, effects: Sequence[Effect]) -> Balance:
+def balance_of(
+    record: Record,
+    robot: Robot,
+    effects: Sequence[Effect],
+    left_out: tuple[tuple[float, float], ...] = (),
+) -> Balance:
     """A recording under a robot with effects, those of its sensors undone.
 
     Args:
         record: Of a fixed-base robot, with efforts.
         robot: The robot file's robot.
         effects: Believed effects; the motor constants of currents among them.
+        left_out: Starts and ends of times [s] in which something acts from outside.
     """
     estimated = record.joints.in_amperes if record.joints else ()
     record, robot, effects = in_newton_metres(record, robot, effects)
     process = TorqueDriven(robot, effects)
-    arm = ArmMotion(corrected_record(record, process.robot, effects))
+    arm = ArmMotion(corrected_record(record, process.robot, effects), left_out)
     return Balance(arm, process, _compensation(arm, robot), estimated)
 
 

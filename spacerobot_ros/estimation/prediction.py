@@ -33,6 +33,7 @@ _PASSIVE = 1e-3  # of the efforts' noise, at joints whose torque is zero
 _START_STD = 0.03  # rad, rad/s; far above what the reference misses
 _UNKNOWN_EFFORT = 1e3  # N m; internal torques unknown: only momentum is left to judge by
 _THREADS = 2
+_UNKNOWN_RATE = 1.0  # rad/s; by a step in which anything may act
 TIMINGS = {'sampled': None, 'held_before': 1.0, 'held_after': 0.0}
 """How efforts act: interpolated between samples, or held over the interval that a sample ends or
 begins. The number is the interval's end that counts."""
@@ -58,9 +59,17 @@ class MeasuredMotion(SampledMotion):
         record: Sensor effects already undone.
         noise: Noise levels.
         process: Any model of the robot, for the number of its velocities.
+        left_out: Starts and ends of times [s] in which anything may act from outside.
     """
 
-    def __init__(self, record: Record, noise: NoiseLevels, process: TorqueDriven) -> None:
+    def __init__(
+        self,
+        record: Record,
+        noise: NoiseLevels,
+        process: TorqueDriven,
+        left_out: tuple[tuple[float, float], ...] = (),
+    ) -> None:
+        self.left_out = left_out
         self.time_base = make_time_base(record, process.m, process.first)
         reference = ReferenceTrajectory(record, noise, self.time_base.times)
         super().__init__(record, noise, reference, self.time_base.rows)
@@ -307,7 +316,12 @@ class Innovations:
 
     def _extra_variance(self) -> Array:
         """(N-1, d) variance that enters each step beside the efforts' own."""
-        return np.zeros((len(self.durations), 2 * self.m + 2 * self.n))
+        variance = np.zeros((len(self.durations), 2 * self.m + 2 * self.n))
+        times = self.time_base.times
+        for start, end in self._measured.left_out:
+            touched = (times[1:] > start) & (times[:-1] < end)
+            variance[touched, self.m : 2 * self.m] = _UNKNOWN_RATE**2
+        return variance
 
     def _start(self) -> Array:
         size = 2 * self.m

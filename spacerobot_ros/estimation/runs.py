@@ -28,6 +28,7 @@ class Run:
         believed: Its own effects.
         noise: Noise levels.
         timing: How efforts act, a key of `prediction.TIMINGS`.
+        left_out: Starts and ends of times [s] in which anything may act from outside.
     """
 
     def __init__(
@@ -37,12 +38,14 @@ class Run:
         believed: Sequence[Effect],
         noise: NoiseLevels,
         timing: str = 'sampled',
+        left_out: tuple[tuple[float, float], ...] = (),
     ) -> None:
         self.record = record
         self.robot = with_inputs(robot, record)
         self.believed = tuple(believed)
         self.noise = noise
         self.timing = timing
+        self.left_out = left_out
         self._models = [0]
 
     @property
@@ -52,7 +55,7 @@ class Run:
 
     def timed(self, timing: str) -> Run:
         """The same run, its efforts acting in another way."""
-        other = Run(self.record, self.robot, self.believed, self.noise, timing)
+        other = Run(self.record, self.robot, self.believed, self.noise, timing, self.left_out)
         other.__dict__['_believed_motion'] = self._believed_motion
         other._models = self._models
         return other
@@ -76,4 +79,4 @@ class Run:
     def _motion(self, causes: Sequence[Effect], process: TorqueDriven) -> MeasuredMotion:
         effects = (*self.believed, *causes)
         record = corrected_record(self.record, process.robot, effects)
-        return MeasuredMotion(record, self.noise, process)
+        return MeasuredMotion(record, self.noise, process, self.left_out)

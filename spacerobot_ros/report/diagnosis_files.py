@@ -27,5 +27,6 @@ def write_answer(answer: Findings, robot_file: str, folder: Path) -> None:
         ConfigurationError: they can't be written.
     """
     write_text(folder / JSON_NAME, json_text(answer.to_dict()))
-    write_extended_model(robot_file, answer.extension, folder / EXTENDED_MODEL)
+    extension = (*answer.extension, *answer.events)
+    write_extended_model(robot_file, extension, folder / EXTENDED_MODEL)
     write_report(diagnosis_page(answer), folder / REPORT_NAME)

@@ -31,6 +31,7 @@ from ..simulation.replay.scene import scene_of
 from ..types import Array
 from . import diagnosis_tables as tables
 from .diagnosis_tables import is_balance
+from .event_tables import event_table, limit_table, possible_lines
 from .formats import number, probability
 from .leftover_tables import leftover_items
 from .plots import thinned
@@ -69,6 +70,7 @@ _HELD_OUT = (
     'the same along the record as far as the errors let that be seen; it is named when it is '
     'also large enough to matter. '
 )
+Span = tuple[float, float, str]
 _KINDS = {
     'joint_torque': 'Torque on each joint that the model does not explain, half second by half '
     'second.',
@@ -86,9 +88,11 @@ def diagnosis_page(answer: Findings) -> Report:
     diagnosis = answer.diagnosis
     causes = [('Causes', _causes)] if diagnosis.causes or diagnosis.minor else []
     asked = [('What the leftover depends on', _leftover)] if diagnosis.leftover else []
+    events = [('Events', _events)] if diagnosis.events else []
     sections: list[tuple[str, Callable[[Findings], Iterator[Item]]]] = [
         ('Verdict', _verdict),
         *causes,
+        *events,
         ('In motion', _replay),
         ('Measured against simulated', _signals),
         ('Prediction errors, channel by channel', _errors),
@@ -170,6 +174,28 @@ def _causes(answer: Findings) -> Iterator[Item]:
         yield f'Significant, but too small to matter: {line}.'
 
 
+def _events(answer: Findings) -> Iterator[Item]:
+    events = answer.diagnosis.events
+    if events is None:
+        return
+    if events.named:
+        yield event_table(
+            events,
+            'What acts from outside for a while, the joints that feel it, and the largest torque '
+            'there; a contact lies on the link or beyond it. Nothing else is estimated from these '
+            'times.',
+        )
+    else:
+        yield 'Nothing is named.'
+    yield from (f'Possible: {line}.' for line in possible_lines(events))
+    if any(events.limits.values()):
+        yield limit_table(
+            events,
+            'Largest value, by duration, from which 19 of 20 events are named; limits are made '
+            'for one false name an hour.',
+        )
+
+
 def _tied(shown: Table) -> Table:
     """A table whose short cells do not break at their spaces."""
     rows = [
@@ -212,7 +238,8 @@ def _errors(answer: Findings) -> Iterator[Item]:
         caption = _KINDS.get(kind, kind)
         if is_balance(diagnosis):
             caption = f'Torque on each joint that the model does not explain, below {BAND:g} Hz.'
-        yield Plot(partial(_error_panels, list(group)), caption, height=1.5)
+        panels = partial(_error_panels, list(group), _spans(diagnosis))
+        yield Plot(panels, caption, height=1.5)
     sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
     if sampled:
         caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'
@@ -298,9 +325,16 @@ def _signal_panels(series: Series) -> list[Panel]:
     return [Panel(_title(series), series.unit, curves), errors]
 
 
-def _error_panels(group: Sequence[Series]) -> list[Panel]:
-    """Errors of the channels of a kind before and after."""
-    return [_error_panel(series, _title(series)) for series in group]
+def _error_panels(group: Sequence[Series], spans: Sequence[Span]) -> list[Panel]:
+    """Errors of the channels of a kind before and after, events shaded."""
+    return [replace(_error_panel(series, _title(series)), spans=spans) for series in group]
+
+
+def _spans(diagnosis: Diagnosis) -> list[Span]:
+    """Times of the events of the recording that is shown."""
+    named = diagnosis.events.named if diagnosis.events else ()
+    shown = [e for e in named if not e.recording]
+    return [(e.start, e.end, '' if k else 'event') for k, e in enumerate(shown)]
 
 
 def _error_panel(series: Series, title: str) -> Panel:

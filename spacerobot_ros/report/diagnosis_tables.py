@@ -11,7 +11,9 @@ from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.output import relevance
 from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
+from ..diagnosis.events.event import Events
 from ..display import Section, Table, table
+from .event_tables import event_table, limit_table, possible_lines
 from .formats import UNTESTED, number, percent, probability, value_with
 from .leftover_tables import leftover_lines
 
@@ -36,14 +38,17 @@ def summary(answer: Findings) -> Iterator[Section]:
         yield Section('friction of each joint, all laws together', [friction_table(diagnosis)])
     if diagnosis.ratios:
         yield Section(RATIOS, [ratio_table(diagnosis)])
+    yield from event_sections(diagnosis.events)
     yield Section('rivals:', rival_lines(causes))
     yield Section('found, but too small to matter:', minor_lines(diagnosis.minor))
-    if diagnosis.verdict != 'consistent':
+    if diagnosis.verdict != 'consistent' and diagnosis.ranking:
         title = 'best single effects, each against the model as it stands'
         yield Section(title, [ranking_table(diagnosis)])
     title = 'residuals before and after (white p: probability of as much structure in white noise)'
-    yield Section(title, [residual_table(diagnosis)])
-    worth = [gain_line(diagnosis)]
+    worth = []
+    if diagnosis.residuals:
+        yield Section(title, [residual_table(diagnosis)])
+        worth = [gain_line(diagnosis)]
     worth += [free_motion_line(one) for one in diagnosis.free_motion]
     worth += [score_line(answer.score)] if answer.score else []
     worth += [f'there: {free_motion_line(one.free)}' for one in answer.score if one.free]
@@ -53,6 +58,18 @@ def summary(answer: Findings) -> Iterator[Section]:
     yield Section('what the leftover depends on:', leftover_lines(diagnosis))
     yield Section('what to fly next:', diagnosis.next_motion)
     yield Section('', [f'note: {note}' for note in diagnosis.notes])
+
+
+def event_sections(events: Events | None) -> Iterator[Section]:
+    """What came from outside, what may have, and from where on it is named."""
+    if events is None:
+        return
+    if events.named:
+        yield Section('events', [event_table(events)])
+    yield Section('possible events, not named:', list(possible_lines(events)))
+    if any(events.limits.values()):
+        title = 'events that are named 19 times of 20, by their duration'
+        yield Section(title, [limit_table(events)])
 
 
 def is_balance(diagnosis: Diagnosis) -> bool:

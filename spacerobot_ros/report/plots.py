@@ -190,6 +190,8 @@ def _draw(panel: Panel, ax: Any) -> None:
         ax.axhline(
             value, color='#5b626b', linewidth=0.9, linestyle=(0, (5, 3)), label=label or None
         )
+    for first, last, label in panel.spans:
+        ax.axvspan(first, last, color='#d98200', alpha=0.2, linewidth=0, label=label or None)
     if panel.log:
         ax.set_yscale('log')
     ax.set_title(panel.title)

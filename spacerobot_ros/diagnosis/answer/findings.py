@@ -72,6 +72,8 @@ class Findings:
         appearances: Where in the motion each channel's error appears, by channel.
         command: The command line that did it.
         score: Torques that the model misses on another record; empty without one.
+        events: Events of a single recording, which stand in the extended model, too; controllers
+            do not feed them forward.
     """
 
     diagnosis: Diagnosis
@@ -84,6 +86,7 @@ class Findings:
     appearances: Mapping[str, Appearance]
     command: str
     score: tuple[JointScore, ...] = ()
+    events: tuple[Effect, ...] = ()
     learned: tuple[Effect, ...] = ()
 
     @property
@@ -135,6 +138,8 @@ def findings(
     diagnosis = _with_names(diagnosis, other, file, (*added, *calibration))
     learned = tuple(e.applied for e in diagnosis.leftover or () if e.applied is not None)
     extension = (*added, *calibration, *learned)
+    found = diagnosis.events.named if diagnosis.events and len(records) == 1 else ()
+    events = named((e for event in found for e in event.applied), (*file.effects, *extension))
     closed, why = None, 'left out (--no-closed-loop)'
     if lacking := _uncontrolled(as_recorded(file.robot, records)):
         why = lacking
@@ -147,6 +152,7 @@ def findings(
         records=records,
         added=added,
         calibration=calibration,
+        events=events,
         closed_loop=closed,
         why_open=why,
         appearances=appearances(diagnosis.series, records[0]),

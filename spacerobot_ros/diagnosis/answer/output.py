@@ -10,6 +10,7 @@ from typing import Any
 from ...effects.effect import Effect
 from ...effects.parameter import Parameter
 from ...json_values import json_value
+from ..events.event import events_to_dict
 from .appearance import Appearance
 from .closed_loop_gain import ClosedLoopGain
 from .result import Cause, Diagnosis, Gain, Leftover, Residual
@@ -61,6 +62,7 @@ def to_dict(
         'ratios': [asdict(ratio) for ratio in diagnosis.ratios],
         'free_motion': [asdict(joint) for joint in diagnosis.free_motion],
         'calibration': [_calibration(effect) for effect in diagnosis.calibration],
+        **events_to_dict(diagnosis.events),
     }
     return dict(json_value(values))
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ...effects.effect import Effect
 from ...effects.parameter import Parameter
 from ...types import Array
+from ..events.event import Events
 
 VERDICTS = ('consistent', 'explained', 'partly_explained', 'unexplained')
 
@@ -302,6 +303,7 @@ class Diagnosis:
         leftover: What it depends on, channel by channel; None where that was not asked.
         ratios: There, what holds for any scale of the torques, where none is measured.
         free_motion: There, how far joints without a motor are predicted (before, after).
+        events: What came from outside once; None where that was not looked for.
     """
 
     verdict: str
@@ -322,3 +324,4 @@ class Diagnosis:
     leftover: tuple[Leftover, ...] | None = None
     ratios: tuple[Ratio, ...] = ()
     free_motion: tuple[FreeMotion, ...] = ()
+    events: Events | None = None

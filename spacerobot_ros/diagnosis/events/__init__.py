@@ -1,0 +1,1 @@
+"""Events: what came from outside once, found beside all that is constant."""

@@ -1,0 +1,60 @@
+"""What events make of a diagnosis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ...estimation.balance import Balance
+from ..answer.residuals import series
+from ..answer.result import Diagnosis, Gain
+from .event import Event, Events
+
+_WITH = {'consistent': 'explained', 'unexplained': 'partly_explained'}
+"""Verdict by that of all other times, where an event is named."""
+_SAID = 3
+
+
+def with_events(diagnosis: Diagnosis, events: Events) -> Diagnosis:
+    """A diagnosis of all other times with the events."""
+    verdict, sentence = diagnosis.verdict, diagnosis.sentence
+    if events.named:
+        verdict = _WITH.get(verdict, verdict)
+        sentence = f'{_in_words(events.named)} Besides: {sentence}'
+    notes = (*diagnosis.notes, *events.notes)
+    return replace(diagnosis, verdict=verdict, sentence=sentence, notes=notes, events=events)
+
+
+def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
+    """The answer for recordings in which no joint moves: events are all that they tell."""
+    channels = balances[0].channels()
+    answer = Diagnosis(
+        verdict='consistent' if events.named else 'unexplained',
+        sentence='no joint moves: at rest friction holds any torque, and nothing else is told.',
+        causes=(),
+        minor=(),
+        residuals=(),
+        series=series(channels, channels),
+        gain=Gain(before=math.nan, after=math.nan, placebo=math.nan),
+        ranking=(),
+        fit_p=None,
+        null_p=None,
+        next_motion=(),
+        notes=(),
+    )
+    return with_events(answer, events)
+
+
+def _in_words(named: Sequence[Event]) -> str:
+    what = '; '.join(_event(e) for e in named[:_SAID])
+    more = f'; and {len(named) - _SAID} more' if len(named) > _SAID else ''
+    count = 'one event' if len(named) == 1 else f'{len(named)} events'
+    return f'Something from outside acts, {count}: {what}{more}.'
+
+
+def _event(event: Event) -> str:
+    place = f' at {event.where}' if event.where else ''
+    name, peak = max(event.peak.items(), key=lambda item: abs(item[1]))
+    said = f'{name} {peak:.3g} +- {event.peak_std[name]:.2g} {event.unit}'
+    return f'{event.effect}{place} from {event.start:.2f} to {event.end:.2f} s ({said})'

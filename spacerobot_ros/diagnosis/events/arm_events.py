@@ -1,0 +1,55 @@
+"""All events of recordings of an arm on the ground: of joints that move, and at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...estimation.arm_priors import Machine
+from ...estimation.arm_rows import ArmRows
+from ...estimation.balance import Balance
+from .event import Events
+from .moving import PulseSearch
+from .naming import Naming
+from .rest import rest_events
+from .scan import SPREAD
+
+Spans = tuple[tuple[float, float], ...]
+"""Times [s] that nothing constant is estimated from."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmEvents:
+    """Events, and the times of each recording that they take."""
+
+    events: Events = field(default_factory=Events)
+    left_out: tuple[Spans, ...] = ()
+
+
+def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
+    """Events of some recordings of one arm.
+
+    Args:
+        balances: The model along every recording.
+        rows: The same as rows; None where no joint moves.
+    """
+    robot = balances[0].robot
+    machine = Machine(robot, balances)
+    known = [machine.friction('joint_coulomb_friction', joint) for joint in robot.joints]
+    friction = np.array(known)
+    found = Events()
+    if rows is not None:
+        naming = Naming(PulseSearch(rows))
+        found = naming.events()
+        friction = np.array([naming.coulomb(j) for j in range(robot.n_joints)])
+    friction = np.where(friction > 0.0, friction, np.nan)
+    for run, balance in enumerate(balances):
+        named, possible = rest_events(balance, run, friction)
+        found = found.with_more(Events(named=tuple(named), possible=tuple(possible)))
+    spans = [
+        tuple((e.start - SPREAD, e.end + SPREAD) for e in found.named if e.recording == run)
+        for run in range(len(balances))
+    ]
+    return ArmEvents(found, tuple(spans))

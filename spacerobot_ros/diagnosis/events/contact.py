@@ -1,0 +1,87 @@
+"""Pulses on joints at one time as an event: whom they act on, and how far out.
+
+A contact on a link is felt by the joints between it and the base, as far as its lever reaches, so
+the last joint that feels it moves that link or one nearer the base. What a single joint feels may
+be its own drive or brake as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...effects.external import ExternalJointTorque
+from ...model.robot import Robot
+from .event import Event
+from .event_limits import FALSE_PER_HOUR
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """A torque on one joint for a while.
+
+    Args:
+        joint: Its number. run: Number of the recording.
+        start: Since the recording's start [s]. end: [s]. edge: Share of its duration.
+        torque: Largest torque from outside [N m]. std: Its standard deviation.
+        z: Its size by that.
+    """
+
+    joint: int
+    run: int
+    start: float
+    end: float
+    edge: float
+    torque: float
+    std: float
+    z: float
+
+
+def overlap(p: Pulse, q: Pulse) -> bool:
+    """Whether two pulses of a recording share some time."""
+    return p.run == q.run and p.start < q.end and q.start < p.end
+
+
+def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last: float) -> Event:
+    """An event of one pulse or more, one a joint, the largest of which gives its time.
+
+    Args:
+        robot: The robot.
+        pulses: What joints feel.
+        p_value: Probability of such a size by chance.
+        last: End of the recording [s].
+    """
+    first = max(pulses, key=lambda p: abs(p.z))
+    felt = sorted(pulses, key=lambda p: p.joint)
+    names = [robot.joints[p.joint] for p in felt]
+    beyond = f'{robot.bodies[1 + felt[-1].joint].name} or beyond'
+    is_contact = len(felt) > 1
+    return Event(
+        effect='external_wrench' if is_contact else ExternalJointTorque.id,
+        where=beyond if is_contact else names[-1],
+        joints=tuple(names),
+        start=max(first.start, 0.0),
+        end=min(first.end, last),
+        ongoing=first.end >= last,
+        peak={name: p.torque for name, p in zip(names, felt, strict=True)},
+        peak_std={name: p.std for name, p in zip(names, felt, strict=True)},
+        unit='N m',
+        z=abs(first.z),
+        p_value=p_value,
+        false_per_hour=FALSE_PER_HOUR,
+        rivals=() if is_contact else (f'external_wrench at {beyond}',),
+        recording=first.run,
+        applied=tuple(
+            ExternalJointTorque(
+                name=f'event_{robot.joints[p.joint]}',
+                where=robot.joints[p.joint],
+                values={
+                    'start': max(p.start, 0.0),
+                    'end': p.end,
+                    'edge': p.edge,
+                    'torque': p.torque,
+                },
+            )
+            for p in felt
+        ),
+    )

@@ -1,0 +1,142 @@
+"""An event, what may be one, and from where on one is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...effects.effect import Effect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """What came from outside for a while.
+
+    Args:
+        effect: Its id.
+        where: Joint, or `link or beyond`; None: the system.
+        joints: Joints that feel it.
+        start: Since the recording's start [s]. end: [s].
+        ongoing: Whether it reaches the recording's end.
+        peak: Largest torque from outside by joint; or impulse by axis.
+        peak_std: Their standard deviations; of a joint at rest what its friction may take.
+        unit: Of both.
+        z: Size by standard deviation.
+        p_value: Of such a size by chance; None where that was not computed.
+        false_per_hour: Rate of false names that the limit is made for.
+        rivals: What it can not be told from, in words.
+        recording: Number of the recording.
+        applied: The same as effects of the extended model.
+    """
+
+    effect: str
+    where: str | None
+    joints: tuple[str, ...]
+    start: float
+    end: float
+    ongoing: bool
+    peak: Mapping[str, float]
+    peak_std: Mapping[str, float]
+    unit: str
+    z: float
+    p_value: float | None
+    false_per_hour: float
+    rivals: tuple[str, ...] = ()
+    recording: int = 0
+    applied: tuple[Effect, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PossibleEvent:
+    """What is listed and not named, and why.
+
+    Args:
+        start: [s]. end: [s]. joints: That feel it. z: Size by standard deviation.
+        reason: `weak`, `recurs`, `unvisited`, `stiction`, `edge`, `unexplained` or `friction`.
+        recording: Number of the recording.
+    """
+
+    start: float
+    end: float
+    joints: tuple[str, ...]
+    z: float
+    reason: str
+    recording: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventLimit:
+    """From where on 95 % of events are named, on one joint.
+
+    Args:
+        duration: Of an event [s]. peak: Its largest torque. unit: Of that.
+        snr: Peak by standard deviation.
+        durations: Others [s]. peaks: And theirs.
+    """
+
+    duration: float
+    peak: float
+    unit: str
+    snr: float
+    durations: tuple[float, ...] = ()
+    peaks: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Events:
+    """All of some recordings.
+
+    Args:
+        named: By time. possible: By time.
+        limits: By joint or axis; None: it is not judged.
+        notes: What else a user should know.
+    """
+
+    named: tuple[Event, ...] = ()
+    possible: tuple[PossibleEvent, ...] = ()
+    limits: Mapping[str, EventLimit | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def with_more(self, other: Events) -> Events:
+        """Those of both."""
+        return Events(
+            named=tuple(sorted((*self.named, *other.named), key=_time)),
+            possible=tuple(sorted((*self.possible, *other.possible), key=_time)),
+            limits={**other.limits, **self.limits},
+            notes=(*self.notes, *other.notes),
+        )
+
+
+def _time(event: Event | PossibleEvent) -> tuple[int, float]:
+    return event.recording, event.start
+
+
+def events_to_dict(events: Events | None) -> dict[str, Any]:
+    """Entries of diagnosis.json; null where events were not looked for."""
+    if events is None:
+        return {'events': None, 'possible_events': None, 'event_limits': None}
+    return {
+        'events': [_event(e) for e in events.named],
+        'possible_events': [_plain(e, _POSSIBLE) for e in events.possible],
+        'event_limits': {
+            name: None if limit is None else _plain(limit, _LIMIT)
+            for name, limit in events.limits.items()
+        },
+    }
+
+
+_SAID = ('effect', 'where', 'joints', 'start', 'end', 'ongoing', 'peak', 'peak_std', 'unit')
+_WEIGHT = ('z', 'p_value', 'false_per_hour', 'rivals', 'recording')
+_POSSIBLE = ('start', 'end', 'joints', 'z', 'reason', 'recording')
+_LIMIT = ('duration', 'peak', 'unit', 'snr', 'durations', 'peaks')
+
+
+def _event(event: Event) -> dict[str, Any]:
+    impulse = dict(event.peak) if event.effect == 'angular_impulse' else None
+    return {**_plain(event, _SAID), 'impulse': impulse, **_plain(event, _WEIGHT)}
+
+
+def _plain(item: Event | PossibleEvent | EventLimit, names: Sequence[str]) -> dict[str, Any]:
+    values = {name: getattr(item, name) for name in names}
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}

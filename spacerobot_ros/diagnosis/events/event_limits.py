@@ -1,0 +1,64 @@
+"""What decides whether something is an event, with where it comes from (docs/events.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+FALSE_PER_HOUR = 1.0
+"""False events named in an hour that limits are made for."""
+
+LISTED = 5.0
+"""z from which something is listed: white noise on seven joints exceeds it once in four hours."""
+
+NAMED = 10.0
+"""z from which something may be named. On quiet records of measured arms what exceeds `LISTED`
+does so by `EXCESS` on average, a hundred times an hour: an exponential tail gives one false name
+an hour at 8.7. A pulse of `SNR` reaches it with room for a shape that is no bell."""
+
+EXCESS, _RECORDS, _TAIL = 0.8, 6.0, 8.0
+"""Mean of z beyond `LISTED` on quiet records, of how many excesses that is the mean, and the z
+below which what is listed is thought to be such an excess."""
+
+SNR = 20.0
+"""Size by standard deviation, at that duration, from which 95 % and more are named."""
+
+EXPLAINED = 0.8
+"""Of a joint's torques squared that the model must explain for the rest to be judged."""
+
+RECURS = 0.5
+"""Of an event, from which the same states at other times have it, too."""
+
+MIXED = 0.5
+"""Of the largest z of what touches in time, from which a part that is no event speaks for all."""
+
+REST_SHARE = 1.4
+"""Times the Coulomb torque that the torque of a joint at rest may be off its usual value: dry
+friction holds anything between plus and minus that torque, and starts above it by some tenths."""
+
+FRICTION_SHARE = 0.1
+"""Of a joint's largest torque in the URDF that its dry friction is thought to be at most, where
+nobody says: 5 to 7 % on a UR10e."""
+
+LISTED_STEP = 6.0
+"""z of three axes together from which a step of the angular momentum is looked at."""
+
+
+def named_from(sizes: Sequence[float], hours: float) -> float:
+    """Z from which `FALSE_PER_HOUR` false events are expected, on this machine.
+
+    What is listed below `_TAIL` is taken to be an exponential tail.
+
+    Args:
+        sizes: z of all that is listed.
+        hours: Length of the recordings.
+    """
+    tail = [z - LISTED for z in sizes if z < _TAIL]
+    excess = (_RECORDS * EXCESS + sum(tail)) / (_RECORDS + len(tail))
+    per_hour = (len(tail) + 0.5) / hours
+    return max(NAMED, LISTED + excess * math.log(max(per_hour / FALSE_PER_HOUR, 1.0)))
+
+
+def chance(z: float, cells: float) -> float:
+    """Probability that white noise exceeds z anywhere in so many independent templates."""
+    return min(1.0, cells * math.erfc(abs(z) / math.sqrt(2.0)))

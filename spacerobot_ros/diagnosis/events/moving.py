@@ -1,0 +1,158 @@
+"""Pulses of torque on the joints of an arm that moves: looked for, left out, and measured.
+
+What stands out of a first scan is left out of the rows, and the level of what is left is found
+again without it: a push of a second would pass for a wandering friction. Each pulse is then
+measured beside all other rows, its start, end and edges where the likelihood is largest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ...estimation.arm_rows import ArmRows
+from ...types import Array, BoolArray
+from .contact import Pulse, overlap
+from .event_limits import LISTED
+from .scan import SPREAD, Filtered, Pulses, PulseScan
+from .scatter import even
+from .scatter import scales as scatter_scales
+
+DURATIONS = (0.3, 0.6, 1.2, 2.4, 4.8)
+"""Of the templates of a scan [s]; a bell half or twice as long still gives 94 % of its z."""
+_PASSES = 3
+_QUANTILE, _OF_NOISE = 0.3, 0.385
+"""A quantile of |z| that events on 40 % of a record leave alone, and its value in white noise."""
+_GUESS = 0.03  # of a joint's torque, for a first look
+_STEPS = 6  # centres a duration
+_EDGES = (0.5, 0.25, 0.1)
+_SHORTEST, _LONGEST = 0.25, 10.0  # s
+
+
+class PulseSearch:
+    """All pulses of some recordings.
+
+    Args:
+        rows: The recordings.
+    """
+
+    def __init__(self, rows: ArmRows) -> None:
+        self.rows = rows
+        self._windows: list[Pulse] = []
+        scales = even(rows)
+        guess = [np.full(6, (_GUESS * scale) ** 2) for scale in (*rows.scale, *rows.scale)]
+        self.scan = PulseScan(rows, self._left_out(), scales, guess)
+        for _ in range(_PASSES):
+            scales = scatter_scales(self.scan, scales)
+            self.scan = PulseScan(rows, self._left_out(), scales)
+            self.colours: dict[tuple[int, float], float] = {}
+            self._stds: dict[tuple[int, float], float] = {}
+            fresh = [p for j in range(rows.robot.n_joints) for p in self._peaks(j)]
+            self._windows += fresh
+            if not fresh:
+                break
+        else:
+            self.scan = PulseScan(rows, self._left_out(), scales)
+        measured = sorted(map(self._measured, self._windows), key=lambda p: -abs(p.z))
+        self.found = list[Pulse]()
+        for p in measured:
+            is_new = not any(q.joint == p.joint and overlap(p, q) for q in self.found)
+            if abs(p.z) >= LISTED and is_new:
+                self.found.append(p)
+
+    def _left_out(self) -> list[BoolArray]:
+        out = [np.zeros(len(joint.torque), dtype=bool) for joint in self.rows.joints]
+        for w in self._windows:
+            time, joint = self.rows.joint_times(w.joint), self.rows.joints[w.joint]
+            inside = (time > w.start - SPREAD) & (time < w.end + SPREAD)
+            out[w.joint] |= inside & (self.rows.recording[joint.block] == w.run)
+        return out
+
+    def _peaks(self, j: int) -> Iterator[Pulse]:
+        """Largest templates of a joint that do not overlap, beyond what is listed."""
+        seen = []
+        for duration in DURATIONS:
+            parts = [(run, self._bells(run, duration)) for run in range(len(self.rows.balances))]
+            found = [(run, bells, self.scan.test_kept(j, run, bells)) for run, bells in parts]
+            colour = self.colours[j, duration] = _colour([f.z for _, _, f in found])
+            stds = np.concatenate([f.std for _, _, f in found])
+            self._stds[j, duration] = _median(stds[np.isfinite(stds)])
+            seen += [_pulses(j, run, bells, f, colour) for run, bells, f in found]
+        taken: list[Pulse] = []
+        for p in sorted((p for some in seen for p in some), key=lambda p: -abs(p.z)):
+            if not any(overlap(p, q) for q in taken):
+                taken.append(p)
+                yield p
+
+    def _bells(self, run: int, duration: float) -> Pulses:
+        times = self.rows.balances[run].row_times
+        step = max(1, int(duration / _STEPS / (times[1] - times[0])))
+        centres = times[::step]
+        return Pulses(centres, *(np.full(len(centres), x) for x in (duration, 0.5)))
+
+    def _measured(self, window: Pulse) -> Pulse:
+        """A pulse where its likelihood is largest."""
+        best = window
+        for shifts, factors in (
+            (np.linspace(-0.5, 0.5, 9), 2.0 ** np.linspace(-1.0, 1.0, 7)),
+            (np.linspace(-0.1, 0.1, 5), 2.0 ** np.linspace(-0.25, 0.25, 5)),
+        ):
+            duration = best.end - best.start
+            grid = np.array(
+                [
+                    (0.5 * (best.start + best.end) + shift * duration, factor * duration, edge)
+                    for shift in shifts
+                    for factor in factors
+                    for edge in _EDGES
+                    if _SHORTEST <= factor * duration <= _LONGEST
+                ]
+            )
+            pulses = Pulses(*grid.T)
+            found = self.scan.test(best.joint, best.run, pulses)
+            at = int(np.argmax(np.abs(found.z)))
+            if not found.z[at]:
+                return window
+            colour = self.colour(best.joint, float(pulses.duration[at]))
+            one = slice(at, at + 1)
+            best = _pulse(best.joint, best.run, pulses[one], found[one], colour)
+        return best
+
+    def usual_std(self, j: int, duration: float) -> float:
+        """Standard deviation of a bell of one of `DURATIONS` on a joint [N m]; inf: unseen."""
+        return self._stds[j, duration] * self.colours[j, duration]
+
+    def colour(self, j: int, duration: float) -> float:
+        """By how much z scatters more than in white noise."""
+        near = min(DURATIONS, key=lambda d: abs(np.log(d / duration)))
+        return self.colours[j, near]
+
+
+def _median(stds: Array) -> float:
+    return float(np.median(stds)) if len(stds) else np.inf
+
+
+def _colour(z: Sequence[Array]) -> float:
+    seen = np.abs(np.concatenate(z))
+    seen = seen[seen > 0.0]
+    return max(1.0, float(np.quantile(seen, _QUANTILE)) / _OF_NOISE) if len(seen) else 1.0
+
+
+def _pulses(j: int, run: int, bells: Pulses, found: Filtered, colour: float) -> list[Pulse]:
+    return [
+        _pulse(j, run, bells[k : k + 1], found[k : k + 1], colour)
+        for k in np.flatnonzero(np.abs(found.z) >= LISTED * colour).tolist()
+    ]
+
+
+def _pulse(j: int, run: int, shape: Pulses, found: Filtered, colour: float) -> Pulse:
+    return Pulse(
+        j,
+        run,
+        float(shape.start[0]),
+        float(shape.end[0]),
+        float(shape.edge[0]),
+        float(found.torque[0]),
+        float(found.std[0]) * colour,
+        float(found.z[0]) / colour,
+    )

@@ -1,0 +1,201 @@
+"""Which pulses of a moving arm are events, which only may be, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from .contact import Pulse, event_of, overlap
+from .event import Event, EventLimit, Events, PossibleEvent
+from .event_limits import EXPLAINED, MIXED, RECURS, SNR, chance, named_from
+from .moving import DURATIONS, PulseSearch
+from .states import States
+
+_TOUCHING = 0.3  # s between two pulses that may be one
+_TOGETHER = 0.4  # of the time of both that pulses of one event share
+_EDGE = 0.3  # s from an end of the record, where filters and drives start up
+_STARTED = 0.5  # s since a rest, in which friction may still change its side
+_STICTION = 2.0  # Coulomb torques that it may do so by
+_ROOM = 1.35  # of z: for the noise of one in twenty, and for a shape that is no bell
+_SHOWN = 0.6  # s: duration of the limit that is shown
+
+
+class Naming:
+    """Events of a search.
+
+    Args:
+        search: Its pulses.
+    """
+
+    def __init__(self, search: PulseSearch) -> None:
+        self._search, self._rows = search, search.rows
+        self._joints = self._rows.robot.joints
+        spans = [b.arm.times[-1] - b.arm.times[0] for b in self._rows.balances]
+        self._seconds = float(sum(spans))
+        self._why = {id(p): self._reason(p) for p in search.found}
+        free = [abs(p.z) for p in search.found if not self._why[id(p)]]
+        self.limit = named_from(free, self._seconds / 3600.0)
+
+    def events(self) -> Events:
+        """All of them."""
+        named: list[Event] = []
+        possible: list[PossibleEvent] = []
+        for group in _touching(self._search.found):
+            spoiled = self._spoiled(group)
+            for own in _together(group):
+                first = own[0]
+                reason = spoiled or self._why[id(first)]
+                if not reason and abs(first.z) < self.limit:
+                    reason = 'weak'
+                if reason:
+                    possible.append(self._possible(own, reason))
+                else:
+                    named.append(self._event(own))
+        unjudged = [self._joints[j] for j in range(len(self._joints)) if not self._explained[j]]
+        notes = (
+            f'events of {", ".join(unjudged)} are not judged: the model explains less than '
+            f'{EXPLAINED:.0%} of the torques there',
+        )
+        return Events(
+            named=tuple(sorted(named, key=lambda e: (e.recording, e.start))),
+            possible=tuple(sorted(possible, key=lambda e: (e.recording, e.start))),
+            limits=self._limits(),
+            notes=notes if unjudged else (),
+        )
+
+    def _reason(self, p: Pulse) -> str:
+        """Why a pulse of any size is not named; empty where it may be."""
+        if not self._explained[p.joint]:
+            return 'unexplained'
+        share, distance = self._states(p.joint).visited(p)
+        arm = self._rows.balances[p.run].arm
+        known = arm.times[arm.is_known]
+        if share > RECURS:
+            return 'recurs'
+        if p.start < known[0] + _EDGE or p.end > known[-1] - _EDGE:
+            return 'edge'
+        if distance > 1.0:
+            return 'unvisited'
+        if self._is_stiction(p):
+            return 'stiction'
+        return ''
+
+    def _spoiled(self, group: Sequence[Pulse]) -> str:
+        """Why nothing of what touches in time is named: a large part is an error of the model."""
+        largest = max(abs(p.z) for p in group)
+        wrong = [p for p in group if self._why[id(p)] in ('recurs', 'unvisited', 'edge')]
+        worst = max(wrong, key=lambda p: abs(p.z), default=None)
+        return self._why[id(worst)] if worst and abs(worst.z) > MIXED * largest else ''
+
+    def _states(self, j: int) -> States:
+        if j not in self._known_states:
+            self._known_states[j] = States(self._search, j)
+        return self._known_states[j]
+
+    @cached_property
+    def _known_states(self) -> dict[int, States]:
+        return {}
+
+    @cached_property
+    def _explained(self) -> list[bool]:
+        """Of every joint whether the model explains enough of its torques."""
+        out = []
+        for j, own in enumerate(self._search.scan.kept[: len(self._joints)]):
+            left = own.rows.torque - own.rows.columns @ self._search.scan.coefficients
+            total = float(np.sum(own.scale**2) * self._rows.scale[j] ** 2)
+            out.append(bool(np.sum((left * own.scale) ** 2) <= (1.0 - EXPLAINED) * total))
+        return out
+
+    def _is_stiction(self, p: Pulse) -> bool:
+        """Whether a joint that rests, or did, may have changed the side of its friction."""
+        arm = self._rows.balances[p.run].arm
+        near = (arm.times > p.start - _STARTED) & (arm.times < p.end + _STARTED)
+        return bool(np.any(~arm.is_moving[near, p.joint])) and (
+            abs(p.torque) < _STICTION * self.coulomb(p.joint)
+        )
+
+    def coulomb(self, j: int) -> float:
+        """Coulomb torque of a joint, as found [N m]."""
+        rows, found = self._rows, float(self._rows.friction[j])
+        for c, at in zip(rows.candidates, rows.places, strict=True):
+            if c.kind.id == 'joint_coulomb_friction' and c.where == self._joints[j]:
+                found += float(self._search.scan.coefficients[at[0]])
+        return max(found, 0.0)
+
+    def _event(self, own: Sequence[Pulse]) -> Event:
+        cells = sum(2.0 / d for d in DURATIONS) * self._seconds * len(self._joints)
+        last = float(self._rows.balances[own[0].run].arm.times[-1])
+        return event_of(self._rows.robot, _felt(own), chance(own[0].z, cells), last)
+
+    def _possible(self, own: Sequence[Pulse], reason: str) -> PossibleEvent:
+        joints = tuple(self._joints[p.joint] for p in _felt(own))
+        first = own[0]
+        return PossibleEvent(
+            start=first.start,
+            end=first.end,
+            joints=joints,
+            z=abs(first.z),
+            reason=reason,
+            recording=first.run,
+        )
+
+    def _limits(self) -> dict[str, EventLimit | None]:
+        snr = max(SNR, _ROOM * self.limit)
+        out: dict[str, EventLimit | None] = {}
+        for j, name in enumerate(self._joints):
+            peaks = [snr * self._search.usual_std(j, d) for d in DURATIONS]
+            shown = DURATIONS.index(_SHOWN)
+            out[name] = None
+            if self._explained[j] and np.isfinite(peaks[shown]):
+                out[name] = EventLimit(
+                    duration=_SHOWN,
+                    peak=peaks[shown],
+                    unit='N m',
+                    snr=snr,
+                    durations=DURATIONS,
+                    peaks=tuple(peaks),
+                )
+        return out
+
+
+def _felt(own: Sequence[Pulse]) -> list[Pulse]:
+    """The largest pulse of each joint, from the base on."""
+    best: dict[int, Pulse] = {}
+    for p in own:
+        best.setdefault(p.joint, p)
+    return [best[j] for j in sorted(best)]
+
+
+def _touching(pulses: Sequence[Pulse]) -> list[list[Pulse]]:
+    """Groups of pulses that touch in time, whatever their joints."""
+    groups: list[list[Pulse]] = []
+    for p in sorted(pulses, key=lambda p: (p.run, p.start)):
+        last = groups[-1] if groups else []
+        if any(q.run == p.run and p.start < q.end + _TOUCHING for q in last):
+            last.append(p)
+        else:
+            groups.append([p])
+    return groups
+
+
+def _together(group: Sequence[Pulse]) -> list[list[Pulse]]:
+    """Pulses at the same time, the largest first: one event each."""
+    out: list[list[Pulse]] = []
+    for p in sorted(group, key=lambda p: -abs(p.z)):
+        for own in out:
+            if _shared(p, own[0]) > _TOGETHER:
+                own.append(p)
+                break
+        else:
+            out.append([p])
+    return out
+
+
+def _shared(p: Pulse, q: Pulse) -> float:
+    """Share of the time of two pulses that both take."""
+    if not overlap(p, q):
+        return 0.0
+    both = min(p.end, q.end) - max(p.start, q.start)
+    return both / (max(p.end, q.end) - min(p.start, q.start))

@@ -1,0 +1,63 @@
+"""Events in tables, the same on the page and in the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..diagnosis.events.event import Event, EventLimit, Events, PossibleEvent
+from ..display import Table, table
+from .formats import number, probability
+
+_REASONS = {
+    'weak': 'below the limit',
+    'recurs': 'comes back at the same state: friction or an error of the model',
+    'unvisited': 'at a state that the arm is in once: an error of the model would look the same',
+    'stiction': 'beside a rest: friction may have changed its side',
+    'edge': 'next to an end of the recording',
+    'unexplained': 'the model explains too little of this joint',
+    'friction': 'at rest, and nobody knows how much friction holds',
+}
+
+
+def event_table(events: Events, caption: str = '') -> Table:
+    """One row an event."""
+    columns = {
+        'event': lambda e: e.effect,
+        'where': lambda e: e.where or '',
+        'from [s]': lambda e: f'{e.start:.2f}',
+        'to [s]': lambda e: f'{e.end:.2f}',
+        'largest': _peaks,
+        'z': lambda e: number(e.z, 3),
+        'p': lambda e: probability(e.p_value),
+    }
+    return table(events.named, columns, caption)
+
+
+def possible_lines(events: Events) -> Iterator[str]:
+    """What is listed, and why it is not named."""
+    for e in events.possible:
+        yield f'{_span(e)} at {", ".join(e.joints)}, z {e.z:.1f}: {_REASONS[e.reason]}'
+
+
+def limit_table(events: Events, caption: str = '') -> Table:
+    """One row a joint or axis: from where on events are named, by duration."""
+    limits = [(name, limit) for name, limit in events.limits.items() if limit]
+    durations = limits[0][1].durations if limits else ()
+
+    rows = [[name, *_limits(limit)] for name, limit in limits]
+    return Table(['joint or axis', *(f'{d:g} s' for d in durations)], rows, caption)
+
+
+def _limits(limit: EventLimit) -> list[str]:
+    return [f'{number(peak, 3)} {limit.unit}' for peak in limit.peaks]
+
+
+def _peaks(event: Event) -> str:
+    return ', '.join(
+        f'{name} {number(peak, 3)} +- {number(event.peak_std[name], 2)} {event.unit}'
+        for name, peak in event.peak.items()
+    )
+
+
+def _span(event: PossibleEvent) -> str:
+    return f'{event.start:.2f} to {event.end:.2f} s'

@@ -1,0 +1,115 @@
+"""Events of an arm: pulses added to what real arms leave are found, and nothing else is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.errors import RecordingError
+
+PULSES = ((1, 6.0, 1.0, 25.0), (3, 12.0, 0.6, -4.0), (0, 17.0, 1.5, 30.0))
+"""Joint, start [s], duration [s], torque on the joint [N m]: 0.8 to 1.5 times its friction."""
+
+
+def pushed(record, pulses):
+    """The record of a machine on which somebody acts: its motors hold against it."""
+    efforts, time = record.effort.copy(), record.effort_time
+    for joint, start, duration, torque in pulses:
+        phase = np.clip((time - start) / duration, 0.0, 1.0)
+        efforts[:, joint] -= torque * np.sin(np.pi * phase) ** 2
+    return replace(record, joints=replace(record.joints, effort=efforts))
+
+
+@pytest.fixture(scope='module')
+def moving():
+    file = arm_file()
+    return diagnose(pushed(RealArm(31).record(0), PULSES), file.robot, file.effects)
+
+
+def test_pulses_are_named_with_time_joint_and_size(moving):
+    """Middle within 0.1 s, size within 15 %: what is asked from a signal-to-noise ratio of 20."""
+    assert moving.verdict in ('explained', 'partly_explained')
+    assert len(moving.events.named) == len(PULSES)
+    for event, (joint, start, duration, torque) in zip(moving.events.named, PULSES, strict=True):
+        name = JOINTS[joint]
+        assert (event.effect, event.where, event.joints) == (
+            'external_joint_torque',
+            name,
+            (name,),
+        )
+        assert abs(0.5 * (event.start + event.end) - start - 0.5 * duration) < 0.1
+        assert event.peak[name] == pytest.approx(torque, rel=0.15)
+        assert abs(event.peak[name] - torque) < 4.0 * event.peak_std[name] + 0.05 * abs(torque)
+        assert event.p_value < 1e-6
+        limit = moving.events.limits[name]
+        assert abs(torque) > 0.5 * limit.peak  # they are no larger than what is promised
+
+
+def test_all_else_is_as_without_them(moving):
+    """The machine is as its file says: a push is no spring, and no bias."""
+    assert not moving.causes
+    assert moving.gain.before < 1.5  # held-out errors leave the events out
+
+
+def test_quiet_machines_have_none():
+    file = arm_file()
+    for seed in (41, 42):
+        found = diagnose(RealArm(seed).record(0), file.robot, file.effects)
+        assert not found.events.named
+        assert set(found.events.limits) == set(JOINTS)
+
+
+def test_what_comes_back_at_the_same_state_is_no_event():
+    """Twice the same motion with the same torque at the same place of it: friction, a cable."""
+    file, arm = arm_file(), RealArm(33)
+    records = [
+        pushed(arm.record(run, motion=5, duration=12.0), [(1, 5.0, 0.8, 25.0)]) for run in (0, 1)
+    ]
+    found = diagnose(records, file.robot, file.effects)
+    assert not found.events.named
+    assert {e.reason for e in found.events.possible} == {'recurs'}
+
+
+HELD = ((1, 3.0, 1.0, 60.0), (0, 6.0, 0.8, -45.0))
+
+
+def held(pulses, seed=2):
+    """An arm that stands while somebody pushes."""
+    return pushed(RealArm(seed).record(0, moving=(), duration=9.0), pulses)
+
+
+def test_pushes_of_an_arm_held_still():
+    file = arm_file()
+    found = diagnose(held(HELD), file.robot, file.effects)
+    assert found.verdict == 'explained'
+    assert not found.causes
+    assert [e.joints for e in found.events.named] == [('joint_2',), ('joint_1',)]
+    for event, (joint, start, duration, torque) in zip(found.events.named, HELD, strict=True):
+        assert start - 0.1 < event.start < event.end < start + duration + 0.1
+        assert abs(event.peak[JOINTS[joint]] - torque) < COULOMB[joint]  # its friction's share
+
+
+def test_friction_holds_what_is_within_its_bound():
+    file = arm_file()
+    with pytest.raises(RecordingError, match='no joint moves'):
+        diagnose(held([(1, 3.0, 1.0, 15.0)]), file.robot, file.effects)
+
+
+def test_without_friction_in_the_file_a_push_is_possible_unless_it_is_beyond_any_friction():
+    """A tenth of the joint's 330 N m of the URDF, times 1.4."""
+    robot = arm_file(has_friction=False).robot
+    found = diagnose(held([(1, 3.0, 1.0, 35.0)]), robot)
+    assert found.verdict == 'unexplained'
+    assert [e.reason for e in found.events.possible] == ['friction']
+    assert diagnose(held([(1, 3.0, 1.0, 60.0)]), robot).events.named
+
+
+def test_friction_of_another_recording_serves():
+    file, arm = arm_file(has_friction=False), RealArm(2)
+    found = diagnose([held([(1, 3.0, 1.0, 35.0)]), arm.record(1)], file.robot)
+    assert [(e.recording, e.joints) for e in found.events.named] == [(0, ('joint_2',))]
+    assert RATE == 100.0
