@@ -218,5 +218,22 @@ ones with a coloured leftover, as they should be and with one cause, alone and c
     file='arms.jsonl',
     markdown='arms.md',
 )
-EXPERIMENTS = {c.name: c for c in (WHEEL_MOMENTUM, ADAPTIVE_CONTROL, DIAGNOSIS, MONITOR, ARMS)}
+DISCOVERY = Campaign(
+    name='discovery',
+    help="""\
+laws that no catalogue knows, hidden in simulated arms (docs/discovery.md): inside
+and outside the grammar, at three times and once the noise, in noise of five colours; and machines
+without any""",
+    module='discovery_campaign',
+    title='What no catalogue knows: laws hidden and found',
+    subtitle='Seeded machines, torques by Pinocchio, noise of five colours',
+    runs=6,
+    quick_runs=1,
+    headlines='variables|discovery',
+    file='discovery.jsonl',
+    markdown='discovery.md',
+)
+EXPERIMENTS = {
+    c.name: c for c in (WHEEL_MOMENTUM, ADAPTIVE_CONTROL, DIAGNOSIS, MONITOR, ARMS, DISCOVERY)
+}
 """By the name of the sub-command; coverage is a campaign of the first."""

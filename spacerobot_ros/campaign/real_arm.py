@@ -160,7 +160,7 @@ class RealArm:
         rng = np.random.default_rng([self.seed, run, 5])
         course = rng if motion is None else np.random.default_rng([self.seed, motion, 6])
         time = np.arange(round(duration * RATE) + 1) / RATE
-        q, qd, qdd = _motion(course, time, np.isin(JOINTS, moving))
+        q, qd, qdd = motion_of(course, time, np.isin(JOINTS, moving))
         torque = self._motor(rng, q, qd, qdd)
         for effect in sorted(self.hidden, key=lambda e: HIDDEN.index(e.id)):
             if effect.id in _DRIVE:
@@ -215,7 +215,7 @@ class RealArm:
         return torque * (1.0 + self.leftover * _GAIN * gains)
 
 
-def _motion(
+def motion_of(
     rng: np.random.Generator, time: Array, is_moving: BoolArray
 ) -> tuple[Array, Array, Array]:
     """(N, n) angles, rates and accelerations: sums of sines, as excitations of robots are."""
