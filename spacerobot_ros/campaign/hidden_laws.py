@@ -151,4 +151,4 @@ class LawArm(RealArm):
         elif self.colour == 'speed':
             white *= np.abs(rate)
         low = sosfiltfilt(butter(3, _BAND, fs=RATE, output='sos'), white)
-        return np.asarray(low / np.sqrt(np.mean(low**2)))
+        return np.asarray(low / max(np.sqrt(np.mean(low**2)), 1e-9))

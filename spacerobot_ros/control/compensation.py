@@ -1,10 +1,10 @@
 """What a controller can do about the physical effects that its model believes in.
 
 Bodies and wheels are the changed robot's. Forces inside the machine that follow from the motion
-(friction, gains of motors, harnesses) are fed forward along the reference, so that nothing is fed
-back through a friction that changes its sign; sensor faults are undone before the law sees a
-sample. What comes from outside, runs by a clock of its own or swings on states that no sensor
-shows is left to the feedback.
+(friction, learned ones with their history, gains of motors, harnesses) are fed forward along the
+reference, so that nothing is fed back through a friction that changes its sign; sensor faults are
+undone before the law sees a sample. What comes from outside, runs by a clock of its own or swings
+on states that no sensor shows is left to the feedback.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ class FeedForward:
         self._robot = robot
         self._effects = tuple(effect for effect in effects if effect.is_known_ahead)
         self._dynamics = Dynamics(robot)
+        self._own = [np.zeros(effect.hidden) for effect in self._effects]
+        self._last: Array | None = None  # joint angles of the reference
 
     def __call__(self, setpoint: Setpoint, omega_WB_B: Vector3, tau: Array) -> Array:
         """(n,) torque under which the effects leave of `tau` (n,) what it was meant to do.
@@ -46,6 +48,7 @@ class FeedForward:
         """
         if not self._effects:
             return tau
+        self._follow(setpoint.q)
         wanted, base_share = tau, self._base_share(setpoint.q)
         for _ in range(_PASSES):
             force = self._force(setpoint, omega_WB_B, tau)
@@ -56,8 +59,17 @@ class FeedForward:
         """(6 + n,) generalised force of all effects."""
         state = np.zeros(1), setpoint.q[None], setpoint.qd[None], tau[None]
         motion = Motion(self._robot, *state, omega=omega_WB_B[None])
-        stateless = np.zeros((1, 0))
-        return np.asarray(sum(effect.force(motion, stateless)[0] for effect in self._effects))
+        pairs = zip(self._effects, self._own, strict=True)
+        return np.asarray(sum(effect.force(motion, own[None])[0] for effect, own in pairs))
+
+    def _follow(self, q: Array) -> None:
+        """Own states of effects along the reference, whose history they are."""
+        if self._last is not None:
+            self._own = [
+                effect.followed(self._robot, own, self._last, q)
+                for effect, own in zip(self._effects, self._own, strict=True)
+            ]
+        self._last = q
 
     def _base_share(self, q: Array) -> Array:
         """(n, 6) joint force that a force on the free base amounts to, its motion eliminated."""

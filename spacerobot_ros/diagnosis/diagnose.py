@@ -24,6 +24,7 @@ from .arm_conclusion import conclude_arm
 from .arms import ArmFound, find_arm_causes, refuse_rest, rms
 from .conclusion import conclude
 from .discovery.discover import discover
+from .discovery.discover_in_flight import discover_in_flight
 from .events.answer import still_answer, with_events
 from .events.arm_events import arm_events
 from .limits import LIKE_NOISE, MISFIT, MOST
@@ -165,4 +166,7 @@ def _predicted(
     if held := held_after_all(found.fit):
         found = Search(run.timed(held), kinds, report, TIMINGS).find()
     report('measuring the gain', 0.9)
-    return conclude(found, (*notes, *in_words(found.fit.run.timing)))
+    answer = conclude(found, (*notes, *in_words(found.fit.run.timing)))
+    if answer.verdict in ('consistent', 'explained'):
+        return answer
+    return discover_in_flight(answer, found.sound, report)

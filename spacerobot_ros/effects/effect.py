@@ -251,6 +251,13 @@ class Effect:
             return np.zeros((len(motion), 0))
         return driven_states(lambda own: self.hidden_rate(motion, own), motion.time, self.hidden)
 
+    def followed(self, robot: Robot, own: Array, before: Array, after: Array) -> Array:
+        """(hidden,) own states after joint angles (n,) of a robot went from one place to the next.
+
+        Only an effect that `is_known_ahead` is asked: for it they are a function of that way.
+        """
+        return own
+
     def fastest(self, robot: Robot) -> float:
         """Its highest natural frequency or decay rate [rad/s], for the choice of a step."""
         return 0.0

@@ -86,6 +86,12 @@ def _hysteresis(name: str) -> Form:
     return Form(name, share, ((0,),), ('displacement',), has_history=True)
 
 
+def _each(count: int) -> Form:
+    """A sum of so many inputs, each with a coefficient."""
+    powers = tuple(tuple(float(i == k) for i in range(count)) for k in range(count))
+    return Form(f'sum of {count}', lambda *x: x, powers)
+
+
 def _times(x: Array, m: float) -> tuple[Array, ...]:
     return np.ones(len(x)), np.sin(m * x), np.cos(m * x)
 
@@ -147,6 +153,8 @@ _FORMS = (
     Form('|y| sign(x)', lambda x, y: (np.abs(y) * direction(x),), ((0, 1),)),
     Form('y^2 sign(x)', lambda x, y: (y**2 * direction(x),), ((0, 2),)),
     Form('y |x|', lambda x, y: (y * np.abs(x),), ((1, 1),)),
+    _each(3),
+    _each(9),
     *_sum_of(1.0),
     *_sum_of(-1.0),
 )

@@ -21,14 +21,14 @@ _ACCELERATION = 5.0
 after the displacement d: faster ones slide already, and z need not follow more than that."""
 
 
-def followed(q: Array, displacement: float, *, is_dahl: bool) -> Array:
-    """(N,) share along angles (N,), free of torque at first; exact for ways in one direction."""
-    return np.asarray(_followed(np.diff(q) / displacement, is_dahl))
+def followed(q: Array, displacement: float, *, is_dahl: bool, start: float = 0.0) -> Array:
+    """(N,) share along angles (N,), from its start; exact for ways in one direction."""
+    return np.asarray(_followed(np.diff(q) / displacement, start, is_dahl))
 
 
 @compiled  # type: ignore[untyped-decorator]
-def _followed(way: Array, is_dahl: bool) -> Array:
-    z = np.zeros(len(way) + 1)
+def _followed(way: Array, start: float, is_dahl: bool) -> Array:
+    z = np.full(len(way) + 1, start)
     for k in range(len(way)):
         if is_dahl:
             sign = 1.0 if way[k] >= 0.0 else -1.0

@@ -19,7 +19,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
 from .grammar import DAHL, QUANTITIES, Form, quantity
-from .hysteresis import fastest_share, share_rate
+from .hysteresis import fastest_share, followed, share_rate
 from .joint import STICTION_RATE
 from .learned_entry import LearnedEntry
 from .motion import Motion, inverse_mass
@@ -233,6 +233,7 @@ class LearnedHysteresis(LearnedTorque):
     """Friction with a history: its state is limited, it gives back no more than it took."""
 
     hidden = 1
+    is_known_ahead = True
 
     def torque(self, motion: Motion, hidden: Array) -> Array:
         """The mobilised share of the torque."""
@@ -248,6 +249,13 @@ class LearnedHysteresis(LearnedTorque):
     def driven(self, motion: Motion) -> Array:
         """Share along the joint's angles, exactly."""
         return self.form([motion.q[:, motion.column(self.where)]], self.options)
+
+    def followed(self, robot: Robot, own: Array, before: Array, after: Array) -> Array:
+        """The share at the end of the way."""
+        column, displacement = robot.joints.index(str(self.where)), self.options['displacement']
+        way = np.array([before[column], after[column]])
+        is_dahl = self.form.name == DAHL
+        return np.array([followed(way, displacement, is_dahl=is_dahl, start=own[0])[-1]])
 
     def fastest(self, robot: Robot) -> float:
         """Of the joint on its contacts, or of contacts that begin to slide."""

@@ -98,7 +98,7 @@ class Fit:
         if not self.free:
             return np.zeros((len(self.data), 0))
         own = len(self.run.believed)
-        moves = [self._neighbours(i, p) for i, p in self.free]
+        moves = [self.neighbours(i, p) for i, p in self.free]
         return self.signatures.between(
             self.run.robot,
             (*self.run.believed, *self.causes),
@@ -233,7 +233,7 @@ class Fit:
             values[i][p.name] = value_of(p, coordinate_of(p, values[i][p.name]) + float(delta))
         return [replace(c, values=v) for c, v in zip(self.causes, values, strict=True)]
 
-    def _neighbours(self, i: int, p: Parameter) -> tuple[int, Effect, float]:
+    def neighbours(self, i: int, p: Parameter) -> tuple[int, Effect, float]:
         """A cause with one coordinate moved a little to where it may go, and by how much."""
         cause = self.causes[i]
         here = coordinate_of(p, cause.values[p.name])

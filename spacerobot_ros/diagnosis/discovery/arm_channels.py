@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.fft import dct, idct
 
 from ...effects.learned_torque import input_of
 from ...estimation.arm_rows import ArmRows
 from ...estimation.leftover import JointRows
 from ...types import Array, IntArray
 from .possible_laws import Extent, Law, joint_laws
-from .spectral_terms import SpectralTerms
+from .spectral_terms import SpectralTerms, cosines
 from .time_sines import TimeSines
 
-_FIFTHS = 5
-_KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
+FIFTHS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +76,8 @@ class JointChannel:
     deviations: Array
 
     @property
-    def joint(self) -> str:
-        """Its name."""
+    def place(self) -> str:
+        """The joint."""
         return self.motions.rows.robot.joints[self.j]
 
     @cached_property
@@ -98,7 +96,7 @@ class JointChannel:
         recording = self.motions.rows.recording[self.rows.block]
         if len(np.unique(recording)) > 1:
             return np.unique(recording, return_inverse=True)[1]
-        return np.arange(len(recording)) * _FIFTHS // len(recording)
+        return np.arange(len(recording)) * FIFTHS // len(recording)
 
     @property
     def speed(self) -> Array:
@@ -113,7 +111,7 @@ class JointChannel:
     def laws(self) -> Sequence[Law]:
         """That may be."""
         robot = self.motions.rows.robot
-        return joint_laws(self.joint, robot.joints, (), self.motions.extent)
+        return joint_laws(self.place, robot.joints, (), self.motions.extent)
 
     @cached_property
     def clocks(self) -> TimeSines | None:
@@ -124,17 +122,14 @@ class JointChannel:
 
     @cached_property
     def terms(self) -> SpectralTerms:
-        """The leftover's; an offset is free."""
-        columns = self.rows.columns * self.deviations
-        columns = columns[:, np.any(columns != 0.0, axis=0)]
-        offset = np.full((len(self.rows.torque), 1), _FREE * np.sqrt(np.mean(self.rows.torque**2)))
-        both = np.column_stack([self.rows.torque, offset, columns])
-        terms = self.to_terms(self.whitened(both))
-        return SpectralTerms(terms[:, 0], terms[:, 1:])
+        """The leftover's."""
+        return SpectralTerms.of(
+            self.rows.torque, self.rows.columns * self.deviations, self.whitened
+        )
 
     def columns(self, law: Law) -> Array:
         """(M, k) terms of a law's columns."""
-        return self.to_terms(self.whitened(self.law_rows(law)))
+        return cosines(self.whitened(self.law_rows(law)))
 
     def law_rows(self, law: Law) -> Array:
         """(R, k) a law's columns, row by row [N m by coefficient]."""
@@ -149,16 +144,3 @@ class JointChannel:
         own = self.rows
         rows = JointRows(np.zeros(len(values)), values, own.observed, own.block, own.gap)
         return rows.whitened(self.variances)[1]
-
-    def to_terms(self, rows: Array) -> Array:
-        """(M, ...) cosine terms of whitened rows (R, ...), those in the band."""
-        return np.asarray(dct(rows, axis=0, norm='ortho'))[: int(_KEPT * len(rows))]
-
-    def to_rows(self, terms: Array) -> Array:
-        """(R, ...) rows of cosine terms."""
-        padded = np.zeros((len(self.rows.torque), *terms.shape[1:]))
-        padded[: len(terms)] = terms
-        return np.asarray(idct(padded, axis=0, norm='ortho'))
-
-
-_FREE = 10.0  # times the torque that is missed: an offset's prior deviation

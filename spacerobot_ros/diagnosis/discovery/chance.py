@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...types import Array
+from .spectral_terms import cosines, rows_of
 
 FLIPS = 200
 _BLOCKS = 40
@@ -27,8 +28,7 @@ def chance_of(
     score: float,
     largest: Statistic,
     left: Array,
-    to_rows: Callable[[Array], Array],
-    to_terms: Callable[[Array], Array],
+    count: int,
 ) -> float:
     """Probability that the best of all laws scores so high by chance.
 
@@ -36,16 +36,15 @@ def chance_of(
         score: Of the law.
         largest: The search.
         left: (M,) whitened residual with the law.
-        to_rows: Terms to rows in time.
-        to_terms: Back.
+        count: Of rows in time.
     """
     rng = np.random.default_rng(_SEED)
     signs = rng.choice([-1.0, 1.0], (len(left), FLIPS))
-    rows = to_rows(left)
+    rows = rows_of(left, count)
     block = (np.arange(len(rows)) * _BLOCKS) // len(rows)
     turned = rows[:, None] * rng.choice([-1.0, 1.0], (_BLOCKS, FLIPS))[block]
     return max(
-        _gumbel(score, largest(draws)) for draws in (signs * left[:, None], to_terms(turned))
+        _gumbel(score, largest(draws)) for draws in (signs * left[:, None], cosines(turned))
     )
 
 

@@ -14,7 +14,7 @@ from ...types import Array, IntArray
 from .chance import chance_of
 from .discovery_limits import CHANCE, DEAD_HEAT, MARGIN, MOST_LAWS
 from .possible_laws import REFINED, Law
-from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening
+from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening, cosines
 from .time_sines import TimeSines
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
@@ -42,11 +42,21 @@ class SearchedChannel(Protocol):
     def whitened(self, values: Array) -> Array:
         """(R, c) rows whitened as those of the channel are."""
 
-    def to_terms(self, rows: Array) -> Array:
-        """(M, ...) cosine terms of whitened rows."""
+    @property
+    def times(self) -> Array:
+        """(R,) of rows, each of its recording [s]."""
 
-    def to_rows(self, terms: Array) -> Array:
-        """Rows of cosine terms."""
+    @property
+    def part(self) -> IntArray:
+        """(R,) number of the part of each row, not decreasing."""
+
+    @property
+    def place(self) -> str:
+        """Joint, or axis of the base such as `base_link/x`."""
+
+    @property
+    def speed(self) -> Array:
+        """(N,) of a joint where it moves [rad/s]; empty of the base."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +102,7 @@ class LawSearch:
         ends = np.cumsum([0, *(c.shape[1] for c in own)])
         self.groups: list[IntArray] = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
         if channel.clocks is not None:
-            own.append(channel.to_terms(channel.whitened(channel.clocks.columns)))
+            own.append(cosines(channel.whitened(channel.clocks.columns)))
             self.groups += list(ends[-1] + channel.clocks.groups)
             self.prices += [channel.clocks.price] * len(channel.clocks.frequency)
         self.columns = np.concatenate([np.zeros((len(self.terms.data), 0)), *own], axis=1)
@@ -155,8 +165,7 @@ class LawSearch:
             float(judge.scores(judge.data[:, None])[g, 0]),
             judge.largest,
             _without(judge.white(both), judge.white(self.terms.data)),
-            self.channel.to_rows,
-            self.channel.to_terms,
+            len(self.channel.times),
         )
 
     def _refined(

@@ -14,9 +14,9 @@ import numpy as np
 
 from ...estimation.evidence import Gram, folds, score, sum_of
 from ...estimation.placebo import held_out_gain
-from ...types import Array, IntArray
+from ...types import Array
 from .law_search import SearchedChannel, Winner
-from .spectral_terms import Whitening
+from .spectral_terms import Whitening, rows_of
 
 _FREE = 1e-6  # precision of coefficients without a prior, of columns of unit size
 _WIDE = 1e3  # prior deviation of a law's coefficients, of columns of unit size
@@ -47,15 +47,11 @@ class Parts:
     Args:
         channel: The channel.
         chosen: All laws.
-        part: (R,) number of the part of each row, not decreasing.
-        times: (R,) [s], each of its recording.
     """
 
-    def __init__(
-        self, channel: SearchedChannel, chosen: Sequence[Winner], part: IntArray, times: Array
-    ) -> None:
+    def __init__(self, channel: SearchedChannel, chosen: Sequence[Winner]) -> None:
         terms = channel.terms
-        self._channel, self._chosen, self._part, self._times = channel, chosen, part, times
+        self._channel, self._part, self._times = channel, channel.part, channel.times
         self.level = terms.level(_beside(chosen, len(terms.data)))
         self._scale = self.level.scale
         self._white = Whitening(terms, self._scale)
@@ -96,7 +92,8 @@ class Parts:
         if beside.shape[1]:
             q, _ = np.linalg.qr(beside)
             data, own = data - q @ (q.T @ data), own - q @ (q.T @ own)
-        data, own = self._channel.to_rows(data), self._channel.to_rows(own)
+        count = len(self._times)
+        data, own = rows_of(data, count), rows_of(own, count)
         own = _normed(own)
         ends = np.searchsorted(self._part, np.arange(self._part[-1] + 2))
         slices = [slice(a, b) for a, b in pairwise(ends.tolist())]
@@ -104,7 +101,7 @@ class Parts:
         return gain / float(data @ data)
 
     def _rows(self, terms: Array) -> Array:
-        return self._channel.to_rows((terms.T / self._scale).T)
+        return rows_of((terms.T / self._scale).T, len(self._times))
 
 
 def _normed(columns: Array) -> Array:

@@ -128,6 +128,18 @@ def joint_laws(joint: str, joints: Sequence[str], extras: Sequence[str], at: Ext
     return [*out, *_slow_laws(at)]
 
 
+def base_laws(at: Extent) -> list[Law]:
+    """Laws of a torque about an axis of the free base."""
+    attitude = tuple(f'attitude/{i}{k}' for i in 'xyz' for k in 'xyz')
+    rates = tuple(f'base_rate/{i}' for i in 'xyz')
+    follows = 'a torque that follows the attitude'
+    return [
+        _law('sum of 9', attitude, 3.0, follows, 'external'),
+        _law('sum of 3', rates, 3.0, 'a torque that follows the base rate', 'external'),
+        *_slow_laws(at),
+    ]
+
+
 def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
     v, q = f'rate/{joint}', f'angle/{joint}'
     for form, price, resembles in _OWN_RATE:
@@ -194,6 +206,10 @@ def _law(
     return Law(FORMS[form], inputs, price, resembles, kind, dict(options or {}))
 
 
-def is_of_another(law: Law, joint: str) -> bool:
+def is_of_another(law: Law, place: str) -> bool:
     """Whether it needs another joint's variable."""
-    return any(quantity(name)[1] not in ('', joint) for name in law.inputs)
+    of_joints = [quantity(name) for name in law.inputs if quantity(name)[0] in _OF_JOINTS]
+    return any(whose != place for _, whose in of_joints)
+
+
+_OF_JOINTS = ('rate', 'angle', 'load', 'acceleration')

@@ -10,11 +10,12 @@ that a law is no part of the noise that judges it, and the spectrum needs no mod
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.fft import dct, idct
 
 from ...types import Array, IntArray
 
@@ -23,18 +24,35 @@ _PASSES = 5
 _LEAST = 1e-6  # of the data's rms: no level is below
 
 
+_KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
+_FREE = 10.0  # times what is left: an offset's prior deviation
+
+
+def cosines(rows: Array) -> Array:
+    """(M, ...) cosine terms of rows (R, ...), those in the band."""
+    return np.asarray(dct(rows, axis=0, norm='ortho'))[: int(_KEPT * len(rows))]
+
+
+def rows_of(terms: Array, count: int) -> Array:
+    """(R, ...) so many rows of cosine terms."""
+    padded = np.zeros((count, *terms.shape[1:]))
+    padded[: len(terms)] = terms
+    return np.asarray(idct(padded, axis=0, norm='ortho'))
+
+
 @dataclass(frozen=True, eq=False)
 class Level:
     """Level of what a hypothesis leaves, and how well it explains.
 
     Args:
         scale: (M,) S. likelihood: Log likelihood, z integrated out, c and S at their best.
-        coefficients: (k,) c.
+        coefficients: (k,) c. deviations: (k,) their standard deviations.
     """
 
     scale: Array
     likelihood: float
     coefficients: Array
+    deviations: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +65,14 @@ class SpectralTerms:
 
     data: Array
     nuisance: Array
+
+    @classmethod
+    def of(cls, data: Array, nuisance: Array, whitened: Callable[[Array], Array]) -> SpectralTerms:
+        """Of rows (R,) and (R, r), whitened together; an offset is free."""
+        seen = nuisance[:, np.any(nuisance != 0.0, axis=0)]
+        offset = np.full((len(data), 1), _FREE * np.sqrt(np.mean(data**2)))
+        terms = cosines(whitened(np.column_stack([data, offset, seen])))
+        return cls(terms[:, 0], terms[:, 1:])
 
     @cached_property
     def _bins(self) -> tuple[IntArray, Array]:
@@ -73,11 +99,12 @@ class SpectralTerms:
             left = self.data - both @ mean
             known = np.einsum('ij,jk,ik->i', both, covariance, both)
             scale = self._smooth(left**2 + known)
-        mean, _ = _posterior(both, self.data, scale, prior, size)
+        mean, covariance = _posterior(both, self.data, scale, prior, size)
+        spread = np.sqrt(np.maximum(np.diag(covariance)[r:], 0.0))
         white = Whitening(self, scale)
         rest = white(self.data - columns @ mean[r:])
         likelihood = -float(np.sum(np.log(scale))) - 0.5 * white.log_det - 0.5 * float(rest @ rest)
-        return Level(scale, likelihood, mean[r:])
+        return Level(scale, likelihood, mean[r:], spread)
 
     def _smooth(self, squares: Array) -> Array:
         """(M,) root of the mean square of each bin, between them in proportion."""
