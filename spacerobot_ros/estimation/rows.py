@@ -16,7 +16,7 @@ import numpy as np
 
 from ..effects.motion import Motion
 from ..model.robot import Robot
-from ..types import Array
+from ..types import Array, IntArray
 from .reference import Kinematics
 
 _FOLDS = 5
@@ -107,6 +107,11 @@ class Rows(MotionModel, Protocol):
     @property
     def row_times(self) -> Array:
         """(R,) time of every row [s], not decreasing."""
+        ...
+
+    @property
+    def row_sensors(self) -> IntArray:
+        """(R,) number of the scalar that each row measures."""
         ...
 
     @property

@@ -127,6 +127,11 @@ class JointChannel:
             self.rows.torque, self.rows.columns * self.deviations, self.whitened
         )
 
+    @property
+    def all_columns(self) -> Sequence[Array]:
+        """(M, k) terms of every law's columns."""
+        return [self.columns(law) for law in self.laws]
+
     def columns(self, law: Law) -> Array:
         """(M, k) terms of a law's columns."""
         return cosines(self.whitened(self.law_rows(law)))

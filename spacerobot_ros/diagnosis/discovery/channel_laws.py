@@ -37,76 +37,82 @@ def channel_name(place: str) -> str:
     return f'base_torque/{axis}' if base else f'joint_torque/{place}'
 
 
-def laws_of(channel: SearchedChannel) -> tuple[list[HeldLaw], Leftover]:
-    """Laws that hold, and what to say where there are none."""
+def laws_of(channel: SearchedChannel) -> tuple[list[HeldLaw], list[Winner]]:
+    """Laws that hold; and what else won: sines of the time, inertial errors, what does not."""
     search = LawSearch(channel)
     steps = search.run()
-    chosen = [step for step in steps if step.is_law]
-    kept = _held(search, channel, chosen)
+    held = _held(search, channel, list(steps))
+    kept = [it.step for it in held]
+    return held, [step for step in steps if not any(step is k for k in kept)]
+
+
+def said_without(place: str, step: Winner | None, *, one_speed: bool = False) -> Leftover:
+    """What to say of a channel without a law.
+
+    Args:
+        place: Joint, or axis of the base.
+        step: What won there all the same.
+        one_speed: Whether the joint moves at one speed only.
+    """
     nothing = Leftover(
-        channel=channel_name(channel.place),
+        channel=channel_name(place),
         depends_on=(NOTHING_MEASURED,),
         resembles='no function of what is measured',
-        one_speed=_has_one_speed(channel),
+        one_speed=one_speed,
     )
-    if kept or not steps:
-        return kept, nothing
-    last = steps[-1]
-    if last.is_law and last.law is not None:
-        seems = f'seems to be {last.law.resembles}, but other parts of the data do not repeat it'
-        return [], replace(nothing, resembles=seems, p_value=last.p_value)
-    if last.law is not None and last.law.kind == 'inertial':
-        return [], replace(nothing, resembles=last.law.resembles, p_value=last.p_value)
-    what = last.name or (last.law.resembles if last.law else '')
+    if step is None:
+        return nothing
+    law, p_value = step.law, step.p_value
+    if law is not None and step.is_law:
+        seems = f'seems to be {law.resembles}, but other parts of the data do not repeat it'
+        return replace(nothing, resembles=seems, p_value=p_value)
+    if law is not None and law.kind == 'inertial':
+        return replace(nothing, resembles=law.resembles, p_value=p_value)
+    what = step.name or (law.resembles if law else '')
     unknown = f'a function of time, or of an input that nobody measured: {what}'
-    return [], replace(nothing, depends_on=(TIME,), resembles=unknown, p_value=last.p_value)
+    return replace(nothing, depends_on=(TIME,), resembles=unknown, p_value=p_value)
 
 
-def _held(search: LawSearch, channel: SearchedChannel, chosen: list[Winner]) -> list[HeldLaw]:
+def _held(search: LawSearch, channel: SearchedChannel, steps: list[Winner]) -> list[HeldLaw]:
     """Laws that predict what they were not fitted to; the weakest of others goes first."""
-    while chosen:
-        parts = Parts(channel, chosen)
+    while True:
+        parts = Parts(channel, steps)
         judged = [
             HeldLaw(
-                channel.place,
+                step.law.place or channel.place,
                 step,
                 step.law,
-                parts.judge(step.columns, [s for s in chosen if s is not step]),
+                parts.judge(step.columns, [s for s in steps if s is not step]),
             )
-            for step in chosen
-            if step.law is not None
+            for step in steps
+            if step.law is not None and step.is_law
         ]
-        failing = [it for it in judged if not _is_held(it, search, channel, parts, chosen)]
+        failing = [it for it in judged if not _is_held(it, search, parts, steps)]
         if not failing:
             return judged
-        chosen = [
-            s for s in chosen if s is not min(failing, key=lambda it: it.left_out.share).step
-        ]
-    return []
+        weakest = min(failing, key=lambda it: it.left_out.share).step
+        steps = [step for step in steps if step is not weakest]
 
 
-def _is_held(
-    it: HeldLaw,
-    search: LawSearch,
-    channel: SearchedChannel,
-    parts: Parts,
-    chosen: Sequence[Winner],
-) -> bool:
+def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winner]) -> bool:
     out = it.left_out
     if out.share < HELD_OUT or out.share < out.placebo + BEYOND_PLACEBO or out.agreeing < AGREEING:
         return False
-    if not is_of_another(it.law, channel.place):
+    if not is_of_another(it.law, it.place):
         return True
-    others = [step for step in chosen if step is not it.step]
-    own = search.best_of(others, lambda law: not is_of_another(law, channel.place))
+    others = [step for step in steps if step is not it.step]
+
+    def is_own(law: Law) -> bool:
+        return law.place == it.law.place and not is_of_another(law, it.place)
+
+    own = search.best_of(others, is_own)
     if own is None:
         return True
     return out.left <= NEEDS_OTHER * parts.judge(own, others, has_placebo=False).left
 
 
-def _has_one_speed(channel: SearchedChannel) -> bool:
-    if not len(channel.speed):
-        return False
+def has_one_speed(channel: SearchedChannel) -> bool:
+    """Whether a joint moves at one speed, so that forms of friction are one there."""
     low, middle, high = np.quantile(channel.speed, [0.05, 0.5, 0.95])
     return bool(high - low < ONE_SPEED * middle)
 

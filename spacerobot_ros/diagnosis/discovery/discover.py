@@ -13,7 +13,7 @@ from ...effects.motion import Motion
 from ..answer.result import Leftover
 from ..arms import ArmFound, rms
 from .arm_channels import ArmMotions, JointChannel
-from .channel_laws import HeldLaw, laws_of, said_of
+from .channel_laws import HeldLaw, has_one_speed, laws_of, said_of, said_without
 from .discovery_limits import FED_IN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 
@@ -32,9 +32,11 @@ def discover(
     for count, j in enumerate(moving):
         report('asking what the leftover depends on', 0.85 + 0.05 * count / len(moving))
         channel = JointChannel(motions, j, found.levels[j], found.fit.deviations)
-        laws, without = laws_of(channel)
+        laws, rest = laws_of(channel)
         accepted += laws
-        said += [] if laws else [without]
+        if not laws:
+            step = rest[-1] if rest else None
+            said.append(said_without(channel.place, step, one_speed=has_one_speed(channel)))
     if not accepted:
         return found, tuple(said)
     extended, held = _applied(found, accepted, motions)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...effects.learned_torque import LearnedTorque, law_at
 from ...estimation.refit import Fit, refine
+from ...types import Array
 from ..answer.result import Diagnosis
-from .channel_laws import HeldLaw, laws_of, said_of
+from ..limits import OBVIOUS
+from .channel_laws import HeldLaw, laws_of, said_of, said_without
 from .discover import pushes
-from .flight_channels import FlightTorques, TorqueChannel
+from .flight_channels import FlightChannel, FlightRows
+from .law_search import Winner
 from .left_out import Parts
 
 _LIMIT = 1.5  # of a law's largest torque in the data
@@ -30,26 +33,24 @@ def discover_in_flight(
         report: Called with what is being done and the share done.
     """
     report('asking what the leftover depends on', 0.95)
-    torques = FlightTorques(fit)
+    flight = FlightRows(fit)
+    places = _places(flight)
+    if not places:
+        return answer
+    channel = FlightChannel(flight, places)
+    held, rest = laws_of(channel)
+    first = max((it.step.margin for it in held), default=0.0)
+    held = [it for it in held if it.step.margin > OBVIOUS * first]
     said, applied = [], []
-    for channel in _channels(torques):
-        held, nothing = laws_of(channel)
-        if not held:
-            said.append(nothing)
-            continue
-        laws = _fitted(channel, held)
-        for it, (law, spread) in zip(held, laws, strict=True):
-            is_sane = not pushes(law, [torques.motion])
-            said.append(
-                said_of(
-                    it,
-                    law if is_sane else None,
-                    spread,
-                    torques.motion.robot.joints,
-                    is_of_several=False,
-                )
-            )
-            applied += [law] * is_sane
+    for it, (law, spread) in zip(held, _fitted(channel, held, rest), strict=True):
+        is_sane = not pushes(law, [flight.motion])
+        joints = flight.motion.robot.joints
+        said.append(said_of(it, law if is_sane else None, spread, joints, is_of_several=False))
+        applied += [law] * is_sane
+    for place in places:
+        if all(it.place != place for it in held):
+            own = [step for step in rest if step.law is not None and step.law.place == place]
+            said.append(said_without(place, own[0] if own else None))
     answer = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
     if not any(entry.form for entry in said):
         return answer
@@ -77,29 +78,30 @@ def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagno
     return replace(answer, verdict='partly_explained', causes=causes)
 
 
-def _channels(torques: FlightTorques) -> list[TorqueChannel]:
-    """Every joint with a torque, and the axes of a free base."""
-    robot, run = torques.motion.robot, torques.fit.run
-    axes = [f'{robot.base_link}/{axis}' for axis in 'xyz'] if robot.is_free else []
-    out = [TorqueChannel(torques, place, 3 + k) for k, place in enumerate(axes)]
+def _places(flight: FlightRows) -> dict[str, int]:
+    """Component of the generalised force: joints with a torque, and axes of a free base."""
+    robot, run = flight.motion.robot, flight.fit.run
+    out = {f'{robot.base_link}/{axis}': 3 + k for k, axis in enumerate('xyz') if robot.is_free}
     if run.record.effort is not None:
         lacking = run.record.joints.without_effort if run.record.joints else ()
-        columns = [(j, 6 + robot.joints.index(j)) for j in robot.arm if j not in lacking]
-        out += [TorqueChannel(torques, joint, column) for joint, column in columns]
+        out |= {j: 6 + robot.joints.index(j) for j in robot.arm if j not in lacking}
     return out
 
 
-def _fitted(channel: TorqueChannel, held: list[HeldLaw]) -> list[tuple[LearnedTorque, np.ndarray]]:
-    """Laws with coefficients, and the standard deviations of these."""
-    level = Parts(channel, [it.step for it in held]).level
+def _fitted(
+    channel: FlightChannel, held: Sequence[HeldLaw], rest: Sequence[Winner]
+) -> list[tuple[LearnedTorque, Array]]:
+    """Laws with coefficients beside all else that won, and the standard deviations of these."""
+    others = [step for step in rest if not step.is_law]
+    level = Parts(channel, [*(it.step for it in held), *others]).level
     out, first = [], 0
     for it in held:
         last = first + len(it.law.form.powers)
         own = level.coefficients[first:last]
         torque = channel.law_columns(it.law) @ own
         law = law_at(
-            name=f'learned_torque_{channel.place.replace("/", "_")}',
-            where=channel.place,
+            name=f'learned_torque_{it.place.replace("/", "_")}',
+            where=it.place,
             values={},
             form=it.law.form,
             inputs=it.law.inputs,

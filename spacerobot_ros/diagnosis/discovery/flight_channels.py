@@ -1,44 +1,40 @@
-"""Channels of a robot whose sensors' noise is known: torques that its model misses, from its fit.
+"""What the fitted model of a robot whose sensors' noise is known leaves, asked by torque.
 
-    tau_missed = H q'' + c - tau - effects        joints, and the base about its three axes
-
-along the smoothed motion, the base's translation such that no force acts on the whole. Here no
-level was estimated before: the spectrum is that of the terms alone.
+Rows are the fit's own whitened innovations, averaged over a tenth of a second sensor by sensor, so
+that noise is white and of unit variance in them still. A law's columns are what its torque at one
+joint, or about one axis of the base, leaves in these rows; inertial errors and named causes are
+columns, too, shared by all channels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from scipy.sparse import csr_array
 
 from ...effects.bodies import NAMES as INERTIAL
 from ...effects.catalogue import CATALOGUE
 from ...effects.learned_torque import input_of
 from ...effects.motion import Motion
-from ...effects.parameter import Parameter
 from ...estimation.columns import candidate_at
 from ...estimation.refit import Fit
 from ...estimation.response import Response
-from ...estimation.torque_process import TorqueDriven
 from ...types import Array, IntArray
 from .arm_channels import FIFTHS
-from .possible_laws import Extent, Law, base_laws, joint_laws
+from .possible_laws import Extent, Law, base_laws, joint_laws, sine_laws
 from .spectral_terms import SpectralTerms, cosines
-from .time_sines import TimeSines
 
-_BAND = 4.0  # Hz
-_RATE = 10.0  # Hz, of rows: 2.5 a period of the band
-_FREE = 10.0  # times what is missed: a named cause's prior deviation
-_END = 0.5  # s, at either end of the record, where derivatives of splines are loose
+_WINDOW = 0.1  # s
+_UNCERTAIN = 0.02  # of a body's mass, first moments and inertia: what passes for a right model
+_FREE = 10.0  # times what is left: a named cause's prior deviation
 
 
 @dataclass(frozen=True, eq=False)
-class FlightTorques:
-    """Torques that a fitted model misses, and what may be made of them.
+class FlightRows:
+    """What a fitted model leaves, and what may be made of it.
 
     Args:
         fit: The named causes with values.
@@ -46,62 +42,61 @@ class FlightTorques:
 
     fit: Fit
 
-    @cached_property
+    @property
     def motion(self) -> Motion:
         """Along the record, at the times of the filter."""
         return self.fit.rows.motion
 
     @cached_property
-    def _process(self) -> TorqueDriven:
-        return TorqueDriven(self.fit.run.robot, (*self.fit.run.believed, *self.fit.causes))
+    def _windows(self) -> tuple[csr_array, Array]:
+        """Averages of a sensor's rows over a window (R, rows), and their times."""
+        at = self.fit.rows.row_times
+        window = ((at - at[0]) / _WINDOW).astype(int)
+        sensor = self.fit.rows.row_sensors
+        number = np.unique(window * (sensor.max() + 1) + sensor, return_inverse=True)[1]
+        count = np.bincount(number)
+        weights = 1.0 / np.sqrt(count[number])
+        shape = (len(count), len(at))
+        averages = csr_array((weights, (number, np.arange(len(at)))), shape=shape)
+        return averages, np.bincount(number, at) / count
+
+    @property
+    def times(self) -> Array:
+        """(R,) of rows [s]."""
+        return self._windows[1]
+
+    def averaged(self, rows: Array) -> Array:
+        """(R, ...) averages of whitened innovations."""
+        return np.asarray(self._windows[0] @ rows)
+
+    def rows(self, forces: Array) -> Array:
+        """(R, K) what generalised forces (N, 6 + n, K) leave."""
+        return self.averaged(self.fit.rows.whitened(forces, {}))
 
     @cached_property
-    def missed(self) -> Array:
-        """(N, 6 + n) generalised forces [N, N m]."""
-        return -self._process.force_error(self.motion)
+    def data(self) -> Array:
+        """(R,)."""
+        return self.averaged(self.fit.data)
 
     @cached_property
     def nuisance(self) -> Array:
-        """(N, 6 + n, K) forces of named causes, and of inertial errors by their deviations."""
-        robot, motion = self.motion.robot, self.motion
-        columns = [self._of_cause(i, p) for i, p in self.fit.free]
-        kind, response = CATALOGUE['inertial_parameters'], Response(robot, motion)
-        share = robot.inertia_uncertainty
+        """(R, K) of named causes, and of inertial errors by their deviations."""
+        robot, response = self.motion.robot, Response(self.motion.robot, self.motion)
+        kind, forces = CATALOGUE['inertial_parameters'], []
         first = 0 if robot.is_free else 1
         for body, row in zip(robot.bodies[first:], robot.inertial_parameters[first:], strict=True):
             candidate = candidate_at(kind, robot, body.name, {})
-            if candidate is None:
-                continue
-            size = share * _plausible(row)
-            for k, (effect, step) in enumerate(candidate.small_steps):
-                columns.append(response.force(effect) / step * size[k])
-        return np.stack(columns, axis=2)
-
-    def _of_cause(self, i: int, parameter: Parameter) -> Array:
-        """(N, 6 + n) of one number of a cause, many times as large as what is missed."""
-        run, causes = self.fit.run, self.fit.causes
-        _, moved, _ = self.fit.neighbours(i, parameter)
-        process = TorqueDriven(run.robot, (*run.believed, *causes[:i], moved, *causes[i + 1 :]))
-        change = -process.force_error(self.motion.of(process.robot)) - self.missed
-        largest, missed = (float(np.sqrt(np.mean(x**2))) for x in (change, self.missed))
-        return change * (_FREE * missed / largest) if largest > 0.0 else change
-
-    @cached_property
-    def times(self) -> Array:
-        """(R,) of rows [s]."""
-        start, end = float(self.motion.time[0]) + _END, float(self.motion.time[-1]) - _END
-        return np.arange(start, end, 1.0 / _RATE)
-
-    def rows(self, values: Array) -> Array:
-        """(R, ...) rows of values (N, ...) without what is faster than the band."""
-        step = float(np.median(np.diff(self.motion.time)))
-        even = np.arange(self.motion.time[0], self.motion.time[-1], min(step, 0.5 / _RATE))
-        flat = values.reshape(len(values), -1)
-        dense = np.column_stack([np.interp(even, self.motion.time, c) for c in flat.T])
-        sections = butter(3, _BAND, fs=1.0 / (even[1] - even[0]), output='sos')
-        low = sosfiltfilt(sections, dense, axis=0)
-        out = np.column_stack([np.interp(self.times, even, c) for c in low.T])
-        return out.reshape(len(self.times), *values.shape[1:])
+            if candidate is not None:
+                steps = zip(candidate.small_steps, _plausible(row).tolist(), strict=True)
+                forces += [
+                    response.force(effect) * (_UNCERTAIN * size / step)
+                    for (effect, step), size in steps
+                ]
+        columns = [self.rows(np.stack(forces, axis=2))] if forces else []
+        own = self.averaged(self.fit.tangents)
+        size = np.maximum(np.sqrt(np.mean(own**2, axis=0)), 1e-300)
+        left = float(np.sqrt(np.mean(self.data**2)))
+        return np.concatenate([own * (_FREE * left / size), *columns], axis=1)
 
     @cached_property
     def extent(self) -> Extent:
@@ -112,46 +107,38 @@ class FlightTorques:
         ends = [dict(zip(names, x.tolist(), strict=True)) for x in (fast, low, high)]
         return Extent(ends[0], ends[1], ends[2], float(np.ptp(self.motion.time)))
 
-    @cached_property
-    def missed_rows(self) -> Array:
-        """(R, 6 + n) `missed`."""
-        return self.rows(self.missed)
-
-    @cached_property
-    def nuisance_rows(self) -> Array:
-        """(R, 6 + n, K) `nuisance`."""
-        return self.rows(self.nuisance)
-
 
 @dataclass(frozen=True, eq=False)
-class TorqueChannel:
-    """One component of the missed torques.
+class FlightChannel:
+    """Laws of all components of the generalised force: what one does shows in every sensor.
 
     Args:
-        torques: All. place: Joint, or axis of the base such as `base_link/x`. column: Of both.
+        flight: What is left.
+        columns_of: Component of the generalised force, by place: a joint, or an axis of the base
+            such as `base_link/x`.
     """
 
-    torques: FlightTorques
-    place: str
-    column: int
+    flight: FlightRows
+    columns_of: Mapping[str, int]
+
+    place = ''
+    clocks = None
 
     @cached_property
     def laws(self) -> Sequence[Law]:
-        """That may be."""
-        joints = self.torques.motion.robot.arm
-        if '/' in self.place:
-            return base_laws(self.torques.extent)
-        return joint_laws(self.place, joints, (), self.torques.extent)
-
-    @cached_property
-    def clocks(self) -> TimeSines | None:
-        """Of the record."""
-        return TimeSines(self.times)
+        """That may be, at every place."""
+        joints, at = self.flight.motion.robot.arm, self.flight.extent
+        out = []
+        for place in self.columns_of:
+            is_base = '/' in place
+            own = base_laws(place[-1], at) if is_base else joint_laws(place, joints, (), at)
+            out += [replace(law, place=place) for law in (*own, *sine_laws(at.duration))]
+        return out
 
     @property
     def times(self) -> Array:
         """(R,) of rows [s]."""
-        return self.torques.times
+        return self.flight.times
 
     @cached_property
     def part(self) -> IntArray:
@@ -162,33 +149,53 @@ class TorqueChannel:
     @cached_property
     def terms(self) -> SpectralTerms:
         """The leftover's."""
-        nuisance = self.torques.nuisance_rows[:, self.column]
-        return SpectralTerms.of(self.torques.missed_rows[:, self.column], nuisance, self.whitened)
+        offsets = [
+            self.flight.rows(self._force(place, np.ones((len(self.flight.motion), 1))))
+            for place in self.columns_of
+        ]
+        nuisance = np.column_stack([self.flight.nuisance, *(_FREE * x for x in offsets)])
+        return SpectralTerms.of(self.flight.data, nuisance, lambda rows: rows)
 
     @property
     def speed(self) -> Array:
-        """(N,) of the joint; empty of the base [rad/s]."""
-        motion = self.torques.motion
-        return np.abs(motion.qd[:, self.column - 6]) if self.column >= 6 else np.zeros(0)
+        """None: it is of no single joint."""
+        return np.zeros(0)
 
     def law_columns(self, law: Law) -> Array:
         """(N, k) a law's columns along the motion."""
-        inputs = [input_of(name, self.torques.motion) for name in law.inputs]
+        inputs = [input_of(name, self.flight.motion) for name in law.inputs]
         return law.form([np.asarray(x) for x in inputs], law.options)
 
     def ranges(self, law: Law) -> dict[str, tuple[float, float]]:
         """Smallest and largest of every input."""
-        motion = self.torques.motion
+        motion = self.flight.motion
         inputs = {name: np.asarray(input_of(name, motion)) for name in law.inputs}
         return {name: (float(np.min(x)), float(np.max(x))) for name, x in inputs.items()}
 
+    @cached_property
+    def all_columns(self) -> Sequence[Array]:
+        """(M, k) terms of every law's columns; the filter takes many of them at once."""
+        out: list[Array] = []
+        for place in self.columns_of:
+            values = [self.law_columns(law) for law in self.laws if law.place == place]
+            ends = np.cumsum([v.shape[1] for v in values])[:-1].tolist()
+            rows = self.flight.rows(self._force(place, np.concatenate(values, axis=1)))
+            out += np.split(cosines(rows), ends, axis=1)
+        return out
+
     def columns(self, law: Law) -> Array:
         """(M, k) terms of a law's columns."""
-        return cosines(self.torques.rows(self.law_columns(law)))
+        return cosines(self.flight.rows(self._force(law.place, self.law_columns(law))))
 
     def whitened(self, values: Array) -> Array:
         """Rows as they are."""
         return values
+
+    def _force(self, place: str, values: Array) -> Array:
+        """(N, 6 + n, c) generalised forces of torques (N, c) at a place."""
+        forces = np.zeros((len(values), 6 + self.flight.motion.robot.n_joints, values.shape[1]))
+        forces[:, self.columns_of[place]] = values
+        return forces
 
 
 def _plausible(row: Array) -> Array:

@@ -36,6 +36,10 @@ class SearchedChannel(Protocol):
     def clocks(self) -> TimeSines | None:
         """Sines of the time."""
 
+    @property
+    def all_columns(self) -> Sequence[Array]:
+        """(M, k) terms of every law's columns."""
+
     def columns(self, law: Law) -> Array:
         """(M, k) terms of a law's columns."""
 
@@ -94,7 +98,7 @@ class LawSearch:
 
     def __init__(self, channel: SearchedChannel) -> None:
         self.channel, self.terms = channel, channel.terms
-        pairs = [(law, channel.columns(law)) for law in channel.laws]
+        pairs = list(zip(channel.laws, channel.all_columns, strict=True))
         pairs = [(law, columns) for law, columns in pairs if np.any(columns)]
         self.laws = [law for law, _ in pairs]
         self.prices = [law.price for law in self.laws]
@@ -108,15 +112,13 @@ class LawSearch:
         self.columns = np.concatenate([np.zeros((len(self.terms.data), 0)), *own], axis=1)
 
     def run(self) -> list[Winner]:
-        """Laws in their order; a sine of the time or an inertial error ends it."""
+        """Laws in their order, sines of the time and inertial errors among them."""
         chosen: list[Winner] = []
         while self.groups and len(chosen) < MOST_LAWS:
             step = self._next(chosen)
             if step is None:
                 break
             chosen.append(step)
-            if not step.is_law:
-                break
         return chosen
 
     def best_of(self, chosen: Sequence[Winner], is_asked: Callable[[Law], bool]) -> Array | None:

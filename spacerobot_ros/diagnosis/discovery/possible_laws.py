@@ -7,8 +7,11 @@ more. The evidence must pay it beside the price of the coefficients.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from ...effects.grammar import FORMS, Form, quantity
 
@@ -16,6 +19,7 @@ _PER_TURN = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 _BENDS = (0.03, 0.1, 0.3)  # of the 95 % rate
 _DISPLACEMENTS = (2e-3, 6e-3, 0.02, 0.06)  # rad
 _WARM_UP = (0.1, 0.3, 1.0)  # of the record's length
+_SLOWEST, _FASTEST, _APART = 0.05, 1.0, 0.75  # Hz; of the resolution 1/T
 _STOPS = (0.1, 0.2, 0.3)  # of the range, at either end
 REFINED = ('scale', 'displacement')
 """Options whose values are refined by the likelihood."""
@@ -33,6 +37,7 @@ class Law:
         kind: What it does with energy, see `learned_torque.KINDS`; `inertial` and `clock` are no
             laws: where they win, the leftover is an error of the masses, or follows the time.
         options: What the form is not linear in.
+        place: Whose torque it is, where a channel has several.
     """
 
     form: Form
@@ -41,11 +46,12 @@ class Law:
     resembles: str
     kind: str
     options: Mapping[str, float] = field(default_factory=dict)
+    place: str = ''
 
     @property
-    def family(self) -> tuple[frozenset[str], str]:
+    def family(self) -> tuple[str, frozenset[str], str]:
         """Variables and class: laws that say the same in other words."""
-        return frozenset(self.inputs), self.resembles
+        return self.place, frozenset(self.inputs), self.resembles
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +94,7 @@ _LOAD = (
 _OTHER = (  # of another joint alone
     ('rate', 'x', 2.5, 'friction of another joint'),
     ('rate', 'sign(x)', 2.5, 'friction of another joint'),
+    ('rate', 'sign(x), x', 3.0, 'friction of another joint'),
     ('angle', 'x', 2.5, 'a spring to another joint'),
 )
 _BOTH = (  # x is the joint's own
@@ -128,12 +135,14 @@ def joint_laws(joint: str, joints: Sequence[str], extras: Sequence[str], at: Ext
     return [*out, *_slow_laws(at)]
 
 
-def base_laws(at: Extent) -> list[Law]:
+def base_laws(axis: str, at: Extent) -> list[Law]:
     """Laws of a torque about an axis of the free base."""
+    own = tuple(f'attitude/{i}{axis}' for i in 'xyz')
     attitude = tuple(f'attitude/{i}{k}' for i in 'xyz' for k in 'xyz')
     rates = tuple(f'base_rate/{i}' for i in 'xyz')
     follows = 'a torque that follows the attitude'
     return [
+        _law('sum of 3', own, 3.0, follows, 'external'),
         _law('sum of 9', attitude, 3.0, follows, 'external'),
         _law('sum of 3', rates, 3.0, 'a torque that follows the base rate', 'external'),
         *_slow_laws(at),
@@ -184,6 +193,16 @@ def _shared_laws(joint: str, other: str) -> Iterator[Law]:
     for what, form, price, resembles in _BOTH:
         yield _law(form, (f'{what}/{joint}', f'{what}/{other}'), price, resembles, 'coupled')
     yield _law('x', (f'acceleration/{other}',), 3.5, 'an inertial error', 'inertial')
+
+
+def sine_laws(duration: float) -> list[Law]:
+    """Sines of the time."""
+    frequencies = np.arange(_SLOWEST, _FASTEST, _APART / duration).tolist()
+    price = math.log(max(len(frequencies), 1))
+    form, what = 'sin(m x), cos(m x)', 'a sine of the time'
+    return [
+        _law(form, ('time',), price, what, 'clock', {'m': 2.0 * math.pi * f}) for f in frequencies
+    ]
 
 
 def _slow_laws(at: Extent) -> Iterator[Law]:

@@ -19,12 +19,13 @@ class TimeSines:
 
     Args:
         times: (M,) since the start [s].
+        most: Sines at the most; fewer than the record tells apart are of low frequencies.
     """
 
-    def __init__(self, times: Array) -> None:
+    def __init__(self, times: Array, most: int = _MOST) -> None:
         duration = max(float(times[-1] - times[0]), 1e-9)
-        frequencies = np.arange(_LOW, _HIGH, _SPACING / duration)
-        count = max(1, min(len(_SWEEPS), _MOST // max(len(frequencies), 1)))
+        frequencies = np.arange(_LOW, _HIGH, _SPACING / duration)[:most]
+        count = max(1, min(len(_SWEEPS), most // max(len(frequencies), 1)))
         sweeps = np.array(_SWEEPS[:count]) / duration**2
         self.frequency = np.repeat(frequencies, count)
         self.sweep = np.tile(sweeps, len(frequencies))

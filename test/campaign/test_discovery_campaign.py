@@ -1,0 +1,72 @@
+"""The campaign of unknown laws: keys, hidden torques, scores."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.discovery_campaign import trials
+from spacerobot_ros.campaign.discovery_tables import judge, results, tables
+from spacerobot_ros.campaign.hidden_laws import COLOURS, LAWS, NOISE, LawArm
+from spacerobot_ros.campaign.real_arm import COULOMB
+
+MOVING = ('joint_1', 'joint_2')
+
+
+def said(form='x |x|', *depends_on, channel='joint_1'):
+    shares = {'p': 1e-9, 'held_out': 0.5, 'placebo': 0.0}
+    return {'channel': channel, 'depends_on': list(depends_on), 'form': form, **shares}
+
+
+def record(*claims, law='drag', ratio=3.0, named=(), r2=0.99):
+    return {
+        'kind': 'law' if law else 'clean',
+        'law': law,
+        'ratio': ratio,
+        'colour': 'white',
+        'where': 'joint_1',
+        'variables': ['rate/joint_1'],
+        'said': list(claims),
+        'named': [list(name) for name in named],
+        'r2': r2,
+        'wall_s': 1.0,
+    }
+
+
+def test_trials_are_distinct_and_cover_all_laws_and_colours():
+    keys = [json.loads(key) for key in trials(2, is_quick=False)]
+    assert len({json.dumps(key) for key in keys}) == len(keys)
+    assert {key[2] for key in keys if key[0] == 'law'} == set(LAWS)
+    assert {key[4] for key in keys if key[0] == 'clean'} == set(COLOURS)
+
+
+@pytest.mark.parametrize('law', ['drag', 'sum of rates', 'Dahl'])
+def test_a_law_has_the_size_that_was_asked_for(law):
+    arm = LawArm(5, law=law, place=(0, 1)).sized(3.0, MOVING, 6.0)
+    with_it, without = (
+        a.record(0, MOVING, 6.0).joints.effort for a in (arm, replace(arm, law=''))
+    )
+    hidden = (with_it - without)[:, 0]
+    rms = np.sqrt(np.mean(hidden**2))
+    assert rms == pytest.approx(3.0 * NOISE * COULOMB[0], rel=0.05)  # filtered before it is logged
+    np.testing.assert_allclose(with_it[:, 1:], without[:, 1:], rtol=0, atol=1e-12)
+
+
+def test_scores_are_of_variables():
+    right = record(said('x |x|', 'rate/joint_1'))
+    wrong = record(said('x', 'rate/joint_2'))
+    taken = record(named=[('joint_viscous_friction', 'joint_1')])
+    clean = [record(law=''), record(said(None, 'time'), law=''), record(said('x', 'a'), law='')]
+    scores = results([right, right, wrong, taken, *clean])['discovery']
+    (group,) = scores['groups']
+    shares = [group[name].value for name in ('right', 'wrong', 'taken')]
+    assert shares == [0.5, 0.25, 0.25]
+    assert group['transfer'] == 0.99
+    assert scores['false'].value == pytest.approx(1 / 3)
+    assert scores['timed'].value == pytest.approx(1 / 3)
+    missed = [check.what for check in judge({'discovery': scores}) if not check.is_met]
+    assert len(missed) == 3  # right, wrong, false
+    assert len(tables({'discovery': scores})) == 3
