@@ -92,9 +92,11 @@ class InertialParameters(MovingBodyEffect):
         all but the mass, and that where its position is measured.
         """
         scales = _scales(robot, where)
-        told: tuple[str, ...] = _INERTIAS if robot.servicer_momentum.any() else _INERTIAS[1:]
-        if robot.inputs is not None and len(robot.inputs.times):
-            told = NAMES if robot.inputs.is_located else NAMES[1:]
+        inputs = robot.inputs
+        is_spun = robot.servicer_momentum.any() or (inputs is not None and inputs.wheels)
+        told: tuple[str, ...] = _INERTIAS if is_spun else _INERTIAS[1:]
+        if inputs is not None and (inputs.commands or inputs.wrench):
+            told = NAMES if inputs.is_located else NAMES[1:]
         return tuple(
             replace(p, size=robot.inertia_uncertainty * scale, relevant=_RELEVANT * scale)
             for p, scale in zip(cls.parameters, scales, strict=True)

@@ -52,7 +52,7 @@ def noise_levels(
         if values is not None and (is_checked or stated is None):
             seen = fourth_difference_std(values)
         level = seen if stated is None else stated
-        if stated is None and values is not None:
+        if stated is None and values is not None and values.size:
             notes.append(f'{name}_std is not stated; estimated from the data: {seen:.3g}')
         elif name != 'joint_effort' and stated and seen > _DISAGREEMENT * stated:
             level = seen
@@ -61,7 +61,7 @@ def noise_levels(
                 'the data count'
             )
         floor = _FLOOR[name]
-        if name == 'joint_effort' and values is not None:
+        if name == 'joint_effort' and values is not None and values.size:
             floor *= max(float(np.nanmax(np.abs(values))), 1e-300)
         levels[name] = max(level or 0.0, _resolution(values) / _UNIFORM, floor)
     return NoiseLevels(**levels), tuple(notes)

@@ -81,7 +81,22 @@ def input_force(robot: Robot, motion: Motion) -> Array:
             [np.append(motion.time[:1], middle), np.append(middle, motion.time[-1:])], axis=1
         )
     out[:, :6] = robot.inputs.force(robot.thrusters, *window.T)
+    if robot.inputs.wheels is not None:
+        start, end = (excess_momentum(robot, times) for times in window.T)
+        width = np.maximum(window[:, 1] - window[:, 0], 1e-9)[:, None]  # clocks tell no less
+        out[:, 3:6] -= (end - start) / width + np.cross(motion.omega, 0.5 * (start + end))
     return out
+
+
+def excess_momentum(robot: Robot, times: Array) -> Array:
+    """(N, 3) measured momentum of the own wheels beyond the constant one of the robot [N m s].
+
+    With it the wheels take h' + w x h from the base.
+    """
+    wheels = None if robot.inputs is None else robot.inputs.wheels
+    if wheels is None:
+        return np.zeros((len(times), 3))
+    return wheels.at(times) - robot.servicer_momentum
 
 
 class Response:

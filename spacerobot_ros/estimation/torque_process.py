@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..dynamics.rnea_derivatives import acceleration_derivatives
+from ..dynamics.rotation import skew
 from ..dynamics.tree import tree_of
 from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
@@ -20,7 +21,7 @@ from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array, BoolArray
 from .reference import Kinematics
-from .response import InverseDynamics, input_force
+from .response import InverseDynamics, excess_momentum, input_force
 
 _STEP = 1e-6  # of the differences that give the gradient of believed forces; rad, rad/s
 
@@ -92,6 +93,9 @@ class TorqueDriven:
         forces[:, 6:] += motion.effort
         by_q, by_v, inverse = acceleration_derivatives(tree_of(robot), motion.kinematics, forces)
         by_position, by_velocity = by_q[:, first:, first:].copy(), by_v[:, first:, first:].copy()
+        if robot.is_free and robot.inputs is not None and robot.inputs.wheels is not None:
+            gyroscopic = skew(excess_momentum(robot, motion.time))
+            by_velocity[:, :, :3] += inverse[:, first:, 3:6] @ gyroscopic
         if self._direct:
             self._add_effects(motion, inverse, by_position, by_velocity)
         return Linearized(by_position, by_velocity, inverse[:, first:])

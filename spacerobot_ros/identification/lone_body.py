@@ -69,7 +69,7 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
         parameter_names=names,
         parameters=_ratios(found),
         covariance=slopes @ fit.covariance() @ slopes.T,
-        rank=int(np.sum(~weak)),
+        rank=max(0, len(names) - int(np.sum(weak))),
         condition=float(np.linalg.cond(fit.tangents * sizes)),
         unexcited=unexcited,
         total_momentum=np.full(3, np.nan),

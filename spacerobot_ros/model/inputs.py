@@ -75,6 +75,23 @@ class HeldSignal:
 
 
 @dataclass(frozen=True, eq=False)
+class MeasuredWheels:
+    """Momentum of the robot's own wheels by their measured rates, straight between samples.
+
+    Args:
+        time: (N,) increasing [s].
+        values: (N, 3) relative to the base, in its coordinates [N m s].
+    """
+
+    time: Array
+    values: Array
+
+    def at(self, times: Array) -> Array:
+        """(M, 3) at times (M,); before and after the samples as at their ends."""
+        return np.stack([np.interp(times, self.time, x) for x in self.values.T], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
 class Inputs:
     """Known inputs of one run, in seconds from its start.
 
@@ -82,16 +99,19 @@ class Inputs:
         commands: Of the robot's thrusters, in their order; None where there are none.
         wrench: (N, 6) on the base at its origin; None where there is none.
         is_located: Whether the base's position is measured, too.
+        wheels: Momentum of the own wheels; None: constant, as the robot has it.
     """
 
     commands: HeldSignal | None = None
     wrench: HeldSignal | None = None
     is_located: bool = False
+    wheels: MeasuredWheels | None = None
 
     @property
     def times(self) -> Array:
         """All times at which something changes [s]."""
-        signals = [s.time for s in (self.commands, self.wrench) if s is not None]
+        every = (self.commands, self.wrench, self.wheels)
+        signals = [s.time for s in every if s is not None]
         return np.unique(np.concatenate(signals)) if signals else np.zeros(0)
 
     def delayed(self, by: float) -> Inputs:

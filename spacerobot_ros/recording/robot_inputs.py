@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..errors import RecordingError
-from ..model.inputs import HeldSignal, Inputs
+from ..model.inputs import HeldSignal, Inputs, MeasuredWheels
 from ..model.robot import Robot
 from .record import Record
 from .robot_order import order_of
 
+_FEWEST = 2  # samples of wheels
 _ROUNDING = 1e-9  # of shares that were divided
 
 
@@ -22,7 +24,7 @@ def with_inputs(robot: Robot, record: Record) -> Robot:
         RecordingError: commands that are not shares, or not those of the robot's thrusters.
     """
     commands, wrench = (record.inputs.get(key) for key in ('thrusters', 'base_wrench'))
-    given = {}
+    given: dict[str, Any] = {}
     if commands is not None:
         place = f'{record.source}: thrusters'
         order = order_of(commands.names, tuple(t.name for t in robot.thrusters), place)
@@ -38,7 +40,23 @@ def with_inputs(robot: Robot, record: Record) -> Robot:
         given['commands'] = HeldSignal(commands.seconds(record.origin_ns), values)
     if wrench is not None:
         given['wrench'] = HeldSignal(wrench.seconds(record.origin_ns), wrench.values)
+    if (wheels := _own_wheels(robot, record)) is not None:
+        given['wheels'] = wheels
     is_located = 'base_position' in record.inputs
     if not given and not is_located:
         return robot
     return replace(robot, inputs=Inputs(**given, is_located=is_located))
+
+
+def _own_wheels(robot: Robot, record: Record) -> MeasuredWheels | None:
+    """Momentum of the servicer's rotors by their rates; None where not all are measured."""
+    rotors = [rotor for rotor in robot.rotors if not rotor.is_target]
+    wheels = record.wheels
+    names = [rotor.joint for rotor in rotors]
+    if not rotors or wheels is None or wheels.velocity is None or len(wheels) < _FEWEST:
+        return None
+    if set(names) - set(wheels.names):
+        return None
+    rates = wheels.velocity[:, [wheels.names.index(name) for name in names]]
+    axes = [r.axial_inertia * (r.body.rotation @ r.body.axis) for r in rotors]
+    return MeasuredWheels(wheels.seconds(record.origin_ns), rates @ np.array(axes))
