@@ -66,6 +66,7 @@ EXAMPLES: dict[str, tuple[str | None, dict[str, float]]] = {
     'effort_delay': (None, {'delay': 1e-2}),
     'external_torque_body': (None, {'x': 0.0, 'y': 0.1, 'z': 0.0}),
     'external_torque_inertial': (None, {'x': 0.0, 'y': 0.1, 'z': 0.0}),
+    'rotational_drag': (None, {'coefficient': 5.0}),
     'thruster_leak': (
         None,
         {'force_x': 0.1, 'force_y': 0.0, 'force_z': 0.1, 'at_x': 0.8, 'at_y': 0.3, 'at_z': -0.4},

@@ -71,12 +71,8 @@ def diagnose(
     for record in every:
         check_data(record, robot)
         measured.append(observed(record, robot))
-    if is_spinning(measured, robot):
-        report('fitting the spin that the magnetometer sees', 0.1)
-        return diagnose_spin(measured, robot, ())
-    if has_pose_and_thrust(measured, robot):
-        report('fitting the thrusters to the pose', 0.1)
-        return diagnose_thrust(measured, robot, ())
+    if not robot.joints and (answer := _by_windows(measured, robot, report)):
+        return answer
     robot = as_recorded(robot, measured)
     kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
     if len(measured) > 1:
@@ -117,6 +113,19 @@ def _at_rest(balances: Sequence[Balance], records: Sequence[Record]) -> Diagnosi
     if not (events.named or events.possible):
         refuse_rest(balances, records)
     return still_answer(balances, events)
+
+
+def _by_windows(
+    records: Sequence[Record], robot: Robot, report: Callable[[str, float], None]
+) -> Diagnosis | None:
+    """The answer for a lone body that is seen too little to be predicted all along."""
+    if has_pose_and_thrust(records, robot):
+        report('fitting the thrusters to the pose', 0.1)
+        return diagnose_thrust(records, robot, ())
+    if is_spinning(records, robot):
+        report('fitting the spin that the magnetometer sees', 0.1)
+        return diagnose_spin(records, robot, ())
+    return None
 
 
 def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:

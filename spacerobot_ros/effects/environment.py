@@ -108,6 +108,26 @@ class ExternalTorqueInertial(External):
         return self.on_base(motion, into_base(motion, self.vector()))
 
 
+class RotationalDrag(External):
+    """A torque on the base against its rate: m = -c w.
+
+    Typical: 1e-3 to 0.1 N m s/rad on air bearings and in water; far less in orbit.
+    Signature: momentum that decays with the rate, about every axis alike.
+    Source: Wertz, Spacecraft Attitude Determination and Control, 17.2.
+
+    Args:
+        coefficient: Torque per rate.
+    """
+
+    id = 'rotational_drag'
+    title = 'drag against the rate of the base'
+    parameters = (amount('coefficient', 'N m s/rad', 1.0, 1e-3),)
+
+    def force(self, motion: Motion, hidden: Array) -> Array:
+        """The torque on the base."""
+        return self.on_base(motion, -self['coefficient'] * motion.omega)
+
+
 class Thruster(External):
     """A force f in base coordinates at a point r from the base origin: torque r x f.
 

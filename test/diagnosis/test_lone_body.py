@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.flight.monitor import Monitor
+from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import ConfigurationError, RecordingError
 from spacerobot_ros.identification.lone_body import identify_lone_body
 from spacerobot_ros.recording.faults.check import check_data
@@ -21,19 +22,25 @@ NOISE = 1e-4
 BOX = np.diag([0.30, 0.34, 0.40])
 
 
-def tumbled(
-    rng, inertia, *, bias=(0.0, 0.0, 0.0), late=0.0, torque=(0.0, 0.0, 0.0), duration=20.0
-):
+STILL = (0.0, 0.0, 0.0)
+SENSORS_AND_TORQUES = [
+    kind
+    for kind in CATALOGUE.values()
+    if kind.group == 'sensor' or kind.id.startswith('external_torque')
+]
+
+
+def tumbled(rng, inertia, *, bias=STILL, late=0.0, torque=STILL, drag=0.0):
     """A record of Euler's equations, integrated by SciPy: no code shared with the simulator."""
+    duration = 12.0
 
     def rate(_, x):
         q, w = Rotation.from_quat(x[:4]), x[4:]
         turn = 0.5 * (q.as_quat()[3] * w + np.cross(q.as_quat()[:3], w))
         spin = -0.5 * q.as_quat()[:3] @ w
         momentum = inertia @ w
-        return np.concatenate(
-            [turn, [spin], np.linalg.solve(inertia, np.array(torque) - np.cross(w, momentum))]
-        )
+        push = np.array(torque) - drag * w - np.cross(w, momentum)
+        return np.concatenate([turn, [spin], np.linalg.solve(inertia, push)])
 
     motion = solve_ivp(
         rate, (0.0, duration), [0, 0, 0, 1, 0.4, 0.8, 0.2], rtol=1e-11, atol=1e-12,
@@ -68,7 +75,7 @@ def test_a_right_model_of_a_tumbling_body_is_consistent(box, rng):
 def test_bias_and_delay_are_named_with_their_size(box, rng):
     record = in_robot_order(tumbled(rng, BOX, bias=(2e-3, 0.0, -1e-3), late=0.04), box.robot)
 
-    found = diagnose(record, box.robot)
+    found = diagnose(record, box.robot, catalogue=SENSORS_AND_TORQUES)
 
     assert found.verdict == 'explained', found.sentence
     causes = {c.applied.id: c.parameters for c in found.causes}
@@ -90,6 +97,16 @@ def test_a_torque_from_outside_is_named(box, rng):
     assert cause.applied.id in ('external_torque_body', 'thruster_leak')
     rivals = {cause.applied.id, *(rival.effect for rival in cause.rivals)}
     assert 'external_torque_body' in rivals
+    assert found.verdict == 'explained'
+
+
+def test_drag_is_named_with_its_size(box, rng):
+    found = diagnose(in_robot_order(tumbled(rng, BOX, drag=5e-3), box.robot), box.robot)
+
+    (cause,) = found.causes
+    assert cause.applied.id == 'rotational_drag'
+    drag = cause.parameters['coefficient']
+    assert abs(drag.value - 5e-3) < 4.0 * drag.std < 1e-3
     assert found.verdict == 'explained'
 
 
@@ -129,7 +146,7 @@ def test_the_monitor_watches_it(box, tmp_path):
     levels = {}
     for name, machine in (('right', box), ('biased', faulty)):
         monitor = Monitor(box.robot, box.settings.monitor, ())
-        for step in ClosedLoop(machine.robot, machine.settings).run(700):
+        for step in ClosedLoop(machine.robot, machine.settings).run(600):
             step.feed(monitor)
             monitor.step()
         levels[name] = monitor.state.level

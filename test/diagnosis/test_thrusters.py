@@ -89,7 +89,7 @@ def flown(rng, gains=(1.0,) * 4, late=0.0, duration=10.0):
 
 
 def test_a_right_model_under_commands_is_consistent(box, rng):
-    found = diagnose(in_robot_order(flown(rng), box.robot), box.robot)
+    found = diagnose(in_robot_order(flown(rng, duration=6.0), box.robot), box.robot)
 
     assert found.verdict == 'consistent', found.sentence
 
