@@ -173,7 +173,7 @@ QUANTITIES: Mapping[str, Mapping[str, int]] = MappingProxyType(
         'base_rate': {'rad': 1, 's': -1},
     }
 )
-"""Units of what an input may be, as powers of base units; the unit of `extra` is the user's."""
+"""Units of what an input may be, as powers of base units; that of `extra` goes by its name."""
 
 
 def quantity(name: str) -> tuple[str, str]:
@@ -192,7 +192,8 @@ def unit_of(powers: Sequence[float], inputs: Sequence[str], unit: str = 'N m') -
     """
     total: dict[str, float] = _powers_of(unit)
     for power, name in zip(powers, inputs, strict=True):
-        for base, own in QUANTITIES.get(quantity(name)[0], {}).items():
+        what, whose = quantity(name)
+        for base, own in QUANTITIES.get(what, {whose: 1}).items():
             total[base] = total.get(base, 0) - power * own
     up, down = (
         ' '.join(_power(base, abs(p)) for base, p in total.items() if sign * p > 0)

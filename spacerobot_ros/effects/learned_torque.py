@@ -307,7 +307,7 @@ def input_of(name: str, motion: Motion) -> Array | None:
     if what == 'base_rate':
         return motion.omega[:, _AXES.index(whose)]
     if what == 'extra':
-        return None
+        return motion.extra.get(whose)
     column = motion.column(whose)
     if what == 'acceleration':
         return None if motion.acceleration is None else motion.acceleration[:, 6 + column]

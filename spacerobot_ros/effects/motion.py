@@ -6,6 +6,7 @@ record at once; an effect does not see the difference.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 
@@ -40,6 +41,7 @@ class Motion:
         acceleration: (N, 6 + n) time derivative of [v_WB_B; omega_WB_B; qd]; None where it is not
             known yet.
         unpowered: (N, n) where motors are off, so that their torque is zero; None: nowhere.
+        extra: (N,) what else was measured, by name.
         coasts: Whether the base's linear acceleration is that of a robot on which no force acts,
             so that what an effect does to the whole comes on top: nobody measures translations.
         window: (N, 2) times between which inputs count with their mean [s]; None: around
@@ -58,6 +60,7 @@ class Motion:
     acceleration: Array | None = None
     unpowered: BoolArray | None = None
     coasts: bool = False
+    extra: Mapping[str, Array] = field(default_factory=dict)
     window: Array | None = None
     _accelerated: tuple[Array, Array] | None = field(init=False, default=None)
 

@@ -26,6 +26,7 @@ from ..sensing.correction import corrected_record
 from ..types import Array
 from .arm_motion import ArmMotion
 from .columns import Signatures
+from .extras import extras_at
 from .motor_constants import in_newton_metres
 from .reference import Kinematics, NoiseLevels
 from .rows import ChannelError
@@ -60,11 +61,13 @@ class Balance:
         given = process.motion(
             arm.kinematics, np.where(off, 0.0, arm.effort + compensation), unpowered=off
         )
+        given.extra = extras_at(arm.record, arm.times)
         self.missed = -process.force_error(given)[:, 6:]
         # A faulty gain scales, and friction that goes with the load follows, what the model needs:
         # of what is measured, a gain of zero and no masses would explain everything.
         needed = np.where(off, 0.0, self._required(given))
         self.motion = process.motion(arm.kinematics, needed, unpowered=off)
+        self.motion.extra = given.extra
 
     @property
     def effects(self) -> tuple[Effect, ...]:

@@ -7,13 +7,14 @@ here: columns that never change, thrusters that the robot does not have, command
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import RecordingError
 from ..model.robot import Robot
 from ..types import Array
-from .mapped_columns import ColumnReader
+from .mapped_columns import ColumnReader, spread
 from .mapping import ColumnMapping, MappedColumns
 from .series import InputSeries
 from .units import FIELD, FORCE, LENGTH, SI_UNITS, TORQUE
@@ -43,6 +44,10 @@ def read_inputs(
         section = getattr(mapping, key)
         if section is not None:
             out[key] = series_of(reader, section, section.time, names, quantities)
+    for name, section in mapping.extra:
+        found = series_of(reader, section, section.time, (name,), ('',))
+        units = (str(spread(section.unit or ('',), 1, f'{section.place}.unit')[0]),)
+        out[f'extra/{name}'] = replace(found, units=units)
     if mapping.thrusters is not None:
         section = mapping.thrusters
         commands = series_of(

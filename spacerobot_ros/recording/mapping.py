@@ -257,6 +257,8 @@ class ColumnMapping:
         magnetic_field: Magnetometer, in base coordinates.
         base_position: Of the base's origin in the inertial frame, x, y, z; null for an axis that
             is not measured.
+        extra: Anything else by a free name, in the unit that is written there: temperatures,
+            currents, voltages, an orbit's phase.
         sample_index: A counter of the samples, from which stamps that stand still or jump back
             are rebuilt.
         place: The mapping file, for messages.
@@ -278,6 +280,7 @@ class ColumnMapping:
     base_wrench: InputColumns | None = entry(_section(InputColumns), None)
     magnetic_field: InputColumns | None = entry(_section(InputColumns), None)
     base_position: InputColumns | None = entry(_section(InputColumns), None)
+    extra: Named = entry(_named(_section(InputColumns)), ())
     sample_index: InputColumns | None = entry(_section(InputColumns), None)
     place: str = param('')
 

@@ -13,6 +13,8 @@ from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.discovery.other_recording import judged_on
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
+from spacerobot_ros.recording.record import to_stamps
+from spacerobot_ros.recording.series import InputSeries
 from spacerobot_ros.report.leftover_tables import leftover_items, leftover_lines
 
 FEW = [CATALOGUE[f'joint_{name}_friction'] for name in ('coulomb', 'viscous')]
@@ -114,6 +116,24 @@ def test_friction_of_the_other_joint_is_told_from_its_own():
     entry = of_joint(answer)
     assert entry.depends_on == ('rate/joint_2',)
     assert entry.kind == 'coupled'
+
+
+def test_friction_that_goes_with_a_temperature_is_said_so():
+    """The temperature is measured beside the motion, by a slow clock of its own."""
+
+    def temperature(t):
+        return 30.0 + 15.0 * np.sin(0.4 * t) + 8.0 * np.sin(1.1 * t + 1.0)
+
+    file = arm_file()
+    law = LawArm(3, law=lambda q, qd, t: (1.0 - 0.02 * temperature(t)) * qd[:, 2])
+    record = law.record(0, MOVING, DURATION)
+    slow = np.linspace(0.0, DURATION, 80)
+    series = InputSeries(('motor',), to_stamps(slow), temperature(slow)[:, None], ('degC',))
+    record = replace(record, inputs={'extra/motor': series})
+    entry = of_joint(diagnose(record, file.robot, file.effects, FEW))
+    assert set(entry.depends_on) == {'rate/joint_3', 'extra/motor'}
+    assert entry.form == 'x, x y'
+    assert [c.unit for c in entry.coefficients] == ['N m s/rad', 'N m s/rad motor']
 
 
 def test_what_follows_a_clock_is_no_law():

@@ -111,7 +111,11 @@ class JointChannel:
     def laws(self) -> Sequence[Law]:
         """That may be."""
         robot = self.motions.rows.robot
-        return joint_laws(self.place, robot.joints, (), self.motions.extent)
+        balances = self.motions.rows.balances
+        extras = [
+            n for n in balances[0].motion.extra if all(n in b.motion.extra for b in balances)
+        ]
+        return joint_laws(self.place, robot.joints, extras, self.motions.extent)
 
     @cached_property
     def clocks(self) -> TimeSines | None:

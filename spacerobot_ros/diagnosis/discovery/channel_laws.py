@@ -119,35 +119,35 @@ def has_one_speed(channel: SearchedChannel) -> bool:
 
 def said_of(
     it: HeldLaw,
-    law: LearnedTorque | None,
-    spread: Array | None,
+    law: LearnedTorque,
+    spread: Array,
     joints: Sequence[str],
     *,
+    applied: LearnedTorque | None,
     is_of_several: bool,
 ) -> Leftover:
     """A law with all that speaks for it.
 
     Args:
         it: The law as it was judged.
-        law: As it is simulated; None where it is not worth it.
+        law: With its coefficients.
         spread: (k,) standard deviations of its coefficients.
         joints: All, in their order.
+        applied: As it is simulated; None where it is not worth it.
         is_of_several: Whether whole recordings were left out.
     """
     form, inputs = it.law.form, it.law.inputs
-    coefficients: tuple[Estimated, ...] = ()
-    if law is not None and spread is not None:
-        coefficients = tuple(
-            Estimated(value=c, std=float(std), unit=unit_of(powers, inputs))
-            for c, std, powers in zip(law.coefficients, spread, form.powers, strict=True)
-        )
+    coefficients = tuple(
+        Estimated(value=c, std=float(std), unit=unit_of(powers, inputs))
+        for c, std, powers in zip(law.coefficients, spread, form.powers, strict=True)
+    )
     return Leftover(
         channel=channel_name(it.place),
         depends_on=_ordered(inputs, joints),
         form=form.name,
         coefficients=coefficients,
         resembles=it.law.resembles,
-        kind=it.law.kind,
+        kind=it.law.kind if applied is None else applied.kind,
         p_value=it.step.p_value,
         share=it.left_out.inside,
         held_out_gain=it.left_out.share,
@@ -157,7 +157,7 @@ def said_of(
             LawRival(form=r.form.name, depends_on=_ordered(r.inputs, joints), gap=gap)
             for r, gap in it.step.rivals
         ),
-        applied=law,
+        applied=applied,
     )
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from ...effects.effect import Effect
 from ...effects.grammar import quantity
 from ...effects.learned_torque import LearnedTorque
 from ...effects.motion import Motion
@@ -54,33 +55,45 @@ def _applied(
     before = rms(found.extended)
     along = [balance.motion for balance in motions.rows.balances]
     several = len(motions.rows.balances) > 1
+    refused: list[Leftover] = []
     while True:
         fitted, numbers = with_laws(found, [c for _, c in pairs])
-        frees = fitted.fit.effects(numbers)
+        frees = [e for e in fitted.fit.effects(numbers) if isinstance(e, LearnedTorque)]
+        friction = _frictions(fitted)
         laws = [
-            applied_law(it.law, free, motions)
+            _sane(applied_law(it.law, free, motions), friction, along)
             for (it, _), free in zip(pairs, frees, strict=True)
-            if isinstance(free, LearnedTorque)
         ]
-        fitted = replace(fitted, learned=tuple(laws))
-        refused = [k for k, law in enumerate(laws) if pushes(law, along)]
-        if not refused and pairs:
-            worse = np.flatnonzero(rms(fitted.extended) > before).tolist()
-            refused = [k for k, (it, _) in enumerate(pairs) if joints.index(it.place) in worse]
-        if not refused:
-            break
-        pairs = [pair for k, pair in enumerate(pairs) if k not in refused]
-    said = [
-        said_of(it, law, fitted.fit.spread(i), joints, is_of_several=several)
-        for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
-    ]
-    kept = {id(it) for it, _ in pairs}
-    said += [
-        said_of(it, None, None, joints, is_of_several=several)
-        for it in accepted
-        if id(it) not in kept
-    ]
-    return fitted, said
+        fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
+        worse = np.flatnonzero(rms(fitted.extended) > before).tolist()
+        is_out = [
+            law is None or joints.index(it.place) in worse
+            for (it, _), law in zip(pairs, laws, strict=True)
+        ]
+        said = [
+            said_of(
+                it,
+                free,
+                fitted.fit.spread(i),
+                joints,
+                applied=None if out else law,
+                is_of_several=several,
+            )
+            for (it, _), free, law, i, out in zip(pairs, frees, laws, numbers, is_out, strict=True)
+        ]
+        if not any(is_out):
+            return fitted, [*said, *refused]
+        refused += [entry for entry, out in zip(said, is_out, strict=True) if out]
+        pairs = [pair for pair, out in zip(pairs, is_out, strict=True) if not out]
+
+
+def _frictions(found: ArmFound) -> dict[str, list[Effect]]:
+    """Friction that the model has at every joint, named or not."""
+    out: dict[str, list[Effect]] = {}
+    for effect in (*found.believed, *found.named, *found.calibration):
+        if effect.id.endswith('_friction') and not effect.hidden:
+            out.setdefault(str(effect.where), []).append(effect)
+    return out
 
 
 def _coupled(
@@ -116,16 +129,39 @@ def _coupled(
     return out
 
 
-def pushes(law: LearnedTorque, motions: Iterable[Motion]) -> bool:
-    """Whether friction, as it was fitted, feeds in more power than fits may."""
+def _sane(
+    law: LearnedTorque, friction: Mapping[str, Sequence[Effect]], along: Sequence[Motion]
+) -> LearnedTorque | None:
+    """A law that takes energy; one that corrects friction of the model is no friction alone.
+
+    None where with all friction of its joint it feeds energy in.
+    """
+    if not pushes(law, along):
+        return law
+    beside = friction.get(str(law.where), ())
+    if law.form.has_history or pushes(law, along, beside):
+        return None
+    return replace(law, kind='external')
+
+
+def pushes(law: LearnedTorque, motions: Iterable[Motion], beside: Sequence[Effect] = ()) -> bool:
+    """Whether friction, as it was fitted, feeds in more power than fits may.
+
+    Args:
+        law: The law.
+        motions: Of the recordings.
+        beside: Other friction of the same joint.
+    """
     if law.form.has_history:
         return law.coefficients[0] >= 0.0
     if law.kind != 'dissipative':
         return False
-    free = replace(law, kind='external')
+    every = [replace(law, kind='external'), *beside]
     given, taken = 0.0, 0.0
     for motion in motions:
-        power = np.sum(free.force(motion, np.zeros((len(motion), 0))) * motion.rates, axis=1)
+        none = np.zeros((len(motion), 0))
+        force = np.sum([effect.force(motion, none) for effect in every], axis=0)
+        power = np.sum(force * motion.rates, axis=1)
         given += float(np.sum(np.maximum(power, 0.0)))
         taken += float(np.sum(np.maximum(-power, 0.0)))
     return given > FED_IN * (given + taken)

@@ -45,7 +45,16 @@ def discover_in_flight(
     for it, (law, spread) in zip(held, _fitted(channel, held, rest), strict=True):
         is_sane = not pushes(law, [flight.motion])
         joints = flight.motion.robot.joints
-        said.append(said_of(it, law if is_sane else None, spread, joints, is_of_several=False))
+        said.append(
+            said_of(
+                it,
+                law,
+                spread,
+                joints,
+                applied=law if is_sane else None,
+                is_of_several=False,
+            )
+        )
         applied += [law] * is_sane
     for place in places:
         if all(it.place != place for it in held):

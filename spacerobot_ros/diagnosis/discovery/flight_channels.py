@@ -20,6 +20,7 @@ from ...effects.catalogue import CATALOGUE
 from ...effects.learned_torque import input_of
 from ...effects.motion import Motion
 from ...estimation.columns import candidate_at
+from ...estimation.extras import extras_at
 from ...estimation.refit import Fit
 from ...estimation.response import Response
 from ...types import Array, IntArray
@@ -42,10 +43,11 @@ class FlightRows:
 
     fit: Fit
 
-    @property
+    @cached_property
     def motion(self) -> Motion:
         """Along the record, at the times of the filter."""
-        return self.fit.rows.motion
+        motion = self.fit.rows.motion
+        return replace(motion, extra=extras_at(self.fit.run.record, motion.time))
 
     @cached_property
     def _windows(self) -> tuple[csr_array, Array]:
@@ -128,10 +130,11 @@ class FlightChannel:
     def laws(self) -> Sequence[Law]:
         """That may be, at every place."""
         joints, at = self.flight.motion.robot.arm, self.flight.extent
+        extras = list(self.flight.motion.extra)
         out = []
         for place in self.columns_of:
             is_base = '/' in place
-            own = base_laws(place[-1], at) if is_base else joint_laws(place, joints, (), at)
+            own = base_laws(place[-1], at) if is_base else joint_laws(place, joints, extras, at)
             out += [replace(law, place=place) for law in (*own, *sine_laws(at.duration))]
         return out
 

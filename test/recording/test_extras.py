@@ -1,0 +1,65 @@
+"""User-named columns beside a motion: read, held against the motion's times, refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.extras import extras_at
+from spacerobot_ros.recording.mapping import load_mapping
+from spacerobot_ros.recording.read import read_record
+from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+from spacerobot_ros.recording.series import InputSeries
+
+TIMES = np.linspace(0.0, 10.0, 101)
+MAP = """
+time: {columns: t, unit: s}
+joints: {names: [a], position: {columns: q, unit: rad}, effort: {columns: u, unit: N m}}
+extra: {motor_temp: {columns: temp, unit: degC}}
+"""
+
+
+def table(tmp_path, temperature):
+    rows = [f'{t},{np.sin(t)},{np.cos(t)},{x}' for t, x in zip(TIMES, temperature, strict=True)]
+    path = tmp_path / 'run.csv'
+    path.write_text('\n'.join(['t,q,u,temp', *rows]))
+    (tmp_path / 'map.yaml').write_text(MAP)
+    return path, tmp_path / 'map.yaml'
+
+
+def with_extra(stamps, values):
+    joints = JointSeries(('a',), to_stamps(TIMES), np.sin(TIMES)[:, None])
+    series = InputSeries(('temp',), to_stamps(np.asarray(stamps)), np.asarray(values)[:, None])
+    return Record(joints=joints, inputs={'extra/temp': series}, source='run')
+
+
+def test_a_column_is_read_in_the_unit_that_is_written(tmp_path):
+    temperature = ['' if i % 10 else str(20.0 + i) for i in range(101)]
+    path, mapping = table(tmp_path, temperature)
+    assert dict(load_mapping(mapping).extra)['motor_temp'].unit == ('degC',)
+    record = read_record(path, None, mapping)
+    series = record.inputs['extra/motor_temp']
+    assert series.units == ('degC',)
+    np.testing.assert_array_equal(series.values[:, 0], np.arange(20.0, 121.0, 10.0))
+    found = extras_at(record, TIMES)['motor_temp']  # straight between its samples
+    np.testing.assert_allclose(found, 20.0 + np.arange(101), rtol=0, atol=1e-9)
+
+
+def test_a_column_that_never_changes_is_refused(tmp_path):
+    path, mapping = table(tmp_path, [20.0] * 101)
+    with pytest.raises(RecordingError, match='motor_temp: never changes: leave out an input'):
+        read_record(path, None, mapping)
+
+
+@pytest.mark.parametrize(
+    ('stamps', 'message'),
+    [
+        (TIMES + 7.0, 'extra/temp: has samples from 7 s to 17 s, the joints .*: another clock'),
+        (np.delete(TIMES, np.arange(40, 80)), 'extra/temp: lacks samples after 3.9 s'),
+    ],
+)
+def test_another_clock_and_a_missing_part_are_refused(stamps, message):
+    record = with_extra(stamps, np.linspace(20.0, 40.0, len(stamps)))
+    with pytest.raises(RecordingError, match=message):
+        extras_at(record, TIMES)
