@@ -7,7 +7,7 @@ ENTER := source ./env.sh &&
 export PYTHON
 unexport PYTHONDONTWRITEBYTECODE # else every start compiles what was edited since the set-up
 
-.PHONY: help setup demo test lint fmt check bench build msgs lock clean
+.PHONY: help setup demo test docs lint fmt check bench build msgs lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -20,6 +20,14 @@ demo: setup  ## identify the wheels' momentum and track with it, on real nodes; 
 
 test: setup  ## all tests, in two processes; ARGS='-n 0 -x test/setup' goes to pytest
 	@$(ENTER) PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 python -m pytest -p xdist -n 2 --dist worksteal $(ARGS)
+
+docs: setup  ## the documentation as a site, out/docs/site/index.html; strict
+	@test .venv/docs/lock -nt requirements/docs.txt || { .venv/bin/uv venv -q --clear .venv/docs && \
+		.venv/bin/uv pip install -q --python .venv/docs/bin/python --no-deps --require-hashes \
+		-r requirements/docs.txt && touch .venv/docs/lock; }
+	@$(ENTER) python scripts/make_docs.py
+	@NO_MKDOCS_2_WARNING=1 .venv/docs/bin/mkdocs build -q -f out/docs/mkdocs.yml
+	@echo out/docs/site/index.html
 
 lint: setup  ## ruff, mypy, codespell
 	@$(ENTER) ruff check . && ruff format --check . && mypy && codespell

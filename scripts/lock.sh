@@ -18,4 +18,5 @@ compile wheels.txt ros.in colcon.in base.in fleet.in test.in dev.in
 compile sourced.txt --override sourced-overrides.in --no-emit-package numpy \
     base.in sourced.in fleet.in test.in dev.in
 compile colcon.txt colcon.in
+compile docs.txt docs.in
 compile uv.txt uv.in

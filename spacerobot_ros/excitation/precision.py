@@ -64,7 +64,7 @@ class Prediction:
 
     @property
     def std(self) -> Array:
-        """Predicted standard deviations of [AAM; x] [N m s; kg m^2]."""
+        """Predicted standard deviations of [AAM; x], in N m s and kg m^2."""
         return np.sqrt(np.diag(self.covariance))
 
     @property

@@ -75,7 +75,7 @@ def advise(model: MomentumModel, unknowns: Array, weak: Array, rest: Array) -> t
 
     Args:
         model: Robot and minimal set.
-        unknowns: (3 n_links + k,) estimate [AAM; x] [N m s, kg m^2].
+        unknowns: (3 n_links + k,) estimate [AAM; x], in N m s and kg m^2.
         weak: (m, 3 n_links + k) directions that the data leave open, in the units of `unknowns`.
         rest: (n,) where joints are held that do not move [rad].
 
