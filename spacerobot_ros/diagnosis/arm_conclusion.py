@@ -31,6 +31,7 @@ from .answer.result import (
     Rival,
 )
 from .arms import ArmFound, rms
+from .discovery.orders import find_orders
 from .events.answer import with_events
 from .friction_law import friction_laws
 from .limits import EQUIVALENT, RELEVANT
@@ -103,6 +104,7 @@ def conclude_arm(
         recordings=_recordings(found),
         friction=friction_laws(found),
         leftover=leftover,
+        orders=None if leftover is None else find_orders(found.records, found.robot.joints),
         ratios=ratios(found, usual),
         free_motion=free_motion(found.fit.rows.balances, found.extended),
     )

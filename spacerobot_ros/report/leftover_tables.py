@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import yaml
 
 from ..diagnosis.answer.extended_model import effects_section
-from ..diagnosis.answer.result import Diagnosis, Leftover
+from ..diagnosis.answer.result import Diagnosis, Leftover, Order
 from ..display import Item, Table
 from .formats import UNTESTED, number, percent, probability, value_with
 
@@ -26,7 +26,8 @@ _HEAD = (
 
 def leftover_lines(diagnosis: Diagnosis) -> list[str]:
     """One line a channel of which something can be said."""
-    return [_line(entry) for entry in diagnosis.leftover or () if _says_something(entry)]
+    laws = [_line(entry) for entry in diagnosis.leftover or () if _says_something(entry)]
+    return [*laws, *(_order_line(order) for order in diagnosis.orders or ())]
 
 
 def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
@@ -37,6 +38,7 @@ def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
         'to, placebo: the best of columns without meaning; other recording: share of one that was '
         'not used.',
     )
+    yield from (_order_line(order) for order in diagnosis.orders or ())
     for entry in diagnosis.leftover or ():
         if entry.applied is not None:
             section = effects_section([entry.applied])
@@ -64,6 +66,16 @@ def _table(diagnosis: Diagnosis, caption: str) -> Table:
         for entry in diagnosis.leftover or ()
     ]
     return Table(_HEAD, rows, caption)
+
+
+def _order_line(order: Order) -> str:
+    """A candidate of the catalogue, as an entry of a robot file."""
+    return (
+        f'{order.joint}: its raw effort has a line at {order.order:.1f} periods a turn (p '
+        f'{probability(order.p_value)}); as an entry of effects: ripple_{order.joint}: {{effect: '
+        f'joint_torque_ripple, where: {order.joint}, amplitude: {order.amplitude:.3g}, harmonic: '
+        f'{order.order:.1f}, phase: {order.phase:.3g}}}'
+    )
 
 
 def _says_something(entry: Leftover) -> bool:

@@ -61,6 +61,9 @@ def to_dict(
         else [_leftover(entry) for entry in diagnosis.leftover],
         'ratios': [asdict(ratio) for ratio in diagnosis.ratios],
         'free_motion': [asdict(joint) for joint in diagnosis.free_motion],
+        'orders': None
+        if diagnosis.orders is None
+        else [asdict(order) for order in diagnosis.orders],
         'calibration': [_calibration(effect) for effect in diagnosis.calibration],
         **events_to_dict(diagnosis.events),
     }

@@ -270,6 +270,22 @@ class Leftover:
     one_speed: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A line of a joint's raw effort against its angle: a candidate of `joint_torque_ripple`.
+
+    Args:
+        joint: Its name. order: Periods a turn. amplitude: [N m]. phase: At angle zero [rad].
+        p_value: Of such a line by chance.
+    """
+
+    joint: str
+    order: float
+    amplitude: float
+    phase: float
+    p_value: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawRival:
     """A law that could stand in another's place: its form, variables, and gap in log evidence."""
@@ -301,6 +317,7 @@ class Diagnosis:
         recordings: Every recording, where torques were balanced.
         friction: There, the friction of each joint as one law.
         leftover: What it depends on, channel by channel; None where that was not asked.
+        orders: Ripple above the band of a balance, by joint; None where that was not asked.
         ratios: There, what holds for any scale of the torques, where none is measured.
         free_motion: There, how far joints without a motor are predicted (before, after).
         events: What came from outside once; None where that was not looked for.
@@ -322,6 +339,7 @@ class Diagnosis:
     recordings: tuple[RecordingMisfit, ...] = ()
     friction: tuple[FrictionLaw, ...] = ()
     leftover: tuple[Leftover, ...] | None = None
+    orders: tuple[Order, ...] | None = None
     ratios: tuple[Ratio, ...] = ()
     free_motion: tuple[FreeMotion, ...] = ()
     events: Events | None = None

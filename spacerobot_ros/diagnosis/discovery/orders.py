@@ -1,0 +1,116 @@
+"""Ripple of motors and gears: raw efforts against the joint's angle, up to the Nyquist order.
+
+A ripple of k periods a turn has the frequency k |q'| / 2 pi, which is above the band of a balance
+of torques and changes with the rate, so that no spectrum in time shows it. What is fast in an
+effort is whitened and correlated with sin(k q) and cos(k q), order by order, where that frequency
+lies above the band and below half the rate of the samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from ...recording.record import Record
+from ...types import Array, BoolArray
+from ..answer.result import Order
+
+_BAND = (6.0, 0.45)  # Hz; of the rate of the samples
+_CHANCE = 1e-7  # of a peak so high anywhere
+_ABOVE = 3.0  # times the median of its neighbours, else it is a broad hump
+_NEAR = 0.25  # of its order: neighbours
+_FINE = 2.5  # orders tried per resolution
+_SHORT = 0.02  # turns; a shorter way tells no orders apart
+_MOST, _LESSER = 3, 0.2  # lines of a joint; of the highest
+_SKIRT, _SKIRT_SHARE = 2.0, 0.02  # of the resolution; of the order: lines that are one
+_SLOW, _HIGHEST = 0.3, 1000.0  # of the usual speed, which has the Nyquist order; periods a turn
+_FEWEST = 400  # samples
+_SMOOTH = 31  # lines of a spectrum, over which its level is taken
+_LEAST = 8.0  # periods a turn: fewer are slow enough for the balance
+
+
+def find_orders(records: Sequence[Record], joints: Sequence[str]) -> tuple[Order, ...]:
+    """The highest lines of every joint that moves, where they are no chance and no hump.
+
+    Of several recordings the one that shows a joint best is taken.
+    """
+    best: dict[str, list[Order]] = {}
+    for record in records:
+        for j, joint in enumerate(joints):
+            found = _of_joint(record, j, joint)
+            if not found or (best.get(joint) and best[joint][0].p_value < found[0].p_value):
+                continue
+            best[joint] = found
+    return tuple(order for joint in joints for order in best.get(joint, []))
+
+
+def _of_joint(record: Record, j: int, joint: str) -> list[Order]:
+    if record.effort is None or np.isnan(record.effort[:, j]).any():
+        return []
+    step = float(np.median(np.diff(record.joint_time)))
+    time = np.arange(record.joint_time[0], record.joint_time[-1], step)
+    if len(time) < _FEWEST or _BAND[0] * step > 0.2:
+        return []
+    q, effort = (np.interp(time, record.joint_time, x[:, j]) for x in (record.q, record.effort))
+    sections = butter(2, _BAND[0], fs=1.0 / step, output='sos')
+    speed = np.abs(np.gradient(sosfiltfilt(sections, q), step)) / (2.0 * math.pi)  # turns a second
+    gap = np.interp(time, record.joint_time[1:], np.diff(record.joint_time))
+    speed[gap > 3.0 * step] = 0.0
+    reach, usual = float(np.ptp(q)) / (2.0 * math.pi), float(np.quantile(speed, 0.9))
+    if min(reach, usual) <= 0.0:
+        return []
+    fast, white = _fast(effort, step)
+    top = min(_BAND[1] / step / (_SLOW * usual), _HIGHEST)
+    orders = np.arange(_LEAST, max(top, _LEAST), 1.0 / (_FINE * max(reach, _SHORT)))
+
+    def seen(k: float) -> BoolArray:
+        return (k * speed > _BAND[0]) & (k * speed < _BAND[1] / step)
+
+    powers = np.array([_power(white[at], k * q[at]) for k in orders for at in [seen(k)]])
+    out: list[Order] = []
+    highest = float(np.max(powers, initial=0.0))
+    while len(out) < _MOST and len(powers):
+        i = int(np.argmax(powers))
+        near = np.abs(orders - orders[i]) < _NEAR * orders[i]
+        p_value = min(1.0, len(orders) * math.exp(-min(float(powers[i]), 700.0)))
+        if p_value > _CHANCE or powers[i] < _ABOVE * np.median(powers[near]):
+            break
+        if powers[i] < _LESSER * highest:
+            break
+        at = seen(float(orders[i]))
+        sine, cosine = _fit(fast[at], orders[i] * q[at])
+        size, phase = math.hypot(sine, cosine), math.atan2(cosine, sine)
+        out.append(Order(joint, float(orders[i]), size, phase, p_value))
+        powers[np.abs(orders - orders[i]) < max(_SKIRT / reach, _SKIRT_SHARE * orders[i])] = 0.0
+    return out
+
+
+def _fit(values: Array, angle: Array) -> tuple[float, float]:
+    """Sine and cosine of an angle in values, by least squares."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    a, b, c = float(sine @ sine), float(sine @ cosine), float(cosine @ cosine)
+    x, y = float(sine @ values), float(cosine @ values)
+    determinant = max(a * c - b * b, 1e-300)
+    return (c * x - b * y) / determinant, (a * y - b * x) / determinant
+
+
+def _power(values: Array, angle: Array) -> float:
+    """Half the explained squares of unit noise: exponential by chance, of mean one."""
+    if len(values) < _FEWEST:
+        return 0.0
+    sine, cosine = _fit(values, angle)
+    explained = float(values @ (sine * np.sin(angle) + cosine * np.cos(angle)))
+    return 0.5 * explained / max(float(np.mean(values**2)), 1e-300)
+
+
+def _fast(effort: Array, step: float) -> tuple[Array, Array]:
+    """(N,) the fast part of an effort; and white."""
+    sections = butter(3, _BAND[0], fs=1.0 / step, output='sos')
+    fast = effort - sosfiltfilt(sections, effort)
+    spectrum = np.fft.rfft(fast)
+    level = np.sqrt(np.convolve(np.abs(spectrum) ** 2, np.ones(_SMOOTH) / _SMOOTH, mode='same'))
+    level = np.maximum(level, 1e-3 * float(np.max(level)) + 1e-300)
+    return fast, np.fft.irfft(spectrum / level, len(fast))
