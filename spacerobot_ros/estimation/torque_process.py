@@ -19,6 +19,8 @@ from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
+from ..recording.record import Record
+from ..recording.robot_inputs import with_inputs
 from ..types import Array, BoolArray
 from .reference import Kinematics
 from .response import InverseDynamics, excess_momentum, input_force
@@ -50,6 +52,7 @@ class TorqueDriven:
     """
 
     def __init__(self, robot: Robot, effects: Sequence[Effect] = ()) -> None:
+        self._given = robot, tuple(effects)
         self.robot = changed_robot(robot, effects)
         self.effects = tuple(e for e in effects if e.acts('force'))
         # what has states of its own is driven by the reference and adds no gradient
@@ -58,6 +61,12 @@ class TorqueDriven:
         self.n = robot.n_joints
         self.m = self.n + 6 - self.first
         self._inverse = InverseDynamics(self.robot)
+
+    def under(self, record: Record) -> TorqueDriven:
+        """The same robot under the known inputs of a record; itself where there are none."""
+        robot, effects = self._given
+        driven = with_inputs(robot, record)
+        return self if driven is robot else TorqueDriven(driven, effects)
 
     def motion(
         self,

@@ -12,13 +12,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..diagnosis.flight.monitor import Monitor
 from ..diagnosis.flight.monitor_state import MonitorState
 from ..effects.catalogue import believed_effects
 from ..model.robot import Robot
+from ..recording import messages
 from ..recording.buffer import sensors_of
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
@@ -88,6 +92,10 @@ class MonitorNode(SensorNode):
             span = (settings.monitor.pre_trigger, settings.monitor.post_trigger)
             self.recorder = EventRecorder(self, kept, folder, span, robot.urdf, self.newest_ns)
         self.follow(robot, sensors, SAMPLES, efforts=True)
+        if robot.thrusters:
+            self.listen('/thruster_commands', JointState, SAMPLES, self._on_commands)
+        if robot.is_free:
+            self.listen('/base_torque', WrenchStamped, SAMPLES, self._on_wrench)
         channels = [partial(self._channel_status, k) for k in range(len(self.monitor.probes))]
         self.health.watch(self.input_status, self._model_status, *channels)
 
@@ -103,6 +111,14 @@ class MonitorNode(SensorNode):
         }
         add[sensor](stamp_ns, *content)
         self._say(monitor.step(self.steady.now().nanoseconds))
+
+    def _on_commands(self, message: JointState) -> None:
+        names = [thruster.name for thruster in self.monitor.robot.thrusters]
+        (shares,) = messages.joint_columns(message, names, 'effort')
+        self.monitor.add_commands(messages.stamp_ns(message.header.stamp), np.asarray(shares))
+
+    def _on_wrench(self, message: WrenchStamped) -> None:
+        self.monitor.add_wrench(*messages.base_wrench(message, self.monitor.robot.base_link))
 
     def _on_estimate(self, message: EstimateMessage) -> None:
         self.monitor.believe(convert.estimate(message))

@@ -9,6 +9,7 @@ One thread may read a `SampleBuffer` while another fills it.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from threading import RLock
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..model.robot import Robot
 from ..types import Array, IntArray, Quaternion, Vector3
 from .messages import finite, unit, vector
 from .record import AttitudeSeries, JointSeries, RateSeries, Record, shown
+from .series import InputSeries
 
 SENSORS = ('imu', 'attitude', 'joints')  # in the order in which equal stamps are used
 PATIENCE_NS = 1_000_000_000  # for a sensor that is silent, on its stamps and on the wall
@@ -25,6 +27,9 @@ MOST_SAMPLES = 100_000
 """Of a sensor in a `SampleBuffer` that is emptied as it is used: 100 s at 1 kHz, 30 MB. Where
 messages come faster than that for long, the oldest are dropped."""
 JUMP_NS = 1_000_000_000  # stamps that go back further are another run, not out of order
+
+
+LATEST_NS = 10_000_000_000  # by which a known input may act late: `command_delay` is no longer
 
 
 def sensors_of(robot: Robot) -> tuple[str, ...]:
@@ -100,6 +105,11 @@ class Stream:
         part = slice(bisect_left(self.stamps, start_ns), bisect_right(self.stamps, end_ns))
         return np.array(self.stamps[part], dtype=np.int64), np.array(self.values[part])
 
+    def holding(self, stamp_ns: int) -> int:
+        """Stamp of the sample that holds at a time [ns]; that time where there is none."""
+        place = bisect_right(self.stamps, stamp_ns)
+        return self.stamps[place - 1] if place else stamp_ns
+
     def forget(self, before_ns: int) -> None:
         """Drop the samples before a stamp."""
         count = bisect_left(self.stamps, before_ns)
@@ -116,6 +126,7 @@ class SampleBuffer:
         sensors: Those that are waited for.
 
     Attributes:
+        inputs: Names and samples of known inputs by key.
         streams: Samples by sensor, a joint's as [q, qd, effort, whether there is an effort].
         origin_ns: First stamp of all [ns]; None before it.
         closed_ns: Stamps up to this one are used: another one there comes too late [ns].
@@ -133,6 +144,7 @@ class SampleBuffer:
         # without a lateness it holds a record that somebody wants whole
         most = None if late is None else MOST_SAMPLES
         self.streams = {sensor: Stream(late, most) for sensor in SENSORS}
+        self.inputs: dict[str, tuple[tuple[str, ...], Stream]] = {}
         self._lock = RLock()
         self.origin_ns: int | None = None
         self.closed_ns: int | None = None
@@ -166,6 +178,31 @@ class SampleBuffer:
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion) -> None:
         """Add an attitude (4,); raises as `add`, and for a norm off by more than 1e-3."""
         self.add('attitude', stamp_ns, unit(q_WB_xyzw))
+
+    def add_input(self, key: str, names: Sequence[str], stamp_ns: int, values: Array) -> None:
+        """Add values (k,) of a known input, which hold from a stamp on; nobody waits for them.
+
+        Args:
+            key: Of `Record.inputs`.
+            names: The k columns.
+            stamp_ns: From when on [ns].
+            values: In SI.
+
+        Raises:
+            MessageRejectedError: not finite, wrong length, or a second one with its stamp.
+        """
+        with self._lock:
+            _, stream = self.inputs.setdefault(key, (tuple(names), Stream()))
+            stream.add(stamp_ns, vector(values, len(names), key))
+
+    def _inputs(self, start_ns: int, end_ns: int) -> dict[str, InputSeries]:
+        """Every input up to the end, from what may still act at the start on."""
+        out = {}
+        for key, (names, stream) in self.inputs.items():
+            stamps, values = stream.between(stream.holding(start_ns - LATEST_NS), end_ns)
+            if len(stamps):
+                out[key] = InputSeries(names, stamps, values)
+        return out
 
     def add(self, sensor: str, stamp_ns: int, value: Array) -> None:
         """Add a sample that has been checked.
@@ -242,7 +279,9 @@ class SampleBuffer:
         stamps, rows = parts['attitude']
         if len(stamps):
             attitudes = AttitudeSeries(stamps, rows)
-        return Record(joints, rates, attitudes, zero_ns=self.origin_ns or 0)
+        zero_ns = self.origin_ns or 0
+        inputs = self._inputs(zero_ns if start_ns is None else start_ns, ends[1])
+        return Record(joints, rates, attitudes, zero_ns=zero_ns, inputs=inputs)
 
     def after(self, stamp_ns: int) -> int | None:
         """The first stamp after one [ns]; None where there is none."""
@@ -260,3 +299,5 @@ class SampleBuffer:
             self.closed_ns = stamp_ns
             for stream in self.streams.values():
                 stream.forget(stamp_ns - keep_ns)
+            for _, stream in self.inputs.values():
+                stream.forget(stream.holding(stamp_ns - keep_ns - LATEST_NS))

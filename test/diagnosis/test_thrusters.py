@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.flight.monitor import Monitor
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.errors import ConfigurationError, RecordingError
+from spacerobot_ros.errors import ConfigurationError, MessageRejectedError, RecordingError
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record
 from spacerobot_ros.recording.robot_inputs import with_inputs
@@ -178,3 +179,28 @@ def test_bad_commands_are_one_line(box):
         with_inputs(box.robot, given(('T1', 'X'), [[0, 1], [1, 0]]))
     with pytest.raises(RecordingError, match=r'T3: commands are shares .* got 100 at sample 1'):
         with_inputs(box.robot, given(NAMES, [[0, 0, 0, 0], [0, 0, 100, 0]]))
+
+
+def test_the_monitor_knows_the_commands(tmp_path):
+    """Firings that it is told are no alarm; a thruster that does not fire is one."""
+    firings = {
+        'a': {'thruster': 'T1', 'start': 1.0, 'width': 0.3, 'period': 3.0},
+        'b': {'thruster': 'T3', 'start': 2.0, 'width': 0.3, 'period': 4.0},
+    }
+    dead = {'dead': {'effect': 'thruster_gain', 'where': 'T3', 'gain': 0.0}}
+    levels = {}
+    for name, effects in (('right', {}), ('dead', dead)):
+        machine = box_file(
+            tmp_path, name, robot={'thrusters': THRUSTERS}, firings=firings, effects=effects
+        )
+        belief = box_file(tmp_path, 'belief', robot={'thrusters': THRUSTERS})
+        monitor = Monitor(belief.robot, belief.settings.monitor, ())
+        loop = ClosedLoop(machine.robot, machine.settings)
+        for k, step in enumerate(loop.run(600)):
+            monitor.add_commands(step.stamp_ns, loop.firings.commands(k))
+            step.feed(monitor)
+            monitor.step()
+        levels[name] = monitor.state.level
+    assert levels == {'right': 'ok', 'dead': 'error'}
+    with pytest.raises(MessageRejectedError, match='shares from 0 to 1'):
+        monitor.add_commands(10**12, np.array([0.0, 2.0, 0.0, 0.0]))

@@ -209,8 +209,9 @@ class FlightFilter:
         start = None
         if self._covariance is not None and self._reference is not None:
             start = float(self._reference.time[0])
-        measured = BlockMotion(record, self._noise, self.process, start, end)
-        filtered = BlockInnovations(measured, self.process, self.timing, self._covariance)
+        process = self.process.under(record)
+        measured = BlockMotion(record, self._noise, process, start, end)
+        filtered = BlockInnovations(measured, process, self.timing, self._covariance)
         columns = self._columns(filtered)
         self._carry(filtered, columns.acceleration.shape[2])
         rows = filtered.run(columns, self._mean)

@@ -20,6 +20,7 @@ from ...identification.outliers import without_outliers
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
 from ...recording.buffer import SampleBuffer, sensors_of
+from ...recording.mapped_inputs import INPUTS
 from ...recording.record import Record
 from ...sensing.correction import corrected_record
 from ...types import Array
@@ -127,6 +128,25 @@ class Monitor:
     def add_attitude(self, stamp_ns: int, q_xyzw: Array) -> None:
         """Take a star tracker sample, (4,) q_WB xyzw; raises as `add_joints`."""
         self.samples.add_attitude(stamp_ns, q_xyzw)
+
+    def add_commands(self, stamp_ns: int, shares: Array) -> None:
+        """Take commands (k,) to the robot's thrusters, 0 to 1, held until the next.
+
+        Raises:
+            MessageRejectedError: wrong length, not shares, or a second one with its stamp.
+        """
+        if np.any((shares < 0.0) | (shares > 1.0)):
+            raise MessageRejectedError('commands to thrusters are shares from 0 to 1')
+        names = tuple(thruster.name for thruster in self.robot.thrusters)
+        self.samples.add_input('thrusters', names, stamp_ns, shares)
+
+    def add_wrench(self, stamp_ns: int, wrench: Array) -> None:
+        """Take a wrench (6,) on the base at its origin, held until the next [N, N m].
+
+        Raises:
+            MessageRejectedError: wrong length, not finite, or a second one with its stamp.
+        """
+        self.samples.add_input('base_wrench', INPUTS['base_wrench'][0], stamp_ns, wrench)
 
     def believe(self, estimate: Estimate) -> None:
         """Take the first valid estimate of the captured wheels, with its covariance.

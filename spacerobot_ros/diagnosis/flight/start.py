@@ -61,7 +61,8 @@ def learn(
             where it is believed.
     """
     noise, notes = noise_levels(robot.sensors, record)
-    process = TorqueDriven(robot, believed)
+    model = TorqueDriven(robot, believed)
+    process = model.under(record)
     measured = MeasuredMotion(record, noise, process)
     is_driven = record.effort is not None and bool(robot.joints)
     timings = tuple(TIMINGS) if is_driven else ('sampled',)
@@ -71,11 +72,12 @@ def learn(
     best = min(tried, key=lambda trial: trial.misfit)
     if len(best.momentum):
         known = robot.with_target_momentum(robot.target_momentum + best.momentum)
-        process = TorqueDriven(known, believed)
+        model = TorqueDriven(known, believed)
+        process = model.under(record)
         best = _trial(BlockInnovations(measured, process, best.filtered.timing), momentum_std)
     timing = best.filtered.timing
     spread = _spread(best)
-    return Start(process, noise, timing, spread, (*notes, *in_words(timing)))
+    return Start(model, noise, timing, spread, (*notes, *in_words(timing)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
