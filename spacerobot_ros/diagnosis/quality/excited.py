@@ -142,9 +142,9 @@ def _judged(found: Sequence[Candidate], gram: Gram) -> Iterable[Excited]:
     scaled = sizes[:, None] * gram.matrix * sizes + np.eye(len(sizes))
     with np.errstate(divide='ignore'):
         alone = 1.0 / np.sqrt(np.maximum(np.diag(gram.matrix), 0.0))
-    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    eigenvalues, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     # of the identity and what the data add: rounding alone makes one less
-    together = sizes * np.sqrt(np.sum(vectors**2 / np.maximum(values, 1.0), axis=1))
+    together = sizes * np.sqrt(np.sum(vectors**2 / np.maximum(eigenvalues, 1.0), axis=1))
     k = 0
     for candidate in found:
         for name, unit in _numbers(candidate):
