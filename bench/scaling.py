@@ -11,7 +11,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import resource
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -109,12 +112,101 @@ def measure(n: int, duration: float, states_noise: bool, few: bool, folder: Path
     }
 
 
-if __name__ == '__main__':
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--one', metavar='JSON')
+BASE = {'n': 7, 'duration': 20.0, 'states_noise': True, 'few': False}
+SWEEPS = {  # what grows, and the way to make rows
+    'length of the record [s]': [{'duration': d} for d in (10.0, 20.0, 40.0, 80.0)],
+    'length, noise unknown [s]': [
+        {'duration': d, 'states_noise': False} for d in (15.0, 30.0, 60.0)
+    ],
+    'number of joints': [{'n': n, 'duration': 10.0} for n in (3, 7, 15, 30)],
+    'number of effects': [{'few': few} for few in (True, False)],
+}
+
+
+def shown(sweeps: dict[str, list[dict]]) -> list:
+    """Tables, one a sweep, with the power of the growth between its ends."""
+    from math import log
+
+    from spacerobot_ros.display import table_of
+
+    out = []
+    for what, rows in sweeps.items():
+        key = 'effects' if 'effects' in what else 'joints' if 'joints' in what else 'duration'
+        first, last = rows[0], rows[-1]
+        for row in rows:
+            row['more_mb'] = row['peak_mb'] - row['before_mb']
+        grown = log(last[key] / first[key])
+        powers = [log(last[k] / first[k]) / grown for k in ('cpu_s', 'more_mb')]
+        caption = f'grows with the power {powers[0]:.2f} in time, {powers[1]:.2f} in memory'
+        cells = f'{{{key}:g}} | {{cpu_s:.1f}} | {{more_mb:.0f}} | {{peak_mb:.0f}}'
+        heads = f'{what} | processor time [s] | memory for it [MB] | in all [MB]'
+        out.append(table_of(what, caption, rows, heads, cells))
+    return out
+
+
+def drawn(sweeps: dict[str, list[dict]]) -> str:
+    """Time and memory against the length of the record."""
+    import numpy as np
+
+    from spacerobot_ros.display import Curve, Panel
+    from spacerobot_ros.report.plots import plot
+
+    panels = []
+    for title, unit, key in (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb')):
+        curves = [
+            Curve(
+                what.split(' [')[0],
+                np.array([row['duration'] for row in rows]),
+                np.array([row[key] for row in rows]),
+            )
+            for what, rows in sweeps.items()
+            if 'length' in what
+        ]
+        panels.append(Panel(title, unit, curves))
+    return plot(panels, abscissa='length of the record [s]')
+
+
+def sweep() -> dict[str, list[dict]]:
+    """Every point in a process of its own, one core."""
+    env = {**os.environ, 'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1'}
+    out: dict[str, list[dict]] = {}
+    for what, changes in SWEEPS.items():
+        for change in changes:
+            command = [sys.executable, __file__, '--one', json.dumps({**BASE, **change})]
+            done = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
+            out.setdefault(what, []).append(json.loads(done.stdout))
+    return out
+
+
+def main() -> None:
+    """Measure and print."""
+    import tempfile
+
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument('--one', metavar='JSON', help='one point, printed as JSON')
+    parser.add_argument('--out', metavar='SVG', help='file of the plot')
+    parser.add_argument('--kept', metavar='JSON', help='figures: shown if there, else measured')
     args = parser.parse_args()
     if args.one:
-        import tempfile
-
         with tempfile.TemporaryDirectory() as name:
             print(json.dumps(measure(**json.loads(args.one), folder=Path(name))))
+        return
+    from spacerobot_ros.display import Section
+    from spacerobot_ros.report.markdown import markdown
+
+    kept = Path(args.kept) if args.kept else None
+    if kept is not None and kept.exists():
+        found = json.loads(kept.read_text(encoding='utf-8'))
+    else:
+        found = sweep()
+        if kept is not None:
+            kept.write_text(json.dumps(found), encoding='utf-8')
+    print(markdown('Cost of a diagnosis', [Section('', shown(found))]))
+    if args.out:
+        Path(args.out).write_text(drawn(found) + '\n', encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
