@@ -64,9 +64,22 @@ def diagnose(
             of a robot whose torques can not be balanced.
     """
     every = [records] if isinstance(records, Record) else list(records)
-    if len(every) == 1 and len(pieces := pieces_of(every[0])) > 1:
-        one = partial(diagnose, robot=robot, believed=believed, catalogue=catalogue)
+    kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
+    pieces = pieces_of(every[0])
+    if len(every) == 1 < len(pieces):
+        one = partial(diagnose, robot=robot, believed=believed, catalogue=kinds)
         return diagnose_pieces(pieces, one, report)
+    return _diagnosed(every, robot, believed, kinds, report)
+
+
+def _diagnosed(
+    every: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> Diagnosis:
+    """What `diagnose` says of records that fit into memory."""
     measured = []
     for record in every:
         check_data(record, robot)
@@ -74,7 +87,6 @@ def diagnose(
     if not robot.joints and (answer := _by_windows(measured, robot, report)):
         return answer
     robot = as_recorded(robot, measured)
-    kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
     if len(measured) > 1:
         refuse_unbalanced(measured, robot)
     balanced = not (robot.is_free or robot.without_constant or measured[0].effort is None)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from .answer.result import (
     Series,
 )
 from .conclusion import cause_in_words
+from .events.event import Events
 from .limits import FALSE_ALARMS, MISFIT
 
 _GOOD = ('consistent', 'explained')
@@ -59,13 +61,17 @@ def combined(
         else:
             rare.append((key, at))
     causes = tuple(cause for cause, _ in named)
-    verdict = _verdict(answers, bool(causes))
+    events = _events(answers)
+    words = [cause_in_words(cause) for cause in causes]
+    if events is not None and events.named:
+        words.append(f'{len(events.named)} events')
+    verdict = _verdict(answers, bool(words))
     where = [_place(_key(c), at, spans) for c, at in named if len(at) < len(answers)]
     where += [f'{_place(key, at, spans)}: as many as by chance, not named' for key, at in rare]
     others = dict.fromkeys(note for answer in answers for note in answer.notes)
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, causes),
+        sentence=_sentence(verdict, ' and '.join(words)),
         causes=causes,
         minor=(),
         residuals=tuple(map(_residual, _common(answers, 'residuals'))),
@@ -77,7 +83,14 @@ def combined(
         next_motion=(),
         notes=(*notes, *where, *others),
         recordings=tuple(_misfits(answers, spans)),
+        events=events,
     )
+
+
+def _events(answers: Sequence[Diagnosis]) -> Events | None:
+    """Those of all pieces that were looked through."""
+    looked = [answer.events for answer in answers if answer.events is not None]
+    return reduce(Events.with_more, looked) if looked else None
 
 
 def _verdict(answers: Sequence[Diagnosis], is_named: bool) -> str:
@@ -92,8 +105,7 @@ def _verdict(answers: Sequence[Diagnosis], is_named: bool) -> str:
     return 'partly_explained' if is_named else 'unexplained'
 
 
-def _sentence(verdict: str, causes: Sequence[Cause]) -> str:
-    what = ' and '.join(cause_in_words(cause) for cause in causes)
+def _sentence(verdict: str, what: str) -> str:
     return {
         'consistent': 'The model explains every piece of the data.',
         'explained': f'The data differ from the model by {what}; nothing else is left.',
