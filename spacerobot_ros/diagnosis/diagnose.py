@@ -27,6 +27,8 @@ from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
 from .events.answer import still_answer, with_events
 from .events.arm_events import arm_events
+from .events.impulses import impulse_events, spans_of, steps_beside_wheels
+from .found import Found
 from .limits import LIKE_NOISE, MISFIT, MOST
 from .pieces import diagnose_pieces, pieces_of
 from .search import Search
@@ -105,12 +107,8 @@ def _diagnosed(
             return conclude_arm(*discover(found, report), (*notes, _BALANCED))
     report('finding how efforts act', 0.02)
     timing = first_timing(measured[0], robot, believed, noise, kinds)
-    if not balances:
-        run = Run(measured[0], robot, believed, noise, timing)
-        return _predicted(run, kinds, notes, report)
-    events = arm_events(balances, ArmRows.of(balances, kinds))
-    run = Run(measured[0], robot, believed, noise, timing, events.left_out[0])
-    return with_events(_predicted(run, kinds, notes, report), events.events)
+    run = Run(measured[0], robot, believed, noise, timing)
+    return _predicted(run, balances, kinds, notes, report)
 
 
 def _at_rest(balances: Sequence[Balance], records: Sequence[Record]) -> Diagnosis | None:
@@ -176,18 +174,50 @@ def _may_fit(found: ArmFound, noise: NoiseLevels, kinds: Sequence[type[Effect]])
     return any(judged.score.gain > MOST * left for judged in hidden.judge(fit))
 
 
-def _predicted(
-    run: Run,
-    kinds: Sequence[type[Effect]],
-    notes: tuple[str, ...],
-    report: Callable[[str, float], None],
-) -> Diagnosis:
-    """The answer of rows by prediction."""
+def _searched(
+    run: Run, kinds: Sequence[type[Effect]], report: Callable[[str, float], None]
+) -> Found:
+    """What rows by prediction want."""
     found = Search(run, kinds, report).find()
     if held := held_after_all(found.fit):
         found = Search(run.timed(held), kinds, report, TIMINGS).find()
+    return found
+
+
+def _concluded(
+    found: Found, notes: tuple[str, ...], report: Callable[[str, float], None]
+) -> Diagnosis:
+    """The answer of a search."""
     report('measuring the gain', 0.9)
     answer = conclude(found, (*notes, *in_words(found.fit.run.timing)))
     if answer.verdict in ('consistent', 'explained'):
         return answer
     return discover_in_flight(answer, found.sound, report)
+
+
+def _predicted(
+    run: Run,
+    balances: Sequence[Balance],
+    kinds: Sequence[type[Effect]],
+    notes: tuple[str, ...],
+    report: Callable[[str, float], None],
+) -> Diagnosis:
+    """The answer of rows by prediction.
+
+    Events of an arm on the ground are those of its balance. Where on a free base more is wrong
+    than wheels, causes are found first and steps of the momentum beside them.
+    """
+    report('looking for events', 0.05)
+    if balances:
+        events = arm_events(balances, ArmRows.of(balances, kinds))
+        found = _searched(run.without(events.left_out[0]), kinds, report)
+        return with_events(_concluded(found, notes, report), events.events)
+    if not (run.robot.is_free and run.robot.n_joints):
+        return _concluded(_searched(run, kinds, report), notes, report)
+    steps = steps_beside_wheels(run)
+    found = _searched(run.without(spans_of(steps)), kinds, report)
+    if not any(steps.limits.values()):
+        steps = impulse_events(found.sound)
+        if steps.named:
+            found = _searched(run.without(spans_of(steps)), kinds, report)
+    return with_events(_concluded(found, notes, report), steps)

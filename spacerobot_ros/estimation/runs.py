@@ -53,6 +53,10 @@ class Run:
         """Number of models whose rows were made, those of another timing among them."""
         return self._models[0]
 
+    def without(self, left_out: tuple[tuple[float, float], ...]) -> Run:
+        """The same run, times left out."""
+        return Run(self.record, self.robot, self.believed, self.noise, self.timing, left_out)
+
     def timed(self, timing: str) -> Run:
         """The same run, its efforts acting in another way."""
         other = Run(self.record, self.robot, self.believed, self.noise, timing, self.left_out)

@@ -43,6 +43,14 @@ nobody says: 5 to 7 % on a UR10e."""
 LISTED_STEP = 6.0
 """z of three axes together from which a step of the angular momentum is looked at."""
 
+LISTED_STEP = 6.0
+"""z of three axes together from which a step of the angular momentum is looked at: white noise
+exceeds it once in a hundred hours."""
+
+STEADY = 1.5
+"""Times that z of steps may scatter more than in white noise for what lasts to be fitted well
+enough to look for steps first: else causes are, and steps beside them."""
+
 
 def named_from(sizes: Sequence[float], hours: float) -> float:
     """Z from which `FALSE_PER_HOUR` false events are expected, on this machine.

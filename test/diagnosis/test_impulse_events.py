@@ -1,0 +1,76 @@
+"""Steps of a free base's momentum: found beside wheels that nobody knows, none where none is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.diagnosis.events.impulses import spans_of, steps_beside_wheels
+from spacerobot_ros.effects.catalogue import bind_effect
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.estimation.refit import Fit
+from spacerobot_ros.estimation.runs import Run
+
+STEPS = ((4.0, 4.1, (0.1, -0.15, 0.08)), (9.0, 9.8, (-0.3, 0.2, 0.4)))
+"""Start, end [s] and impulse [N m s] along inertial axes."""
+
+
+@pytest.fixture(scope='module')
+def robot():
+    """Wheels of 42, 49 and 41 N m s that the file does not know."""
+    return robot_file('servicer').robot.with_target_momentum(np.zeros(3))
+
+
+def run_of(robot, steps):
+    effects = [
+        bind_effect(
+            f'bump_{start:g}',
+            'angular_impulse',
+            None,
+            {'start': start, 'end': end, **dict(zip('xyz', impulse, strict=True))},
+            robot,
+        )
+        for start, end, impulse in steps
+    ]
+    record = observed(simulated('servicer', 'default', 3, effects, duration=13.0), robot)
+    return Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
+
+
+@pytest.fixture(scope='module')
+def bumped(robot):
+    run = run_of(robot, STEPS)
+    return run, steps_beside_wheels(run)
+
+
+def test_impulses_are_named_with_time_and_size(bumped):
+    named = bumped[1].named
+    assert len(named) == len(STEPS)
+    for event, (start, end, impulse) in zip(named, STEPS, strict=True):
+        assert abs(0.5 * (event.start + event.end) - 0.5 * (start + end)) < 0.1
+        found = np.array([event.peak[axis] for axis in 'xyz'])
+        stds = np.array([event.peak_std[axis] for axis in 'xyz'])
+        # the standard deviation, and a share for the shape: 3 % of the whole
+        off = 4.0 * np.linalg.norm(stds) + 0.03 * np.linalg.norm(impulse)
+        assert np.linalg.norm(found - impulse) < off < np.linalg.norm(impulse)
+
+
+def test_what_lasts_is_as_without_them(bumped):
+    """Their times left out, the true wheels leave noise; with them they do not."""
+    run, events = bumped
+    wheels = bind_effect(
+        'wheels', 'target_wheel_momentum', 'link_3', {'x': 42.0, 'y': 49.0, 'z': 41.0}, run.robot
+    )
+    left = {}
+    for spans in ((), spans_of(events)):
+        data = Fit(run.without(spans), [wheels]).data
+        left[bool(spans)] = float(np.mean(data**2))
+    assert left[False] > 1.5
+    assert left[True] < 1.05
+
+
+def test_a_quiet_record_has_none(robot):
+    events = steps_beside_wheels(run_of(robot, ()))
+    assert not events.named
+    assert all(0.0 < limit.peak < 0.2 for limit in events.limits.values())
