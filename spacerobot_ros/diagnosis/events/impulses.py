@@ -37,6 +37,8 @@ _QUANTILE, _OF_NOISE = 0.3, 1.19
 _SETTLED = 1.5  # s in which the filter still finds its state
 _EDGE = 0.5
 _ROUNDS = 3
+_LONGEST = 6.0  # s: twice the longest bell; what lasts longer is a lasting cause
+_SHARE = 0.3  # of a record that events may take, as their level is that of all other times
 _NEARBY = (-0.5, -0.25, 0.0, 0.25, 0.5)  # durations
 _WIDER = 6.0
 _SHORTEST = 0.02  # s
@@ -94,6 +96,8 @@ class ImpulseScan:
         while len(spans) < _MOST and (window := self._largest(left, ())):
             spans.append(self._own_times(left, *window))
             left = self._fitted(spans)
+            if not self.is_transient:
+                return left
         for _ in range(_ROUNDS):
             left = self._refined(_apart(self.found))
             spans = [(i.start, i.end) for i in self.found]
@@ -104,6 +108,12 @@ class ImpulseScan:
             if len(spans) == count:
                 return left
         return self._refined(_apart(self.found))
+
+    @property
+    def is_transient(self) -> bool:
+        """Whether what was found comes and goes: no bell is long, and most times have none."""
+        lengths = [i.end - i.start for i in self.found]
+        return max(lengths, default=0.0) < _LONGEST and sum(lengths) < _SHARE * self.seconds
 
     def _refined(self, spans: list[tuple[float, float]]) -> Array:
         """What is left with the times of every event fitted anew beside all others."""
@@ -297,7 +307,7 @@ def impulse_events(fit: Fit) -> Events:
             peaks=tuple(peaks),
         )
     order = sorted(named, key=lambda e: e.start)
-    if max(scan.colours.values()) > STEADY:
+    if max(scan.colours.values()) > STEADY or not scan.is_transient:
         why = 'what is left beside the wheels is no noise: steps of the momentum are not judged'
         return Events(limits=dict.fromkeys(_AXES), notes=(why,))
     return Events(named=tuple(order), possible=tuple(possible), limits=limits)
