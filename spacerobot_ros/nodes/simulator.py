@@ -19,9 +19,11 @@ from std_srvs.srv import SetBool
 from ..model.robot import Robot
 from ..model.settings import ADAPTIVE_LAWS
 from ..recording import messages
+from ..ros.convert import compose
 from ..ros.diagnostics import ERROR, OK, WARN, Status
-from ..ros.qos import LATCHED, STATE
+from ..ros.qos import LATCHED, SAMPLES, STATE
 from ..ros.run_node import run_node
+from ..simulation.firings import THRUSTERS, Firings
 from ..simulation.plant import Plant
 from ..simulation.sample_messages import wheels_of
 from ..simulation.truth import build_plant, build_sensors
@@ -89,6 +91,9 @@ class SimulatorNode(RobotNode):
         self.start()
         step, forever = self.step_index, self._options.lockstep
         wrench = self._held.wrench(step, forever=forever and self._answer.needs_base)
+        if self.firings:
+            thrust = self.firings.wrench(step)
+            wrench = thrust if wrench is None else wrench + thrust
         self.plant.step(self._held.tau(step, forever=forever), wrench)
         self._publish()
 
@@ -135,6 +140,8 @@ class SimulatorNode(RobotNode):
         self._build()
         every = max(1, round(LEDGER_PERIOD / options.period))
         self._topics = SimulatorTopics(self, bool(wheels_of(self.plant)), every)
+        if self.firings:
+            self._thrust = self.create_publisher(JointState, THRUSTERS, SAMPLES)
         commands = self.listen('/joint_commands', JointState, STATE, self._on_command)
         self._command_topic = commands.topic_name
         self.listen('/base_torque', WrenchStamped, STATE, self._on_wrench)
@@ -151,6 +158,8 @@ class SimulatorNode(RobotNode):
     def _build(self) -> None:
         self.plant = build_plant(self._robot, self.settings)
         self._sensors = build_sensors(self.plant, self.settings)
+        plant, section = self.plant, self.settings.firings
+        self.firings = Firings(section, self._robot, plant.robot, plant.effects, plant.period)
         self._held.clear()
         self._answer.clear()
         self._waiting_since = 0
@@ -227,6 +236,11 @@ class SimulatorNode(RobotNode):
             self._answer.ask(plant.time_ns)
             self._waiting_since = self._sent_ns = self._pace.now()
             self._is_late = False
+        if self.firings:
+            shares = self.firings.commands(plant.step_index)
+            self._thrust.publish(
+                compose.joint_state(plant.time_ns, self.firings.names, effort=shares)
+            )
         self._topics.publish(plant, sample)
 
     # ------------------------------------------------------------ commands in

@@ -49,7 +49,7 @@ def declare_settings(node: Node) -> Settings:
         ConfigurationError: an unknown parameter, or a value that the schema refuses.
     """
     given = {
-        name: parameter.value
+        name: [] if parameter.value is None else parameter.value  # an empty list of a file
         # rclpy has no public way to see those that nobody declares
         for name, parameter in node._parameter_overrides.items()
         if not name.startswith(_OF_ROS)

@@ -14,6 +14,7 @@ from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array, Vector6
 
+THRUSTERS = '/thruster_commands'
 _DEFAULTS = {'thruster': None, 'start': 0.0, 'width': None, 'share': 1.0, 'period': math.inf}
 
 
