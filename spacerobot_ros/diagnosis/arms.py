@@ -137,6 +137,7 @@ def _found(
     first, rough = (Selection(rows, parts, rows.recording, rows.held) for _ in range(2))
     report('choosing causes', 0.4)
     rough.run()
+    rows = rows.linearized(ArmFit(rows, rough.whole, tuple(rough.chosen)).posterior.mean)
     levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
     selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)

@@ -101,8 +101,8 @@ def _diagnosed(
     noise, notes = noise_levels(robot.sensors, measured[0])
     if _is_of_unknown_noise(measured[0], robot):
         found = find_arm_causes(measured, robot, believed, kinds, report)
-        is_whole = not (_lacks_efforts(measured[0]) or robot.without_constant or robot.rate_only)
-        is_predictable = is_whole and _is_like_noise(found, noise)
+        is_whole = not (_lacks_efforts(measured[0]) or robot.passive_joints or robot.rate_only)
+        is_predictable = is_whole and not robot.without_constant and _is_like_noise(found, noise)
         if not (is_predictable and _may_fit(found, noise, kinds)):
             return conclude_arm(*discover(found, report), (*notes, _BALANCED))
     report('finding how efforts act', 0.02)

@@ -160,15 +160,17 @@ class Effect:
     def parameters_at(cls, robot: Robot, where: str | None) -> tuple[Parameter, ...]:
         """Its parameters with sizes and thresholds that fit the robot.
 
-        Thresholds of forces, torques and masses are those of robots of `_HEAVY` and more; for a
-        lighter one they are lower in proportion.
+        Those of forces, torques and masses are of robots of `_HEAVY` and more; for a lighter one
+        they are smaller in proportion.
         """
         first = 0 if robot.is_free else 1
         share = float(np.sum(robot.inertial_parameters[first:, 0])) / _HEAVY
         if share >= 1.0:
             return cls.parameters
         return tuple(
-            replace(p, relevant=share * p.relevant) if p.grows_with_mass else p
+            replace(p, size=share * p.size, relevant=share * p.relevant)
+            if p.grows_with_mass
+            else p
             for p in cls.parameters
         )
 

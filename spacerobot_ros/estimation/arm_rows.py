@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -42,11 +42,14 @@ class ArmRows:
         balances: The model along every recording.
         candidates: Causes that may be, with plausible sizes.
         tolerances: (K,) what their coefficients are on any machine.
+        about: Coefficients about which rows without a torque are linearized, of the first
+            candidates or all; None: the model.
     """
 
     balances: tuple[Balance, ...]
     candidates: tuple[Candidate, ...]
     tolerances: Array
+    about: Array | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(cls, balances: Sequence[Balance], kinds: Iterable[type[Effect]]) -> ArmRows:
@@ -70,6 +73,29 @@ class ArmRows:
     def anchors(self) -> Array:
         """(A, K) changes of scales that nothing measured tells, which stay as in the file."""
         return scale_columns(self.balances, self.candidates, self.unanchored)
+
+    @cached_property
+    def _own_scale(self) -> Array:
+        """(n, K) relative change of the own weight of each joint that has no motor, or one off.
+
+        Where the torque is zero a model of c times the size misses c times as much, and none of
+        nothing: what counts is the missed torque e by that size, e / (1 + a x), whose slope is
+        that of e and e a more.
+        """
+        off = np.any([b.arm.unpowered.any(axis=0) for b in self.balances], axis=0)
+        out = np.zeros((len(off), len(self.sizes)))
+        joints = np.flatnonzero(off)
+        out[joints] = scale_columns(self.balances, self.candidates, [[int(j)] for j in joints])
+        return out
+
+    def linearized(self, about: Array) -> ArmRows:
+        """The same rows about other coefficients (K,)."""
+        if not self._own_scale.any():
+            return self
+        out = replace(self, about=about)
+        shared = ('columns', '_own_scale', 'anchors', 'unanchored', 'blocks', 'scale')
+        out.__dict__.update({name: getattr(self, name) for name in shared})
+        return out
 
     @cached_property
     def unanchored(self) -> list[list[int]]:
@@ -190,6 +216,13 @@ class ArmRows:
             times = balance.row_times[at]
             torque.append(self.torque(run)[at, j])
             columns.append(full[at, j])
+            if k >= self.robot.n_joints or not self._is_driven[j]:
+                known = np.zeros(0) if self.about is None else self.about
+                about = np.pad(known, (0, full.shape[2] - len(known)))
+                left = balance.torque[at, j] - full[at, j] @ about
+                grown = self._own_scale[j] / (1.0 + max(self._own_scale[j] @ about, -0.5))
+                columns[-1] = full[at, j] + np.outer(left, grown)
+                torque[-1] = torque[-1] + left * (grown @ about)
             needed = balance.motion.effort[::stride, j][at]
             direction = np.sign(balance.motion.qd[::stride, j][at])
             observed.append(np.column_stack([direction, needed / self.scale[j]]))

@@ -177,7 +177,7 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
     estimate = sizes * (vectors @ (projected / (1.0 + values)))
     gain = float(np.sum(projected**2 / (1.0 + values)))
     if np.any(estimate < bounds[0]) or np.any(estimate > bounds[1]):
-        estimate, gain = _bounded(scaled, vector, sizes, bounds)
+        estimate, gain = _bounded(vectors * np.sqrt(1.0 + values), vector, sizes, bounds)
     dof = max(float(np.sum(values / (1.0 + values))), 1e-3)
     held_out = np.nan
     if test is not None:
@@ -214,16 +214,23 @@ def price(values: Array, rows: int) -> float:
 
 
 def _bounded(
-    scaled: Array, vector: Array, sizes: Array, bounds: tuple[Array, Array]
+    root: Array, vector: Array, sizes: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, float]:
-    """Most probable coefficients within bounds, and twice their gain."""
-    lower = np.linalg.cholesky(scaled + np.eye(len(vector)))
-    target = np.linalg.solve(lower, vector)
+    """Most probable coefficients within bounds, and twice their gain.
+
+    Args:
+        root: (K, K) whose product with its transpose is the information, the prior's included, in
+            units of the sizes.
+        vector: (K,) in these units.
+        sizes: (K,) prior standard deviations.
+        bounds: Lower and upper (K,) bounds.
+    """
+    target = np.linalg.solve(root, vector)
     low = np.minimum(bounds[0] / sizes, -1e-300)
     high = np.maximum(bounds[1] / sizes, 1e-300)
     if len(vector) == 1:
-        z = np.clip(target / lower[0], low, high)
+        z = np.clip(target / root[0], low, high)
     else:
-        z = lsq_linear(lower.T, target, bounds=(low, high), method='bvls').x
-    gain = float(target @ target - np.sum((target - lower.T @ z) ** 2))
+        z = lsq_linear(root.T, target, bounds=(low, high), method='bvls').x
+    gain = float(target @ target - np.sum((target - root.T @ z) ** 2))
     return np.clip(sizes * z, bounds[0], bounds[1]), gain

@@ -62,7 +62,7 @@ def noise_levels(
             )
         floor = _FLOOR[name]
         if name == 'joint_effort' and values is not None and values.size:
-            floor *= max(float(np.nanmax(np.abs(values))), 1e-300)
+            floor *= float(np.nanmax(np.abs(values))) or 1.0
         levels[name] = max(level or 0.0, _resolution(values) / _UNIFORM, floor)
     return NoiseLevels(**levels), tuple(notes)
 

@@ -20,7 +20,7 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.errors import ConfigurationError, RecordingError
 from spacerobot_ros.model.loader import build_robot
-from spacerobot_ros.model.settings import parse_settings
+from spacerobot_ros.model.settings import SensorSettings, parse_settings
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
@@ -309,3 +309,81 @@ def test_what_changed_where_no_torque_is_measured(swung):
     """Of its own other run nothing, although a factor of everything would fit both."""
     changes = compare([swung], [wheel_run(12.0, 7, start=0.2)], wheel_robot())
     assert changes.selection.chosen == []
+
+
+# ------------------------------------------------------------ a shoulder without a motor
+
+LINK = """<link name="{name}"><inertial><origin xyz="0 0 {com}"/><mass value="{mass}"/>
+<inertia ixx="{own}" ixy="0" ixz="0" iyy="{own}" iyz="0" izz="0.001"/></inertial></link>"""
+HINGE = """<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+<origin xyz="0 0 {at}"/><axis xyz="0 1 0"/></joint>"""
+ACROBOT = f"""<robot name="acrobot"><link name="base_link"/>
+{LINK.format(name='upper', com=-0.2, mass=0.6, own=0.01)}
+{LINK.format(name='lower', com=-0.15, mass=0.5, own=0.006)}
+{HINGE.format(name='shoulder', parent='base_link', child='upper', at=0)}
+{HINGE.format(name='elbow', parent='upper', child='lower', at=-0.4)}</robot>"""
+ACROBOT_MJCF = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody><body>
+<inertial pos="0 0 -0.2" mass="0.6" diaginertia="0.01 0.01 0.001"/>
+<joint name="shoulder" type="hinge" axis="0 1 0" frictionloss="{dry}"/>
+<body pos="0 0 -0.4"><inertial pos="0 0 -0.15" mass="{mass}" diaginertia="0.006 0.006 0.001"/>
+<joint name="elbow" type="hinge" axis="0 1 0"/></body></body></worldbody>
+<actuator><motor joint="elbow"/></actuator></mujoco>"""
+
+
+def acrobot_run(dry, mass):
+    """Torque at the elbow alone, 10 s at 200 Hz."""
+    model = mujoco.MjModel.from_xml_string(ACROBOT_MJCF.format(dry=dry, mass=mass))
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0.3, -0.2]
+    q, torque = [], []
+    for k in range(10000):
+        t = 1e-3 * k
+        data.ctrl[0] = 0.25 * np.sin(1.7 * t) + 0.15 * np.sin(2.9 * t + 0.4)
+        if k % 5 == 0:
+            q.append(data.qpos.copy())
+            torque.append(data.ctrl[0])
+        mujoco.mj_step(model, data)
+    q = np.array(q) + 2e-4 * np.random.default_rng(1).standard_normal((len(q), 2))
+    efforts = np.column_stack([np.zeros(len(q)), torque])
+    off = np.tile([True, False], (len(q), 1))
+    stamps = to_stamps(0.005 * np.arange(len(q)))
+    return Record(
+        joints=JointSeries(('shoulder', 'elbow'), stamps, q, None, efforts, unpowered=off)
+    )
+
+
+def test_friction_of_a_shoulder_without_a_motor():
+    """A model without any mass would miss nothing there, and is no explanation."""
+    found = diagnose(acrobot_run(0.03, 0.5), robot_from(ACROBOT, ('shoulder', 'elbow')))
+    (cause,) = found.causes
+    assert (cause.applied.id, cause.applied.where) == ('joint_coulomb_friction', 'shoulder')
+    assert cause.parameters['torque'].value == pytest.approx(0.03, rel=0.05)
+    assert found.free_motion[0].rms_after < 0.1 * found.free_motion[0].rms_before
+
+
+def test_a_load_on_the_link_behind():
+    """0.3 kg more at the lower link's centre of mass: its weight and inertia, and nothing else."""
+    found = diagnose(acrobot_run(0.0, 0.8), robot_from(ACROBOT, ('shoulder', 'elbow')))
+    (cause,) = found.causes
+    assert (cause.applied.id, cause.applied.where) == ('inertial_parameters', 'lower')
+    for name, truth in (('mass', 0.3), ('mz', -0.045), ('iyy', 0.00675)):
+        value = cause.parameters[name]
+        assert abs(value.value - truth) < 2.0 * value.std, name
+    assert cause.parameters['mz'].value == pytest.approx(-0.045, rel=0.05)
+
+
+def test_a_small_machine_of_stated_noise(driven):
+    """Predicted, not balanced: likewise c times as much, and no factorization fails."""
+    (times, angle, effort), _ = driven
+    noisy = effort + 1e-3 * np.random.default_rng(0).standard_normal(len(effort))
+    found = []
+    for scale in (1.0, 2.0**-30):
+        noise = {'joint_effort_std': scale * 1e-3, 'joint_position_std': 3e-4}
+        robot = replace(rod_robot(scale), sensors=SensorSettings(**noise))
+        found.append(diagnose(rod_record(times, angle, scale * noisy), robot))
+    large, small = found
+    assert large.fit_p is not None
+    assert (small.verdict, small.fit_p) == (large.verdict, pytest.approx(large.fit_p, rel=1e-6))
+    assert values_of(large)
+    for key, (value, _) in values_of(small).items():
+        assert value == pytest.approx(2.0**-30 * values_of(large)[key][0], rel=1e-6), key

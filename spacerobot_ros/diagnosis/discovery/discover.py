@@ -24,12 +24,16 @@ _AGREE = 3.0  # standard deviations
 def discover(
     found: ArmFound, report: Callable[[str, float], None]
 ) -> tuple[ArmFound, tuple[Leftover, ...]]:
-    """The causes with laws beside them, and what is to be said of every joint that moves."""
+    """The causes with laws beside them, and what is to be said of every motor that moves.
+
+    Of a joint without one what is left is of its motion, of which no torque is a function.
+    """
     motions = ArmMotions(found.fit.rows)
     accepted: list[HeldLaw] = []
     said: list[Leftover] = []
     rows = found.fit.rows
-    moving = [j for j in range(rows.robot.n_joints) if len(rows.joints[j].torque)]
+    driven = ~np.isin(rows.robot.joints, rows.robot.passive_joints)
+    moving = [j for j in np.flatnonzero(driven).tolist() if len(rows.joints[j].torque)]
     for count, j in enumerate(moving):
         report('asking what the leftover depends on', 0.85 + 0.05 * count / len(moving))
         channel = JointChannel(motions, j, found.levels[j], found.fit.deviations)
