@@ -89,9 +89,9 @@ def measure(n: int, duration: float, states_noise: bool, few: bool, folder: Path
 
     file = load_robot_file(robot_file(n, states_noise, folder))
     kinds = [CATALOGUE[name] for name in FEW] if few else list(CATALOGUE.values())
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     diagnose(record_of(file.robot, 8.0), file.robot, file.effects, kinds)  # compiles
     record = record_of(file.robot, duration)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     started = time.process_time()
     found = diagnose(record, file.robot, file.effects, kinds)
     return {
