@@ -266,6 +266,18 @@ def test_controller_makes_up_for_what_it_can_know(robot):
         assert extra[j] == pytest.approx(expected, abs=1e-12)
 
 
+def test_controller_makes_up_for_a_history_along_its_reference(robot):
+    given = entry('play(x)', [ANGLE], [-0.9], {'displacement': 0.05}, kind='dissipative')
+    n, j = robot.n_joints, robot.joints.index(JOINT)
+    feed = FeedForward(robot, bind_effects({'it': given}, robot))
+    q, z = np.zeros(n), 0.0
+    for way in (0.0, 0.02, 0.04, -0.03, -0.2, 0.01):
+        q = q + way * np.eye(n)[j]
+        z = min(max(z + way / 0.05, -1.0), 1.0)
+        extra = feed(Setpoint(q, np.zeros(n), np.zeros(n)), np.zeros(3), np.zeros(n))
+        assert extra[j] == pytest.approx(0.9 * z, abs=1e-12)
+
+
 @pytest.mark.parametrize('form', [*LAWS, 'play(x)', 'table'])
 def test_entry_is_what_was_read(form, robot):
     names, coefficients, options, _ = LAWS.get(form, ([ANGLE], [-1.0], {}, None))

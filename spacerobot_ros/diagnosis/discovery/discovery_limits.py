@@ -7,8 +7,8 @@ CHANCE = 3e-5
 that no null has, p < 1e-3 came in 2 to 6 % of clean channels, the smallest of 360 was 4.5e-5.
 Laws as large as the noise have 1e-7 and less (docs/discovery.md)."""
 
-MARGIN = 8.0
-"""Nats beyond all prices that a law must gain: odds of 3000. The best law of a clean channel gains
+MARGIN = 6.0
+"""Nats beyond all prices that a law must gain: odds of 400. The best law of a clean channel gains
 less than 1 (docs/discovery.md)."""
 
 DEAD_HEAT = 6.0
