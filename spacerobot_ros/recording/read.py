@@ -20,6 +20,7 @@ from .mapped_table import read_mapped
 from .mapping import load_mapping
 from .npz import load_npz
 from .record import JointSeries, Record
+from .robot_inputs import with_inputs
 from .robot_order import in_robot_order
 from .table import FORMATS, kind_of
 
@@ -61,6 +62,7 @@ def read_record(
         record = _read(path, robot, topics)
     if robot is not None:
         record = _usable(in_robot_order(record, robot), robot)
+        with_inputs(robot, record)  # refuses what is not this robot's
     return record if is_joined else with_gaps_noted(record)
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.gaps import split_at_gaps
 from spacerobot_ros.recording.npz import load_npz, save_npz
@@ -15,9 +14,9 @@ from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
 from spacerobot_ros.recording.sample_clock import rebuilt
 from spacerobot_ros.recording.series import InputSeries
+from test.support.lone_body import box_file
 
 SECOND = 10**9
-ROBOT = load_robot_file('config/minisat.yaml').robot
 
 
 def commands(times, columns):
@@ -109,12 +108,20 @@ INPUTS = {
 }
 
 
+@pytest.fixture(scope='module')
+def robot(tmp_path_factory):
+    thrusters = {
+        name: {'at': [0.1, 0.0, 0.0], 'direction': [0.0, 1.0, 0.0], 'force': 1.0} for name in 'AB'
+    }
+    return box_file(tmp_path_factory.mktemp('box'), robot={'thrusters': thrusters}).robot
+
+
 @pytest.fixture
-def read(tmp_path):
+def read(tmp_path, robot):
     def go(*entries, table=TABLE):
         (tmp_path / 'run.csv').write_text(table)
         (tmp_path / 'map.yaml').write_text(MAPPING + '\n'.join(entries))
-        return read_record(tmp_path / 'run.csv', ROBOT, tmp_path / 'map.yaml')
+        return read_record(tmp_path / 'run.csv', robot, tmp_path / 'map.yaml')
 
     return go
 
@@ -139,6 +146,10 @@ BAD = {
                    'is a unit of force'),
     'no such entry': (INPUTS['thrusters'].replace('u[1]', 'u[2]'), TABLE,
                       r'line 2: column .u.: .\[0, 1\]. is no list with an entry 2'),
+    'no such thruster': (INPUTS['thrusters'].replace('[A, B]', '[A, X]'), TABLE,
+                         r'thrusters: lacks B and has foreign X \(the robot has A, B\)'),
+    'no share': (INPUTS['thrusters'].replace("'u[1]'", 'mx'), TABLE,
+                 'thrusters: B: commands are shares from 0 to 1, got 500 at sample 0'),
     'a stamp twice': ('', TABLE.replace('\n2,', '\n1,'),
                       'the clock stands still at 1 s.*sample_index'),
     'the counter jumps': ('sample_index: {columns: n}',
