@@ -22,7 +22,7 @@ test: setup  ## all tests, in two processes; ARGS='-n 0 -x test/setup' goes to p
 	@$(ENTER) PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 python -m pytest -p xdist -n 2 --dist worksteal $(ARGS)
 
 docs: setup  ## the documentation as a site, out/docs/site/index.html; strict
-	@test .venv/docs/lock -nt requirements/docs.txt || { .venv/bin/uv venv -q --clear .venv/docs && \
+	@test .venv/docs/lock -nt requirements/docs.txt || { .venv/bin/uv venv -q --clear --python .venv/bin/python .venv/docs && \
 		.venv/bin/uv pip install -q --python .venv/docs/bin/python --no-deps --require-hashes \
 		-r requirements/docs.txt && touch .venv/docs/lock; }
 	@$(ENTER) python scripts/make_docs.py
