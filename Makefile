@@ -7,7 +7,7 @@ ENTER := source ./env.sh &&
 export PYTHON
 unexport PYTHONDONTWRITEBYTECODE # else every start compiles what was edited since the set-up
 
-.PHONY: help setup demo test docs lint fmt check bench build msgs lock clean
+.PHONY: help setup demo test docs lint fmt check bench fuzz build msgs lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -40,6 +40,9 @@ check: lint test  ## what CI runs
 bench: setup  ## simulators side by side at equal accuracy; ARGS='--peers FOLDER' adds their environments
 	@$(ENTER) OMP_NUM_THREADS=1 python bench/simulation.py $(ARGS)
 	@$(ENTER) OMP_NUM_THREADS=1 python bench/regressor.py
+
+fuzz: setup  ## readers against inputs guided by coverage; ARGS='robot_file -max_total_time=60'; needs atheris
+	@$(ENTER) cd fuzz && python fuzz.py $(ARGS)
 
 build:  ## build messages and package again with colcon, changed or not
 	@scripts/set_up.sh --rebuild

@@ -75,7 +75,7 @@ class Campaign:
     Args:
         name: Of the sub-command, or of the campaign in it.
         help: What it does.
-        module: Of this folder: an `Experiment`.
+        module: Of this folder, or `.ROOM.NAME` where it needs ROS: an `Experiment`.
         title: Of the page. subtitle: One line below it.
         runs: Number of runs; what it means, the help of `--runs` says. quick_runs: With `--quick`.
         headlines: Pattern of the figures that the page shows first.
@@ -233,7 +233,22 @@ without any""",
     file='discovery.jsonl',
     markdown='discovery.md',
 )
+FAULTS = Campaign(
+    name='faults',
+    help="""\
+odd messages, streams that go astray, damaged bags, malformed files (docs/faults.md): what ends a
+node, what passes for data. Needs ROS 2""",
+    module='.nodes.fault_campaign',
+    title='Faults: what ends a node, and what passes for data',
+    subtitle='Seeded; the servicer, all nodes',
+    runs=20,
+    quick_runs=1,
+    headlines='raised',
+    file='faults.jsonl',
+    markdown='faults.md',
+)
 EXPERIMENTS = {
-    c.name: c for c in (WHEEL_MOMENTUM, ADAPTIVE_CONTROL, DIAGNOSIS, MONITOR, ARMS, DISCOVERY)
+    c.name: c
+    for c in (WHEEL_MOMENTUM, ADAPTIVE_CONTROL, DIAGNOSIS, MONITOR, ARMS, DISCOVERY, FAULTS)
 }
 """By the name of the sub-command; coverage is a campaign of the first."""

@@ -21,6 +21,8 @@ _FEWEST_FOR_DRIFT = 8
 _DRIFT_PASSES = 3
 _CLOSE = 10.0  # of the tracker's noise: as close as linearity needs, far below a milliradian
 
+_LARGEST_TURN = 1e6  # rad in a step
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseLevels:
@@ -216,8 +218,11 @@ def integrated_rotation(rate: Callable[[Array], Array], times: Array, start: Rot
     omega = np.asarray(rate(times))
     middle = np.asarray(rate(0.5 * (times[1:] + times[:-1])))
     dt = np.diff(times)[:, None]
-    turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:])
-    turns += dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
+    with np.errstate(over='ignore', invalid='ignore'):
+        turns = dt / 6.0 * (omega[:-1] + 4.0 * middle + omega[1:])
+        turns += dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
+    # outliers near the largest numbers: any turn will do, as long as it is one
+    turns = np.clip(np.nan_to_num(turns), -_LARGEST_TURN, _LARGEST_TURN)
     return accumulated_rotation(start, turns)
 
 

@@ -174,6 +174,18 @@ class OnlineIdentifier:
         Raises:
             IdentificationError: the newest samples defeat the solution; it goes on behind them.
         """
+        try:
+            return self._use(until_ns)
+        except IdentificationError:
+            raise
+        except _FAILURES as error:
+            newest_ns = self.samples.newest_ns
+            self._begin(
+                np.inf if newest_ns is None else self.samples.seconds(newest_ns), self._known
+            )
+            raise _unusable('newest samples', error) from error
+
+    def _use(self, until_ns: int | None) -> Estimate:
         self.samples.forget(self._settings.buffer + LONGEST_GAP)
         missing = [word for sensor, word in _WORDS.items() if sensor in self.samples.missing]
         record = self.samples.record(None, until_ns).between(self._start, np.inf)
@@ -192,7 +204,7 @@ class OnlineIdentifier:
         with suppress(IdentificationError):
             self._solve(record.between(-np.inf, before), before)
         self._begin(0.5 * (before + after), self._known)
-        return self.solve(until_ns)
+        return self._use(until_ns)
 
     def _solve(self, record: Record, end: float) -> Estimate:
         """Use a record without long pauses up to a time [s]."""
@@ -210,9 +222,7 @@ class OnlineIdentifier:
             return self._conclude(end)
         except _FAILURES as error:
             self._begin(end, known)
-            raise IdentificationError(
-                f'the samples up to {end:.6g} s can not be used, another segment begins: {error}'
-            ) from error
+            raise _unusable(f'samples up to {end:.6g} s', error) from error
 
     def _screened(self, record: Record) -> tuple[Record, Outliers]:
         """A record without outliers, and which they were."""
@@ -326,8 +336,14 @@ class OnlineIdentifier:
         )
 
 
+def _unusable(which: str, error: Exception) -> IdentificationError:
+    return IdentificationError(f'the {which} can not be used, another segment begins: {error}')
+
+
 def _common(record: Record, end: float) -> float:
     """Time that joints and gyro have both been there [s]; zero without an attitude meanwhile."""
+    if not (len(record.joint_time) and len(record.rate_time)):
+        return 0.0
     begun = float(max(record.joint_time[0], record.rate_time[0]))
     seen = (record.attitude_time >= begun) & (record.attitude_time <= end)
     return end - begun if np.any(seen) else 0.0

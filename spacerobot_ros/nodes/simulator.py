@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
+from ..errors import SimulationDivergedError
 from ..model.robot import Robot
 from ..model.settings import ADAPTIVE_LAWS
 from ..recording import messages
@@ -94,7 +95,12 @@ class SimulatorNode(RobotNode):
         if self.firings:
             thrust = self.firings.wrench(step)
             wrench = thrust if wrench is None else wrench + thrust
-        self.plant.step(self._held.tau(step, forever=forever), wrench)
+        try:
+            self.plant.step(self._held.tau(step, forever=forever), wrench)
+        except SimulationDivergedError as error:
+            self.health.reject(self._command_topic, f'torques dropped: {error}')
+            self._held.clear()
+            self.plant.step(self._held.tau(step, forever=True))
         self._publish()
 
     def reset(self) -> None:

@@ -6,12 +6,14 @@ once stamps that follow agree with it and with each other; a stamp of the old ti
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any, NamedTuple
 
 from ..errors import MessageRejectedError
 from .buffer import PATIENCE_NS
 from .record import shown
 
+_RECENT = 5  # stamps of a sensor by which the next is judged
 _CONFIRMED = 4  # samples that agree; of independent wrong stamps no two agree within a second
 _LONGEST_LAG_NS = 10_000_000_000  # of a sensor that was not heard before; the largest `lateness`
 
@@ -48,11 +50,12 @@ class JumpDetector:
     def __init__(self, largest_ns: int) -> None:
         self._largest_ns = largest_ns
         self._newest: dict[str, int] = {}
+        self._recent: dict[str, deque[int]] = {}
         self._held: list[Sample] = []
 
     def clear(self) -> tuple[Sample, ...]:
         """Begin anew, without any stamp; what was held back."""
-        held, self._newest, self._held = tuple(self._held), {}, []
+        held, self._newest, self._recent, self._held = tuple(self._held), {}, {}, []
         return held
 
     @property
@@ -88,23 +91,36 @@ class JumpDetector:
         is_now = now_ns is not None and abs(last - now_ns) <= largest < abs(newest - now_ns)
         if not is_now and len(held) < _CONFIRMED:
             return Judgement()
-        jump_ns, self._newest, self._held = held[0].stamp_ns - newest, {}, []
+        jump_ns = held[0].stamp_ns - newest
+        self.clear()
         for sample in held:
             self._believe(sample)
         return Judgement(tuple(held), jump_ns=jump_ns)
 
     def _follows(self, sample: Sample) -> bool:
-        """Whether a stamp is as one expects."""
-        newest = self.newest_ns
-        if newest is None:
+        """Whether a stamp is as one expects.
+
+        By the medians of the newest few, so that single stamps somewhat ahead, each believed,
+        don't lead away from all others.
+        """
+        if not self._recent:
             return True
-        own = self._newest.get(sample.sensor)
-        back = newest - _LONGEST_LAG_NS if own is None else own - self._largest_ns
-        return back <= sample.stamp_ns <= newest + self._largest_ns
+        usual = {
+            sensor: sorted(stamps)[len(stamps) // 2] for sensor, stamps in self._recent.items()
+        }
+        newest, own = max(usual.values()), usual.get(sample.sensor)
+        if own is None:
+            return newest - _LONGEST_LAG_NS <= sample.stamp_ns <= newest + self._largest_ns
+        stamps = self._recent[sample.sensor]
+        behind = len(stamps) * (max(stamps) - min(stamps)) // max(1, len(stamps) - 1)
+        ahead = self._largest_ns + min(behind, _LONGEST_LAG_NS)
+        return own - self._largest_ns <= sample.stamp_ns <= newest + ahead
 
     def _believe(self, sample: Sample) -> None:
         newest = self._newest.get(sample.sensor, sample.stamp_ns)
         self._newest[sample.sensor] = max(newest, sample.stamp_ns)
+        recent = self._recent.setdefault(sample.sensor, deque(maxlen=_RECENT))
+        recent.append(sample.stamp_ns)
 
 
 def refusal(sample: Sample, newest_ns: int | None) -> MessageRejectedError:

@@ -1,0 +1,141 @@
+"""The campaign of faults finds what ends a node; what it found stays mended."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import Imu, JointState
+from support.bench import MS, NAMES, Bench
+
+from spacerobot_ros.campaign import damage
+from spacerobot_ros.nodes import fault_campaign as campaign
+from spacerobot_ros.nodes.message_fuzz import Patient, is_finite, spoilt
+from spacerobot_ros.nodes.simulator import SimulatorNode
+from spacerobot_ros.recording.clock_jumps import JumpDetector, Sample
+from spacerobot_ros.ros.convert import compose
+from spacerobot_ros.ros.session import Session
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.filterwarnings('ignore:(overflow|invalid value):RuntimeWarning'),  # of 1e308
+]
+
+
+@pytest.fixture(scope='module', autouse=True)
+def short():
+    """Let a flight be 1.8 s."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(campaign, '_DURATION', 1.8)
+        campaign.flight.cache_clear()
+        campaign.undisturbed.cache_clear()
+        yield
+    campaign.flight.cache_clear()
+    campaign.undisturbed.cache_clear()
+
+
+@pytest.mark.parametrize('node', ['controller', 'monitor', 'identifier', 'simulator'])
+def test_odd_messages_end_no_node(node):
+    record = campaign.odd_messages(node, 1, 200)
+    assert record['raised'] == {}
+    assert record['not_finite'] == {}
+    assert record['rejected'] > 20  # they were odd
+
+
+def test_what_a_node_raises_or_says_is_seen(monkeypatch):
+    from spacerobot_ros.nodes.controller import ControllerNode
+
+    def die(self, sensor, *_):
+        raise ZeroDivisionError(sensor)
+
+    monkeypatch.setattr(ControllerNode, 'take', die)
+    record = campaign.odd_messages('controller', 1, 20)
+    assert any('ZeroDivisionError' in name for name in record['raised'])
+    rows = campaign.results([{'case': '["messages", "controller", 1, 20]', 'what': 'x', **record}])
+    missed = [check.what for check in campaign.judge(rows) if not check.is_met]
+    assert missed == ['messages, x: raised']
+    assert 'ZeroDivisionError' in str(campaign.tables(rows)[0].rows)
+
+
+def test_odd_messages_are_those_that_a_wire_can_bring(rng):
+    joints = compose.joint_state(5, NAMES, np.zeros(3), np.zeros(3), np.zeros(3))
+    odd = [spoilt(joints, rng) for _ in range(300)]
+    assert all(isinstance(message, JointState) for message in odd)
+    assert sum(message != joints for message in odd) > 200
+    assert any(not is_finite(message) for message in odd)
+    assert is_finite(joints)
+    assert not is_finite(Imu(linear_acceleration_covariance=[math.nan] * 9))
+
+
+@pytest.mark.parametrize('kind', ['cut', 'flipped'])
+def test_no_damaged_bag_passes_for_data(kind):
+    ends = {damage.damaged_bag(kind, seed) for seed in range(12)}
+    assert ends <= {'refused', 'whole', 'in part'}
+    assert 'in part' in ends
+
+
+def test_wrong_and_missing_numbers_would_be_seen():
+    whole = damage.whole_bag()[-1]
+    assert damage._compared(whole, whole) == 'whole'
+    position = whole.joints.position.copy()
+    position[7, 1] += 1e-12
+    wrong = replace(whole, joints=replace(whole.joints, position=position))
+    assert damage._compared(wrong, whole) == 'wrong'
+    less = replace(whole, rates=whole.rates.at(slice(0, 100)))
+    assert damage._compared(less, whole) == 'in silence'
+    assert damage._compared(replace(less, notes=('x', *whole.notes)), whole) == 'in part'
+
+
+@pytest.mark.parametrize('kind', ['robot file', 'URDF'])
+def test_malformed_files_are_refused_in_a_line(kind):
+    ends = {damage.malformed_file(kind, seed) for seed in range(12)}
+    assert ends <= {'refused', 'loaded'}
+    assert 'refused' in ends
+
+
+def test_a_torque_that_no_plant_survives_is_dropped(servicer):
+    file = campaign.packaged('servicer')
+    with Session() as session:
+        simulator = session.add(SimulatorNode, file.settings, file.robot.urdf)
+        for ns, effort in ((0, 1e308), (10, 0.0)):
+            command = compose.joint_state(ns, NAMES, effort=np.full(3, effort))
+            simulator._on_command(command)
+            simulator.step()
+        assert simulator.step_index == 2
+        assert np.all(np.isfinite(simulator.plant.state.to_vector()))
+        assert any('dropped' in reason for _, reason in simulator.health.rejected)
+
+
+def test_stamps_somewhat_ahead_do_not_lead_away():
+    jumps = JumpDetector(1_000 * MS)
+    for k in range(200):
+        for sensor in ('imu', 'joints'):
+            judged = jumps.judge(Sample(sensor, k * 10 * MS, ()))
+            assert judged.jump_ns is None
+            assert judged.taken, k
+            if k > 5 and k % 3 == 0:  # one in four is ahead, by more each time if it is believed
+                jumps.judge(Sample(sensor, (jumps.newest_ns or 0) + 900 * MS, ()))
+
+
+def test_gyro_rates_near_the_largest_number_end_nothing(rig, servicer):
+    bench = Bench(rig, servicer)
+    for ms in range(0, 5000, 10):
+        bench.gyro(ms, (1e308, -1e308, 1e308) if ms > 4000 and ms % 50 < 30 else (0.1, 0.1, 0.1))
+        bench.joint(ms)
+        if ms % 100 == 0:
+            bench.star(ms)
+            rig.drain()
+    rig.drain()
+    bench.node.flush()
+    assert bench.node.identifier.samples.newest_ns == 4990 * MS
+
+
+def test_a_patient_is_given_what_it_hears(servicer):
+    file = campaign.packaged('servicer')
+    with Session() as session:
+        patient = Patient(session, SimulatorNode, file.settings, file.robot.urdf)
+        assert patient.hears('/joint_commands')
+        assert not patient.hears('/imu/data')
+        patient.node.step()
+        assert patient.said['/joint_states'] == 2  # of the start, and of the step
+        assert patient.not_finite == []
