@@ -195,13 +195,14 @@ class ControlLoop:
         """Take a joint sample and answer it.
 
         Raises:
-            MessageRejectedError: stamp not after the last one.
+            MessageRejectedError: stamp not after the last one, or numbers that no joint has.
         """
         if self._is_new_time and self._last is not None:
             self._motion.wait(stamp_ns - self._last[0])
             self._last = None
         self._is_new_time = False
         check_later(stamp_ns, self.joints_ns)
+        self._limits.check_measured(q, qd)
         q, qd = self.screen.joints(stamp_ns, q, qd)
         q, qd, _ = self._faults.undo_joints(q, qd, np.zeros(self.n))
         elapsed = stamp_ns - self._last[0] if self._last else 0

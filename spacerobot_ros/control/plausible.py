@@ -20,6 +20,7 @@ FURTHEST = 6.0
 in 5e8, and what the identifier was told to think possible (`identifier.momentum_prior_std`,
 `prior_std`) is a Gaussian of that width about the robot file's values."""
 
+_WOUND = 1e6  # rad; encoders count fewer turns
 _JOINING = 50  # times at which the way to a motion is looked at; a quintic has no narrower peaks
 
 
@@ -41,7 +42,17 @@ class MotionLimits:
         self.joints = robot.joints
         self.lower, self.upper = robot.position_limits.T
         stated = _velocity_limits(robot.urdf)
+        self._countable = np.pi * joint_rate
         self.rate = np.array([stated.get(name, np.pi * joint_rate) for name in self.joints])
+
+    def check_measured(self, q: Array, qd: Array) -> None:
+        """Refuse a sample (n,) [rad], [rad/s] that no encoder gives, whatever came before.
+
+        Raises:
+            MessageRejectedError: faster than half a turn between samples, or a million radians.
+        """
+        if np.any(np.abs(qd) > self._countable) or np.any(np.abs(q) > _WOUND):
+            raise MessageRejectedError('position or velocity is none that a joint has')
 
     def check(self, q: Array, qd: Array) -> None:
         """Refuse a motion of positions (T, n) [rad] and rates (T, n) [rad/s].

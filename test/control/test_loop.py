@@ -181,3 +181,13 @@ def test_rate_history_extrapolates_with_the_slope():
     assert_allclose(omega, np.array([1.0, 2.0, 3.0]) * 0.045, rtol=1e-12)
     omega, _ = history.at(20 * MS, 10 * MS)  # later samples are there, and not used
     assert_allclose(omega, np.array([1.0, 2.0, 3.0]) * 0.02, rtol=1e-12)
+
+
+@pytest.mark.parametrize('place', ['position', 'velocity'])
+def test_numbers_that_no_joint_has_are_refused_from_the_first_sample_on(loop, place):
+    odd, zero = np.array([0.0, 1e307, 0.0]), np.zeros(3)
+    sample = (odd, zero) if place == 'position' else (zero, odd)
+    with pytest.raises(MessageRejectedError, match='none that a joint has'):
+        loop.add_joints(0, *sample)
+    loop.add_rate(0, zero)
+    assert np.all(np.isfinite(loop.add_joints(0, zero, zero).tau))
