@@ -126,7 +126,7 @@ def test_xl330_pendulum():
 
 def test_airbearing_satellite():
     path = data_set('airbearing_satellite') / 'real_test_data.csv'
-    robot = load_robot_file(ROOT / 'config' / 'servicer.yaml').robot  # gives only names
+    robot = load_robot_file(EXAMPLES / 'airbearing_satellite.yaml').robot
     record = read_record(path, robot, EXAMPLES / 'airbearing_satellite_map.yaml')
     q = record.attitudes.q_xyzw
     assert q.shape == (3270, 4)
