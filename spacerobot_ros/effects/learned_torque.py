@@ -21,6 +21,7 @@ from .effect import Effect
 from .grammar import DAHL, QUANTITIES, Form, quantity
 from .hysteresis import fastest_share, followed, share_rate
 from .joint import STICTION_RATE
+from .law_inputs import AXES, input_of
 from .learned_entry import LearnedEntry
 from .motion import Motion, inverse_mass
 from .table_form import TableForm
@@ -31,7 +32,6 @@ torque, or brings it from outside."""
 
 _BEYOND = 0.1  # of the width of an input's range
 _OWN = ('effect', 'where', 'form', 'inputs', 'coefficients', 'range', 'limit', 'kind', 'react')
-_AXES = ('x', 'y', 'z')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,7 @@ class LearnedTorque(Effect):
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
         """Every manipulator joint, and the axes of a free base."""
-        axes = tuple(f'{robot.base_link}/{axis}' for axis in _AXES)
+        axes = tuple(f'{robot.base_link}/{axis}' for axis in AXES)
         return (*robot.arm, *(axes if robot.is_free else ()))
 
     @classmethod
@@ -275,7 +275,7 @@ class LearnedBaseTorque(LearnedTorque):
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The torque on the base."""
         out = motion.zeros()
-        out[:, 3 + _AXES.index(str(self.where)[-1])] = self.torque(motion, hidden)
+        out[:, 3 + AXES.index(str(self.where)[-1])] = self.torque(motion, hidden)
         return out
 
     def check(self, robot: Robot) -> None:
@@ -295,20 +295,3 @@ def law_at(*, where: str | None, form: Form | TableForm, **entries: Any) -> Lear
     if where is not None and '/' in where:
         kind = LearnedBaseTorque
     return kind(where=where, form=form, **entries)
-
-
-def input_of(name: str, motion: Motion) -> Array | None:
-    """(N,) an input along a motion; None where the motion does not have it."""
-    what, whose = quantity(name)
-    if what == 'time':
-        return motion.time
-    if what == 'attitude':
-        return motion.rotation[:, _AXES.index(whose[0]), _AXES.index(whose[1])]
-    if what == 'base_rate':
-        return motion.omega[:, _AXES.index(whose)]
-    if what == 'extra':
-        return motion.extra.get(whose)
-    column = motion.column(whose)
-    if what == 'acceleration':
-        return None if motion.acceleration is None else motion.acceleration[:, 6 + column]
-    return {'rate': motion.qd, 'angle': motion.q, 'load': motion.effort}[what][:, column]

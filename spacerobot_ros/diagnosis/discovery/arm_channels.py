@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...effects.learned_torque import input_of
+from ...effects.law_inputs import input_of
 from ...estimation.arm_rows import ArmRows
 from ...estimation.leftover import JointRows
 from ...types import Array, IntArray

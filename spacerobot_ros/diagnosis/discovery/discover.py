@@ -13,6 +13,7 @@ from ...effects.learned_torque import LearnedTorque
 from ...effects.motion import Motion
 from ..answer.result import Leftover
 from ..arms import ArmFound, rms
+from ..limits import CLEAR
 from .arm_channels import ArmMotions, JointChannel
 from .channel_laws import HeldLaw, has_one_speed, laws_of, said_of, said_without
 from .discovery_limits import FED_IN
@@ -71,8 +72,8 @@ def _applied(
         fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
         worse = np.flatnonzero(rms(fitted.extended) > before).tolist()
         is_out = [
-            law is None or joints.index(it.place) in worse
-            for (it, _), law in zip(pairs, laws, strict=True)
+            law is None or joints.index(it.place) in worse or not _is_clear(fitted, i)
+            for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]
         said = [
             said_of(
@@ -89,6 +90,12 @@ def _applied(
             return fitted, [*said, *refused]
         refused += [entry for entry, out in zip(said, is_out, strict=True) if out]
         pairs = [pair for pair, out in zip(pairs, is_out, strict=True) if not out]
+
+
+def _is_clear(found: ArmFound, i: int) -> bool:
+    """Whether any coefficient of a law is clear of its own spread, as a cause's must be."""
+    values = found.fit.values[found.fit.rows.places[i]]
+    return bool(np.max(np.abs(values) / found.fit.spread(i)) > CLEAR)
 
 
 def _frictions(found: ArmFound) -> dict[str, list[Effect]]:

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 
 from ...effects.bodies import NAMES as INERTIAL
 from ...effects.catalogue import CATALOGUE
-from ...effects.learned_torque import input_of
+from ...effects.law_inputs import input_of
 from ...effects.motion import Motion
 from ...estimation.columns import candidate_at
 from ...estimation.extras import extras_at
