@@ -10,6 +10,13 @@ import pytest
 from support.contracts import keeps
 
 from spacerobot_ros.cli.main import main
+from spacerobot_ros.diagnosis.events.arm_events import arm_events
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.estimation.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance import balance_of
+from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.recording.read import read_record
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get('SPACEROBOT_DATA', ROOT.parent / 'shared' / 'data'))
@@ -139,3 +146,28 @@ def test_xl330_pendulum_names_nothing_that_it_can_not_carry(tmp_path, capsys):
     assert status == 1
     assert found['verdict'] in ('partly_explained', 'unexplained')
     assert not {c['effect'] for c in found['causes']} & {'fuel_slosh', 'flexible_appendage'}
+
+
+def test_pushes_of_a_ur10e_held_still_with_the_friction_of_another_recording(tmp_path):
+    """Four pushes by hand (docs/data.md), and none in the recording in which the arm moves."""
+    folder = data_set('ur10e')
+    for path in (folder / 'ur10e.urdf', EXAMPLES / 'ur10e.yaml'):
+        shutil.copyfile(path, tmp_path / path.name)
+    file = load_robot_file(tmp_path / 'ur10e.yaml')
+    names = ('20_01_22-push_pose_1', '20_02_19_14harm50sec')
+    balances = [
+        balance_of(
+            observed(
+                read_record(folder / f'ur-{n}.csv.gz', file.robot, EXAMPLES / 'ur10e_map.yaml'),
+                file.robot,
+            ),
+            file.robot,
+            (),
+        )
+        for n in names
+    ]
+    found = arm_events(balances, ArmRows.of(balances, CATALOGUE.values())).events
+    assert [e.recording for e in found.named] == [0, 0, 0, 0]
+    starts = [e.start for e in found.named]
+    assert starts == pytest.approx([1.9, 4.75, 8.4, 11.9], abs=0.15)  # read off the currents
+    assert [e.where for e in found.named][1] == 'wrist_2_link or beyond'
