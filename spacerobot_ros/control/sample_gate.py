@@ -2,8 +2,9 @@
 
 As `identification.outliers`, for who can not wait for the samples that follow. A rate is compared
 with a line through the last two, a position with the integral of the rates, an attitude with the
-gyro's. One that is doubted is believed once the next agrees with it: a torque that sets in, a blow
-or a turn of a tracker costs two samples, and what wanders without sense is never believed.
+gyro's; lines are trusted to what a rate changes by in a step, however seldom samples come. One
+that is doubted is believed once the next agrees with it: a torque that sets in, a blow or a turn
+of a tracker costs two samples, and what wanders without sense is never believed.
 """
 
 from __future__ import annotations
@@ -77,6 +78,7 @@ class RateGate:
         ahead = (time - t1) / (t1 - t0)
         error = rate - predicted
         limit = self._scale.limit(error, np.sqrt(1.0 + (1.0 + ahead) ** 2 + ahead**2))
+        limit = limit + ahead * np.abs(self._last[1][1] - self._last[0][1])
         if np.all(np.abs(error) <= limit):
             return False
         if doubted is not None and np.all(np.abs(rate - doubted[0]) <= limit + np.abs(doubted[1])):
@@ -115,6 +117,7 @@ class JointGate:
         if last is not None:
             error = _position_error(last, time, q, qd)
             limit = self._scale.limit(error, np.sqrt(2.0))
+            limit = limit + 0.5 * (time - last[0]) * np.abs(qd - last[2])
             if np.any(np.abs(error) > limit):
                 follows = doubted is not None and np.all(
                     np.abs(_position_error(doubted, time, q, qd)) <= limit

@@ -112,7 +112,8 @@ class JumpDetector:
         if own is None:
             return newest - _LONGEST_LAG_NS <= sample.stamp_ns <= newest + self._largest_ns
         stamps = self._recent[sample.sensor]
-        behind = len(stamps) * (max(stamps) - min(stamps)) // max(1, len(stamps) - 1)
+        # the median is behind the newest by half of the few
+        behind = (len(stamps) - 1) // 2 * (max(stamps) - min(stamps)) // max(1, len(stamps) - 1)
         ahead = self._largest_ns + min(behind, _LONGEST_LAG_NS)
         return own - self._largest_ns <= sample.stamp_ns <= newest + ahead
 

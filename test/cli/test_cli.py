@@ -345,11 +345,14 @@ def test_ctrl_c_waits_while_kernels_load(capsys, monkeypatch):
         raise AssertionError('the interrupt was lost')
 
     monkeypatch.setattr(identify, 'run', load_then_work)
-    before = signal.getsignal(signal.SIGINT)
-    message = fails(capsys, 130, 'identify', 'x', '--robot', 'y')
-    assert message == 'spacerobot identify: interrupted\n'
-    assert loaded == ['whole']
-    assert signal.getsignal(signal.SIGINT) is before
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # as a process begins
+    try:
+        message = fails(capsys, 130, 'identify', 'x', '--robot', 'y')
+        assert message == 'spacerobot identify: interrupted\n'
+        assert loaded == ['whole']
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize(

@@ -270,7 +270,11 @@ FILES = [
         TEXT.replace('j_link_2, ', ''),
         "robot.joints: joint 'j_link_2' of the URDF moves but is not named",
     ),
-    ('no joint', TEXT.replace('[j_link_1, j_link_2, j_link_3]', '[]'), 'moves but is not named: list it or make it fixed'),
+    (
+        'no joint',
+        TEXT.replace('[j_link_1, j_link_2, j_link_3]', '[]'),
+        'moves but is not named',
+    ),
     (
         'base link',
         TEXT.replace('urdf: r', 'base_link: hub\n      urdf: r'),
