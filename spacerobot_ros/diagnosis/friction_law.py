@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..effects.effect import Effect
+from ..effects.learned_torque import LearnedTorque
 from ..estimation.balance import Balance
 from ..types import Array
 from .answer.result import FrictionLaw
@@ -14,13 +15,15 @@ from .arms import ArmFound
 def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
     """Coulomb and viscous friction that come closest to each joint's, over its rates.
 
-    Least squares of the torques of all named frictions on [sign(q'), q'], where the joint moves:
-    a Coulomb torque beside friction that goes with the load is not what a textbook calls one.
+    Least squares of the torques of all named frictions, and of learned ones, on [sign(q'), q'],
+    where the joint moves: a Coulomb torque beside friction that goes with the load, or beside a
+    law that takes a share of it, is not what a textbook calls one.
     """
     laws = []
     for joint in found.robot.arm:
         effects = [e for e in found.named if e.where == joint and e.id.endswith('_friction')]
         effects += [e for e in found.named if e.where == joint and e.id.endswith('_curvature')]
+        effects += [e for e in found.learned if _is_friction(e, joint)]
         if effects:
             rates, torques = zip(
                 *(_friction(balance, effects, joint) for balance in found.fit.rows.balances),
@@ -40,6 +43,13 @@ def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
     return tuple(laws)
 
 
+def _is_friction(law: Effect, joint: str) -> bool:
+    """Whether a learned law is of the rate of the joint at which it acts, or of its history."""
+    if law.where != joint or not isinstance(law, LearnedTorque):
+        return False
+    return law.form.has_history or f'rate/{joint}' in law.inputs
+
+
 def _offset(found: ArmFound, joint: str) -> float:
     """Of a joint's measured torque, where one is named [N m]."""
     biases = (e for e in found.named if (e.id, e.where) == ('torque_sensor_bias', joint))
@@ -50,5 +60,5 @@ def _friction(balance: Balance, effects: list[Effect], joint: str) -> tuple[Arra
     """(M,) rates of a joint where it moves, and (M,) torques of its frictions."""
     motion, column = balance.motion, balance.robot.joints.index(joint)
     moving = balance.arm.is_moving[:, column]
-    total = sum(e.force(motion, np.zeros((len(motion), e.hidden)))[:, 6 + column] for e in effects)
+    total = sum(e.force(motion, e.driven(motion))[:, 6 + column] for e in effects)
     return motion.qd[moving, column], np.asarray(total)[moving]
