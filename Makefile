@@ -21,10 +21,11 @@ demo: setup  ## identify the wheels' momentum and track with it, on real nodes; 
 test: setup  ## all tests, in two processes; ARGS='-n 0 -x test/setup' goes to pytest
 	@$(ENTER) PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 python -m pytest -p xdist -n 2 --dist worksteal $(ARGS)
 
+docs: LOCKED = --no-deps --require-hashes -r requirements/docs.txt
 docs: setup  ## the documentation as a site, out/docs/site/index.html; strict
-	@test .venv/docs/lock -nt requirements/docs.txt || { .venv/bin/uv venv -q --clear --python .venv/bin/python .venv/docs && \
-		.venv/bin/uv pip install -q --python .venv/docs/bin/python --no-deps --require-hashes \
-		-r requirements/docs.txt && touch .venv/docs/lock; }
+	@test .venv/docs/lock -nt requirements/docs.txt || { .venv/bin/python -m venv --clear --without-pip .venv/docs && \
+		{ .venv/bin/uv pip install -q --python .venv/docs/bin/python $(LOCKED) 2> /dev/null || \
+		.venv/bin/python -m pip --python .venv/docs/bin/python install -q $(LOCKED); } && touch .venv/docs/lock; }
 	@$(ENTER) python scripts/make_docs.py
 	@NO_MKDOCS_2_WARNING=1 .venv/docs/bin/mkdocs build -q -f out/docs/mkdocs.yml
 	@echo out/docs/site/index.html
