@@ -17,7 +17,7 @@ from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import hold_step
 from ..dynamics.state import State
 from ..errors import SimulationDivergedError
-from ..model.settings import SensorSettings
+from ..model.robot_settings import SensorSettings
 from ..types import Array
 from .adaptive_scenario import START, harmonic, minisat, orientation, torque_error, wrong_prior
 from .description import Record

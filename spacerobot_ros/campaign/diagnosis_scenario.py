@@ -14,7 +14,8 @@ from ..diagnosis.answer.extended_model import effects_section
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..errors import SimulationDivergedError
-from ..model.settings import ReferenceSettings, TruthSettings
+from ..model.motion_settings import ReferenceSettings
+from ..model.settings import TruthSettings
 from ..recording.buffer import SampleBuffer
 from ..recording.record import Record
 from ..simulation.closed_loop import ClosedLoop, Step

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..estimation.reference import Kinematics, NoiseLevels
-from ..model.settings import SensorSettings
+from ..model.robot_settings import SensorSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 
 NOMINAL = {

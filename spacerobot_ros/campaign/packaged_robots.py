@@ -8,7 +8,7 @@ from typing import Any
 
 from ..effects.robot_file import RobotFile, load_robot_file
 from ..model.loader import package_folder
-from ..model.settings import ReferenceSettings
+from ..model.motion_settings import ReferenceSettings
 from ..types import Array
 
 RATE = 100.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..dynamics.rotation import cross, rotation_between, rotation_matrix, turned
 from ..errors import ConfigurationError
-from ..model.settings import ReferenceSettings
+from ..model.motion_settings import ReferenceSettings
 from ..types import Quaternion, Vector3
 from .joint_reference import Harmonic, Hold, PointToPoint, Reference
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from ..errors import ConfigurationError
-from ..model.settings import ReferenceSettings
+from ..model.motion_settings import ReferenceSettings
 from ..types import Array
 
 

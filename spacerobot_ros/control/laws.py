@@ -26,8 +26,8 @@ from ..dynamics.state import State
 from ..errors import ConfigurationError
 from ..identification.estimate import Estimate
 from ..identification.reduced import EstimatedDynamics
+from ..model.control_settings import COMPUTED_TORQUE_LAWS
 from ..model.robot import Robot
-from ..model.settings import COMPUTED_TORQUE_LAWS
 from ..types import Array, Vector3
 from .command import Torque
 from .compensation import FeedForward

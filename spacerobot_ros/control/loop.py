@@ -13,8 +13,9 @@ import numpy as np
 from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..identification.estimate import Estimate
+from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
-from ..model.settings import ADAPTIVE_LAWS, Settings
+from ..model.settings import Settings
 from ..recording.buffer import check_later
 from ..sensing.faults import SensorFaults
 from ..types import Array, Quaternion, Vector3

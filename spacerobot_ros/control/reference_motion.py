@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model.settings import ReferenceSettings
+from ..model.motion_settings import ReferenceSettings
 from ..types import Array, Quaternion
 from .attitude import AttitudeBlend, AttitudeReference, AttitudeSetpoint, build_attitude
 from .feedback import NS, Feedback

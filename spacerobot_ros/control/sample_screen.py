@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 
 from ..dynamics.rotation import rotation_between
-from ..model.settings import ControllerSettings, SensorSettings
+from ..model.control_settings import ControllerSettings
+from ..model.robot_settings import SensorSettings
 from ..types import Array, Quaternion, Vector3
 from .feedback import NS
 from .sample_gate import AttitudeGate, JointGate, RateGate

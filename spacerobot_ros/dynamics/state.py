@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..model.motion_settings import InitialSettings
 from ..model.robot import Robot
-from ..model.settings import InitialSettings
 from ..types import Array, Quaternion, Vector3
 
 

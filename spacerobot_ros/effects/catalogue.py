@@ -21,9 +21,14 @@ from . import (
     external,
     flexibility,
     formula,
+    gravity,
     gyrostats,
-    joint,
+    joint_friction,
+    joint_sensors,
+    leaking_thruster,
     learned_torque,
+    motors,
+    orbit,
     presliding,
     rotors,
     sensor_errors,
@@ -34,9 +39,10 @@ from .effect import Effect
 from .own_kinds import add_installed, add_named
 
 _MODULES = (
-    *(joint, presliding, coupled_friction, flexibility, learned_torque, formula),
-    *(sensor_errors, gyrostats, rotors),
-    *(bodies, appendage, sprung, environment, thrusters, external),
+    *(joint_friction, motors, presliding, coupled_friction, flexibility, learned_torque, formula),
+    *(joint_sensors, sensor_errors, gyrostats, rotors),
+    *(bodies, appendage, sprung, environment, leaking_thruster, gravity, orbit),
+    *(thrusters, external),
 )
 
 

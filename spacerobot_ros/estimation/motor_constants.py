@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects.effect import Effect
-from ..effects.joint import MotorConstant
+from ..effects.motors import MotorConstant
 from ..errors import RecordingError
 from ..model.robot import Robot
 from ..recording.record import Record

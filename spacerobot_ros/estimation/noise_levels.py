@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from ..model.settings import SensorSettings
+from ..model.robot_settings import SensorSettings
 from ..recording.record import Record
 from ..types import Array
 from .reference import NoiseLevels, integrated_rotation

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..control.joint_reference import Fourier
-from ..model.settings import ReferenceSettings
+from ..model.motion_settings import ReferenceSettings
 from ..types import Array
 
 

@@ -31,7 +31,8 @@ from ..dynamics.rotation import skew
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import NoiseLevels
 from ..identification.physical import BodyParameters, central_differences
-from ..model.settings import IdentifierSettings, SensorSettings, SimulatorSettings
+from ..model.robot_settings import SensorSettings
+from ..model.settings import IdentifierSettings, SimulatorSettings
 from ..types import Array
 from .base_response import BaseMotion
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..model.motion_settings import ExcitationSettings
 from ..model.robot import Robot
-from ..model.settings import ExcitationSettings
 from ..types import Array
 from .base_response import BaseMotion
 

@@ -14,7 +14,8 @@ from .body import Body, Rotor
 from .inputs import read_thrusters
 from .rigid_bodies import merge_bodies
 from .robot import Robot
-from .settings import RobotSettings, SensorSettings, Settings
+from .robot_settings import RobotSettings, SensorSettings
+from .settings import Settings
 from .urdf import MOVING, Tree, parse_urdf
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
 

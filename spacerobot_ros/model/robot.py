@@ -23,7 +23,7 @@ from ..errors import ConfigurationError
 from ..types import Array, Vector3
 from .body import Body, Gyrostat, Rotor, tree_order
 from .inputs import Inputs, MountedThruster
-from .settings import SensorSettings
+from .robot_settings import SensorSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +80,11 @@ class Robot:
     @property
     def without_constant(self) -> tuple[str, ...]:
         """Joints whose efforts are currents, torques of which nobody states."""
-        if self.motor_constants:
-            return ()
+        return () if self.motor_constants else self.with_current
+
+    @property
+    def with_current(self) -> tuple[str, ...]:
+        """Joints with a motor whose efforts are currents."""
         kinds = zip(self.arm, self.effort_kinds, strict=True) if self.effort_kinds else ()
         return tuple(j for j, kind in kinds if kind == 'current' and j not in self.passive_joints)
 

@@ -11,7 +11,7 @@ from ..errors import ConfigurationError
 from ..types import Vector3
 from .body import Body, Gyrostat, Rotor
 from .rigid_bodies import Frames
-from .settings import RobotSettings, WheelSettings
+from .robot_settings import RobotSettings, WheelSettings
 from .urdf import Joint, Tree
 
 # Slack of a rotor's balance: centre of mass off the axis [m], and products of inertia relative to

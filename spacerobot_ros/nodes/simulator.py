@@ -17,8 +17,8 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from ..errors import SimulationDivergedError
+from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
-from ..model.settings import ADAPTIVE_LAWS
 from ..recording import messages
 from ..ros.convert import compose
 from ..ros.diagnostics import ERROR, OK, WARN, Status

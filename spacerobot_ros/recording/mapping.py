@@ -15,8 +15,8 @@ from typing import Any
 
 from ..errors import ConfigurationError
 from ..model.files import read_yaml
+from ..model.robot_settings import EFFORT_KINDS
 from ..model.schema import entry, param, parse_number, parse_section, parse_text
-from ..model.settings import EFFORT_KINDS
 from .table import FORMATS
 
 QUATERNION_ORDERS = ('xyzw', 'wxyz')

@@ -2,46 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
 
-import numpy as np
-from scipy.signal import welch
-
 from .. import __version__
 from ..diagnosis.answer.findings import Findings
-from ..diagnosis.answer.result import Diagnosis, Series
 from ..diagnosis.answer.score_on import BAND
-from ..display import (
-    Bars,
-    Curve,
-    Item,
-    KeyFigure,
-    KeyFigures,
-    Panel,
-    Plot,
-    Replay,
-    Report,
-    Section,
-    Table,
-)
+from ..display import Item, KeyFigure, KeyFigures, Plot, Replay, Report, Section, Table
 from ..simulation.replay.scene import scene_of
-from ..types import Array
+from . import diagnosis_plots as curves
 from . import diagnosis_tables as tables
 from .diagnosis_tables import is_balance
 from .event_tables import event_table, limit_table, possible_lines
 from .formats import number, probability
 from .leftover_tables import leftover_items
-from .plots import thinned
 
 _SHORT = 20  # characters of a cell that stays on one line
-_SIGNALS, _SPECTRA, _RANKED = 3, 3, 12
-_POINTS = 500  # a curve: a page holds many
-_SEGMENT = 512  # samples, of a spectrum
+_SIGNALS, _SPECTRA = 3, 3
 _FEWEST = 128  # samples, of the same
-_BEFORE, _AFTER, _MEASURED = 1, 0, 6  # colors
 
 _PREDICTION = (
     'An error-state filter predicts every sample of every sensor from the model and the measured '
@@ -70,7 +50,6 @@ _HELD_OUT = (
     'the same along the record as far as the errors let that be seen; it is named when it is '
     'also large enough to matter. '
 )
-Span = tuple[float, float, str]
 _KINDS = {
     'joint_torque': 'Torque on each joint that the model does not explain, half second by half '
     'second.',
@@ -205,7 +184,7 @@ def _tied(shown: Table) -> Table:
 
 
 def _signals(answer: Findings) -> Iterator[Item]:
-    worst = _worst([s for s in answer.diagnosis.series if len(s.measured)], _SIGNALS)
+    worst = curves.worst([s for s in answer.diagnosis.series if len(s.measured)], _SIGNALS)
     if not worst:
         yield 'No sensor was predicted: torques were balanced along the measured motion.'
         return
@@ -215,7 +194,7 @@ def _signals(answer: Findings) -> Iterator[Item]:
         'it stands; after: the extended one.'
     )
     for series in worst:
-        yield Plot(partial(_signal_panels, series))
+        yield Plot(partial(curves.signal_panels, series))
 
 
 def _errors(answer: Findings) -> Iterator[Item]:
@@ -238,12 +217,12 @@ def _errors(answer: Findings) -> Iterator[Item]:
         caption = _KINDS.get(kind, kind)
         if is_balance(diagnosis):
             caption = f'Torque on each joint that the model does not explain, below {BAND:g} Hz.'
-        panels = partial(_error_panels, list(group), _spans(diagnosis))
+        panels = partial(curves.error_panels, list(group), curves.spans(diagnosis))
         yield Plot(panels, caption, height=1.5)
     sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
     if sampled:
         caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'
-        spectra = partial(_spectra, _worst(sampled, _SPECTRA))
+        spectra = partial(curves.spectra, curves.worst(sampled, _SPECTRA))
         yield Plot(spectra, caption, 'frequency [Hz]', 1.9)
 
 
@@ -252,9 +231,9 @@ def _ranking(answer: Findings) -> Iterator[Item]:
         'Every effect at every place alone against the model as it stands. The second best is '
         'often the shadow of the best: what counts is what the data still want once a cause is in.'
     )
-    if any(r.log_likelihood_gain > 0.0 for r in answer.diagnosis.ranking[:_RANKED]):
+    if any(r.log_likelihood_gain > 0.0 for r in answer.diagnosis.ranking[: curves.RANKED]):
         caption = 'Twice the gain in log likelihood; dark: named causes.'
-        yield Plot(partial(_ranking_bars, answer.diagnosis), caption)
+        yield Plot(partial(curves.ranking_bars, answer.diagnosis), caption)
     yield tables.ranking_table(answer.diagnosis)
 
 
@@ -312,99 +291,3 @@ def _data_in_words(answer: Findings) -> str:
     several = f' in {len(answer.records)} recordings' if len(answer.records) > 1 else ''
     said = ', '.join(f'{count} {name}' for name, count in counts.items() if count)
     return f'{seconds:.1f} s of data{several}: {said}'
-
-
-def _signal_panels(series: Series) -> list[Panel]:
-    """Measured and simulated values of a channel, and its errors."""
-    curves = [
-        _curve('measured', series, series.measured, _MEASURED),
-        _curve('simulated before', series, series.measured - series.before, _BEFORE),
-        _curve('simulated after', series, series.measured - series.after, _AFTER),
-    ]
-    errors = _error_panel(series, 'measured less simulated')
-    return [Panel(_title(series), series.unit, curves), errors]
-
-
-def _error_panels(group: Sequence[Series], spans: Sequence[Span]) -> list[Panel]:
-    """Errors of the channels of a kind before and after, events shaded."""
-    return [replace(_error_panel(series, _title(series)), spans=spans) for series in group]
-
-
-def _spans(diagnosis: Diagnosis) -> list[Span]:
-    """Times of the events of the recording that is shown."""
-    named = diagnosis.events.named if diagnosis.events else ()
-    shown = [e for e in named if not e.recording]
-    return [(e.start, e.end, '' if k else 'event') for k, e in enumerate(shown)]
-
-
-def _error_panel(series: Series, title: str) -> Panel:
-    band = 3.0 * series.noise_floor
-    curves = [
-        _curve('before', series, series.before, _BEFORE),
-        _curve('after', series, series.after, _AFTER),
-    ]
-    levels = ((band, '3 noise floors'), (-band, ''))
-    return Panel(title, series.unit, curves, levels=levels)
-
-
-def _curve(name: str, series: Series, values: Array, color: int) -> Curve:
-    return Curve(name, *thinned(series.time, values, _POINTS), None, color)
-
-
-def _spectra(channels: Sequence[Series]) -> list[Panel]:
-    """Amplitude spectra of errors."""
-    return [_spectrum_panel(series) for series in channels]
-
-
-def _spectrum_panel(series: Series) -> Panel:
-    step = float(np.median(np.diff(series.time)))
-    curves = []
-    for name, values, color in (
-        ('before', series.before, _BEFORE),
-        ('after', series.after, _AFTER),
-    ):
-        size = min(_SEGMENT, len(values))
-        frequency, power = welch(values, fs=1.0 / step, nperseg=size, detrend=False)
-        curves.append(Curve(name, frequency[1:], np.sqrt(power[1:]), None, color))
-    floor = series.noise_floor * np.sqrt(2.0 * step)
-    unit = f'{series.unit}/Hz^0.5'
-    return Panel(_title(series), unit, curves, log=True, levels=((floor, 'noise floor'),))
-
-
-def _ranking_bars(diagnosis: Diagnosis) -> Bars:
-    """Gains of the best single effects."""
-    named = {(c.applied.id, c.applied.where) for c in diagnosis.causes}
-    ranked = [r for r in diagnosis.ranking[:_RANKED] if r.log_likelihood_gain > 0.0]
-    return Bars(
-        [r.effect + (f' at {r.where}' if r.where else '') for r in ranked],
-        [2.0 * r.log_likelihood_gain for r in ranked],
-        [(r.effect, r.where) in named for r in ranked],
-        'twice the gain in log likelihood',
-    )
-
-
-def _title(series: Series) -> str:
-    kind, _, place = series.channel.partition('/')
-    return f'{kind.replace("_", " ")}, {place}'
-
-
-def _worst(channels: Sequence[Series], count: int) -> list[Series]:
-    """The channel of each kind whose errors stand out most, at most so many kinds.
-
-    The attitude comes last: as a rotation vector it jumps after half a turn.
-    """
-    kinds: dict[str, list[Series]] = {}
-    for series in channels:
-        kinds.setdefault(series.channel.split('/')[0], []).append(series)
-    best = [max(group, key=_excess) for group in kinds.values()]
-    best.sort(key=lambda series: (series.channel.startswith('attitude'), -_excess(series)))
-    return best[:count]
-
-
-def _excess(series: Series) -> float:
-    """How far the slow part of an error is above its noise: a sign of a wrong model."""
-    if not len(series.before) or series.noise_floor <= 0.0:
-        return 0.0
-    pieces = np.array_split(series.before, max(1, len(series.before) // 20))
-    means = np.array([piece.sum() / np.sqrt(len(piece)) for piece in pieces])
-    return float(np.sqrt(np.mean(means**2)) / series.noise_floor)

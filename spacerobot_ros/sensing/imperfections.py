@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from ..model.settings import SensorSettings, SimulatorSettings
+from ..model.robot_settings import SensorSettings
+from ..model.settings import SimulatorSettings
 from ..types import Array, Vector3
 
 # Append only: the place of a name is part of what a seed means.

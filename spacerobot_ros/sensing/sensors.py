@@ -10,7 +10,8 @@ from ..dynamics.rotation import turned
 from ..dynamics.state import State
 from ..effects.effect import CLOCKS as EFFECT_CLOCKS
 from ..errors import ConfigurationError
-from ..model.settings import SensorSettings, SimulatorSettings
+from ..model.robot_settings import SensorSettings
+from ..model.settings import SimulatorSettings
 from ..types import Array, Quaternion, Vector3
 from .faults import SensorFaults
 from .history import StateHistory

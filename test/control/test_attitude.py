@@ -15,7 +15,7 @@ from spacerobot_ros.control.attitude import (
 )
 from spacerobot_ros.control.feedback import AttitudeHistory, RateHistory
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.settings import ReferenceSettings
+from spacerobot_ros.model.motion_settings import ReferenceSettings
 
 START = Rotation.from_rotvec([0.4, -0.7, 0.3])
 GOAL = Rotation.from_rotvec([-0.5, 0.6, 1.1])

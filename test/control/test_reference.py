@@ -17,7 +17,7 @@ from spacerobot_ros.control.joint_reference import (
     rest,
 )
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.settings import ReferenceSettings
+from spacerobot_ros.model.motion_settings import ReferenceSettings
 
 START = np.array([0.3, -0.2, 0.1])
 

@@ -5,7 +5,8 @@ import pytest
 
 from spacerobot_ros.control.sample_gate import ErrorScale
 from spacerobot_ros.control.sample_screen import SampleScreen
-from spacerobot_ros.model.settings import ControllerSettings, SensorSettings
+from spacerobot_ros.model.control_settings import ControllerSettings
+from spacerobot_ros.model.robot_settings import SensorSettings
 
 PERIOD, MS = 0.01, 1_000_000
 STD = {'joint_position_std': 2e-5, 'joint_velocity_std': 2e-4, 'gyro_std': 2e-5}

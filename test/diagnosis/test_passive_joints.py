@@ -20,7 +20,8 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.errors import ConfigurationError, RecordingError
 from spacerobot_ros.model.loader import build_robot
-from spacerobot_ros.model.settings import SensorSettings, parse_settings
+from spacerobot_ros.model.robot_settings import SensorSettings
+from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 

@@ -26,7 +26,8 @@ from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import DOP853, RK4, hold_step, rk_step, simulate_smooth
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import SimulationDivergedError
-from spacerobot_ros.model.settings import ReferenceSettings, SimulatorSettings
+from spacerobot_ros.model.motion_settings import ReferenceSettings
+from spacerobot_ros.model.settings import SimulatorSettings
 from spacerobot_ros.simulation.truth import true_robot
 
 PERIOD, DURATION = 0.01, 20.0

@@ -23,7 +23,7 @@ from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.expression import Expression
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.settings import SensorSettings
+from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.recording.record import JointSeries, Record
 from spacerobot_ros.sensing.faults import SensorFaults
 from spacerobot_ros.simulation.plant import Plant

@@ -12,7 +12,8 @@ from support.models import robot_of, table_one
 
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.settings import SensorSettings, SimulatorSettings
+from spacerobot_ros.model.robot_settings import SensorSettings
+from spacerobot_ros.model.settings import SimulatorSettings
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from spacerobot_ros.sensing.correction import corrected_record
 from spacerobot_ros.sensing.faults import SensorFaults

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from support.identification import SENSORS, SILENT, STDS, changed, measure, simulate
 
 from spacerobot_ros.estimation.noise_levels import fourth_difference_std, noise_levels
-from spacerobot_ros.model.settings import SensorSettings
+from spacerobot_ros.model.robot_settings import SensorSettings
 
 
 def of(levels):

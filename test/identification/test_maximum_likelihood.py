@@ -23,7 +23,8 @@ from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.momentum_process import MomentumModel
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.identification.maximum_likelihood import MaximumLikelihood, prepare
-from spacerobot_ros.model.settings import IdentifierSettings, SensorSettings
+from spacerobot_ros.model.robot_settings import SensorSettings
+from spacerobot_ros.model.settings import IdentifierSettings
 
 SEEDS = range(12)
 SETTINGS = IdentifierSettings()

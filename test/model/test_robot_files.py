@@ -15,7 +15,8 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.files import written_whole
 from spacerobot_ros.model.loader import build_robot, resolve_urdf
-from spacerobot_ros.model.settings import InitialSettings, TruthSettings, parse_settings
+from spacerobot_ros.model.motion_settings import InitialSettings
+from spacerobot_ros.model.settings import TruthSettings, parse_settings
 from spacerobot_ros.model.urdf import parse_urdf
 from spacerobot_ros.simulation.truth import true_robot
 

@@ -20,7 +20,8 @@ from support.models import (
 from spacerobot_ros.dynamics.state import initial_state
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.loader import build_robot
-from spacerobot_ros.model.settings import InitialSettings, TruthSettings, parse_settings
+from spacerobot_ros.model.motion_settings import InitialSettings
+from spacerobot_ros.model.settings import TruthSettings, parse_settings
 from spacerobot_ros.simulation.truth import true_robot
 
 PARTS = with_wheels(table_one())

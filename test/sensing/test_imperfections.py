@@ -9,7 +9,8 @@ import pytest
 
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.settings import SensorSettings, SimulatorSettings, parse_settings
+from spacerobot_ros.model.robot_settings import SensorSettings
+from spacerobot_ros.model.settings import SimulatorSettings, parse_settings
 from spacerobot_ros.sensing.imperfections import Imperfections
 from spacerobot_ros.sensing.sensors import SensorSuite
 

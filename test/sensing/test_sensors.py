@@ -12,7 +12,8 @@ from scipy.stats import chi2, norm
 from spacerobot_ros.dynamics.rotation import turned
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.settings import SensorSettings, SimulatorSettings
+from spacerobot_ros.model.robot_settings import SensorSettings
+from spacerobot_ros.model.settings import SimulatorSettings
 from spacerobot_ros.sensing.sensors import SensorSuite, steps_between
 
 NOISE = SensorSettings(

@@ -20,7 +20,7 @@ from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.reference import NoiseLevels
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.model.robot import Robot
-from spacerobot_ros.model.settings import SensorSettings
+from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.recording.record import (
     AttitudeSeries,
     JointSeries,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from ...errors import ConfigurationError
-from ...model.settings import AdaptationSettings, Settings
+from ...model.control_settings import AdaptationSettings
+from ...model.settings import Settings
 
 SLOW_ENOUGH = 0.7  # (kappa + Lambda) T up to which tracking is as in continuous time
 LIMIT = 1.2  # from which held torques make the loop oscillate

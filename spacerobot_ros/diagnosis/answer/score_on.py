@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect
-from ...effects.joint import MotorConstant
+from ...effects.motors import MotorConstant
 from ...errors import RecordingError
 from ...estimation.arm_motion import BAND as BAND
 from ...estimation.balance import balance_of

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...estimation.noise_levels import fourth_difference_std, unseen_turns
 from ...model.robot import Robot
-from ...model.settings import SensorSettings
+from ...model.robot_settings import SensorSettings
 from ...recording.record import Record
 from ...types import Array, BoolArray
 

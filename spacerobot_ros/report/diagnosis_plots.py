@@ -1,0 +1,117 @@
+"""Curves of a diagnosis: signals, prediction errors and their spectra, a ranking."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import welch
+
+from ..diagnosis.answer.result import Diagnosis, Series
+from ..display import Bars, Curve, Panel
+from ..types import Array
+from .plots import thinned
+
+RANKED = 12
+"""Bars of a ranking."""
+_POINTS = 500  # a curve: a page holds many
+_SEGMENT = 512  # samples, of a spectrum
+_BEFORE, _AFTER, _MEASURED = 1, 0, 6  # colors
+Span = tuple[float, float, str]
+
+
+def signal_panels(series: Series) -> list[Panel]:
+    """Measured and simulated values of a channel, and its errors."""
+    curves = [
+        _curve('measured', series, series.measured, _MEASURED),
+        _curve('simulated before', series, series.measured - series.before, _BEFORE),
+        _curve('simulated after', series, series.measured - series.after, _AFTER),
+    ]
+    errors = _error_panel(series, 'measured less simulated')
+    return [Panel(_title(series), series.unit, curves), errors]
+
+
+def error_panels(group: Sequence[Series], spans: Sequence[Span]) -> list[Panel]:
+    """Errors of the channels of a kind before and after, events shaded."""
+    return [replace(_error_panel(series, _title(series)), spans=spans) for series in group]
+
+
+def spans(diagnosis: Diagnosis) -> list[Span]:
+    """Times of the events of the recording that is shown."""
+    named = diagnosis.events.named if diagnosis.events else ()
+    shown = [e for e in named if not e.recording]
+    return [(e.start, e.end, '' if k else 'event') for k, e in enumerate(shown)]
+
+
+def _error_panel(series: Series, title: str) -> Panel:
+    band = 3.0 * series.noise_floor
+    curves = [
+        _curve('before', series, series.before, _BEFORE),
+        _curve('after', series, series.after, _AFTER),
+    ]
+    levels = ((band, '3 noise floors'), (-band, ''))
+    return Panel(title, series.unit, curves, levels=levels)
+
+
+def _curve(name: str, series: Series, values: Array, color: int) -> Curve:
+    return Curve(name, *thinned(series.time, values, _POINTS), None, color)
+
+
+def spectra(channels: Sequence[Series]) -> list[Panel]:
+    """Amplitude spectra of errors."""
+    return [_spectrum_panel(series) for series in channels]
+
+
+def _spectrum_panel(series: Series) -> Panel:
+    step = float(np.median(np.diff(series.time)))
+    curves = []
+    for name, values, color in (
+        ('before', series.before, _BEFORE),
+        ('after', series.after, _AFTER),
+    ):
+        size = min(_SEGMENT, len(values))
+        frequency, power = welch(values, fs=1.0 / step, nperseg=size, detrend=False)
+        curves.append(Curve(name, frequency[1:], np.sqrt(power[1:]), None, color))
+    floor = series.noise_floor * np.sqrt(2.0 * step)
+    unit = f'{series.unit}/Hz^0.5'
+    return Panel(_title(series), unit, curves, log=True, levels=((floor, 'noise floor'),))
+
+
+def ranking_bars(diagnosis: Diagnosis) -> Bars:
+    """Gains of the best single effects."""
+    named = {(c.applied.id, c.applied.where) for c in diagnosis.causes}
+    ranked = [r for r in diagnosis.ranking[:RANKED] if r.log_likelihood_gain > 0.0]
+    return Bars(
+        [r.effect + (f' at {r.where}' if r.where else '') for r in ranked],
+        [2.0 * r.log_likelihood_gain for r in ranked],
+        [(r.effect, r.where) in named for r in ranked],
+        'twice the gain in log likelihood',
+    )
+
+
+def _title(series: Series) -> str:
+    kind, _, place = series.channel.partition('/')
+    return f'{kind.replace("_", " ")}, {place}'
+
+
+def worst(channels: Sequence[Series], count: int) -> list[Series]:
+    """The channel of each kind whose errors stand out most, at most so many kinds.
+
+    The attitude comes last: as a rotation vector it jumps after half a turn.
+    """
+    kinds: dict[str, list[Series]] = {}
+    for series in channels:
+        kinds.setdefault(series.channel.split('/')[0], []).append(series)
+    best = [max(group, key=_excess) for group in kinds.values()]
+    best.sort(key=lambda series: (series.channel.startswith('attitude'), -_excess(series)))
+    return best[:count]
+
+
+def _excess(series: Series) -> float:
+    """How far the slow part of an error is above its noise: a sign of a wrong model."""
+    if not len(series.before) or series.noise_floor <= 0.0:
+        return 0.0
+    pieces = np.array_split(series.before, max(1, len(series.before) // 20))
+    means = np.array([piece.sum() / np.sqrt(len(piece)) for piece in pieces])
+    return float(np.sqrt(np.mean(means**2)) / series.noise_floor)
