@@ -6,17 +6,11 @@ The environment is set before anything imports rclpy or numba, which read it onc
 import importlib.util
 import os
 import tempfile
-from pathlib import Path
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
 os.environ['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='spacerobot-test-log-')
 os.environ['MPLBACKEND'] = 'Agg'
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # as the package does
-if worker := os.environ.get('PYTEST_XDIST_WORKER'):
-    # numba numbers the files of its cache without a lock: two processes that compile a function
-    # for different types at one time could each be given the other's
-    cache = Path(__file__).resolve().parents[1] / '.pytest_cache' / 'numba' / worker
-    os.environ['NUMBA_CACHE_DIR'] = str(cache)
 
 import hypothesis
 import numpy as np

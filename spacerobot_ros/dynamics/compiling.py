@@ -7,14 +7,39 @@ of them count, and the constants that it takes from other files.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
+import os
 from collections.abc import Callable, Iterator
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.caching import IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
+
+
+class _CacheFile(IndexDataCacheFile):  # type: ignore[misc]  # numba is untyped
+    """What is kept of a function, for several processes at a time.
+
+    Numba's own numbers the files without a lock, and names one in the index before it is there:
+    two processes that compile for different types could be given each other's code.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep the code for the types of a key."""
+        folder = os.open(self._cache_path, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            names = self._load_index()
+            fresh = (self._data_name(i) for i in count(1))
+            name = names.get(key) or next(n for n in fresh if n not in names.values())
+            self._save_data(name, data)
+            self._save_index({**names, key: name})
+        finally:
+            os.close(folder)
 
 
 def _keeping(**options: Any) -> Any:
@@ -26,7 +51,9 @@ def _keeping(**options: Any) -> Any:
             sources = sorted(set(_sources(made.py_func, set())))
             stamp = hashlib.sha256(repr(sources).encode()).hexdigest()
             # numba has no public way but one for all functions of the process
-            made._cache._cache_file._source_stamp = stamp
+            made._cache._cache_file = _CacheFile(
+                made._cache.cache_path, made._cache._impl.filename_base, stamp
+            )
         return made
 
     return decorate

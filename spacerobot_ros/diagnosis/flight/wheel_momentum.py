@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from ...dynamics.compiling import compiled
 from ...effects.catalogue import CATALOGUE
 from ...effects.motion import Motion
 from ...estimation.response import Response
@@ -47,7 +47,7 @@ def momentum_forces(motion: Motion, robot: Robot) -> Array:
     return np.stack(columns, axis=2) if columns else np.zeros((len(motion), 6 + robot.n_joints, 0))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled  # type: ignore[untyped-decorator]
 def constant_pass(values: Array, columns: Array, mean: Array, covariance: Array) -> Array:
     """Whitened innovations of C columns where p constants are estimated along.
 
