@@ -19,6 +19,7 @@ _FLOOR = {
     'attitude': 1e-8,
 }
 _UNIFORM = float(np.sqrt(12.0))  # step of a scale by standard deviation of its rounding
+_WHOLE = 0.05  # of a step, off a whole number: steps that were rounded again, for a file
 _DISAGREEMENT = 1.5  # factor between statement and data from which on the data count
 
 
@@ -81,11 +82,24 @@ def fourth_difference_std(values: Array) -> float:
 
 
 def _resolution(values: Array | None) -> float:
-    """Smallest step of (N, k) values, the largest of all columns; 0 without any."""
+    """Step of (N, k) values that are rounded, the largest of all columns; 0 where none is."""
     if values is None:
         return 0.0
-    steps = [np.diff(np.unique(column)) for column in values.T]
-    return max((float(step.min()) for step in steps if len(step)), default=0.0)
+    return max((_step(column) for column in values.T), default=0.0)
+
+
+def _step(column: Array) -> float:
+    """Smallest step of rounded values (N,): they recur, and all are whole steps apart.
+
+    Numbers of a joint that only moves on lie far apart, too, but never recur.
+    """
+    levels = np.unique(column)
+    if len(levels) < 2 or len(levels) == len(column):
+        return 0.0
+    steps = np.diff(levels)
+    counts = steps / steps.min()
+    is_whole = np.median(np.abs(counts - np.round(counts))) < _WHOLE
+    return float(steps.min()) if is_whole else 0.0
 
 
 def unseen_turns(record: Record) -> Array | None:

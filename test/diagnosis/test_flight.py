@@ -128,6 +128,37 @@ def test_gaps_and_absent_sensors_are_no_alarm(nominal):
     assert monitor.state.level in ('ok', 'warn'), monitor.state.reason
 
 
+@pytest.mark.parametrize(
+    ('sensors', 'share'),
+    [
+        (('joints',), 1.0),  # pause for less than is thought a new segment
+        (('omega',), 1.0),
+        (('joints', 'omega', 'attitude_xyzw'), 0.9),
+    ],
+)
+def test_messages_that_are_lost_for_a_second_are_no_alarm(nominal, rng, sensors, share):
+    def starved(step):
+        lost = share if 7.3 < step.stamp_ns * 1e-9 < 8.5 else 0.05
+        gone = {s: None for s in sensors if rng.random() < lost}
+        return replace(step, measured=replace(step.measured, **gone))
+
+    monitor = monitor_of(Flight(seed=4), **SHORT)
+    states = list(watch(monitor, [starved(s) for s in nominal[:1400]]))
+    assert states[-1].alarms == 0, states[-1].reason
+    assert states[-1].level in ('ok', 'warn'), states[-1].reason
+    assert any('silent for a while' in state.reason for state in states)
+
+
+def test_a_gyro_that_starts_late_is_waited_for(nominal):
+    late = [
+        replace(s, measured=replace(s.measured, omega=None)) if s.stamp_ns < 3.4e9 else s
+        for s in nominal[:1200]
+    ]
+    monitor = monitor_of(Flight(seed=4), **SHORT)
+    assert alarms(monitor, late) == ([], [])
+    assert monitor.state.level in ('ok', 'warn'), monitor.state.reason
+
+
 def test_order_within_what_is_not_yet_judged_does_not_matter(nominal):
     first, second = (monitor_of(Flight(seed=4), **SHORT) for _ in range(2))
     part = nominal[:700]

@@ -99,3 +99,18 @@ def test_attitude_noise_while_turning_fast(rng):
         attitude_xyzw=(still * noise).as_quat(),
     )
     assert noise_levels(SILENT, data)[0].attitude == pytest.approx(3e-5, rel=0.1)
+
+
+@pytest.mark.parametrize(('step', 'is_rounded'), [(0.0, False), (1e-3, True)])
+def test_a_joint_that_only_moves_on_is_not_rounded(rng, step, is_rounded):
+    # 501 numbers, about 2e-4 rad apart, against rounding to 1e-3 rad: sigma 1e-3 / sqrt 12
+    data = measure(simulate('zyx', 5.0), 1)
+    t = data.joint_time[:, None]
+    moved = 0.02 * t + 0.001 * t**2 + 2e-5 * rng.standard_normal((len(t), data.q.shape[1]))
+    if is_rounded:
+        moved = step * np.round(moved / step)
+    levels, _ = noise_levels(
+        SENSORS, replace(data, joints=replace(data.joints, position=moved)), is_checked=False
+    )
+    expected = step / np.sqrt(12.0) if is_rounded else STDS['joint_position_std']
+    assert levels.joint_position == pytest.approx(expected, rel=1e-6)

@@ -13,29 +13,25 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import MessageRejectedError
-from ...estimation.noise_levels import noise_levels
 from ...estimation.torque_process import TorqueDriven
 from ...identification.estimate import Estimate
-from ...identification.outliers import without_outliers
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
-from ...recording.buffer import SampleBuffer, sensors_of
+from ...recording.buffer import SampleBuffer
 from ...recording.mapped_inputs import INPUTS
 from ...recording.record import Record
-from ...sensing.correction import corrected_record
 from ...types import Array
 from .block_filter import FlightFilter
 from .monitor_state import MonitorState, channel_states, jump_in_words
+from .observed import CONTEXT_NS, Observations
 from .probes import probes_of
 from .sequential_tests import SequentialTests
 from .start import Start, learn
 from .wheel_momentum import Momentum
 from .window_whiteness import Whiteness
 
-_CONTEXT_NS = 300_000_000  # on either side of a block, for its reference
 _LATENESS_NS = 100_000_000  # by which a sample may come behind newer ones
 _GAP_NS = 2_000_000_000  # without joints, after which the state is found anew
-_FEWEST_JOINTS, _FEWEST_RATES, _FEWEST_ATTITUDES = 12, 8, 4  # around a block
 _FEWEST_TO_LEARN = 50
 _SNAPSHOTS = 256  # blocks
 _SHORT_WINDOW = 8.0  # s
@@ -50,9 +46,6 @@ class Monitor:
         believed: The robot file's own effects.
         momentum_std: What is thought possible of the captured wheels' momentum, each axis
             [N m s].
-
-    Attributes:
-        left_out: Samples that contradict their neighbours, by sensor.
     """
 
     def __init__(
@@ -74,7 +67,7 @@ class Monitor:
     def reset(self) -> None:
         """Forget everything, as at the beginning of another run."""
         options = self._settings
-        self.left_out: Counter[str] = Counter()
+        self._observations = Observations(self.robot, self._believed)
         self._start: Start | None = None
         self._filter: FlightFilter | None = None
         self.begin_segment()
@@ -92,14 +85,23 @@ class Monitor:
 
         What was learned of noise, efforts and momentum is kept, and so is an alarm.
         """
-        self.samples = SampleBuffer(self.robot.joints, sensors=sensors_of(self.robot))
+        self._observations.begin_segment()
         self._edge_ns: int | None = None
-        self._counted_ns: int | None = None  # up to which outliers are counted
         self._is_continued = False
         window = self._settings.whiteness_window
         self._whiteness = Whiteness(self.probes, window, min(window, _SHORT_WINDOW))
         if self._filter is not None:
             self._filter.restart()
+
+    @property
+    def samples(self) -> SampleBuffer:
+        """The newest samples."""
+        return self._observations.samples
+
+    @property
+    def left_out(self) -> Counter[str]:
+        """Samples that contradict their neighbours, by sensor."""
+        return self._observations.left_out
 
     @property
     def threshold(self) -> float:
@@ -182,9 +184,9 @@ class Monitor:
         edge_ns = stamps[0] if self._edge_ns is None else self._edge_ns
         if self._start is None or self._filter is None:
             return self._learn(edge_ns, newest)
-        if newest - _CONTEXT_NS < edge_ns + self._block_ns:
+        if newest - CONTEXT_NS < edge_ns + self._block_ns:
             return False
-        ahead = [s for s in stamps if edge_ns < s <= newest - _CONTEXT_NS]
+        ahead = [s for s in stamps if edge_ns < s <= newest - CONTEXT_NS]
         if not ahead:
             return False
         if ahead[0] - edge_ns > _GAP_NS:
@@ -193,17 +195,20 @@ class Monitor:
         inside = [s for s in ahead if s <= edge_ns + self._block_ns]
         self._take_estimate(edge_ns)
         end_ns = inside[-1] if inside else ahead[0]
-        first_ns = edge_ns - _CONTEXT_NS * self._is_continued
-        record = self._observe(first_ns, end_ns + _CONTEXT_NS)
+        first_ns = edge_ns - CONTEXT_NS * self._is_continued
+        record = self._observe(first_ns, end_ns + CONTEXT_NS)
         if record is None:
             self._skip(end_ns, 'too few samples of the sensors')
+            return True
+        if self._observations.gap_end(record) is not None:
+            self._skip(end_ns, 'joints or gyro are silent for a while')
             return True
         self._judge(self._start, self._filter, record, end_ns)
         return True
 
     def _learn(self, first_ns: int, newest: int) -> bool:
         end_ns = first_ns + round(self._settings.learn * 1e9)
-        if newest < end_ns + _CONTEXT_NS:
+        if newest < end_ns + CONTEXT_NS:
             done = (newest - first_ns) * 1e-9
             reason = f'learning: {done:.0f} of {self._settings.learn:g} s'
             self.state = MonitorState(reason=reason)
@@ -214,7 +219,13 @@ class Monitor:
             if begun_ns is not None:
                 self._skip(begun_ns, 'too few samples of the sensors to learn from')
             return begun_ns is not None
+        gap_end = self._observations.gap_end(record)
+        if gap_end is not None:
+            begun_ns = (self.samples.origin_ns or 0) + round(gap_end * 1e9)
+            self._skip(begun_ns, 'joints or gyro are silent for a while')
+            return True
         self._edge_ns = first_ns
+        self._observations.has_gyro = len(record.rate_time) > 0
         self._start = learn(record, self.robot, self._believed, self._momentum_std)
         self._begin(np.eye(self.robot.target_momentum.size) * self._momentum_std**2)
         return True
@@ -248,41 +259,15 @@ class Monitor:
             self._filter.restart()
         self._is_continued = False
         self._edge_ns = end_ns
-        self.samples.close(end_ns - 1, _CONTEXT_NS)
+        self.samples.close(end_ns - 1, CONTEXT_NS)
         if self.state.level != 'error':
             self.state = replace(self.state, level='stale', reason=why, judged_ns=end_ns)
 
     def _observe(self, first_ns: int, last_ns: int) -> Record | None:
-        """The samples without what believed sensor effects do; None where they do not suffice."""
-        seen = self.samples.record(first_ns, last_ns)
-        if not self.robot.is_free:
-            seen = replace(seen, rates=None, attitudes=None)
-        if len(seen.rate_time) < _FEWEST_RATES:
-            seen = replace(seen, rates=None)
-        if len(seen.attitude_time) < _FEWEST_ATTITUDES:
-            seen = replace(seen, attitudes=None)
-        blind = self.robot.is_free and not len(seen.rate_time) and seen.attitude is None
-        if blind or len(seen.joint_time) < _FEWEST_JOINTS:
-            return None
-        robot = self.robot if self._start is None else self._start.process.robot
-        kept = self._screened(corrected_record(seen, robot, self._believed))
-        return None if len(kept.joint_time) < _FEWEST_JOINTS else kept
-
-    def _screened(self, record: Record) -> Record:
-        """A record without samples that contradict their neighbours, which are counted once."""
-        if self._start is None:
-            with np.errstate(over='ignore', invalid='ignore'):  # numbers near the largest
-                noise, _ = noise_levels(self.robot.sensors, record, is_checked=False)
-        else:
-            noise = self._start.noise
-        kept, found = without_outliers(record, noise)
-        start = -np.inf if self._counted_ns is None else self.samples.seconds(self._counted_ns)
-        end = float(record.joint_time[-1]) - 1e-9 * _CONTEXT_NS
-        times = (record.joint_time, record.rate_time, record.attitude_time)
-        for sensor, time, bad in zip(found._fields, times, found, strict=True):
-            self.left_out[sensor] += int(np.sum(bad & (time > start) & (time <= end)))
-        self._counted_ns = (self.samples.origin_ns or 0) + round(end * 1e9)
-        return kept
+        start = self._start
+        robot = self.robot if start is None else start.process.robot
+        noise = None if start is None else start.noise
+        return self._observations.record(first_ns, last_ns, robot, noise)
 
     # ------------------------------------------------------------ judgement
 
@@ -291,7 +276,7 @@ class Monitor:
         block = flight.block(record, self.samples.seconds(end_ns))
         self._is_continued = True
         self._edge_ns = end_ns
-        self.samples.close(end_ns, 2 * _CONTEXT_NS)
+        self.samples.close(end_ns, 2 * CONTEXT_NS)
         if not len(block.data):
             return
         block = block.scaled(start.spread)
