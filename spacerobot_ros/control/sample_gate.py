@@ -3,13 +3,14 @@
 As `identification.outliers`, for who can not wait for the samples that follow. A rate is compared
 with a line through the last two, a position with the integral of the rates, an attitude with the
 gyro's; lines are trusted to what a rate changes by in a step, however seldom samples come. One
-that is doubted is believed once the next agrees with it: a torque that sets in, a blow or a turn
-of a tracker costs two samples, and what wanders without sense is never believed.
+that is doubted is believed once the next agrees with it: a blow or a turn of a tracker costs two
+samples, and what wanders without sense is never believed.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ..identification.outliers import FURTHEST
 from ..types import Array
 
 _REMEMBERED = 50  # errors, by whose median magnitude noise is known where it is more than stated
+_SURE = 6.0  # twice the logarithm of twenty: odds at which a position confirms a rate
 _NORMAL = 1.4826  # standard deviation of normal numbers by their median magnitude
 
 
@@ -49,6 +51,18 @@ class ErrorScale:
         return np.asarray(limit * spread)
 
 
+class Doubt(NamedTuple):
+    """How rates (m,) look beside those before.
+
+    Attributes:
+        off: How far each is off the line through the last two; zero within the limit.
+        is_repeated: Whether they are as the last ones that were doubted.
+    """
+
+    off: Array
+    is_repeated: bool
+
+
 class RateGate:
     """Tells which rates (m,) contradict their forerunners.
 
@@ -70,29 +84,60 @@ class RateGate:
 
     def is_doubtful(self, time: float, rate: Array) -> bool:
         """Whether a rate at a time [s], later than all before, contradicts them."""
+        off, is_repeated = self.look(time, rate)
+        return bool(off.any()) and not is_repeated
+
+    def look(self, time: float, rate: Array) -> Doubt:
+        """Compare a rate at a time [s], later than all before, with them."""
         predicted, doubted = self.predicted(time), self._doubted
         self._doubted = None
         if predicted is None:
-            return False
+            return Doubt(np.zeros(len(rate)), is_repeated=False)
         (t0, _), (t1, _) = self._last
         ahead = (time - t1) / (t1 - t0)
         error = rate - predicted
         limit = self._scale.limit(error, np.sqrt(1.0 + (1.0 + ahead) ** 2 + ahead**2))
         limit = limit + ahead * np.abs(self._last[1][1] - self._last[0][1])
-        if np.all(np.abs(error) <= limit):
-            return False
-        if doubted is not None and np.all(np.abs(rate - doubted[0]) <= limit + np.abs(doubted[1])):
-            return False
+        off = np.where(np.abs(error) <= limit, 0.0, error)
+        if not off.any():
+            return Doubt(off, is_repeated=False)
         self._doubted = rate, error
-        return True
+        if doubted is None:
+            return Doubt(off, is_repeated=False)
+        half = 0.5 * doubted[1]  # a jump stays as it is, a slope that sets in adds as much again
+        is_repeated = np.all(np.abs(rate - doubted[0] - half) <= limit + np.abs(half))
+        return Doubt(off, bool(is_repeated))
+
+    def largest_change(self, time: float, rate: Array) -> Array:
+        """Of each rate since the last one, or by the slope before it over as long."""
+        if not self._last:
+            return np.zeros(len(rate))
+        t1, x1 = self._last[-1]
+        t0, x0 = self._last[0]
+        before = (time - t1) / (t1 - t0) * np.abs(x1 - x0) if t1 > t0 else np.zeros(len(rate))
+        return np.asarray(np.maximum(before, np.abs(rate - x1)))
 
     def take(self, time: float, rate: Array) -> None:
         """Believe a rate at a time [s]."""
-        self._last = [*self._last[-1:], (time, rate)]
+        self._last, self._doubted = [*self._last[-1:], (time, rate)], None
 
 
 class JointGate:
     """Tells which joint samples contradict their forerunners, and what stands in for them.
+
+    Positions and rates are each other's witness. With x the error of the trapezoidal rule over a
+    period T and s its standard deviation, a sample is believed where
+
+        |x| <= 6 s + a T^2 / 2,    a: the larger mean acceleration of this period and the last,
+
+    as rates may lag behind positions by half a period, and turn within one (a T^2 / 4 where no
+    acceleration is above twice that mean); and, for a rate that is off its line by d, where the
+    position agrees with it rather than with the line, twenty to one:
+
+        y^2 - x^2 > 6 s^2,    y = x + T d / 2.
+
+    So torques that set in within the first half of a period cost nothing where the position shows
+    a wrong rate; where noise hides it, either mistake is off by the same small d.
 
     Args:
         position_std: Of a sample [rad].
@@ -113,16 +158,18 @@ class JointGate:
     def is_doubtful(self, time: float, q: Array, qd: Array) -> bool:
         """Whether a sample q (n,), qd (n,) at a time [s] contradicts those before."""
         last, doubted = self._last, self._doubted
-        is_far = self._is_stuck(time, q, qd) or self._rates.is_doubtful(time, qd)
+        is_far = self._is_stuck(time, q, qd)
+        off, is_repeated = self._rates.look(time, qd)
         if last is not None:
             error = _position_error(last, time, q, qd)
-            limit = self._scale.limit(error, np.sqrt(2.0))
-            limit = limit + 0.5 * (time - last[0]) * np.abs(qd - last[2])
-            if np.any(np.abs(error) > limit):
-                follows = doubted is not None and np.all(
-                    np.abs(_position_error(doubted, time, q, qd)) <= limit
-                )
-                is_far = is_far or not follows
+            noise = self._scale.limit(error, np.sqrt(2.0))
+            x, y = np.abs(error), np.abs(error + 0.5 * (time - last[0]) * off)
+            is_real = y - x > _SURE * (noise / FURTHEST) ** 2 / (y + x + np.finfo(float).tiny)
+            limit = noise + 0.5 * (time - last[0]) * self._rates.largest_change(time, qd)
+            goes_on = np.all(x <= limit) and np.all(is_real | (off == 0.0))
+            if not goes_on and doubted is not None and (is_repeated or not off.any()):
+                goes_on = np.all(np.abs(_position_error(doubted, time, q, qd)) <= limit)
+            is_far = is_far or not goes_on
         self._doubted = (time, q, qd) if is_far else None
         if not is_far:
             self._rates.take(time, qd)
