@@ -1,14 +1,15 @@
 """Formulas as text: a closed grammar, parsed and checked, never run as code.
 
-Numbers, names, `+ - * / **`, parentheses and the functions of `FUNCTIONS`: nothing else is in the
-grammar, so that a formula can compute and do nothing besides. Units are carried along; angles are
-pure numbers.
+Numbers, names, names with another in brackets (`rate[joint_2]`), `+ - * / **`, parentheses and
+the functions of `FUNCTIONS`: nothing else is in the grammar, so that a formula can compute and do
+nothing besides. Units are carried along; angles are pure numbers.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -25,11 +26,12 @@ _BASE = ('kg', 'm', 's', 'A', 'K', 'T')
 _NONE: Dimension = (0.0,) * len(_BASE)
 _UNITS: Mapping[str, Dimension] = {
     **{name: tuple(float(name == base) for base in _BASE) for name in _BASE},
-    'rad': _NONE,
-    '1': _NONE,
+    **dict.fromkeys(('rad', '1', '%'), _NONE),
+    'degC': (0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
     'N': (1.0, 1.0, -2.0, 0.0, 0.0, 0.0),
     'J': (1.0, 2.0, -2.0, 0.0, 0.0, 0.0),
     'W': (1.0, 2.0, -3.0, 0.0, 0.0, 0.0),
+    'Pa': (1.0, -1.0, -2.0, 0.0, 0.0, 0.0),
     'Hz': (0.0, 0.0, -1.0, 0.0, 0.0, 0.0),
     'V': (1.0, 2.0, -3.0, -1.0, 0.0, 0.0),
 }
@@ -55,6 +57,7 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Pow: np.power,
 }
 _LONGEST, _DEEPEST = 2000, 60  # characters, and levels of parentheses
+_SHOWN = 80  # characters of what is refused
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,26 +91,12 @@ class Expression:
             why = error.msg if isinstance(error, SyntaxError) else type(error).__name__
             raise ConfigurationError(place, f'{text!r} is no formula: {why}') from error
         compute = _compiled(node, place, 0)
-        called = {id(n.func) for n in ast.walk(node) if isinstance(n, ast.Call)}
-        names = (n for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in called)
-        return cls(text.strip(), frozenset(n.id for n in names), node, compute)
+        return cls(text.strip(), frozenset(_names(node)), node, compute)
 
     def __call__(self, values: Values) -> Array:
         """What it is for values of its names; not finite where it divides by zero."""
         with np.errstate(all='ignore'):
             return np.asarray(self._compute(values), dtype=float)
-
-    def refuse_others(self, known: Iterable[str], place: str) -> None:
-        """Refuse names that nothing has.
-
-        Raises:
-            ConfigurationError: with the names that there are.
-        """
-        there = list(known)
-        for name in sorted(self.names - set(there)):
-            raise ConfigurationError(
-                place, f'nothing is called {name!r} here (there are {", ".join(there)})'
-            )
 
     def check_unit(self, units: Mapping[str, str], wanted: str, place: str) -> None:
         """Refuse a formula whose parts do not fit each other, or not the unit of the whole.
@@ -154,6 +143,47 @@ def in_words(powers: Dimension) -> str:
     return ' '.join(words) or 'pure numbers'
 
 
+def _name(node: ast.AST) -> str:
+    """A name, or one with another in brackets behind it, such as `rate[joint_2]`; else empty.
+
+    What is no name to Python stands in quotes there.
+    """
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Subscript(value=ast.Name(id=name), slice=ast.Name(id=whose)):
+            return f'{name}[{whose}]'
+        case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=str() as whose)):
+            return f'{name}[{whose}]'
+    return ''
+
+
+def _names(node: ast.expr) -> Iterator[str]:
+    """Every name in a formula of the grammar."""
+    if name := _name(node):
+        yield name
+        return
+    for part in node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node):
+        if isinstance(part, ast.expr):
+            yield from _names(part)
+
+
+def _number(number: float, place: str) -> float:
+    if not abs(number) <= sys.float_info.max:
+        raise ConfigurationError(place, 'has a number that is too large')
+    return float(number)
+
+
+def _refusal(node: ast.AST, place: str) -> ConfigurationError:
+    """What to raise for what is not in the grammar."""
+    try:
+        text = ast.unparse(node)
+    except RecursionError:
+        text = 'what is nested so deeply'
+    shown = text if len(text) < _SHOWN else f'{text[:_SHOWN]}...'
+    return ConfigurationError(place, f'{shown!r} is not part of a formula')
+
+
 def _compiled(node: ast.AST, place: str, depth: int) -> Callable[[Values], Any]:
     """What computes a node; refuses all that is not in the grammar."""
     if depth > _DEEPEST:
@@ -161,9 +191,10 @@ def _compiled(node: ast.AST, place: str, depth: int) -> Callable[[Values], Any]:
     parts = [_compiled(child, place, depth + 1) for child in _children(node, place)]
     match node:
         case ast.Constant(value=int() | float() as number):
-            value = float(number)
+            value = _number(number, place)
             return lambda values: value
-        case ast.Name(id=name):
+        case ast.Name() | ast.Subscript():
+            name = _name(node)
             return lambda values: values[name]
         case ast.UnaryOp(op=ast.USub()):
             (inner,) = parts
@@ -177,7 +208,7 @@ def _compiled(node: ast.AST, place: str, depth: int) -> Callable[[Values], Any]:
         case ast.Call(func=ast.Name(id=name)):
             known = FUNCTIONS[name][0]
             return lambda values: known(*(part(values) for part in parts))
-    raise ConfigurationError(place, f'{ast.unparse(node)!r} is not part of a formula')
+    raise _refusal(node, place)
 
 
 def _children(node: ast.AST, place: str) -> Iterator[ast.AST]:
@@ -190,6 +221,8 @@ def _children(node: ast.AST, place: str) -> Iterator[ast.AST]:
         case ast.Constant(value=bool()):
             pass
         case ast.Constant(value=int() | float()) | ast.Name():
+            return
+        case ast.Subscript() if _name(node):
             return
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=inner):
             yield inner
@@ -206,22 +239,22 @@ def _children(node: ast.AST, place: str) -> Iterator[ast.AST]:
         case ast.Call(func=ast.Name(id=name)):
             why = f'there is no function {name!r} (there are {", ".join(FUNCTIONS)})'
             raise ConfigurationError(place, why)
-    raise ConfigurationError(place, f'{ast.unparse(node)!r} is not part of a formula')
+    raise _refusal(node, place)
 
 
 def _dimension(node: ast.AST, units: Mapping[str, Dimension], place: str) -> Dimension:
     """Dimension of a node whose grammar is known to be right."""
     if isinstance(node, ast.Constant):
         return _NONE
-    if isinstance(node, ast.Name):
-        return units[node.id]
+    if isinstance(node, ast.Name | ast.Subscript):
+        return units[_name(node)]
     if isinstance(node, ast.UnaryOp):
         return _dimension(node.operand, units, place)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         return _of_call(node, node.func.id, units, place)
     if isinstance(node, ast.BinOp):
         return _of_operation(node, units, place)
-    raise ConfigurationError(place, f'{ast.unparse(node)!r} is not part of a formula')
+    raise _refusal(node, place)
 
 
 def _of_call(node: ast.Call, name: str, units: Mapping[str, Dimension], place: str) -> Dimension:

@@ -1,13 +1,12 @@
-"""Effects that a robot file writes as formulas: a torque at a joint, or what its sensor reads.
+"""Effects that a robot file writes as formulas: a torque, a force, or what a sensor reads.
 
 Each formula is a kind of effect of its own, as those of the catalogue are: the same object is
-simulated, fed forward, fitted, and looked for at every joint.
+simulated, fed forward, fitted, and looked for at every place where its units fit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -18,25 +17,20 @@ from ..model.robot import Robot
 from ..model.schema import parse_number
 from ..types import Array
 from .effect import Effect
-from .expression import Expression
-from .joint import STICTION_RATE, JointEffect, JointTorque
-from .motion import Motion
+from .formula_entry import Formula
+from .formula_quantities import OF_JOINTS, READING, is_axis, parts
+from .law_inputs import AXES, base_axes, quantity_along
+from .motion import Motion, inverse_mass
 from .parameter import Parameter
 
-QUANTITIES = ('position', 'rate', 'effort', 'time')
-"""What a formula knows of its joint: angle or length, its rate, the motor's torque, the time."""
-_READING = 'reading'
-_READINGS = {'joint_position': 'position', 'joint_velocity': 'rate', 'joint_effort': 'effort'}
-"""Channels that a formula may change, with the quantity that they measure."""
-_OWN = ('torque', 'channel', 'change', 'parameters', 'law', 'title')
-_OF_PARAMETER = ('unit', 'size', 'relevant', 'minimum', 'maximum', 'guesses')
-_TRIALS = 16  # random states at which a formula is tried
-_TINY = 1e-9  # of its values there: rounding
+_LAW_NAMES = {'position': 'angle', 'effort': 'load'}
+"""Names of learned laws for what formulas call otherwise."""
 _RATES = np.concatenate([[0.0], np.geomspace(1e-4, 10.0, 26)])  # rad/s
+_ANGLES = np.linspace(-np.pi, np.pi, len(_RATES))
 _STEP = 1e-6  # rad/s or rad, of its derivatives
 
 
-class FormulaEffect(JointEffect):
+class FormulaEffect(Effect):
     """tau = f(position, rate, effort, time), or reading = truth + f, f written in the robot file.
 
     Typical: what its author says of it.
@@ -50,261 +44,179 @@ class FormulaEffect(JointEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     is_fitted = False  # each formula is a kind of its own, which is
 
-    expression: ClassVar[Expression]
-    written: ClassVar[Mapping[str, Any]]
-    channel: ClassVar[str] = ''
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str | None, ...]:
+        """Every manipulator joint, and the axes of a free base."""
+        return (*robot.arm, *base_axes(robot))
 
     @classmethod
     def read(cls, name: str, where: str | None, given: Mapping[str, Any], place: str) -> Effect:
         """From an entry of a robot file."""
-        law = str(given.get('law', name))
-        text, channel = _text(given, place)
-        declared = given.get('parameters', {})
-        if not isinstance(declared, Mapping):
-            raise ConfigurationError(f'{place}.parameters', 'expected {name: {unit: ...}, ...}')
-        parameters = tuple(
-            _parameter(str(key), entry, f'{place}.parameters.{key}')
-            for key, entry in declared.items()
-        )
-        title = str(given.get('title', f'{law} (a formula)'))
-        _check(law, text, channel, parameters, place)
-        kind = _made(law, text, channel, parameters, title)
-        values = {key: value for key, value in given.items() if key not in _OWN}
-        for parameter in parameters:
-            values.setdefault(parameter.name, parameter.nominal)
-        return kind._bound(name, where, values, place)
-
-    @classmethod
-    def _bound(cls, name: str, where: str | None, values: Mapping[str, Any], place: str) -> Effect:
-        known = {p.name: p for p in cls.parameters}
-        for key in values:
+        formula = Formula.read(name, where, given, place)
+        known = {p.name: p for p in formula.parameters}
+        values = {key: p.nominal for key, p in known.items()}
+        for key, value in Formula.values(given).items():
+            at = f'{place}.{key}'
             if key not in known:
                 has = ', '.join(known) or 'none'
-                raise ConfigurationError(f'{place}.{key}', f'no such parameter (it has {has})')
-        numbers = {key: parse_number(value, f'{place}.{key}') for key, value in values.items()}
-        for key, number in numbers.items():
-            known[key].check(number, f'{place}.{key}', known[key].unit)
-        return cls(name=name, where=where, values=numbers)
+                raise ConfigurationError(at, f'no such parameter (it has {has})')
+            values[key] = parse_number(value, at)
+            known[key].check(values[key], at, known[key].unit)
+        return _made(formula)(name=name, where=where, values=values)
+
+
+class WrittenFormula(FormulaEffect):
+    """One formula of a robot file."""
+
+    formula: ClassVar[Formula]
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str | None, ...]:
+        """Joints, or axes, where its units fit."""
+        places = robot.arm if cls.formula.is_at_joint else base_axes(robot)
+        return tuple(place for place in places if cls._fits(robot, place))
+
+    @classmethod
+    def _fits(cls, robot: Robot, place: str) -> bool:
+        try:
+            cls.formula.check_robot(robot, place, '')
+        except ConfigurationError:
+            return False
+        return True
 
     def entry(self) -> dict[str, Any]:
         """As in a robot file; `effect` says that it is a formula."""
-        return {'effect': FormulaEffect.id, **self.written, **self.values}
+        return {'effect': FormulaEffect.id, **self.formula.entry(), **self.values}
 
     def check(self, robot: Robot) -> None:
-        """Units that fit, and finite values wherever a joint may be."""
-        slides = robot.bodies[1 + robot.joints.index(str(self.where))].is_prismatic
-        units = _units(slides, self.channel)
-        self.expression.check_unit(
-            {**units, **{p.name: p.unit for p in self.parameters}},
-            self._unit(units),
-            f'effects.{self.name}',
-        )
-        at_rest = {name: np.zeros(1) for name in (*QUANTITIES, _READING)}
-        for state in (at_rest, _states(np.random.default_rng(0))):
-            self._finite(self.expression({**state, **self.values}), state)
-
-    def _unit(self, units: Mapping[str, str]) -> str:
-        return units['effort']
+        """Quantities of this robot, units that fit, and finite values at rest and elsewhere."""
+        law = self.formula
+        law.check_robot(robot, self.where, f'effects.{self.name}')
+        for is_random in (False, True):
+            self._evaluated(law.states(is_random))
 
     def value(self, motion: Motion, reading: Array | None = None) -> Array:
-        """(N,) of the formula at its joint along a motion."""
-        column = motion.column(self.where)
+        """(N,) of the formula at its place along a motion."""
         state = {
-            'position': motion.q[:, column],
-            'rate': motion.qd[:, column],
-            'effort': motion.effort[:, column],
-            'time': motion.time,
+            name: self._quantity(what, whose, motion, reading)
+            for name, what, whose in self.formula.sources
         }
-        if reading is not None:
-            state[_READING] = reading
-        out = self.expression({**state, **self.values})
+        return np.broadcast_to(self._evaluated(state), motion.time.shape)
+
+    def _evaluated(self, state: Mapping[str, Array]) -> Array:
+        """The formula, refused where it is not finite."""
+        out = self.formula(state, self.values)
         if not np.isfinite(out).all():
-            self._finite(out, state)
-        return np.broadcast_to(out, motion.time.shape)
+            bad = np.flatnonzero(~np.isfinite(out))
+            at = ', '.join(f'{name} {np.ravel(x)[bad[0]]:g}' for name, x in state.items())
+            why = f'is not finite at {at or "any state"}: does it divide by zero?'
+            raise self.refusal(f'{self.formula.text!r} {why}')
+        return out
 
-    def _finite(self, values: Array, state: Mapping[str, Array]) -> None:
-        bad = np.flatnonzero(~np.isfinite(np.broadcast_to(values, state['time'].shape)))
-        if len(bad):
-            used = [name for name in state if name in self.expression.names]
-            at = ', '.join(f'{name} {state[name][bad[0]]:g}' for name in used) or 'any state'
-            why = f'{self.expression.text!r} is not finite at {at}: does it divide by zero?'
-            raise self.refusal(why)
+    def _quantity(self, what: str, whose: str, motion: Motion, reading: Array | None) -> Array:
+        if what == 'extra':
+            return self._extra(whose, motion)
+        if what == READING and reading is not None:
+            return reading
+        found = quantity_along(_LAW_NAMES.get(what, what), whose or str(self.where), motion)
+        return np.asarray(found)
+
+    def _extra(self, name: str, motion: Motion) -> Array:
+        """What else was measured, as there; its typical value where it was not."""
+        declared, inputs = dict(self.formula.extra)[name], motion.robot.inputs
+        signal = inputs.extra.get(name) if inputs else None
+        if signal is None and declared.typical is None:
+            why = f'nobody measures extra[{name}] here: give its typical value'
+            raise self.refusal(why, f'extra.{name}')
+        if signal is None:
+            return np.full(len(motion), declared.typical)
+        if signal.unit != declared.unit:
+            why = f'is in {declared.unit!r} here and in {signal.unit!r} in the mapping'
+            raise self.refusal(why, f'extra.{name}.unit')
+        return motion.extra[name]
 
 
-class FormulaTorque(FormulaEffect, JointTorque):
-    """A formula that is a torque on its joint."""
+class FormulaForce(WrittenFormula):
+    """A formula that is a torque on its joint; or on the base about, or a force along, an axis.
+
+    What acts on the base comes from outside.
+    """
+
+    @property
+    def is_known_ahead(self) -> bool:
+        """Whether its quantities follow from a motion that is planned."""
+        return not self.is_external and self.formula.kinds <= {*OF_JOINTS, 'base_rate'}
 
     def force(self, motion: Motion, hidden: Array) -> Array:
-        """The torque at its joint."""
-        return motion.joint_force(self.where, self.value(motion))
+        """The torque or force at its place."""
+        out = motion.zeros()
+        out[:, self._column(motion.robot)] = self.value(motion)
+        return out
 
     def fastest(self, robot: Robot) -> float:
-        """Rate at which it settles by what it makes of the rate, or swings by its stiffness."""
-        state = {name: np.zeros_like(_RATES) for name in QUANTITIES}
-        slopes = {}
-        for name in ('rate', 'position'):
-            ends = [
-                self.expression({**state, 'rate': _RATES, name: x, **self.values})
-                for x in (_at(name) - _STEP, _at(name) + _STEP)
-            ]
-            slopes[name] = float(np.max(np.abs(ends[1] - ends[0]))) / (2.0 * _STEP)
-        mobility = self.mobility(robot)
+        """Rate at which it settles by what it makes of rates, or swings by its stiffness."""
+        law, column = self.formula, self._column(robot)
+        mobility = float(inverse_mass(robot)[column, column])
+        slopes = {'rate': 0.0, 'position': 0.0}
+        for name in law.quantities:
+            what = parts(name)[0]
+            kind = {'rate': 'rate', 'base_rate': 'rate'}.get(what, 'position')
+            if what in ('rate', 'base_rate', 'position', 'attitude'):
+                grid = _RATES if kind == 'rate' else _ANGLES
+                slopes[kind] = max(slopes[kind], self._slope(name, grid))
         return max(slopes['rate'] * mobility, float(np.sqrt(slopes['position'] * mobility)))
 
+    def _slope(self, name: str, grid: Array) -> float:
+        """Steepest slope by a quantity, the others at rest or anywhere."""
+        law = self.formula
+        trials = law.states()
+        size = len(trials[name])
+        others = {n: np.concatenate([law.states(False)[n], x]) for n, x in trials.items()}
+        state = {n: np.repeat(x, len(grid)) for n, x in others.items()}
+        at = np.tile(grid, 1 + size)
+        ends = [law({**state, name: at + side}, self.values) for side in (-_STEP, _STEP)]
+        slope = np.abs(ends[1] - ends[0]) / (2.0 * _STEP)
+        return float(np.max(slope[np.isfinite(slope)], initial=0.0))
 
-class FormulaReading(FormulaEffect):
-    """A formula that is added to what a sensor of its joint says."""
+    def _column(self, robot: Robot) -> int:
+        """Its component of a generalized force."""
+        law = self.formula
+        if law.is_at_joint:
+            return 6 + robot.joints.index(str(self.where))
+        return (0 if law.key == 'force' else 3) + AXES.index(str(self.where)[-1])
+
+
+class FormulaReading(WrittenFormula):
+    """A formula that is added to what a sensor says of its joint, or about its axis."""
 
     group = 'sensor'
 
     def sense(
         self, channel: str, value: Array, motion: Motion, hidden: Array | None = None
     ) -> Array:
-        """The joint's column of its channel changed."""
-        if channel != self.channel:
+        """The column of its channel changed."""
+        if channel != self.formula.channel:
             return value
-        out, column = np.array(value), motion.column(self.where)
+        where, out = str(self.where), np.array(value)
+        column = AXES.index(where[-1]) if is_axis(where) else motion.column(where)
         out[:, column] += self.value(motion, out[:, column])
         return out
 
-    def _unit(self, units: Mapping[str, str]) -> str:
-        return units[_READINGS[self.channel]]
-
-
-def _at(name: str) -> Array:
-    return _RATES if name == 'rate' else np.linspace(-np.pi, np.pi, len(_RATES))
-
-
-@dataclass(frozen=True)
-class _Text:
-    """The formula of an entry and its key."""
-
-    key: str
-    text: str
-
-
-def _text(given: Mapping[str, Any], place: str) -> tuple[_Text, str]:
-    """The formula, and the channel that it changes; empty for a torque."""
-    if ('torque' in given) == ('change' in given):
-        why = 'needs one formula: torque, or change with the channel that it changes'
-        raise ConfigurationError(place, why)
-    channel = str(given.get('channel', ''))
-    if 'torque' in given and channel:
-        raise ConfigurationError(f'{place}.channel', 'belongs to change, not to a torque')
-    if 'change' in given and channel not in _READINGS:
-        why = f'expected one of {", ".join(_READINGS)}, got {channel!r}'
-        raise ConfigurationError(f'{place}.channel', why)
-    key = 'torque' if 'torque' in given else 'change'
-    return _Text(key, str(given[key])), channel
-
-
-def _parameter(name: str, entry: Any, place: str) -> Parameter:
-    if not isinstance(entry, Mapping) or 'unit' not in entry:
-        raise ConfigurationError(place, "expected {unit: ..., size: ...} ('' for a pure number)")
-    for key in entry:
-        if key not in _OF_PARAMETER:
-            why = f'there is no {key!r} (there are {", ".join(_OF_PARAMETER)})'
-            raise ConfigurationError(place, why)
-    if not name.isidentifier() or name in (*QUANTITIES, _READING, *_OWN):
-        raise ConfigurationError(place, f'{name!r} can not be the name of a parameter')
-    unit, guesses = str(entry['unit']), entry.get('guesses', ())
-    numbers = {
-        key: parse_number(entry[key], f'{place}.{key}')
-        for key in ('size', 'relevant', 'minimum', 'maximum')
-        if key in entry
-    }
-    if not guesses:
-        return Parameter(name, unit, **numbers)
-    tries = tuple(parse_number(guess, f'{place}.guesses') for guess in guesses)
-    return Parameter(name, unit, nominal=tries[0], role='search', guesses=tries, **numbers)
-
-
-def _check(
-    law: str, text: _Text, channel: str, parameters: tuple[Parameter, ...], place: str
-) -> None:
-    """Check what can be without a robot."""
-    if not law.isidentifier():
-        raise ConfigurationError(f'{place}.law', f'{law!r} can not be the name of a formula')
-    at = f'{place}.{text.key}'
-    expression = Expression.parse(text.text, at)
-    quantities = [*QUANTITIES, *([_READING] if channel else [])]
-    expression.refuse_others([*quantities, *(p.name for p in parameters)], at)
-    for parameter in parameters:
-        if parameter.name not in expression.names:
-            why = f'the formula has no {parameter.name!r}'
-            raise ConfigurationError(f'{place}.parameters.{parameter.name}', why)
-    _check_linear(expression, parameters, at)
-
 
 @lru_cache(maxsize=256)  # one formula is one kind, however often it is read
-def _made(
-    law: str, text: _Text, channel: str, parameters: tuple[Parameter, ...], title: str
-) -> type[FormulaEffect]:
-    """The kind of effect that a checked formula is."""
-    expression = Expression.parse(text.text, law)
-    written = {text.key: expression.text, **({'channel': channel} if channel else {})}
+def _made(formula: Formula) -> type[WrittenFormula]:
+    """The kind of effect that a formula is."""
     content = {
-        'id': f'{FormulaEffect.id}_{law}',
-        'title': title,
-        'parameters': parameters,
-        'is_fitted': bool(parameters),
+        'id': f'{FormulaEffect.id}_{formula.law}',
+        'title': formula.title,
+        'parameters': formula.parameters,
+        'is_fitted': bool(formula.parameters),
         'is_own': True,
-        'is_timed': 'time' in expression.names,
-        'expression': expression,
-        'channel': channel,
-        'written': {**written, 'law': law, 'parameters': _declared(parameters)},
-        '__doc__': f'{expression.text}, by the robot file.',
+        'is_timed': 'time' in formula.kinds,
+        'needs_free_base': not formula.is_at_joint,
+        'is_external': not (formula.is_at_joint or formula.channel),
+        'formula': formula,
+        '__doc__': f'{formula.text}, by the robot file.',
     }
-    base = FormulaReading if channel else FormulaTorque
-    return type(f'Formula_{law}', (base,), content)
-
-
-def _declared(parameters: tuple[Parameter, ...]) -> dict[str, dict[str, Any]]:
-    """Parameters as a robot file declares them."""
-    out: dict[str, dict[str, Any]] = {}
-    for p in parameters:
-        numbers = {key: getattr(p, key) for key in ('size', 'relevant', 'minimum', 'maximum')}
-        known = {key: float(v) for key, v in numbers.items() if np.isfinite(v) and v != 0.0}
-        if p.minimum == 0.0:
-            known['minimum'] = 0.0
-        guesses = {'guesses': list(p.guesses)} if p.guesses else {}
-        out[p.name] = {'unit': p.unit, **known, **guesses}
-    return out
-
-
-def _check_linear(expression: Expression, parameters: tuple[Parameter, ...], place: str) -> None:
-    """Refuse a formula that is not in proportion to the parameters without guesses.
-
-    It must add up over them, and vanish without them: f(a + 2 b) = f(a) + 2 f(b).
-    """
-    rng = np.random.default_rng(1)
-    state = _states(rng)
-    linear = [p for p in parameters if p.role == 'linear']
-    held = {p.name: p.nominal for p in parameters if p.role != 'linear'}
-    drawn = [{p.name: float(rng.uniform(0.5, 1.5)) for p in linear} for _ in range(2)]
-    both = {p.name: drawn[0][p.name] + 2.0 * drawn[1][p.name] for p in linear}
-    found = [expression({**state, **held, **values}) for values in (*drawn, both)]
-    scale = float(np.nanmax(np.abs(found[2]), initial=0.0))
-    gap = np.abs(found[2] - found[0] - 2.0 * found[1])
-    if parameters and np.nanmax(gap, initial=0.0) > _TINY * scale:
-        names = ', '.join(p.name for p in linear) or 'nothing'
-        why = (
-            f'{expression.text!r} is not in proportion to {names} together: give first guesses '
-            '(guesses: [...]) of a parameter that it is not in proportion to'
-        )
-        raise ConfigurationError(place, why)
-
-
-def _states(rng: np.random.Generator) -> dict[str, Array]:
-    """Random states of a joint; rates both within and beyond stiction."""
-    draw = {name: rng.uniform(-1.5, 1.5, _TRIALS) for name in ('position', 'effort', _READING)}
-    rate = rng.uniform(-1.0, 1.0, _TRIALS) * np.where(rng.random(_TRIALS) < 0.3, STICTION_RATE, 1)
-    return {**draw, 'rate': rate, 'time': rng.uniform(0.0, 10.0, _TRIALS)}
-
-
-def _units(slides: bool, channel: str) -> dict[str, str]:
-    """Of every quantity at a joint, and of what its channel reads."""
-    turning = {'position': 'rad', 'rate': 'rad/s', 'effort': 'N m', 'time': 's'}
-    sliding = {'position': 'm', 'rate': 'm/s', 'effort': 'N', 'time': 's'}
-    units = sliding if slides else turning
-    return {**units, **({_READING: units[_READINGS[channel]]} if channel else {})}
+    base = FormulaReading if formula.channel else FormulaForce
+    return type(f'Formula_{formula.law}', (base,), content)

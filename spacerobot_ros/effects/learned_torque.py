@@ -21,7 +21,7 @@ from .effect import Effect
 from .grammar import DAHL, QUANTITIES, Form, quantity
 from .hysteresis import fastest_share, followed, share_rate
 from .joint import STICTION_RATE
-from .law_inputs import AXES, input_of
+from .law_inputs import AXES, base_axes, input_of
 from .learned_entry import LearnedEntry
 from .motion import Motion, inverse_mass
 from .table_form import TableForm
@@ -71,8 +71,7 @@ class LearnedTorque(Effect):
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
         """Every manipulator joint, and the axes of a free base."""
-        axes = tuple(f'{robot.base_link}/{axis}' for axis in AXES)
-        return (*robot.arm, *(axes if robot.is_free else ()))
+        return (*robot.arm, *base_axes(robot))
 
     @classmethod
     def read(

@@ -41,7 +41,6 @@ class Motion:
         acceleration: (N, 6 + n) time derivative of [v_WB_B; omega_WB_B; qd]; None where it is not
             known yet.
         unpowered: (N, n) where motors are off, so that their torque is zero; None: nowhere.
-        extra: (N,) what else was measured, by name.
         coasts: Whether the base's linear acceleration is that of a robot on which no force acts,
             so that what an effect does to the whole comes on top: nobody measures translations.
         window: (N, 2) times between which inputs count with their mean [s]; None: around
@@ -60,7 +59,6 @@ class Motion:
     acceleration: Array | None = None
     unpowered: BoolArray | None = None
     coasts: bool = False
-    extra: Mapping[str, Array] = field(default_factory=dict)
     window: Array | None = None
     _accelerated: tuple[Array, Array] | None = field(init=False, default=None)
 
@@ -159,6 +157,13 @@ class Motion:
         """Rotations, origins, velocities and drifts of all bodies."""
         q, qd = (np.ascontiguousarray(x, dtype=float) for x in (self.q, self.qd))
         return forward_kinematics(self.tree, q, self.rates, qd)
+
+    @cached_property
+    def extra(self) -> Mapping[str, Array]:
+        """(N,) what else was measured, by name."""
+        inputs = self.robot.inputs
+        signals = {} if inputs is None else inputs.extra
+        return {name: signal.at(self.time)[:, 0] for name, signal in signals.items()}
 
     @property
     def accelerations(self) -> Array:

@@ -26,7 +26,6 @@ from ..sensing.correction import corrected_record
 from ..types import Array
 from .arm_motion import ArmMotion
 from .columns import Signatures
-from .extras import extras_at
 from .motor_constants import in_newton_metres
 from .reference import Kinematics, NoiseLevels
 from .rows import ChannelError
@@ -61,13 +60,11 @@ class Balance:
         given = process.motion(
             arm.kinematics, np.where(off, 0.0, arm.effort + compensation), unpowered=off
         )
-        given.extra = extras_at(arm.record, arm.times)
         self.missed = -process.force_error(given)[:, 6:]
         # A faulty gain scales, and friction that goes with the load follows, what the model needs:
         # of what is measured, a gain of zero and no masses would explain everything.
         needed = np.where(off, 0.0, self._required(given))
         self.motion = process.motion(arm.kinematics, needed, unpowered=off)
-        self.motion.extra = given.extra
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -178,7 +175,7 @@ def balance_of(
     """
     estimated = record.joints.in_amperes if record.joints else ()
     record, robot, effects = in_newton_metres(record, robot, effects)
-    process = TorqueDriven(robot, effects)
+    process = TorqueDriven(robot, effects).under(record)
     arm = ArmMotion(corrected_record(record, process.robot, effects), left_out)
     return Balance(arm, process, _compensation(arm, robot), estimated)
 

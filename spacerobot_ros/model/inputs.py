@@ -11,7 +11,7 @@ An effect on commands or thrusters is a change of these; nothing else of the rob
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -75,19 +75,21 @@ class HeldSignal:
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredWheels:
-    """Momentum of the robot's own wheels by their measured rates, straight between samples.
+class MeasuredSignal:
+    """Values that go straight from sample to sample.
 
     Args:
         time: (N,) increasing [s].
-        values: (N, 3) relative to the base, in its coordinates [N m s].
+        values: (N, k).
+        unit: Of all of them.
     """
 
     time: Array
     values: Array
+    unit: str
 
     def at(self, times: Array) -> Array:
-        """(M, 3) at times (M,); before and after the samples as at their ends."""
+        """(M, k) at times (M,); before and after the samples as at their ends."""
         return np.stack([np.interp(times, self.time, x) for x in self.values.T], axis=1)
 
 
@@ -99,13 +101,16 @@ class Inputs:
         commands: Of the robot's thrusters, in their order; None where there are none.
         wrench: (N, 6) on the base at its origin; None where there is none.
         is_located: Whether the base's position is measured, too.
-        wheels: Momentum of the own wheels; None: constant, as the robot has it.
+        wheels: Momentum (N, 3) of the own wheels by their measured rates, relative to the base and
+            in its coordinates; None: constant, as the robot has it.
+        extra: (N, 1) what else was measured, by a name of the user's.
     """
 
     commands: HeldSignal | None = None
     wrench: HeldSignal | None = None
     is_located: bool = False
-    wheels: MeasuredWheels | None = None
+    wheels: MeasuredSignal | None = None
+    extra: Mapping[str, MeasuredSignal] = field(default_factory=dict)
 
     @property
     def times(self) -> Array:

@@ -16,6 +16,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .mapped_columns import ColumnReader, spread
 from .mapping import ColumnMapping, MappedColumns
+from .robot_inputs import EXTRA
 from .series import InputSeries
 from .units import FIELD, FORCE, LENGTH, SI_UNITS, TORQUE
 
@@ -47,7 +48,7 @@ def read_inputs(
     for name, section in mapping.extra:
         found = series_of(reader, section, section.time, (name,), ('',))
         units = (str(spread(section.unit or ('',), 1, f'{section.place}.unit')[0]),)
-        out[f'extra/{name}'] = replace(found, units=units)
+        out[f'{EXTRA}{name}'] = replace(found, units=units)
     if mapping.thrusters is not None:
         section = mapping.thrusters
         commands = series_of(

@@ -1,4 +1,4 @@
-"""The known inputs of a record as what acts on the robot's base."""
+"""The known inputs of a record: what acts on the robot's base, what was measured beside it."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from typing import Any
 import numpy as np
 
 from ..errors import RecordingError
-from ..model.inputs import HeldSignal, Inputs, MeasuredWheels
+from ..model.inputs import HeldSignal, Inputs, MeasuredSignal
 from ..model.robot import Robot
 from .record import Record
 from .robot_order import order_of
 
+EXTRA = 'extra/'
+"""Beginning of the names of a record's inputs that a mapping's `extra` made."""
 _FEWEST = 2  # samples of wheels
 _ROUNDING = 1e-9  # of shares that were divided
 
 
 def with_inputs(robot: Robot, record: Record) -> Robot:
-    """The robot under a record's commands and base wrench.
+    """The robot under a record's commands and base wrench, and with what else was measured.
 
     Raises:
         RecordingError: commands that are not shares, or not those of the robot's thrusters.
@@ -42,13 +44,15 @@ def with_inputs(robot: Robot, record: Record) -> Robot:
         given['wrench'] = HeldSignal(wrench.seconds(record.origin_ns), wrench.values)
     if (wheels := _own_wheels(robot, record)) is not None:
         given['wheels'] = wheels
+    if extra := _extra(record):
+        given['extra'] = extra
     is_located = 'base_position' in record.inputs
     if not given and not is_located:
         return robot
     return replace(robot, inputs=Inputs(**given, is_located=is_located))
 
 
-def _own_wheels(robot: Robot, record: Record) -> MeasuredWheels | None:
+def _own_wheels(robot: Robot, record: Record) -> MeasuredSignal | None:
     """Momentum of the servicer's rotors by their rates; None where not all are measured."""
     rotors = [rotor for rotor in robot.rotors if not rotor.is_target]
     wheels = record.wheels
@@ -59,4 +63,15 @@ def _own_wheels(robot: Robot, record: Record) -> MeasuredWheels | None:
         return None
     rates = wheels.velocity[:, [wheels.names.index(name) for name in names]]
     axes = [r.axial_inertia * (r.body.rotation @ r.body.axis) for r in rotors]
-    return MeasuredWheels(wheels.seconds(record.origin_ns), rates @ np.array(axes))
+    return MeasuredSignal(wheels.seconds(record.origin_ns), rates @ np.array(axes), 'N m s')
+
+
+def _extra(record: Record) -> dict[str, MeasuredSignal]:
+    """What a mapping's `extra` made of a record."""
+    return {
+        name.removeprefix(EXTRA): MeasuredSignal(
+            series.seconds(record.origin_ns), series.values, series.units[0]
+        )
+        for name, series in record.inputs.items()
+        if name.startswith(EXTRA) and len(series)
+    }

@@ -25,6 +25,8 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.recording.record import JointSeries, Record
+from spacerobot_ros.recording.robot_inputs import with_inputs
+from spacerobot_ros.recording.series import InputSeries
 from spacerobot_ros.sensing.faults import SensorFaults
 from spacerobot_ros.simulation.plant import Plant
 
@@ -105,8 +107,12 @@ def test_simulated_as_its_built_in_twin():
 @pytest.fixture(scope='module')
 def measured():
     """12 s with friction of 0.7 N m s/rad that no model knows of, and noise that is stated."""
+    return recorded({**BUILT_IN, 'coefficient': 0.7})
+
+
+def recorded(entry):
     rng = np.random.default_rng(5)
-    q, qd, effort = run({**BUILT_IN, 'coefficient': 0.7}, 1200)
+    q, qd, effort = run(entry, 1200)
     stamps = np.arange(len(q)) * round(STEP * 1e9)
     noisy = (
         x + s * rng.standard_normal(x.shape) for x, s in ((q, 1e-4), (qd, 1e-3), (effort, 0.02))
@@ -174,9 +180,171 @@ def test_a_sensor_reads_what_the_formula_adds(rng):
     np.testing.assert_allclose(undone, motion.q, atol=2e-7)  # 0.02^4 rad left by three passes
 
 
+def free(**settings):
+    """A free base with two joints that turn."""
+    parts = [
+        Part('base_link', -1, 'base', 10.0, np.zeros(3), np.eye(3)),
+        Part('first', 0, 'revolute', 4.0, np.full(3, 0.1), 0.3 * np.eye(3), AXIS['z']),
+        Part('second', 1, 'revolute', 1.0, np.full(3, 0.1), 0.2 * np.eye(3), AXIS['x']),
+    ]
+    return robot_of(parts, base='free', **settings)
+
+
+def of(text, units, where='j_first', body=None, **entry):
+    """A formula as an effect; every parameter has the value 2."""
+    parameters = {name: {'unit': unit} for name, unit in units.items()}
+    values = dict.fromkeys(units, 2.0)
+    key = {} if 'force' in entry or 'change' in entry else {'torque': text}
+    given = {'effect': 'formula', 'where': where, **key, 'parameters': parameters, **values}
+    return bind_effects({'own': {**given, **entry}}, body or free())[0]
+
+
+def forced(effect, motion):
+    return effect.force(motion, np.zeros((len(motion), 0)))
+
+
+def test_other_joints_and_the_base(rng):
+    body = free()
+    motion = motion_of(body, rng, 5)
+    rates, w, R = motion.qd, motion.omega, motion.rotation
+    own = of('-c * (rate - rate[j_second])', {'c': 'N m s'})
+    want = -2.0 * (rates[:, 0] - rates[:, 1])
+    np.testing.assert_allclose(forced(own, motion)[:, 6], want, rtol=1e-12)
+    quoted = of("-c * position['j_second'] * effort[j_second] ** 0", {'c': 'N m'})
+    np.testing.assert_allclose(forced(quoted, motion)[:, 6], -2.0 * motion.q[:, 1], rtol=1e-12)
+    drag = of('-c * base_rate[y] * attitude[xz]', {'c': 'N m s'}, 'base_link/y')
+    want = np.zeros((5, 8))
+    want[:, 4] = -2.0 * w[:, 1] * R[:, 0, 2]
+    np.testing.assert_allclose(forced(drag, motion), want, rtol=1e-12)
+    push = of('', {'f': 'N'}, 'base_link/x', force='f * attitude[zz]')
+    assert drag.is_external
+    assert push.is_external
+    assert own.is_known_ahead
+    assert not drag.is_known_ahead
+
+
+def test_a_force_on_the_base_moves_it_as_newton_says():
+    body = robot_of([Part('base_link', -1, 'base', 10.0, np.zeros(3), np.eye(3))], base='free')
+    fixed = {'f': {'unit': 'N'}, 'T': {'unit': 's', 'fixed': 4.0}}
+    push = of('', {'f': 'N'}, 'base_link/x', body, force='f * time / T', parameters=fixed)
+    zero, none = np.zeros(3), np.zeros(0)
+    still = State(zero, np.array([0.0, 0.0, 0.0, 1.0]), none, zero, zero, none)
+    plant = Plant(body, still, STEP, 1, [push])
+    for _ in range(100):
+        plant.step(np.zeros(0))
+    # x = f / (6 m T) t^3
+    assert plant.state.p_WB[0] == pytest.approx(2.0 / (6.0 * 10.0 * 4.0), rel=1e-9)
+
+
+def test_sensors_of_the_base(rng):
+    body = free()
+    gyro = {'change': 'a * base_rate[x] + a * reading / 10', 'channel': 'gyro'}
+    tracker = {'change': 'b * sin(time / T) / 100', 'channel': 'attitude'}
+    fixed = {'b': {'unit': 'rad'}, 'T': {'unit': 's', 'fixed': 3.0}}
+    scale = of('', {'a': ''}, 'base_link/z', **gyro)
+    turn = of('', {'b': 'rad'}, 'base_link/x', **tracker, parameters=fixed)
+    faults = SensorFaults(body, [scale, turn])
+    motion = motion_of(body, rng, 4)
+    said = faults.sensed('gyro', motion.omega, motion)
+    want = motion.omega.copy()
+    want[:, 2] += 2.0 * motion.omega[:, 0] + 0.2 * motion.omega[:, 2]
+    np.testing.assert_allclose(said, want, rtol=1e-12)
+    errors = faults.sensed('attitude', np.zeros((4, 3)), motion)
+    np.testing.assert_allclose(errors[:, 0], 0.02 * np.sin(motion.time / 3.0), rtol=1e-12)
+
+
+WARM = {
+    'effect': 'formula',
+    'where': 'j_first',
+    'torque': '-c * rate * (1 + a * (extra[oil] - cold))',
+    'parameters': {
+        'c': {'unit': 'N m s/rad', 'size': 10.0, 'relevant': 0.05},
+        'a': {'unit': '1/degC', 'guesses': [0.0]},
+        'cold': {'unit': 'degC', 'fixed': 20.0},
+    },
+    'extra': {'oil': {'unit': 'degC', 'typical': 25.0}},
+}
+
+
+def test_temperatures_of_the_mapping_are_taken_along(measured):
+    (own,) = bind_effects({'own': {**WARM, 'c': 0.5, 'a': 0.1}}, robot())
+    motion = motion_of(robot(), np.random.default_rng(0), 3)
+    # nobody measures it here: its typical value
+    want = -0.5 * motion.qd[:, 0] * 1.5
+    np.testing.assert_allclose(forced(own, motion)[:, 6], want, rtol=1e-12)
+    stamps = measured.joints.stamp_ns[::100]
+    warming = 20.0 + 1e-9 * stamps
+    oil = InputSeries(('oil',), stamps, warming[:, None], ('degC',))
+    driven = with_inputs(robot(), replace(measured, inputs={'extra/oil': oil}))
+    want = -0.5 * motion.qd[:, 0] * (1.0 + 0.1 * motion.time)
+    along = replace(motion, robot=driven)
+    np.testing.assert_allclose(forced(own, along)[:, 6], want, rtol=1e-9)
+    in_kelvin = replace(measured, inputs={'extra/oil': replace(oil, units=('K',))})
+    other = replace(motion, robot=with_inputs(robot(), in_kelvin))
+    with pytest.raises(ConfigurationError, match=r"extra\.oil\.unit: is in 'degC' here"):
+        forced(own, other)
+
+
+def test_friction_that_follows_a_measured_temperature_is_found():
+    growing = {'c': {'unit': 'N m s/rad'}, 'T': {'unit': 's', 'fixed': 10.0}}
+    hidden = {**VISCOUS, 'torque': '-c * rate * time / T', 'parameters': growing, 'c': 0.7}
+    record = recorded(hidden)
+    stamps = record.joints.stamp_ns[::109]
+    oil = InputSeries(('oil',), stamps, 20.0 + 1e-9 * stamps[:, None], ('degC',))
+    per_kelvin = {'unit': 'N m s/rad/K', 'size': 1.0, 'relevant': 0.005}
+    cold = {'unit': 'degC', 'fixed': 20.0}
+    asked = {
+        **{**WARM, 'torque': '-c * rate * (extra[oil] - cold)'},
+        'parameters': {'c': per_kelvin, 'cold': cold},
+    }
+    believed = bind_effects({'own': asked}, robot())
+    record = replace(record, inputs={'extra/oil': oil})
+    others = [CATALOGUE['joint_viscous_friction'], CATALOGUE['joint_coulomb_friction']]
+    cause = found(record, believed, [type(believed[0]), *others])
+    assert (cause.applied.id, cause.applied.where) == ('formula_own', 'j_first')
+    c = cause.parameters['c']
+    assert abs(c.value - 0.07) < 4.0 * c.std
+
+
+@pytest.mark.parametrize(
+    ('where', 'entry', 'why'),
+    [
+        (
+            'j_first',
+            {'torque': 'c * rate[elbow]'},
+            r'rate\[elbow\]: no such joint \(there are',
+        ),
+        ('j_first', {'torque': 'c * base_rate[w]'}, r"nothing is called 'base_rate\[w\]' here"),
+        ('j_first', {'torque': 'c * extra[oil]'}, r"'extra\[oil\]' here"),
+        ('base_link/x', {'torque': 'c * rate'}, r"'rate' here \(there are position\[JOINT\]"),
+        ('base_link/x', {'change': 'c', 'channel': 'joint_effort'}, 'is of a joint'),
+        ('j_first', {'change': 'c', 'channel': 'gyro'}, 'acts on the base'),
+        ('j_first', {'force': 'c'}, 'acts on the base'),
+        ('base_link/x', {'change': 'c * reading', 'channel': 'attitude'}, "'reading' here"),
+    ],
+)
+def test_quantities_that_are_not_there_are_refused(where, entry, why):
+    given = {'effect': 'formula', 'where': where, 'parameters': {'c': {'unit': 'N m s'}}}
+    with pytest.raises(ConfigurationError, match=why):
+        bind_effects({'own': {**given, **entry}}, free())
+    if where == 'j_first' and 'rate[elbow]' in str(entry):
+        with pytest.raises(ConfigurationError, match=r'base_rate\[x\]: the base is fixed'):
+            of('-c * base_rate[x]', {'c': 'N m s'}, body=robot())
+
+
 @pytest.mark.parametrize(
     ('change', 'why'),
     [
+        ({'torque': '-c * rate * 1e999'}, r'own\.torque: has a number that is too large'),
+        ({'torque': f'-c * rate * 1{400 * "0"}'}, r'own\.torque: has a number that is too large'),
+        ({'torque': '-c * rate ** 9**9**9'}, 'only a number is an exponent'),
+        ({'torque': '-c * rate * 9.0 ** 9 ** 9'}, 'is not finite at'),
+        ({'torque': f'c{900 * ".a"}'}, 'is not part of a formula'),
+        ({'torque': '-c * rate[0]'}, r"'rate\[0\]' is not part of a formula"),
+        ({'torque': '-c * rate[sin(1)]'}, 'is not part of a formula'),
+        ({'parameters': {'c': {'unit': 'N m s', 'guesses': 3}}}, 'expected a list'),
+        ({'parameters': {'c': {'unit': 'N m s', 'size': 0.0}}}, 'must be above 0'),
+        ({'parameters': {'c': {'unit': 'N m s', 'minimum': 2.0, 'maximum': 1.0}}}, r'c\.minimum'),
         ({'torque': '-c * speed'}, r"effects\.own\.torque: nothing is called 'speed' here"),
         ({'torque': '-c * rate +'}, r'is no formula: invalid syntax'),
         ({'torque': '-c * velocity(rate)'}, r"there is no function 'velocity'"),
@@ -192,8 +360,11 @@ def test_a_sensor_reads_what_the_formula_adds(rng):
         ({'c': -1.0}, r'effects\.own\.c: -1'),
         ({'d': 1.0}, r'effects\.own\.d: no such parameter \(it has c\)'),
         ({'parameters': {'c': {'unit': 'lbf'}}}, r"'lbf' is no SI unit"),
-        ({'parameters': {'c': {}}}, r'parameters\.c: expected \{unit'),
-        ({'parameters': {'c': {'unit': '1', 'sise': 1.0}}}, "there is no 'sise'"),
+        ({'parameters': {'c': {}}}, r'parameters\.c\.unit: required parameter is missing'),
+        (
+            {'parameters': {'c': {'unit': '1', 'scale': 1.0}}},
+            r'c\.scale: unknown parameter',
+        ),
         ({'where': 'j_second'}, 'expected N'),
         ({'where': 'elbow'}, "no place 'elbow'"),
         ({'change': 'c'}, 'needs one formula'),

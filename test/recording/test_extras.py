@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
+from support.models import Part, robot_of
 
+from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.estimation.extras import extras_at
+from spacerobot_ros.recording.faults.extra import extra_faults
 from spacerobot_ros.recording.mapping import load_mapping
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+from spacerobot_ros.recording.robot_inputs import with_inputs
 from spacerobot_ros.recording.series import InputSeries
 
 TIMES = np.linspace(0.0, 10.0, 101)
@@ -28,6 +33,10 @@ def table(tmp_path, temperature):
     return path, tmp_path / 'map.yaml'
 
 
+def robot():
+    return robot_of([Part('base_link', -1, 'base', 10.0, np.zeros(3), np.eye(3))], base='free')
+
+
 def with_extra(stamps, values):
     joints = JointSeries(('a',), to_stamps(TIMES), np.sin(TIMES)[:, None])
     series = InputSeries(('temp',), to_stamps(np.asarray(stamps)), np.asarray(values)[:, None])
@@ -42,7 +51,9 @@ def test_a_column_is_read_in_the_unit_that_is_written(tmp_path):
     series = record.inputs['extra/motor_temp']
     assert series.units == ('degC',)
     np.testing.assert_array_equal(series.values[:, 0], np.arange(20.0, 121.0, 10.0))
-    found = extras_at(record, TIMES)['motor_temp']  # straight between its samples
+    still = np.zeros((len(TIMES), 0))
+    motion = Motion(with_inputs(robot(), record), TIMES, still, still, still)
+    found = motion.extra['motor_temp']  # straight between its samples
     np.testing.assert_allclose(found, 20.0 + np.arange(101), rtol=0, atol=1e-9)
 
 
@@ -61,5 +72,7 @@ def test_a_column_that_never_changes_is_refused(tmp_path):
 )
 def test_another_clock_and_a_missing_part_are_refused(stamps, message):
     record = with_extra(stamps, np.linspace(20.0, 40.0, len(stamps)))
-    with pytest.raises(RecordingError, match=message):
-        extras_at(record, TIMES)
+    (fault,) = extra_faults(record)
+    assert re.match(message, f'{fault.place}: {fault.message}')
+    # a slow one that covers the motion is none
+    assert not list(extra_faults(with_extra(np.linspace(0.0, 9.9, 6), np.arange(6.0))))

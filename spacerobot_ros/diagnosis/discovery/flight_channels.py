@@ -20,7 +20,6 @@ from ...effects.catalogue import CATALOGUE
 from ...effects.law_inputs import input_of
 from ...effects.motion import Motion
 from ...estimation.columns import candidate_at
-from ...estimation.extras import extras_at
 from ...estimation.refit import Fit
 from ...estimation.response import Response
 from ...types import Array, IntArray
@@ -46,8 +45,7 @@ class FlightRows:
     @cached_property
     def motion(self) -> Motion:
         """Along the record, at the times of the filter."""
-        motion = self.fit.rows.motion
-        return replace(motion, extra=extras_at(self.fit.run.record, motion.time))
+        return self.fit.rows.motion
 
     @cached_property
     def _windows(self) -> tuple[csr_array, Array]:

@@ -15,6 +15,7 @@ from ...model.robot import Robot
 from ..record import JointSeries, Record
 from .clocks import clock_faults
 from .dynamics import find_torque_faults
+from .extra import extra_faults
 from .kinematics import dead_base, find_faults
 from .thresholds import FEWEST_SAMPLES, DataFault, in_lines
 
@@ -47,6 +48,7 @@ def data_faults(record: Record, robot: Robot | None) -> tuple[str, ...]:
         (*_dead_joints(record.joints), *dead_base(record)),
         find_faults(record),
         () if robot is None else find_torque_faults(record, robot),
+        tuple(extra_faults(record)),
     ):
         if faults:
             return in_lines(faults)
