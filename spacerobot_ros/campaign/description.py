@@ -12,9 +12,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from operator import itemgetter
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, TypeVar, cast
 
 from ..display import Section, Table
+
+_T = TypeVar('_T')
 
 Record = dict[str, Any]
 """Plain JSON data of one trial, its key as `case`."""
@@ -113,9 +115,9 @@ def key(*parts: Any) -> str:
     return json.dumps(parts)
 
 
-def grouped(records: Iterable[Record], of: Callable[[Record], Any]) -> dict[Any, list[Record]]:
+def grouped(records: Iterable[_T], of: Callable[[_T], Any]) -> dict[Any, list[_T]]:
     """Records that have the same of something, in the order of their first ones."""
-    out: dict[Any, list[Record]] = {}
+    out: dict[Any, list[_T]] = {}
     for record in records:
         out.setdefault(of(record), []).append(record)
     return out
@@ -180,12 +182,12 @@ DIAGNOSIS = Campaign(
     name='diagnosis',
     help="""\
 hidden effects found and named (docs/diagnosis.md): clean records, every effect at
-several strengths, pairs, effects taken out of the catalogue; confusion, detection, false alarms.
-A night's work; --quick takes minutes""",
+several strengths, pairs, triples, effects taken out of the catalogue; confusion, detection, false
+alarms. A night's work; --quick takes minutes""",
     module='diagnosis_campaign',
     title='Diagnosis: hidden effects, found and named',
     subtitle="Seeded records of the project's own plant",
-    runs=300,
+    runs=600,
     quick_runs=6,
     file='diagnosis.jsonl',
     markdown='diagnosis.md',

@@ -1,13 +1,14 @@
 """Diagnosis campaign: hidden effects in simulated records, thousands of seeded cases.
 
-A case hides nothing, one effect, two, or one that is taken out of the catalogue.
+A case hides nothing, one effect, two, three, or one that is taken out of the catalogue. Records
+are of the project's own plant, or of any module that offers the same (`truth_of`).
 """
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -22,24 +23,22 @@ from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed
 from ..estimation.refit import Fit
 from ..estimation.runs import Run
-from .description import Record
+from ..model.robot import Robot
+from ..recording.record import Record as Measured
+from .description import Record, grouped
 from .diagnosis_campaign_tables import drawings as drawings
 from .diagnosis_campaign_tables import tables as tables
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED
-from .diagnosis_scenario import DURATION, EXCITATIONS, ROBOTS, robot_file, simulated
+from .diagnosis_scenario import DURATION, truth_of
 from .diagnosis_score import judge as judge
 from .diagnosis_score import results as results
 
 MULTIPLES = (1.0, 3.0, 10.0)
 _SEEDS = 2  # of every effect at every strength, on every robot
-_PAIRS, _QUICK_PAIRS = 60, 2  # of effects, each hidden at two strengths
-_URGENCY = {
-    ('clean', 0.0): 0,
-    ('single', MULTIPLES[1]): 0,
-    ('pair', MULTIPLES[1]): 1,
-    ('left_out', MULTIPLES[-1]): 1,
-}
+_SEVERAL = {'pair': (2, 60), 'triple': (3, 30)}  # effects at once, and records at each strength
+_QUICK_SEVERAL = 2
+_LAST = ('single', MULTIPLES[0])  # of no figure to reach
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,11 +46,12 @@ class HiddenCase:
     """One record to diagnose.
 
     Args:
-        kind: `clean`, `single`, `pair` or `left_out`.
+        kind: `clean`, `single`, `pair`, `triple` or `left_out`.
         robot: Name. excitation: Name. seed: Of motion, noise and values.
         effects: Ids of what is hidden; the places are drawn.
         multiple: Strength by the detection limit.
         duration: [s].
+        truth: Module that simulates; empty: the project's own plant.
     """
 
     kind: str
@@ -61,6 +61,7 @@ class HiddenCase:
     effects: tuple[str, ...] = ()
     multiple: float = 0.0
     duration: float = DURATION
+    truth: str = ''
 
     @property
     def key(self) -> str:
@@ -68,56 +69,83 @@ class HiddenCase:
         return json.dumps(asdict(self), sort_keys=True)
 
 
-def trials(runs: int, is_quick: bool) -> list[str]:
+def trials(runs: int, is_quick: bool, truth: str = '') -> list[str]:
     """Every case, mixed; what the figures to reach are about comes first.
 
     Args:
         runs: Records in which nothing is hidden.
-        is_quick: Each effect once, at three times its limit, and few pairs: minutes, not a night.
+        is_quick: Each effect once, at three times its limit, and few at once: minutes, no night.
+        truth: Module that simulates.
     """
-    clean = (_case('clean', seed, seed) for seed in range(runs))
-    out = [*clean, *_hidden(is_quick), *_pairs(_QUICK_PAIRS if is_quick else _PAIRS)]
+    clean = (_case('clean', seed, seed, truth=truth) for seed in range(runs))
+    out = [*clean, *_hidden(is_quick, truth), *_several(is_quick, truth)]
     order = np.random.default_rng(0).permutation(len(out))
-    cases = sorted((out[i] for i in order), key=lambda c: _URGENCY.get((c.kind, c.multiple), 2))
-    return [case.key for case in cases]
+    return [case.key for case in _by_urgency(out[i] for i in order)]
 
 
-def _fitted() -> list[str]:
-    return [effect.id for effect in CATALOGUE.values() if effect.is_fitted]
+def _by_urgency(cases: Iterable[HiddenCase]) -> list[HiddenCase]:
+    """All kinds spread evenly over each other, in case the campaign is cut off."""
+    groups = grouped(cases, lambda case: (case.kind, case.multiple))
+    placed = [
+        (group == _LAST, (number + 0.5) / len(some), case)
+        for group, some in groups.items()
+        for number, case in enumerate(some)
+    ]
+    return [case for *_, case in sorted(placed, key=lambda entry: entry[:2])]
 
 
-def _hidden(is_quick: bool) -> Iterator[HiddenCase]:
+def _fitted(robot: str, truth: str) -> list[str]:
+    """What the diagnosis looks for on a robot and the truth can have."""
+    module = truth_of(truth)
+    here = {effect for effect, _ in places(module.robot_file(robot).robot)}
+    return [effect for effect in module.EFFECTS if effect in here]
+
+
+def _hidden(is_quick: bool, truth: str) -> Iterator[HiddenCase]:
     """Each effect at all strengths, and the strongest again without its name in the catalogue."""
-    for number, effect in enumerate(_fitted()):
-        turns = (number % len(ROBOTS),) if is_quick else range(_SEEDS * len(ROBOTS))
+    module = truth_of(truth)
+    robots, every = len(module.ROBOTS), {r: _fitted(r, truth) for r in module.ROBOTS}
+    for number, effect in enumerate(module.EFFECTS):
+        turns = [k for k in range(_SEEDS * robots) if effect in every[module.ROBOTS[k % robots]]]
+        if is_quick:
+            turns = turns[number % len(turns) :][:1] if turns else []
         for k in turns:
             seed = 10_000 + 100 * number + k
             for multiple in MULTIPLES[1:2] if is_quick else MULTIPLES:
-                yield _case('single', k, seed, (effect,), multiple)
+                yield _case('single', k, seed, (effect,), multiple, truth)
             if not is_quick:
-                yield _case('left_out', k, seed, (effect,), MULTIPLES[-1])
+                yield _case('left_out', k, seed, (effect,), MULTIPLES[-1], truth)
 
 
-def _pairs(count: int) -> Iterator[HiddenCase]:
-    ids = _fitted()
+def _several(is_quick: bool, truth: str) -> Iterator[HiddenCase]:
+    robots = truth_of(truth).ROBOTS
     rng = np.random.default_rng(1)
-    for k in range(count):
-        first, second = rng.choice(len(ids), 2, replace=False)
-        for multiple in MULTIPLES[1:]:
-            yield _case('pair', k, 20_000 + k, (ids[first], ids[second]), multiple)
+    for kind, (size, count) in _SEVERAL.items():
+        for k in range(_QUICK_SEVERAL if is_quick else count):
+            ids = _fitted(robots[k % len(robots)], truth)
+            chosen = tuple(str(e) for e in rng.choice(ids, size, replace=False))
+            for multiple in MULTIPLES[1:]:
+                yield _case(kind, k, 10_000 * size + k, chosen, multiple, truth)
 
 
 def _case(
-    kind: str, turn: int, seed: int, effects: tuple[str, ...] = (), multiple: float = 0.0
+    kind: str,
+    turn: int,
+    seed: int,
+    effects: tuple[str, ...] = (),
+    multiple: float = 0.0,
+    truth: str = '',
 ) -> HiddenCase:
-    robots, excitations = len(ROBOTS), tuple(EXCITATIONS)
+    module = truth_of(truth)
+    robots, excitations = len(module.ROBOTS), tuple(module.EXCITATIONS)
     return HiddenCase(
         kind=kind,
-        robot=ROBOTS[turn % robots],
+        robot=module.ROBOTS[turn % robots],
         excitation=excitations[turn // robots % len(excitations)],
         seed=seed,
         effects=effects,
         multiple=multiple,
+        truth=truth,
     )
 
 
@@ -130,19 +158,29 @@ def run(key: str) -> Record:
     failure = NOT_SIMULATED  # such as an effect under which the controller is not stable
     try:
         hidden, strength = _hide(case, rng)
-        record = simulated(case.robot, case.excitation, case.seed, hidden, case.duration)
+        record, robot = _simulated(case, hidden)
         failure, started = REFUSED, time.perf_counter()
-        said = _said(diagnose(record, robot_file(case.robot).robot, catalogue=_known(case)))
+        said = _said(diagnose(record, robot, catalogue=_known(case)))
         wall = time.perf_counter() - started
     except SpaceRobotError as error:
         said = {'verdict': failure, 'causes': [], 'minor': [], 'error': str(error)}
     return {
-        **{name: getattr(case, name) for name in ('kind', 'robot', 'excitation', 'multiple')},
+        **{
+            name: getattr(case, name)
+            for name in ('kind', 'robot', 'excitation', 'multiple', 'truth')
+        },
         'strength': strength,
         'hidden': [{'effect': h.id, 'where': h.where, 'values': dict(h.values)} for h in hidden],
         'wall_s': wall,
         **said,
     }
+
+
+def _simulated(case: HiddenCase, hidden: Sequence[Effect]) -> tuple[Measured, Robot]:
+    """The record of a case, and the robot that its user has."""
+    module = truth_of(case.truth)
+    record = module.simulated(case.robot, case.excitation, case.seed, hidden, case.duration)
+    return record, module.robot_file(case.robot).robot
 
 
 def _known(case: HiddenCase) -> list[type[Effect]]:
@@ -158,8 +196,7 @@ def _hide(case: HiddenCase, rng: np.random.Generator) -> tuple[list[Effect], flo
     """
     if not case.effects:
         return [], 0.0
-    robot = robot_file(case.robot).robot
-    record = simulated(case.robot, case.excitation, case.seed, (), case.duration)
+    record, robot = _simulated(case, ())
     measured = observed(record, robot)
     clean = Fit(Run(measured, robot, (), noise_levels(robot.sensors, measured)[0]), ())
     hidden = []

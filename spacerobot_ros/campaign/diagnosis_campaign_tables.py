@@ -66,8 +66,13 @@ def _shares(s: Scores) -> Table:
 
 
 def _found(s: Scores) -> Table:
-    strengths = sorted({*s['top'], *s['pairs']})
-    named = {'all': 'top', 'pairs, exactly': 'pairs', 'frequencies within 1 %': 'frequencies'}
+    named = {
+        'all': 'top',
+        'pairs, exactly': 'pairs',
+        'triples, exactly': 'triples',
+        'frequencies known to 0.3 % within 1 %': 'frequencies',
+    }
+    strengths = sorted({m for of in named.values() for m in s[of]})
     shares = {**{name: s[of] for name, of in named.items()}, **s['found']}
     return Table(
         ['effect', *(f'{m:g} x limit' for m in strengths)],

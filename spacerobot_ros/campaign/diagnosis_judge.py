@@ -105,12 +105,12 @@ def _single(line: Line) -> str:
     return 'wrong name' if found(line) else str(line['verdict'])
 
 
-def _pair(line: Line) -> str:
+def _several(line: Line) -> str:
     if is_exact(line):
         return 'right'
     groups, names = found(line), hidden(line)
     if groups and all(any(n in g for n in names) for g in groups):
-        return 'one of two'
+        return 'some of them'
     return 'wrong name' if groups else str(line['verdict'])
 
 
@@ -122,4 +122,10 @@ def _left_out(line: Line) -> str:
     return 'equivalent' if all(is_equivalent(c, truth) for c in causes) else 'wrong name'
 
 
-_OF = {'clean': _clean, 'single': _single, 'pair': _pair, 'left_out': _left_out}
+_OF = {
+    'clean': _clean,
+    'single': _single,
+    'pair': _several,
+    'triple': _several,
+    'left_out': _left_out,
+}

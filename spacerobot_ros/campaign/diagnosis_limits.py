@@ -14,7 +14,7 @@ from ..effects.parameter import Parameter
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_of
 from .description import grouped
 from .diagnosis_judge import Line
-from .diagnosis_scenario import robot_file
+from .diagnosis_scenario import truth_of
 
 
 def physical_limits(lines: Sequence[Line]) -> dict[str, dict[str, Any]]:
@@ -54,7 +54,8 @@ def _size(effect: type[Effect], line: Line) -> float:
 
 def _relevant(effect: type[Effect], line: Line) -> float:
     """From where on the first main parameter matters at its place."""
-    robot, where = robot_file(line['robot']).robot, line['hidden'][0]['where']
+    robot = truth_of(line['truth']).robot_file(line['robot']).robot
+    where = line['hidden'][0]['where']
     first = effect.parameters.index(main_parameters(effect)[0])
     return effect.parameters_at(robot, where)[first].relevant
 

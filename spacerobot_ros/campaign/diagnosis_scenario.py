@@ -1,19 +1,26 @@
-"""Robots, motions and records of the diagnosis campaign: the project's own plant with effects."""
+"""Robots, motions and records of the diagnosis campaign: the project's own plant with effects.
+
+Another module may take this one's place (`truth_of`), so that records come from an engine that
+shares no code with what is put to the test.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from ..control.joint_reference import build_reference
 from ..control.loop import ControlLoop
 from ..diagnosis.answer.extended_model import effects_section
+from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
-from ..errors import SimulationDivergedError
+from ..errors import ConfigurationError, SimulationDivergedError
 from ..model.motion_settings import ReferenceSettings
 from ..model.settings import TruthSettings
 from ..recording.buffer import SampleBuffer
@@ -21,13 +28,50 @@ from ..recording.record import Record
 from ..simulation.closed_loop import ClosedLoop, Step
 from .packaged_robots import flown, fourier
 
-ROBOTS = ('servicer', 'minisat')
+ROBOTS = ('servicer', 'minisat', 'twin')
+EFFECTS = tuple(effect.id for effect in CATALOGUE.values() if effect.is_fitted)
 EXCITATIONS = {'default': (0.3, 2, 4), 'fast': (0.6, 5, 8), 'slow': (0.3, 1, 2)}
 """Name to largest angle of a joint [rad], first and last harmonic of the record's length."""
 
 DURATION = 20.0  # s of a record
 _UNSTABLE = 5.0  # times the motion's fastest rate: no controller would be flown like that
-_WHEELS = {'servicer': (42.0, 49.0, 41.0)}  # N m s in the captured body, known to the model
+_WHEELS = {  # N m s in the captured body, known to the model
+    'servicer': (42.0, 49.0, 41.0),
+    'twin': (-7.0, 5.0, 11.0),
+}
+
+
+class Truth(Protocol):
+    """What simulates the records of a campaign: this module, or one that is named instead.
+
+    Attributes:
+        ROBOTS: Names of its robots. EFFECTS: Ids of what it can hide.
+        EXCITATIONS: By the name of a motion.
+    """
+
+    ROBOTS: tuple[str, ...]
+    EFFECTS: tuple[str, ...]
+    EXCITATIONS: Mapping[str, Any]
+
+    def robot_file(self, name: str) -> RobotFile:
+        """A robot of `ROBOTS` as its user has it."""
+
+    def simulated(
+        self, robot: str, excitation: str, seed: int, effects: Sequence[Effect], duration: float
+    ) -> Record:
+        """A record of the robot with effects."""
+
+
+def truth_of(module: str) -> Truth:
+    """The module that simulates, by its name; this one without.
+
+    Raises:
+        ConfigurationError: there is no such module.
+    """
+    try:
+        return cast(Truth, import_module(module or __name__))
+    except ImportError as error:
+        raise ConfigurationError('truth', f'{module!r} can not be imported: {error}') from error
 
 
 @cache

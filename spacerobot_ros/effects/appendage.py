@@ -97,7 +97,8 @@ class Appendage(Sprung):
             robot, -np.array([0.0, 0.0, 0.0, 0.0, xx, xy, yy, xz, yz, zz])
         )
         if self.follows_acceleration:
-            part = self['inertia'] * self.directions @ self.directions.T
+            S = self.directions(robot)
+            part = self['inertia'] * S @ S.T
             host = spatial_inertias(self.row(robot)[None])[0]
             least = float(np.linalg.eigvalsh(host - part)[0])
             if least < 0.0:
@@ -182,8 +183,7 @@ class Appendage(Sprung):
             for frequency, (x, y, z) in itertools.product(FREQUENCIES, np.eye(3).tolist())
         )
 
-    @cached_property
-    def directions(self) -> Array:
+    def directions(self, robot: Robot) -> Array:
         """(6, 1) [t; a]."""
         return np.concatenate([self.translation, self.axis])[:, None]
 

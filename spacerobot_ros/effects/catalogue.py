@@ -21,6 +21,7 @@ from . import (
     external,
     flexibility,
     formula,
+    grasp,
     gravity,
     gyrostats,
     joint_friction,
@@ -41,7 +42,7 @@ from .own_kinds import add_installed, add_named
 _MODULES = (
     *(joint_friction, motors, presliding, coupled_friction, flexibility, learned_torque, formula),
     *(joint_sensors, sensor_errors, gyrostats, rotors),
-    *(bodies, appendage, sprung, environment, leaking_thruster, gravity, orbit),
+    *(bodies, appendage, grasp, sprung, environment, leaking_thruster, gravity, orbit),
     *(thrusters, external),
 )
 

@@ -13,20 +13,22 @@ from scipy.stats import binomtest
 from spacerobot_ros.campaign.description import DIAGNOSIS
 from spacerobot_ros.campaign.diagnosis_campaign import HiddenCase, run, trials
 from spacerobot_ros.campaign.diagnosis_campaign_tables import CONFUSION, ROC
-from spacerobot_ros.campaign.diagnosis_draw import drawn
+from spacerobot_ros.campaign.diagnosis_draw import drawn, places
 from spacerobot_ros.campaign.diagnosis_judge import EQUIVALENTS, is_equivalent, outcome
 from spacerobot_ros.campaign.diagnosis_limits import physical_limits
-from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.campaign.diagnosis_scenario import ROBOTS, robot_file, simulated
 from spacerobot_ros.campaign.diagnosis_score import score
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
 
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
+BIAS = ('torque_sensor_bias', 'joint_2')
 VALUES = {
     'gyro_bias': {'x': 3e-5, 'y': 0.0, 'z': 4e-5},
     'joint_torque_ripple': {'amplitude': 0.5, 'harmonic': 10.0, 'phase': 1.0},
@@ -41,6 +43,7 @@ def line(kind, hidden=(), causes=(), verdict='explained', multiple=3.0, **more):
         'case': '',
         'kind': kind,
         'robot': 'servicer',
+        'truth': '',
         'multiple': multiple,
         'strength': multiple,
         'hidden': [{'effect': e, 'where': w, 'values': VALUES[e]} for e, w in hidden],
@@ -70,6 +73,8 @@ def test_scores_of_cases_by_hand():
             line('single', [GYRO], [GYRO]),
             line('single', [RIPPLE], [GYRO]),
             line('pair', [GYRO, RIPPLE], [RIPPLE, GYRO], multiple=10.0),
+            line('triple', [GYRO, RIPPLE, BIAS], [RIPPLE, GYRO], multiple=10.0),
+            line('triple', [GYRO, RIPPLE, BIAS], [BIAS, RIPPLE, GYRO], multiple=10.0),
             line('left_out', [GYRO], [RIPPLE], multiple=10.0),
         ]
     )
@@ -80,8 +85,10 @@ def test_scores_of_cases_by_hand():
         'gyro_bias': {'gyro_bias': 1},
     }
     assert (scores['pairs'], scores['left_out_wrong']) == ({10.0: Share(1, 1)}, Share(1, 1))
-    assert scores['within'] == Share(7, 7)  # phase and harmonic are in no proportion
-    assert scores['held_out'] == Share(2, 2)
+    assert scores['triples'] == {10.0: Share(1, 2)}
+    assert scores['outcomes']['triple 10.0'] == {'some of them': 1, 'right': 1}
+    assert scores['within'] == Share(16, 16)  # phase and harmonic are in no proportion
+    assert scores['held_out'] == Share(3, 3)
     assert scores['wall'] == (2.0, 2.0)
     assert scores['found'] == {
         'gyro_bias': {3.0: Share(1, 1)},
@@ -147,10 +154,11 @@ def test_declared_equivalents_are_of_the_catalogue(narrower, wider, why):
 
 def test_values_without_a_deviation_and_detuned_frequencies_are_no_hits():
     good, bad = line('single', [RIPPLE], [RIPPLE]), line('single', [RIPPLE], [RIPPLE])
-    bad['causes'][0]['values'] = {'amplitude': [0.5, None], 'harmonic': [10.11, 0.1]}
-    good['causes'][0]['values']['harmonic'] = [10.09, 0.1]
-    scores = score([good, bad])
-    assert (scores['within'], scores['without_std']) == (Share(1, 2), 1)
+    unsure = line('single', [RIPPLE], [RIPPLE])  # to 1 %: not asked for
+    bad['causes'][0]['values'] = {'amplitude': [0.5, None], 'harmonic': [10.11, 0.03]}
+    good['causes'][0]['values']['harmonic'] = [10.09, 0.03]
+    scores = score([good, bad, unsure])
+    assert (scores['within'], scores['without_std']) == (Share(2, 3), 1)
     assert scores['frequencies'] == {3.0: Share(1, 2)}
 
 
@@ -246,7 +254,38 @@ def test_cases_are_the_same_every_time_and_all_different():
     assert len(set(first)) == len(first)
     cases = [json.loads(key) for key in first]
     assert sum(case['kind'] == 'clean' for case in cases) >= 300
-    assert {case['multiple'] for case in cases if case['kind'] == 'pair'} == {3.0, 10.0}
+    for kind, size in (('pair', 2), ('triple', 3)):
+        some = [case for case in cases if case['kind'] == kind]
+        assert {case['multiple'] for case in some} == {3.0, 10.0}
+        assert {len(set(case['effects'])) for case in some} == {size}
+    trees = [robot_file(robot).robot.bodies[1:] for robot in {case['robot'] for case in cases}]
+    assert {sum(body.parent == 0 for body in tree) for tree in trees} == {1, 2}  # arms
+
+
+def test_every_effect_that_a_robot_can_have_is_hidden_at_all_strengths_and_left_out():
+    cases = [json.loads(key) for key in trials(0, False)]
+    for robot in ROBOTS:
+        possible = {effect for effect, _ in places(robot_file(robot).robot)}
+        for kind, multiple in [
+            ('single', 1.0),
+            ('single', 3.0),
+            ('single', 10.0),
+            ('left_out', 10.0),
+        ]:
+            hidden = {
+                case['effects'][0]
+                for case in cases
+                if (case['kind'], case['multiple'], case['robot']) == (kind, multiple, robot)
+            }
+            assert hidden == possible, (robot, kind, multiple)
+
+
+def test_a_campaign_that_is_cut_off_has_something_of_everything_urgent():
+    kinds = [(c['kind'], c['multiple']) for c in map(json.loads, trials(600, False)[:200])]
+    for kind in [('clean', 0.0), ('single', 3.0), ('single', 10.0), ('left_out', 10.0)]:
+        assert kinds.count(kind) >= 20, kind
+    for kind in [('pair', 3.0), ('pair', 10.0), ('triple', 3.0), ('triple', 10.0)]:
+        assert kinds.count(kind) >= 2, kind
 
 
 def test_a_hidden_effect_is_found():
@@ -262,3 +301,24 @@ def test_a_hidden_effect_is_found():
     found = run(case.key)
     assert [(h['effect'], h['where']) for h in found['hidden']] == [('gyro_bias', None)]
     assert score([found])['top'] == {10.0: Share(1, 1)}
+
+
+def test_records_may_come_from_an_independent_engine():
+    pytest.importorskip('mujoco')
+    engine = 'support.mujoco_campaign'
+    cases = [json.loads(key) for key in trials(3, False, engine)]
+    assert {case['truth'] for case in cases} == {engine}
+    case = HiddenCase(
+        kind='single',
+        robot='twin',
+        excitation='default',
+        seed=5,
+        effects=('gyro_bias',),
+        multiple=10.0,
+        duration=5.0,
+        truth=engine,
+    )
+    found = run(case.key)
+    assert score([found])['top'] == {10.0: Share(1, 1)}
+    with pytest.raises(ConfigurationError, match='no_such_engine'):
+        trials(3, False, 'no_such_engine')
