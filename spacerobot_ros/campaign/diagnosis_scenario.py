@@ -104,7 +104,7 @@ def simulated(
         SimulationDivergedError: the controller is not stable with the effects.
     """
     file = robot_file(robot)
-    reference = _motion(file.robot.n_joints, excitation, seed, duration)
+    reference = motion_of(file.robot.n_joints, excitation, seed, duration)
     simulator = replace(file.settings.simulator, seed=seed)
     believed = replace(file.settings, reference=reference, simulator=simulator)
     loop = ClosedLoop(file.robot, replace(believed, effects=effects_section(effects)))
@@ -127,7 +127,7 @@ def _check_stable(steps: Sequence[Step], fastest: float) -> None:
             raise SimulationDivergedError(1e-9 * step.stamp_ns, reason)
 
 
-def _motion(n: int, excitation: str, seed: int, duration: float) -> ReferenceSettings:
+def motion_of(n: int, excitation: str, seed: int, duration: float) -> ReferenceSettings:
     """Random harmonics of the record's length, each joint up to the same angle."""
     largest, first, last = EXCITATIONS[excitation]
     order = np.arange(first, last + 1)

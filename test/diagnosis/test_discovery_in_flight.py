@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.diagnosis import hand_made
 
-from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.campaign.diagnosis_scenario import motion_of, robot_file, simulated
+from spacerobot_ros.control.loop import ControlLoop
+from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import discover_in_flight
 from spacerobot_ros.effects.catalogue import bind_effects
+from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
+from spacerobot_ros.simulation.closed_loop import ClosedLoop
 
 ROBOT, SECONDS = 'minisat', 8.0
 DRAG = 0.02  # N m s^2/rad^2
@@ -37,26 +43,79 @@ def joint():
     return robot_file(ROBOT).robot.arm[1]
 
 
-def test_drag_of_a_joint_is_found_there_alone(joint):
+@pytest.fixture(scope='module')
+def hidden(joint):
+    """Drag as the machine has it: a table, which is no form of the grammar."""
     rates = np.linspace(-8.0, 8.0, 321)
-    answer = leftover(
-        effect='learned_torque',
-        where=joint,
-        form='table',
-        inputs=[f'rate/{joint}'],
-        knots={'x': rates.tolist()},
-        values=(-DRAG * rates * np.abs(rates)).tolist(),
-        range={f'rate/{joint}': [-8.0, 8.0]},
-        limit=10.0,
-        kind='dissipative',
-    )
-    ((channel, entry),) = laws(answer).items()
-    assert answer.verdict == 'partly_explained'
+    return {
+        'effect': 'learned_torque',
+        'where': joint,
+        'form': 'table',
+        'inputs': [f'rate/{joint}'],
+        'knots': {'x': rates.tolist()},
+        'values': (-DRAG * rates * np.abs(rates)).tolist(),
+        'range': {f'rate/{joint}': [-8.0, 8.0]},
+        'limit': 10.0,
+        'kind': 'dissipative',
+    }
+
+
+@pytest.fixture(scope='module')
+def dragged(hidden):
+    return leftover(**hidden)
+
+
+def test_drag_of_a_joint_is_found_there_alone(joint, dragged):
+    ((channel, entry),) = laws(dragged).items()
+    assert dragged.verdict == 'partly_explained'
     assert channel == f'joint_torque/{joint}'
     assert entry.depends_on == (f'rate/{joint}',)
     assert entry.form == 'x |x|'
     assert entry.coefficients[0].value == pytest.approx(-DRAG, rel=0.1)
     assert entry.applied.kind == 'dissipative'
+
+
+def tracking_errors(hidden, added):
+    """(n,) rms of reference less true angle, of a machine with drag, on a motion of its own."""
+    file = robot_file(ROBOT)
+    settings = replace(file.settings, reference=motion_of(file.robot.n_joints, 'fast', 6, SECONDS))
+    true = bind_effects({'hidden': hidden}, file.robot)
+    loop = ClosedLoop(file.robot, replace(settings, effects=effects_section(true)))
+    believed = replace(settings, effects=effects_section(added))
+    loop.controller = ControlLoop(file.robot, believed)
+    n = file.robot.n_joints
+    errors = [
+        step.command.setpoint.q - step.state.q[:n]
+        for step in loop.run(round(SECONDS / settings.simulator.period))
+        if step.command is not None
+    ]
+    return np.sqrt(np.mean(np.square(errors), axis=0))
+
+
+def test_the_controller_removes_what_the_law_does(joint, hidden, dragged):
+    """Of the error that drag causes: what noise causes is there without it, too."""
+    applied = laws(dragged)[f'joint_torque/{joint}'].applied
+    j = robot_file(ROBOT).robot.arm.index(joint)
+    without, with_it = (tracking_errors(hidden, added)[j] for added in ((), (applied,)))
+    noise = tracking_errors({**hidden, 'values': [0.0] * len(hidden['values'])}, ())[j]
+    caused, left = without**2 - noise**2, max(with_it**2 - noise**2, 0.0)
+    assert left < 0.2**2 * caused
+
+
+def test_three_times_as_fast_the_law_is_bounded_and_takes_energy(joint, dragged):
+    applied = laws(dragged)[f'joint_torque/{joint}'].applied
+    robot = robot_file(ROBOT).robot
+    low, high = applied.range[f'rate/{joint}']
+    rates = np.linspace(3.0 * low, 3.0 * high, 301)
+    j = robot.joints.index(joint)
+    still = np.zeros((len(rates), robot.n_joints))
+    motion = Motion(robot, np.zeros(len(rates)), still, still.copy(), still)
+    motion.qd[:, j] = rates
+    torque = applied.force(motion, np.zeros((len(rates), 0)))[:, 6 + j]
+    trained = DRAG * max(low**2, high**2)
+    assert np.max(np.abs(torque)) <= 1.5 * 1.1 * trained  # the coefficient is within a tenth
+    assert np.all(torque * rates <= 0.0)
+    assert np.max(np.abs(torque)) > 1.1 * trained  # bounded, not nothing
 
 
 def test_a_right_model_has_no_law():

@@ -17,6 +17,7 @@ from .spectral_terms import SpectralTerms, cosines
 from .time_sines import TimeSines
 
 FIFTHS = 5
+_SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +68,13 @@ class JointChannel:
 
     Args:
         motions: Of the arm. j: Number of the joint. variances: (6,) of its leftover.
-        deviations: (K,) of what is chosen and tolerated.
+        chosen: Numbers of the causes whose size is free.
     """
 
     motions: ArmMotions
     j: int
     variances: Array
-    deviations: Array
+    chosen: tuple[int, ...]
 
     @property
     def place(self) -> str:
@@ -126,10 +127,16 @@ class JointChannel:
 
     @cached_property
     def terms(self) -> SpectralTerms:
-        """The leftover's."""
-        return SpectralTerms.of(
-            self.rows.torque, self.rows.columns * self.deviations, self.whitened
-        )
+        """The leftover's; shapes of friction that no cause has are laws, not tolerances."""
+        rows = self.motions.rows
+        every = enumerate(rows.candidates)
+        absent = [i for i, c in every if c.kind.id in _SHAPES and i not in self.chosen]
+        deviations = rows.deviations(self.chosen, absent)
+        is_free = np.zeros(len(deviations), dtype=bool)
+        for i in self.chosen:
+            is_free[rows.places[i]] = True
+        own = self.rows
+        return SpectralTerms.of(own.torque, own.columns * deviations, is_free, self.whitened)
 
     @property
     def all_columns(self) -> Sequence[Array]:

@@ -37,7 +37,7 @@ def discover(
     moving = [j for j in np.flatnonzero(driven).tolist() if len(rows.joints[j].torque)]
     for count, j in enumerate(moving):
         report('asking what the leftover depends on', 0.85 + 0.05 * count / len(moving))
-        channel = JointChannel(motions, j, found.levels[j], found.fit.deviations)
+        channel = JointChannel(motions, j, found.levels[j], found.fit.chosen)
         laws, rest = laws_of(channel)
         accepted += laws
         if not laws:

@@ -79,8 +79,8 @@ class FlightRows:
         return self.averaged(self.fit.data)
 
     @cached_property
-    def nuisance(self) -> Array:
-        """(R, K) of named causes, and of inertial errors by their deviations."""
+    def tolerated(self) -> Array:
+        """(R, K) of inertial errors by their deviations."""
         robot, response = self.motion.robot, Response(self.motion.robot, self.motion)
         kind, forces = CATALOGUE['inertial_parameters'], []
         first = 0 if robot.is_free else 1
@@ -94,11 +94,15 @@ class FlightRows:
                     response.force(effect) * (_UNCERTAIN * size / step)
                     for (effect, step), size in steps
                 ]
-        columns = [self.rows(np.stack(forces, axis=2))] if forces else []
+        return self.rows(np.stack(forces, axis=2)) if forces else np.zeros((len(self.times), 0))
+
+    @cached_property
+    def named(self) -> Array:
+        """(R, K) of named causes, of any size."""
         own = self.averaged(self.fit.tangents)
         size = np.maximum(np.sqrt(np.mean(own**2, axis=0)), 1e-300)
         left = float(np.sqrt(np.mean(self.data**2)))
-        return np.concatenate([own * (_FREE * left / size), *columns], axis=1)
+        return np.asarray(own * (_FREE * left / size))
 
     @cached_property
     def extent(self) -> Extent:
@@ -156,8 +160,10 @@ class FlightChannel:
             self.flight.rows(self._force(place, np.ones((len(self.flight.motion), 1))))
             for place in self.columns_of
         ]
-        nuisance = np.column_stack([self.flight.nuisance, *(_FREE * x for x in offsets)])
-        return SpectralTerms.of(self.flight.data, nuisance, lambda rows: rows)
+        free = np.column_stack([self.flight.named, *(_FREE * x for x in offsets)])
+        nuisance = np.column_stack([free, self.flight.tolerated])
+        is_free = np.arange(nuisance.shape[1]) < free.shape[1]
+        return SpectralTerms.of(self.flight.data, nuisance, is_free, lambda rows: rows)
 
     @property
     def speed(self) -> Array:

@@ -213,10 +213,12 @@ class _Judge:
     """
 
     def __init__(self, search: LawSearch, scale: Array, beside: Array) -> None:
-        self.white = Whitening(search.terms, scale)
+        terms = search.terms
+        self.white = Whitening(terms.nuisance, scale)
         own = self.white(beside)
-        self.data = _without(own, self.white(search.terms.data))
-        before = np.sum((search.columns / scale[:, None]) ** 2, axis=0)
+        self.data = _without(own, self.white(terms.data))
+        tolerated = Whitening(terms.nuisance[:, ~terms.is_free], scale)
+        before = np.sum(tolerated(search.columns) ** 2, axis=0)
         columns = _without(own, self.white(search.columns))
         self._basis = GroupBasis(columns, search.groups, before)
         freedom = 0.5 * self._basis.sizes * math.log(len(scale))

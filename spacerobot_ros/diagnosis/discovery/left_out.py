@@ -54,7 +54,7 @@ class Parts:
         self._channel, self._part, self._times = channel, channel.part, channel.times
         self.level = terms.level(_beside(chosen, len(terms.data)))
         self._scale = self.level.scale
-        self._white = Whitening(terms, self._scale)
+        self._white = Whitening(terms.nuisance, self._scale)
         self._data = self._rows(terms.data)
         self._nuisance = self._rows(terms.nuisance)
 

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy.fft import dct, idct
 
-from ...types import Array, IntArray
+from ...types import Array, BoolArray, IntArray
 
 _FIRST, _WIDER = 12, 1.45  # terms of the first bin of frequency; the next one's by this
 _PASSES = 5
@@ -61,18 +61,27 @@ class SpectralTerms:
 
     Args:
         data: (M,). nuisance: (M, r) Z.
+        is_free: (r,) whether it may be of any size; the others have a tolerance, beyond which
+            they are not, so that a law like them shows all the same.
     """
 
     data: Array
     nuisance: Array
+    is_free: BoolArray
 
     @classmethod
-    def of(cls, data: Array, nuisance: Array, whitened: Callable[[Array], Array]) -> SpectralTerms:
+    def of(
+        cls,
+        data: Array,
+        nuisance: Array,
+        is_free: BoolArray,
+        whitened: Callable[[Array], Array],
+    ) -> SpectralTerms:
         """Of rows (R,) and (R, r), whitened together; an offset is free."""
-        seen = nuisance[:, np.any(nuisance != 0.0, axis=0)]
+        seen = np.any(nuisance != 0.0, axis=0)
         offset = np.full((len(data), 1), _FREE * np.sqrt(np.mean(data**2)))
-        terms = cosines(whitened(np.column_stack([data, offset, seen])))
-        return cls(terms[:, 0], terms[:, 1:])
+        terms = cosines(whitened(np.column_stack([data, offset, nuisance[:, seen]])))
+        return cls(terms[:, 0], terms[:, 1:], np.concatenate([[True], is_free[seen]]))
 
     @cached_property
     def _bins(self) -> tuple[IntArray, Array]:
@@ -101,7 +110,7 @@ class SpectralTerms:
             scale = self._smooth(left**2 + known)
         mean, covariance = _posterior(both, self.data, scale, prior, size)
         spread = np.sqrt(np.maximum(np.diag(covariance)[r:], 0.0))
-        white = Whitening(self, scale)
+        white = Whitening(self.nuisance, scale)
         rest = white(self.data - columns @ mean[r:])
         likelihood = -float(np.sum(np.log(scale))) - 0.5 * white.log_det - 0.5 * float(rest @ rest)
         return Level(scale, likelihood, mean[r:], spread)
@@ -120,13 +129,13 @@ class Whitening:
     """C^-1/2 of C = S (1 + Z_S Z_S^T) S with Z_S = S^-1 Z.
 
     Args:
-        terms: The channel's. scale: (M,) S.
+        nuisance: (M, r) Z. scale: (M,) S.
     """
 
-    def __init__(self, terms: SpectralTerms, scale: Array) -> None:
+    def __init__(self, nuisance: Array, scale: Array) -> None:
         self.scale = scale
         # the left singular vectors by way of the small matrix
-        scaled = terms.nuisance / scale[:, None]
+        scaled = nuisance / scale[:, None]
         values, vectors = np.linalg.eigh(scaled.T @ scaled)
         seen = values > 1e-12 * max(float(values[-1]), 1e-300) if len(values) else values > 0.0
         values = np.maximum(values[seen], 0.0)
@@ -158,7 +167,7 @@ class GroupBasis:
     Args:
         columns: (M, C) whitened, chosen laws taken out.
         groups: Columns of each group.
-        before: (C,) their squares before nuisances and chosen laws were taken out.
+        before: (C,) their squares before free causes and chosen laws were taken out.
     """
 
     def __init__(self, columns: Array, groups: Sequence[IntArray], before: Array) -> None:
@@ -190,5 +199,5 @@ class GroupBasis:
 
 
 LEFT = 0.05
-"""Share of a column's square that nuisances and chosen laws must leave of it: less is theirs."""
+"""Share of a column's square that free causes and chosen laws must leave of it: less is theirs."""
 _COLLINEAR = 1e-3  # eigenvalue of normed columns: below, two are one

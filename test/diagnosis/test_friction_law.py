@@ -1,0 +1,86 @@
+"""Friction of a joint as one law: named and learned frictions together."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.real_arm import RealArm, arm_file
+from spacerobot_ros.diagnosis.friction_law import friction_laws
+from spacerobot_ros.effects.catalogue import bind_effects
+from spacerobot_ros.estimation.balance import balance_of
+from spacerobot_ros.estimation.observations import observed
+
+JOINT, OTHER = 'joint_2', 'joint_3'
+RATE, ANGLE = f'rate/{JOINT}', f'angle/{JOINT}'
+NAMED = {
+    'dry': {'effect': 'joint_coulomb_friction', 'where': JOINT, 'torque': 5.0},
+    'wet': {'effect': 'joint_viscous_friction', 'where': JOINT, 'coefficient': 2.0},
+}
+
+
+def law(form, inputs, coefficients, where=JOINT, **options):
+    return {
+        'effect': 'learned_torque',
+        'where': where,
+        'form': form,
+        'inputs': inputs,
+        'coefficients': coefficients,
+        'range': {name: [-10.0, 10.0] for name in inputs},
+        'limit': 100.0,
+        'kind': 'external',
+        **options,
+    }
+
+
+@pytest.fixture(scope='module')
+def balance():
+    file = arm_file(has_friction=False)
+    record = RealArm(4).record(0, (JOINT, OTHER), 10.0)
+    return balance_of(observed(record, file.robot), file.robot, ())
+
+
+def friction(balance, named, learned):
+    """As of a diagnosis that found these."""
+    robot = balance.robot
+    named, learned = (bind_effects(section, robot) for section in (named, learned))
+    fit = SimpleNamespace(rows=SimpleNamespace(balances=(balance,)))
+    found = SimpleNamespace(robot=robot, named=named, learned=learned, fit=fit)
+    return {it.joint: it for it in friction_laws(found)}
+
+
+@pytest.mark.parametrize(
+    ('learned', 'coulomb', 'viscous'),
+    [
+        ({}, 5.0, 2.0),
+        ({'l': law('sign(x), x', [RATE], [-3.0, -0.5])}, 8.0, 2.5),
+        ({'l': law('dahl(x)', [ANGLE], [-3.0], displacement=1e-4)}, 8.0, 2.0),
+        ({'l': law('x', [ANGLE], [-3.0])}, 5.0, 2.0),  # a spring is none
+        ({'l': law('x', [f'rate/{OTHER}'], [-3.0])}, 5.0, 2.0),  # nor is the other's
+    ],
+)
+def test_named_and_learned_frictions_count_together(learned, coulomb, viscous, balance):
+    """Within a tenth: reversals are smoothed over some mrad/s, or over the displacement."""
+    laws = friction(balance, NAMED, learned)
+    assert set(laws) == {JOINT}
+    assert laws[JOINT].coulomb == pytest.approx(coulomb, rel=0.05)
+    assert laws[JOINT].viscous == pytest.approx(viscous, rel=0.1)
+
+
+def test_drag_counts_as_what_comes_closest_to_it(balance):
+    """Least squares of v |v| on sign(v) and v, by the rates of the motion."""
+    (it,) = friction(balance, {}, {'l': law('x |x|', [RATE], [-3.0])}).values()
+    column = balance.robot.joints.index(JOINT)
+    v = balance.motion.qd[balance.arm.is_moving[:, column], column]
+    design = np.column_stack([np.sign(v), v])
+    coulomb, viscous = np.linalg.solve(design.T @ design, design.T @ (3.0 * v * np.abs(v)))
+    assert coulomb < 0.0 < viscous
+    np.testing.assert_allclose([it.coulomb, it.viscous], [coulomb, viscous], rtol=1e-9)
+
+
+def test_an_offset_makes_friction_of_two_sizes(balance):
+    bias = {'effect': 'torque_sensor_bias', 'where': JOINT, 'bias': 0.7}
+    it = friction(balance, {**NAMED, 'bias': bias}, {})[JOINT]
+    assert it.coulomb_forward - it.coulomb_backward == pytest.approx(1.4)
