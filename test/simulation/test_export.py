@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -119,6 +120,92 @@ def test_mujoco_comes_to_where_we_come(tmp_path, effects, tolerance):
     )
     assert np.abs(q).max() > 0.2
     assert max(joints, base) < tolerance
+
+
+def link(name, mass, place, moment):
+    parts = {'ixx': moment, 'iyy': 1.3 * moment, 'izz': 1.1 * moment, 'ixy': 0.01, 'ixz': 0}
+    inertia = ' '.join(f'{key}="{value}"' for key, value in {**parts, 'iyz': 0.02}.items())
+    inner = f'<origin xyz="{place}"/><mass value="{mass}"/><inertia {inertia}/>'
+    return f'<link name="{name}"><inertial>{inner}</inertial></link>'
+
+
+def joint(child, parent, side, kind, axis):
+    inner = f'<parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
+    place = f'<origin xyz="0.5 {side} 0.1" rpy="0.3 -0.2 0.5"/>'
+    limit = '<limit effort="500" velocity="9" lower="-2" upper="2"/>'
+    return f'<joint name="j_{child}" type="{kind}">{inner}{place}{limit}</joint>'
+
+
+def two_arms(folder):
+    """A free base called `world` with wheels and a thruster, two arms, one of which slides."""
+    urdf = link('world', 200, '0.1 0 0', 40)
+    for arm, side, second in (('l', 0.6, 'revolute'), ('r', -0.6, 'prismatic')):
+        parent = 'world'
+        for k, kind in enumerate(('revolute', second, 'revolute')):
+            axis = ' '.join('1' if i == (2 - k) else '0' for i in range(3))
+            child = f'{arm}{k}'
+            urdf += link(child, 10 + k, '0.3 0 0.1', 1.0) + joint(child, parent, side, kind, axis)
+            parent = child
+    (folder / 'two.urdf').write_text(f'<robot name="two">{urdf}</robot>')
+    wheels = {'links': ['world'], 'momentum': [10.0, 5.0, -8.0]}
+    thruster = {'at': [1.0, 0.0, 0.0], 'direction': [0.0, 1.0, 0.0], 'force': 2.0}
+    order = [f'j_{name}' for name in ('r0', 'l0', 'l1', 'r1', 'l2', 'r2')]
+    robot = {'urdf': 'two.urdf', 'base': 'free', 'base_link': 'world', 'joints': order}
+    robot |= {'servicer_wheels': wheels, 'thrusters': {'base': thruster}}
+    effects = {
+        'oil': {'effect': 'joint_viscous_friction', 'where': 'j_r1', 'coefficient': 5.0},
+        'gain': {'effect': 'joint_torque_constant', 'where': 'j_r1', 'gain': 1.2},
+        'weak': {'effect': 'thruster_gain', 'where': 'base', 'gain': 0.5},
+        'late': {'effect': 'command_delay', 'delay': 0.1},
+    }
+    initial = {'angular_velocity': [0.01, 0.02, -0.01]}
+    content = {'robot': robot, 'effects': effects, 'initial': initial}
+    path = folder / 'two.yaml'
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': content}}))
+    return load_robot_file(path)
+
+
+def test_two_arms_slides_and_thrusters(tmp_path):
+    file = two_arms(tmp_path)
+    exported = to_mjcf(file)
+    assert exported.lost == ('command_delay (delay 0.1 s)',)
+    initial, size = file.settings.initial, file.robot.n_joints
+    zero, none = np.zeros(3), np.zeros(size)
+    attitude, omega = np.array(initial.attitude_xyzw), np.array(initial.angular_velocity)
+    torque = np.array([5.0, -4.0, 3.0, 10.0, -1.5, 1.0])
+    forces = [effect for effect in file.effects if effect.acts('force')]
+    start = State(zero, attitude, none, zero, omega, none)
+    plant = Plant(file.believed, start, PERIOD, 1, forces)
+    wrench = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # half of 2 N at 1 m
+    model = mujoco.MjModel.from_xml_string(exported.text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(100):
+        plant.step(torque, wrench)
+        data.ctrl[:] = [*torque, 1.0]
+        for _ in range(round(PERIOD / model.opt.timestep)):
+            mujoco.mj_step(model, data)
+    q = [data.qpos[model.joint(name).qposadr[0]] for name in file.robot.joints]
+    base = quaternion_matrix(np.roll(data.qpos[3:7], -1))
+    assert np.abs(plant.state.q).max() > 0.05
+    np.testing.assert_allclose(q, plant.state.q, rtol=0, atol=1e-6)
+    ours_base = quaternion_matrix(plant.state.q_WB_xyzw)
+    np.testing.assert_allclose(base, ours_base, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(data.qpos[:3], plant.state.p_WB, rtol=0, atol=1e-6)
+
+
+def test_a_body_that_no_rigid_body_is_like_is_changed_and_said(tmp_path):
+    # of a body that a motion shows one moment of, a diagnosis knows no more
+    thin = {'effect': 'inertial_parameters', 'where': 'link_2', 'ixx': 80.0}
+    file = load_robot_file(written(tmp_path, {'thin': thin}))
+    a, b, c = np.linalg.eigvalsh(file.believed.bodies[2].inertia)
+    assert c > a + b
+    for exported in (to_mjcf(file), to_urdf(file)):
+        words = (
+            f'inertia of link_2 as it is: no rigid body has it, its smallest .* {c - a - b:.6g} '
+        )
+        assert [line for line in exported.lost if re.match(words, line)]
+    mujoco.MjModel.from_xml_string(to_mjcf(file).text)
 
 
 def test_delays_noise_and_limits_are_in_the_file(tmp_path):

@@ -17,11 +17,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...effects.effect import Effect
+from ...effects.motion import Motion
 from ...effects.robot_file import RobotFile
 from ...model.body import Body, Gyrostat, inertia_ellipsoid
 from ...model.robot import Robot
 from ...types import Array
-from .losses import Exported, in_words, only_changes_robot, without
+from .losses import (
+    Exported,
+    in_words,
+    only_changes_robot,
+    sensor_limits,
+    with_rigid_bodies,
+    without,
+)
 
 _STEP = 1e-3  # s, at most
 _SMALL = 1e-6
@@ -34,12 +42,14 @@ _JOINT: Mapping[str, tuple[tuple[str, str], ...]] = {
 """Attributes of `<joint>` and the parameters that they are, by effect."""
 _DELAYS = {'joints': 'joint', 'effort': 'effort', 'imu': 'gyro', 'attitude': 'attitude'}
 """Sensors by the clock that is late."""
+_GAINS = ('joint_torque_constant', 'motor_constant')
 
 
 @dataclass(slots=True)
 class _Written:
     """What effects add to the file: attributes of joints, gains of motors, delays of sensors."""
 
+    robot: Robot
     joints: dict[str, dict[str, float]] = field(default_factory=dict)
     gains: dict[str, float] = field(default_factory=dict)
     delays: dict[str, float] = field(default_factory=dict)
@@ -54,9 +64,9 @@ class _Written:
             for attribute, parameter in _JOINT[effect.id]:
                 own[attribute] = own.get(attribute, 0.0) + effect[parameter]
             return True
-        if effect.id == 'joint_torque_constant':
+        if effect.id in _GAINS:
             where = str(effect.where)
-            self.gains[where] = self.gains.get(where, 1.0) * effect['gain']
+            self.gains[where] = self.gains.get(where, 1.0) * _gain(effect, self.robot)
             return True
         late = {clock: effect.delay(clock) for clock in _DELAYS if effect.acts('delay')}
         if late and all(delay >= 0.0 for delay in late.values()):
@@ -64,14 +74,21 @@ class _Written:
                 sensor = _DELAYS[clock]
                 self.delays[sensor] = self.delays.get(sensor, 0.0) + delay
             return True
-        return only_changes_robot(effect)
+        return only_changes_robot(effect) and effect.id != 'command_delay'
+
+
+def _gain(effect: Effect, robot: Robot) -> float:
+    """Torque at a joint of a unit of its motor's, all at rest."""
+    still, one = np.zeros((1, robot.n_joints)), np.ones((1, robot.n_joints))
+    motion = Motion(robot, np.zeros(1), still, still, one)
+    return 1.0 + float(effect.force(motion, np.zeros((1, 0))).sum())
 
 
 def to_mjcf(file: RobotFile) -> Exported:
     """Write the robot that a robot file's effects make, as far as MuJoCo goes."""
-    believed = file.believed
+    believed, changed = with_rigid_bodies(file.believed)
     robot = believed.with_free_rotors(np.array([rotor.rate for rotor in believed.rotors]))
-    written = _Written()
+    written = _Written(robot)
     said = [effect for effect in file.effects if written.add(effect)]
     step = file.settings.simulator.period / math.ceil(file.settings.simulator.period / _STEP)
     root = ElementTree.Element('mujoco', model=robot.name)
@@ -90,7 +107,8 @@ def to_mjcf(file: RobotFile) -> Exported:
     _add_start(root, robot, balls, file)
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding='unicode') + '\n'
-    return Exported(text, tuple(map(in_words, said)), tuple(without(file.effects, said)))
+    lost = (*changed, *sensor_limits(believed, '_std'), *without(file.effects, said))
+    return Exported(text, tuple(map(in_words, said)), lost)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +129,7 @@ def _ball(robot: Robot, gyrostat: Gyrostat) -> _Ball:
     size = float(np.linalg.norm(momentum))
     inertia = _SMALL * float(np.linalg.eigvalsh(host.inertia)[0])
     body = Body(
-        name=f'{gyrostat.link}_wheels',
+        name=_free(f'{gyrostat.link}_wheels', [body.name for body in robot.bodies]),
         parent=gyrostat.body,
         rotation=np.eye(3),
         translation=host.com,
@@ -132,12 +150,15 @@ def _add_bodies(
         place = _add_body(parent, body)
         _add_ellipsoid(place, body)
         if i == 0 and robot.is_free:
-            place.insert(0, ElementTree.Element('freejoint', name='base'))
+            place.insert(0, ElementTree.Element('freejoint', name=_free('base', robot.joints)))
         elif i > 0:
             name = robot.joints[i - 1]
             place.insert(0, _joint(name, body, robot.position_limits[i - 1], written))
         if i == 0:
             ElementTree.SubElement(place, 'site', name='base')
+            for thruster in robot.thrusters:
+                name = _free(thruster.name, ['base'])
+                ElementTree.SubElement(place, 'site', name=name, pos=_text(thruster.at))
         for ball in balls:
             if ball.host == i:
                 spinning = _add_body(place, ball.body)
@@ -151,7 +172,11 @@ def _add_bodies(
 def _add_body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
     quat = np.roll(Rotation.from_matrix(body.rotation).as_quat(), 1)
     place = ElementTree.SubElement(
-        parent, 'body', name=body.name, pos=_text(body.translation), quat=_text(quat)
+        parent,
+        'body',
+        name=_free(body.name, ['world']),
+        pos=_text(body.translation),
+        quat=_text(quat),
     )
     if body.mass > 0.0:
         full = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -187,10 +212,17 @@ def _joint(name: str, body: Body, limits: Array, written: _Written) -> ElementTr
 def _add_motors(root: ElementTree.Element, robot: Robot, written: _Written) -> None:
     actuators = ElementTree.SubElement(root, 'actuator')
     for name, limit in zip(robot.arm, robot.effort_limits.tolist(), strict=False):
+        if name in robot.passive_joints:
+            continue
         attributes = {'name': name, 'joint': name, 'gear': repr(written.gains.get(name, 1.0))}
         if math.isfinite(limit):
             attributes |= {'ctrllimited': 'true', 'ctrlrange': _text([-limit, limit])}
         ElementTree.SubElement(actuators, 'motor', attributes)
+    for thruster in robot.thrusters:
+        own = {'name': _free(thruster.name, robot.arm), 'site': _free(thruster.name, ['base'])}
+        gear = [*(thruster.force * thruster.direction), 0.0, 0.0, 0.0]
+        share = {'ctrllimited': 'true', 'ctrlrange': '0 1'}
+        ElementTree.SubElement(actuators, 'motor', {**own, 'gear': _text(gear), **share})
 
 
 def _add_sensors(root: ElementTree.Element, robot: Robot, written: _Written, step: float) -> None:
@@ -210,7 +242,8 @@ def _add_sensors(root: ElementTree.Element, robot: Robot, written: _Written, ste
     for name in robot.arm:
         add('jointpos', 'joint', 'joint_position', name=f'{name}_position', joint=name)
         add('jointvel', 'joint', 'joint_velocity', name=f'{name}_velocity', joint=name)
-        add('actuatorfrc', 'effort', 'joint_effort', name=f'{name}_effort', actuator=name)
+        if name not in robot.passive_joints:
+            add('actuatorfrc', 'effort', 'joint_effort', name=f'{name}_effort', actuator=name)
     if robot.is_free:
         add('gyro', 'gyro', 'gyro', name='gyro', site='base')
         add('framequat', 'attitude', 'attitude', name='attitude', objtype='site', objname='base')
@@ -243,6 +276,13 @@ def _depth_first(robot: Robot, balls: Sequence[_Ball], at: int = 0) -> list[Body
         if body.parent == at:
             out += [body, *_depth_first(robot, balls, i)]
     return out
+
+
+def _free(name: str, taken: Sequence[str]) -> str:
+    """A name that none of its kind has."""
+    while name in taken:
+        name += '_'
+    return name
 
 
 def _text(values: Array | Sequence[float]) -> str:

@@ -9,23 +9,37 @@ from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
 from ...model.robot import Robot
 from ...model.writer import urdf_text
-from .losses import Exported, in_words, only_changes_robot, wheels, without
+from .losses import (
+    Exported,
+    in_words,
+    only_changes_robot,
+    sensor_limits,
+    wheels,
+    with_rigid_bodies,
+    without,
+)
 
 _DYNAMICS = {
     'joint_viscous_friction': ('damping', 'coefficient'),
     'joint_coulomb_friction': ('friction', 'torque'),
 }
 """Attribute of `<dynamics>` and parameter that is added to it, by effect."""
+_IN_ROBOT = (
+    *('motor_inertia', 'gravity_error'),
+    *('target_wheel_momentum', 'servicer_wheel_momentum_error'),
+)
+"""Effects that are part of what is lost of the robot."""
 
 
 def to_urdf(file: RobotFile) -> Exported:
     """Write the robot that a robot file's effects make, as far as URDF goes."""
-    robot = file.believed
+    robot, changed = with_rigid_bodies(file.believed)
     root = ElementTree.fromstring(urdf_text(robot).encode())
     said = [effect for effect in file.effects if _add(root, effect)]
     ElementTree.indent(root)
     text = '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding='unicode') + '\n'
-    lost = (*_of_robot(robot), *without(file.effects, said))
+    others = (effect for effect in file.effects if effect.id not in _IN_ROBOT)
+    lost = (*changed, *_of_robot(robot), *without(others, said))
     return Exported(text, tuple(map(in_words, said)), lost)
 
 
@@ -51,4 +65,7 @@ def _of_robot(robot: Robot) -> Iterator[str]:
     if robot.gravity.any():
         x, y, z = robot.gravity
         yield f'gravity ({x:.6g}, {y:.6g}, {z:.6g} m/s^2)'
+    for thruster in robot.thrusters:
+        yield f'thruster {thruster.name} ({thruster.force:.6g} N)'
+    yield from sensor_limits(robot)
     yield f'that the base is {"free" if robot.is_free else "fixed"}'
