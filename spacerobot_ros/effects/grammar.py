@@ -104,6 +104,7 @@ _FORMS = (
     Form('x', lambda x: (x,), ((1,),)),
     Form('x, x^2', lambda x: (x, x**2), ((1,), (2,))),
     Form('x, x^2, x^3', lambda x: (x, x**2, x**3), ((1,), (2,), (3,))),
+    Form('x^2', lambda x: (x**2,), ((2,),)),
     Form('x^3', lambda x: (x**3,), ((3,),)),
     Form('x |x|', lambda x: (x * np.abs(x),), ((2,),)),
     Form('sign(x)', lambda x: (direction(x),), ((0,),)),

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...effects.grammar import quantity, unit_of
 from ...effects.learned_torque import LearnedTorque
+from ...estimation.prediction_rows import LABELS
 from ...types import Array
 from ..answer.result import Estimated, LawRival, Leftover
 from .discovery_limits import AGREEING, BEYOND_PLACEBO, HELD_OUT, NEEDS_OTHER, ONE_SPEED
@@ -19,6 +20,7 @@ from .possible_laws import Law, is_of_another
 TIME = 'time'
 NOTHING_MEASURED = 'nothing measured'
 _WHOLE = ('attitude', 'base_rate')  # vectors: said as one
+_UNITS = dict(LABELS.values())  # of sensors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,9 +34,11 @@ class HeldLaw:
 
 
 def channel_name(place: str) -> str:
-    """As in `Residual`: of a joint, or of an axis of the base."""
-    base, _, axis = place.rpartition('/')
-    return f'base_torque/{axis}' if base else f'joint_torque/{place}'
+    """As in `Residual`: of a joint, of an axis of the base, or of a sensor."""
+    whole, _, axis = place.rpartition('/')
+    if whole in _UNITS:
+        return place
+    return f'base_torque/{axis}' if whole else f'joint_torque/{place}'
 
 
 def laws_of(channel: SearchedChannel) -> tuple[list[HeldLaw], list[Winner]]:
@@ -119,7 +123,7 @@ def has_one_speed(channel: SearchedChannel) -> bool:
 
 def said_of(
     it: HeldLaw,
-    law: LearnedTorque,
+    values: Sequence[float] | Array,
     spread: Array,
     joints: Sequence[str],
     *,
@@ -130,16 +134,17 @@ def said_of(
 
     Args:
         it: The law as it was judged.
-        law: With its coefficients.
-        spread: (k,) standard deviations of its coefficients.
+        values: (k,) of its coefficients.
+        spread: (k,) their standard deviations.
         joints: All, in their order.
         applied: As it is simulated; None where it is not worth it.
         is_of_several: Whether whole recordings were left out.
     """
     form, inputs = it.law.form, it.law.inputs
+    unit = _UNITS.get(it.place.rpartition('/')[0], 'N m')
     coefficients = tuple(
-        Estimated(value=c, std=float(std), unit=unit_of(powers, inputs))
-        for c, std, powers in zip(law.coefficients, spread, form.powers, strict=True)
+        Estimated(value=float(c), std=float(std), unit=unit_of(powers, inputs, unit))
+        for c, std, powers in zip(values, spread, form.powers, strict=True)
     )
     return Leftover(
         channel=channel_name(it.place),
@@ -162,7 +167,11 @@ def said_of(
 
 
 def _ordered(inputs: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
-    """Inputs in the order of the joints."""
+    """Inputs in the order of the joints; several components of a vector are said as one."""
     places = {joint: k for k, joint in enumerate(joints)}
-    words = dict.fromkeys(q if (q := quantity(name)[0]) in _WHOLE else name for name in inputs)
+    kinds = [quantity(name)[0] for name in inputs]
+    words = dict.fromkeys(
+        kind if kind in _WHOLE and kinds.count(kind) > 1 else name
+        for kind, name in zip(kinds, inputs, strict=True)
+    )
     return tuple(sorted(words, key=lambda name: places.get(quantity(name)[1], -1)))

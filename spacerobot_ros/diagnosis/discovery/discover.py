@@ -78,7 +78,7 @@ def _applied(
         said = [
             said_of(
                 it,
-                free,
+                free.coefficients,
                 fitted.fit.spread(i),
                 joints,
                 applied=None if out else law,

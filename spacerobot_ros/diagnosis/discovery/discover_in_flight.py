@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
+from ...effects.law_inputs import base_axes
 from ...effects.learned_torque import LearnedTorque, law_at
 from ...estimation.refit import Fit, refine
 from ...types import Array
@@ -18,6 +20,7 @@ from .discover import pushes
 from .flight_channels import FlightChannel, FlightRows
 from .law_search import Winner
 from .left_out import Parts
+from .possible_laws import SENSOR
 
 _LIMIT = 1.5  # of a law's largest torque in the data
 
@@ -41,29 +44,23 @@ def discover_in_flight(
     held, rest = laws_of(channel)
     first = max((it.step.margin for it in held), default=0.0)
     held = [it for it in held if it.step.margin > OBVIOUS * first]
-    said, applied = [], []
-    for it, (law, spread) in zip(held, _fitted(channel, held, rest), strict=True):
-        is_sane = not pushes(law, [flight.motion])
+    said, laws = [], []
+    for it, (values, spread) in zip(held, _fitted(channel, held, rest), strict=True):
+        law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
+        applied = None if law is None or pushes(law, [flight.motion]) else law
         joints = flight.motion.robot.joints
-        said.append(
-            said_of(
-                it,
-                law,
-                spread,
-                joints,
-                applied=law if is_sane else None,
-                is_of_several=False,
-            )
-        )
-        applied += [law] * is_sane
-    for place in places:
+        said.append(said_of(it, values, spread, joints, applied=applied, is_of_several=False))
+        laws += [] if applied is None else [applied]
+    for place in (p for p, number in places.items() if number is not None):
         if all(it.place != place for it in held):
             own = [step for step in rest if step.law is not None and step.law.place == place]
             said.append(said_without(place, own[0] if own else None))
     answer = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
     if not any(entry.form for entry in said):
         return answer
-    return _with_laws(answer, fit, applied)
+    if not laws:
+        return replace(answer, verdict='partly_explained')
+    return _with_laws(answer, fit, laws)
 
 
 def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagnosis:
@@ -87,39 +84,42 @@ def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagno
     return replace(answer, verdict='partly_explained', causes=causes)
 
 
-def _places(flight: FlightRows) -> dict[str, int]:
-    """Component of the generalised force: joints with a torque, and axes of a free base."""
+def _places(flight: FlightRows) -> dict[str, int | None]:
+    """Component of the generalised force: joints with a torque, and axes of a free base.
+
+    None of the channels of sensors.
+    """
     robot, run = flight.motion.robot, flight.fit.run
-    out = {f'{robot.base_link}/{axis}': 3 + k for k, axis in enumerate('xyz') if robot.is_free}
+    out: dict[str, int | None] = {p: 3 + k for k, p in enumerate(base_axes(robot))}
     if run.record.effort is not None:
         lacking = run.record.joints.without_effort if run.record.joints else ()
         out |= {j: 6 + robot.joints.index(j) for j in robot.arm if j not in lacking}
-    return out
+    return out | dict.fromkeys(flight.sensors)
 
 
 def _fitted(
     channel: FlightChannel, held: Sequence[HeldLaw], rest: Sequence[Winner]
-) -> list[tuple[LearnedTorque, Array]]:
-    """Laws with coefficients beside all else that won, and the standard deviations of these."""
+) -> list[tuple[Array, Array]]:
+    """Coefficients of laws beside all else that won, and their standard deviations."""
     others = [step for step in rest if not step.is_law]
     level = Parts(channel, [*(it.step for it in held), *others]).level
-    out, first = [], 0
-    for it in held:
-        last = first + len(it.law.form.powers)
-        own = level.coefficients[first:last]
-        torque = channel.law_columns(it.law) @ own
-        law = law_at(
-            name=f'learned_torque_{it.place.replace("/", "_")}',
-            where=it.place,
-            values={},
-            form=it.law.form,
-            inputs=it.law.inputs,
-            coefficients=tuple(own.tolist()),
-            range=channel.ranges(it.law),
-            limit=max(_LIMIT * float(np.max(np.abs(torque))), math.ulp(1.0)),
-            kind=it.law.kind,
-            options=dict(it.law.options),
-        )
-        out.append((law, level.deviations[first:last]))
-        first = last
-    return out
+    counts = [len(it.law.form.powers) for it in held]
+    ends = np.cumsum([0, *counts])
+    return [(level.coefficients[a:b], level.deviations[a:b]) for a, b in pairwise(ends.tolist())]
+
+
+def _torque_law(channel: FlightChannel, it: HeldLaw, values: Array) -> LearnedTorque:
+    """The law as it is simulated, within the range of the data."""
+    torque = channel.law_columns(it.law) @ values
+    return law_at(
+        name=f'learned_torque_{it.place.replace("/", "_")}',
+        where=it.place,
+        values={},
+        form=it.law.form,
+        inputs=it.law.inputs,
+        coefficients=tuple(values.tolist()),
+        range=channel.ranges(it.law),
+        limit=max(_LIMIT * float(np.max(np.abs(torque))), math.ulp(1.0)),
+        kind=it.law.kind,
+        options=dict(it.law.options),
+    )

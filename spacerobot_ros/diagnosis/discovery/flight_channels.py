@@ -11,25 +11,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from ...effects.bodies import NAMES as INERTIAL
 from ...effects.catalogue import CATALOGUE
-from ...effects.law_inputs import input_of
+from ...effects.law_inputs import AXES, input_of
 from ...effects.motion import Motion
 from ...estimation.columns import candidate_at
+from ...estimation.prediction_rows import LABELS
 from ...estimation.refit import Fit
 from ...estimation.response import Response
 from ...types import Array, IntArray
 from .arm_channels import FIFTHS
-from .possible_laws import Extent, Law, base_laws, joint_laws, sine_laws
+from .possible_laws import Extent, Law, base_laws, joint_laws, sensor_laws, sine_laws
 from .spectral_terms import SpectralTerms, cosines
 
 _WINDOW = 0.1  # s
 _UNCERTAIN = 0.02  # of a body's mass, first moments and inertia: what passes for a right model
 _FREE = 10.0  # times what is left: a named cause's prior deviation
+_NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +72,45 @@ class FlightRows:
         """(R, ...) averages of whitened innovations."""
         return np.asarray(self._windows[0] @ rows)
 
-    def rows(self, forces: Array) -> Array:
-        """(R, K) what generalised forces (N, 6 + n, K) leave."""
-        return self.averaged(self.fit.rows.whitened(forces, {}))
+    def rows(self, forces: Array, measured: Mapping[str, Array] = _NOTHING) -> Array:
+        """(R, K) what generalised forces (N, 6 + n, K) and readings leave, see `Rows.whitened`."""
+        return self.averaged(self.fit.rows.whitened(forces, measured))
+
+    @cached_property
+    def sensors(self) -> dict[str, tuple[str, int]]:
+        """By channel, such as `gyro/x`: the sensor, and the number of the axis or joint."""
+        joints = self.motion.robot.joints
+        out: dict[str, tuple[str, int]] = {}
+        for sensor in self.fit.rows.samples():
+            if sensor in LABELS and (self.motion.robot.is_free or sensor[0] == 'j'):
+                names = joints if sensor[0] == 'j' else AXES
+                out |= {f'{LABELS[sensor][0]}/{name}': (sensor, k) for k, name in enumerate(names)}
+        return out
+
+    def motion_at(self, place: str) -> Motion:
+        """Where a law acts: at the samples of its sensor, or at the times of the filter."""
+        if place not in self.sensors:
+            return self.motion
+        return self.fit.rows.samples()[self.sensors[place][0]][1]
+
+    def rows_at(self, place: str, number: int | None, values: Array) -> Array:
+        """(R, K) what values (N, K) of a law leave, see `motion_at`.
+
+        Args:
+            place: Of the law.
+            number: Component of the generalised force; None: of a sensor.
+            values: Torques, or what the sensor reads too much.
+        """
+        width = 6 + self.motion.robot.n_joints
+        forces = np.zeros((len(self.motion), width, values.shape[1]))
+        if number is not None:
+            forces[:, number] = values
+            return self.rows(forces)
+        sensor, axis = self.sensors[place]
+        count = len(self.motion.robot.joints) if sensor[0] == 'j' else len(AXES)
+        reading = np.zeros((len(values), count, values.shape[1]))
+        reading[:, axis] = values
+        return self.rows(forces, {sensor: reading})
 
     @cached_property
     def data(self) -> Array:
@@ -116,16 +155,16 @@ class FlightRows:
 
 @dataclass(frozen=True, eq=False)
 class FlightChannel:
-    """Laws of all components of the generalised force: what one does shows in every sensor.
+    """Laws of all torques and readings: what one does shows in every sensor.
 
     Args:
         flight: What is left.
-        columns_of: Component of the generalised force, by place: a joint, or an axis of the base
-            such as `base_link/x`.
+        components: Component of the generalised force, by place: a joint, or an axis of the base
+            such as `base_link/x`; None of a sensor's channel.
     """
 
     flight: FlightRows
-    columns_of: Mapping[str, int]
+    components: Mapping[str, int | None]
 
     place = ''
     clocks = None
@@ -133,14 +172,19 @@ class FlightChannel:
     @cached_property
     def laws(self) -> Sequence[Law]:
         """That may be, at every place."""
-        joints, at = self.flight.motion.robot.arm, self.flight.extent
-        extras = list(self.flight.motion.extra)
-        out = []
-        for place in self.columns_of:
-            is_base = '/' in place
-            own = base_laws(place[-1], at) if is_base else joint_laws(place, joints, extras, at)
-            out += [replace(law, place=place) for law in (*own, *sine_laws(at.duration))]
-        return out
+        return [
+            replace(law, place=place) for place in self.components for law in self._laws_at(place)
+        ]
+
+    def _laws_at(self, place: str) -> list[Law]:
+        at, extras = self.flight.extent, list(self.flight.motion.extra)
+        if place in self.flight.sensors:
+            return sensor_laws(place, extras)
+        if '/' in place:
+            own = base_laws(place[-1], at)
+        else:
+            own = joint_laws(place, self.flight.motion.robot.arm, extras, at)
+        return [*own, *sine_laws(at.duration)]
 
     @property
     def times(self) -> Array:
@@ -156,14 +200,17 @@ class FlightChannel:
     @cached_property
     def terms(self) -> SpectralTerms:
         """The leftover's."""
-        offsets = [
-            self.flight.rows(self._force(place, np.ones((len(self.flight.motion), 1))))
-            for place in self.columns_of
-        ]
-        free = np.column_stack([self.flight.named, *(_FREE * x for x in offsets)])
-        nuisance = np.column_stack([free, self.flight.tolerated])
-        is_free = np.arange(nuisance.shape[1]) < free.shape[1]
-        return SpectralTerms.of(self.flight.data, nuisance, is_free, lambda rows: rows)
+        flight, offsets = self.flight, []
+        for place, number in self.components.items():
+            one = np.ones((len(flight.motion_at(place)), 1))
+            offsets.append(_FREE * flight.rows_at(place, number, one))
+        nuisance = np.column_stack([flight.named, *offsets, flight.tolerated])
+        # a sensor's shift with what is measured may be small beside what is measured
+        is_torque = [number is not None for number in self.components.values()]
+        count = flight.named.shape[1]
+        is_free = np.zeros(nuisance.shape[1], dtype=bool)
+        is_free[:count], is_free[count : count + len(is_torque)] = True, is_torque
+        return SpectralTerms.of(flight.data, nuisance, is_free, lambda rows: rows)
 
     @property
     def speed(self) -> Array:
@@ -171,8 +218,9 @@ class FlightChannel:
         return np.zeros(0)
 
     def law_columns(self, law: Law) -> Array:
-        """(N, k) a law's columns along the motion."""
-        inputs = [input_of(name, self.flight.motion) for name in law.inputs]
+        """(N, k) a law's columns along the motion, see `FlightRows.motion_at`."""
+        motion = self.flight.motion_at(law.place)
+        inputs = [input_of(name, motion) for name in law.inputs]
         return law.form([np.asarray(x) for x in inputs], law.options)
 
     def ranges(self, law: Law) -> dict[str, tuple[float, float]]:
@@ -185,26 +233,22 @@ class FlightChannel:
     def all_columns(self) -> Sequence[Array]:
         """(M, k) terms of every law's columns; the filter takes many of them at once."""
         out: list[Array] = []
-        for place in self.columns_of:
+        for place, number in self.components.items():
             values = [self.law_columns(law) for law in self.laws if law.place == place]
-            ends = np.cumsum([v.shape[1] for v in values])[:-1].tolist()
-            rows = self.flight.rows(self._force(place, np.concatenate(values, axis=1)))
-            out += np.split(cosines(rows), ends, axis=1)
+            if values:
+                ends = np.cumsum([v.shape[1] for v in values])[:-1].tolist()
+                rows = self.flight.rows_at(place, number, np.concatenate(values, axis=1))
+                out += np.split(cosines(rows), ends, axis=1)
         return out
 
     def columns(self, law: Law) -> Array:
         """(M, k) terms of a law's columns."""
-        return cosines(self.flight.rows(self._force(law.place, self.law_columns(law))))
+        number = self.components[law.place]
+        return cosines(self.flight.rows_at(law.place, number, self.law_columns(law)))
 
     def whitened(self, values: Array) -> Array:
         """Rows as they are."""
         return values
-
-    def _force(self, place: str, values: Array) -> Array:
-        """(N, 6 + n, c) generalised forces of torques (N, c) at a place."""
-        forces = np.zeros((len(values), 6 + self.flight.motion.robot.n_joints, values.shape[1]))
-        forces[:, self.columns_of[place]] = values
-        return forces
 
 
 def _plausible(row: Array) -> Array:

@@ -35,7 +35,8 @@ class Law:
         price: [nats].
         resembles: Class of laws, in words.
         kind: What it does with energy, see `learned_torque.KINDS`; `inertial` and `clock` are no
-            laws: where they win, the leftover is an error of the masses, or follows the time.
+            laws: where they win, the leftover is an error of the masses, or follows the time;
+            `sensor` is no torque.
         options: What the form is not linear in.
         place: Whose torque it is, where a channel has several.
     """
@@ -114,6 +115,15 @@ _WITH_EXTRA = (  # x is the rate, y is measured beside the motion
 )
 
 
+SENSOR = 'sensor'
+"""Kind of a law that is no torque."""
+_RATES = {'gyro': 'base_rate', 'joint_rate': 'rate'}
+_BY_EXTRA = (('x', 2.5), ('x, x^2', 3.0))
+_BENT = 'a scale of a sensor that changes with its reading'
+_SCALED = 'a scale of a sensor that changes with what is measured'
+_SHIFTED = 'a shift of a sensor that changes with what is measured'
+
+
 def joint_laws(joint: str, joints: Sequence[str], extras: Sequence[str], at: Extent) -> list[Law]:
     """Laws of a joint's torque.
 
@@ -147,6 +157,23 @@ def base_laws(axis: str, at: Extent) -> list[Law]:
         _law('sum of 3', rates, 3.0, 'a torque that follows the base rate', 'external'),
         *_slow_laws(at),
     ]
+
+
+def sensor_laws(channel: str, extras: Sequence[str]) -> list[Law]:
+    """Laws by which a sensor's channel, such as `gyro/x`, reads more than the truth."""
+    what, whose = quantity(channel)
+    measured = [f'extra/{extra}' for extra in extras]
+    out = []
+    if what in _RATES:
+        rate = f'{_RATES[what]}/{whose}'
+        out += [_law(form, (rate,), 2.5, _BENT, SENSOR) for form in ('x |x|', 'x^2')]
+        out += [_law('x, x y', (rate, name), 3.5, _SCALED, SENSOR) for name in measured]
+    for name in measured:
+        out += [_law(form, (name,), p, _SHIFTED, SENSOR) for form, p in _BY_EXTRA]
+        for m in _PER_TURN[:2]:
+            form, options = 'sin(m x), cos(m x)', {'m': m}
+            out.append(_law(form, (name,), 3.5, _SHIFTED, SENSOR, options))
+    return out
 
 
 def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
@@ -226,9 +253,10 @@ def _law(
 
 
 def is_of_another(law: Law, place: str) -> bool:
-    """Whether it needs another joint's variable."""
+    """Whether it needs another joint's variable than that of its place."""
+    own = place.rpartition('/')[2]
     of_joints = [quantity(name) for name in law.inputs if quantity(name)[0] in _OF_JOINTS]
-    return any(whose != place for _, whose in of_joints)
+    return any(whose != own for _, whose in of_joints)
 
 
 _OF_JOINTS = ('rate', 'angle', 'load', 'acceleration')
