@@ -17,8 +17,9 @@ from ..nodes.controller import ControllerNode
 from ..nodes.identifier import IdentifierNode
 from ..nodes.simulator import SimulatorNode
 from ..recording.bag_writer import BagWriter
+from ..recording.message_types import decoded
 from ..ros import convert
-from ..ros.qos import LATCHED, SAMPLES
+from ..ros.qos import LATCHED
 from ..ros.session import Recorder, Session
 from ..simulation.plant import Plant
 from ..types import Array
@@ -51,18 +52,12 @@ class _Log:
     ledger: list[tuple[float, Array, float, float]] = field(default_factory=list)
     estimates: list[Estimate] = field(default_factory=list)
 
-    def listen(self, ears: Any) -> None:
-        """Note the references that are followed, and the estimates."""
-        for topic, kept, value_of in (
-            ('/tracking', self.references, lambda message: np.array(message.reference_position)),
-            ('/estimate', self.estimates, convert.estimate),
-        ):
-            ears.create_subscription(
-                convert.message_type(TOPICS[topic]),
-                topic,
-                lambda message, kept=kept, value_of=value_of: kept.append(value_of(message)),
-                SAMPLES,
-            )
+    def read(self, topic: str, cdr: bytes) -> None:
+        """Note the reference that is followed, or an estimate."""
+        if topic == '/tracking':
+            self.references.append(decoded(TOPICS[topic], cdr).reference_position)
+        elif topic == '/estimate':
+            self.estimates.append(convert.estimate(decoded(TOPICS[topic], cdr)))
 
     def see(self, plant: Plant) -> None:
         """Note the true state."""
@@ -156,19 +151,23 @@ def _run(
         writer.text('/robot_description', 0, urdf)
         ears = session.plain('demo')
         types = {topic: convert.message_type(kind) for topic, kind in TOPICS.items()}
-        recorder = Recorder(ears, types, writer.message)
-        log.listen(ears)
+
+        def keep(topic: str, kind: str, stamp_ns: int, cdr: bytes) -> None:
+            writer.message(topic, kind, stamp_ns, cdr)
+            log.read(topic, cdr)
+
+        recorder = Recorder(ears, types, keep)
         controller = session.add(ControllerNode, settings, urdf)
         if estimate is not None:
             _send(session, ears, controller, estimate)
         identifier = session.add(IdentifierNode, settings, urdf) if identifies else None
-        simulator = session.add(SimulatorNode, settings, urdf)
+        simulator = session.add(SimulatorNode, settings, urdf, owns_time=True)
         simulator.stop_at = round(passes * settings.reference.duration / settings.simulator.period)
         simulator.observers.append(log.see)
         simulator.observers.append(lambda plant: progress(plant.time_ns * 1e-9))
         end_ns = simulator.stop_at * simulator.plant.period_ns
         session.until(
-            lambda: recorder.has_reached(end_ns, LAST) and len(log.references) > simulator.stop_at,
+            lambda: len(log.references) > simulator.stop_at and recorder.has_reached(end_ns, LAST),
             lambda: (simulator.step_index, len(log.references)),
         )
         if identifier is not None:

@@ -16,12 +16,11 @@ from rosbags import interfaces as bags
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter
-from rosbags.serde import SerdeError
 
-from ..errors import RecordingError
+from ..errors import MessageRejectedError, RecordingError
 from ..types import Array
 from .compose import Composer
-from .message_types import canonical_cdr, typestore
+from .message_types import CanonicalMessages, encoded, typestore
 from .messages import stamp_ns
 
 _VERSION = 9  # of the bag's metadata: Jazzy and later
@@ -97,6 +96,7 @@ class BagWriter:
     def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
         self._path = check_target(path, overwrite)
         self._store = typestore()
+        self._canonical: dict[tuple[str, str], CanonicalMessages] = {}
         self.compose = Composer(self._store.types.__getitem__, _doubles)
         self._work = self._path.parent / f'.{self._path.name}.partial'
         self._queue: list[tuple[int, str, int, str, bytes, bool]] = []
@@ -143,15 +143,14 @@ class BagWriter:
 
     def add(self, topic: str, message: Any) -> None:
         """Write a message with a header that `compose` made; its stamp is its time."""
-        ns, kind = stamp_ns(message.header.stamp), message.__msgtype__
-        self._write(topic, kind, ns, bytes(self._store.serialize_cdr(message, kind)), False)
+        ns = stamp_ns(message.header.stamp)
+        self._write(topic, message.__msgtype__, ns, encoded(message), False)
 
     def text(self, topic: str, stamp_ns: int, text: str) -> None:
         """Write a latched String, such as `/robot_description`."""
         msgtype = 'std_msgs/msg/String'
         message = self.compose.make(msgtype, data=text)
-        cdr = bytes(self._store.serialize_cdr(message, msgtype))
-        self._write(topic, msgtype, stamp_ns, cdr, True)
+        self._write(topic, msgtype, stamp_ns, encoded(message), True)
 
     def message(
         self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool = False
@@ -168,10 +167,12 @@ class BagWriter:
         Raises:
             RecordingError: unknown type, or bytes that are not such a message.
         """
+        if (topic, msgtype) not in self._canonical:
+            self._canonical[topic, msgtype] = CanonicalMessages(msgtype)
         try:
-            clean = canonical_cdr(msgtype, cdr)
-        except (SerdeError, KeyError) as error:
-            raise RecordingError(topic, f'not a {msgtype}: {error}') from error
+            clean = self._canonical[topic, msgtype](cdr)
+        except MessageRejectedError as error:
+            raise RecordingError(topic, str(error)) from error
         self._write(topic, msgtype, stamp_ns, clean, latched)
 
     def _write(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool) -> None:

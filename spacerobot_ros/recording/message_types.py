@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import functools
 import os
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from ..errors import RecordingError
+from ..errors import MessageRejectedError, RecordingError
+from .cdr import Layout
 from .compose import PACKAGE
 
 
@@ -54,12 +57,47 @@ def message_folder() -> Path:
     raise RecordingError(PACKAGE, 'is neither on AMENT_PREFIX_PATH nor in a source checkout')
 
 
-def canonical_cdr(msgtype: str, cdr: bytes) -> bytes:
-    """The same message with its padding zeroed: middlewares leave whatever was in memory there.
+def decoded(msgtype: str, cdr: bytes) -> Any:
+    """A message from its serialised form.
 
     Args:
         msgtype: Such as `sensor_msgs/msg/JointState`.
-        cdr: Serialised message.
+        cdr: As a middleware serialised it.
+
+    Raises:
+        MessageRejectedError: bytes that are no such message.
     """
-    store = typestore()
-    return bytes(store.serialize_cdr(store.deserialize_cdr(cdr, msgtype), msgtype))
+    try:
+        return typestore().deserialize_cdr(cdr, msgtype)
+    except Exception as error:  # the generated decoder may raise anything
+        raise MessageRejectedError(f'not a {msgtype}: {error}') from error
+
+
+def encoded(message: Any) -> bytes:
+    """The serialised form of a message of `typestore()`."""
+    return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+
+
+class CanonicalMessages:
+    """Zeroes the gaps of a topic's messages: middlewares leave what was in memory there.
+
+    Args:
+        msgtype: Such as `sensor_msgs/msg/JointState`.
+    """
+
+    def __init__(self, msgtype: str) -> None:
+        self._msgtype = msgtype
+        self._layout: Layout | None = None
+
+    def __call__(self, cdr: bytes) -> bytes:
+        """The same message, serialised as any other that says the same.
+
+        Raises:
+            MessageRejectedError: bytes that are no such message.
+        """
+        clean = self._layout.canonical(cdr) if self._layout else None
+        if clean is None:
+            clean = encoded(decoded(self._msgtype, cdr))
+            with suppress(KeyError, ValueError):
+                self._layout = Layout(typestore(), self._msgtype, cdr)
+        return clean

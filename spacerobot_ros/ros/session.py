@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import struct
 from collections.abc import Callable, Iterable
+from itertools import count
 from types import TracebackType
 from typing import Any
 
@@ -20,6 +22,9 @@ from ..errors import SpaceRobotError
 from ..model.settings import Settings
 from .params import leaves
 from .qos import SAMPLES
+
+_WAIT = 0.05  # s for a callback
+_SPINS = 20  # from one look at whether something moves to the next
 
 
 class SessionError(SpaceRobotError, RuntimeError):
@@ -58,19 +63,28 @@ class Session:
         for node in self._nodes:
             node.destroy_node()
         self.context.try_shutdown()
+        gc.unfreeze()
 
-    def add(self, node_type: Callable[..., Any], settings: Settings, urdf: str) -> Any:
+    def add(
+        self,
+        node_type: Callable[..., Any],
+        settings: Settings,
+        urdf: str,
+        *,
+        owns_time: bool = False,
+    ) -> Any:
         """Make a node with the settings of a robot file, on simulated time.
 
         Args:
             node_type: Class of the node.
             settings: Its parameters.
             urdf: URDF text of the robot.
+            owns_time: Whether that time is its own, so that it needs not listen to it.
         """
         values = {
             leaf.name: leaf.value for leaf in leaves(settings) if leaf.value not in ((), None)
         }
-        values |= {'robot.urdf': '', 'robot_description': urdf, 'use_sim_time': True}
+        values |= {'robot.urdf': '', 'robot_description': urdf, 'use_sim_time': not owns_time}
         overrides = [
             Parameter(name, value=list(value) if isinstance(value, tuple) else value)
             for name, value in values.items()
@@ -88,14 +102,19 @@ class Session:
 
         Args:
             predicate: Asked after every callback.
-            progress: Called after every callback; its value must change within `stall`.
+            progress: Called now and then; its value must change within `stall`.
 
         Raises:
             SessionError: nothing moves any more.
         """
+        gc.freeze()  # what exists by now stays: no search for garbage needs to look at it
         last, since = progress(), self._steady.now().nanoseconds
-        while not predicate():
-            self._executor.spin_once(timeout_sec=0.05)
+        for k in count(1):
+            if predicate():
+                return
+            self._executor.spin_once(timeout_sec=_WAIT)
+            if k % _SPINS:
+                continue
             value, now = progress(), self._steady.now().nanoseconds
             if value != last:
                 last, since = value, now

@@ -18,7 +18,7 @@ from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.bag import Topics, read_bag
 from spacerobot_ros.recording.bag_writer import BagWriter
-from spacerobot_ros.recording.message_types import canonical_cdr, message_folder, typestore
+from spacerobot_ros.recording.message_types import message_folder, typestore
 from spacerobot_ros.simulation.plant import Plant
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)  # not the product's: bags of other distributions
@@ -383,18 +383,11 @@ def test_type_hashes_are_those_of_the_genuine_tools(msgtype):
 
 
 def test_padding_is_zeroed(tmp_path):
-    clean = bytes(typestore().serialize_cdr(
-        typestore().types['std_msgs/msg/Header'](
-            typestore().types['builtin_interfaces/msg/Time'](1, 2), 'ab'
-        ), 'std_msgs/msg/Header'
-    ))  # fmt: skip
     message = joint_state(0, ['ab'], [1.0], [2.0], [3.0])
     cdr = bytearray(STORE.serialize_cdr(message, JOINT_STATE))
     plain = bytes(cdr)
     gap = plain.index(b'ab\0') + 3  # two texts of odd length leave gaps before the numbers
     cdr[gap] = 0x7C
-    assert canonical_cdr(JOINT_STATE, bytes(cdr)) == canonical_cdr(JOINT_STATE, plain)
-    assert canonical_cdr('std_msgs/msg/Header', clean) == clean
     for name, data in (('a', plain), ('b', bytes(cdr))):
         with BagWriter(tmp_path / name) as bag:
             bag.message('/joint_states', JOINT_STATE, 5, data)

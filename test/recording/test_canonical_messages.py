@@ -1,0 +1,99 @@
+"""Gaps of serialised messages are zeroed as by decoding and encoding each message anew."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+import pytest
+from rosbags.interfaces import Nodetype
+
+from spacerobot_ros.recording.cdr import Layout
+from spacerobot_ros.recording.message_types import (
+    CanonicalMessages,
+    encoded,
+    message_folder,
+    typestore,
+)
+
+STORE = typestore()
+KINDS = [
+    *(f'spacerobot_msgs/msg/{path.stem}' for path in sorted(message_folder().glob('*.msg'))),
+    'sensor_msgs/msg/Imu',
+    'sensor_msgs/msg/JointState',
+    'geometry_msgs/msg/QuaternionStamped',
+    'diagnostic_msgs/msg/DiagnosticArray',
+    'tf2_msgs/msg/TFMessage',
+    'trajectory_msgs/msg/JointTrajectory',
+    'sensor_msgs/msg/CompressedImage',
+    'std_msgs/msg/Float32MultiArray',
+    'std_msgs/msg/Bool',
+]
+TEXTS = ['', 'a', 'ab', 'arm', 'joint_1', 'gyro\u00e9']
+
+
+def drawn(kind, detail, rng, sizes):
+    """A random value of a field; `sizes` draws texts and lengths."""
+    if kind is Nodetype.NAME:
+        fields = STORE.fielddefs[detail][1]
+        content = [drawn(*field, rng, sizes) for _, field in fields]
+        return STORE.types[detail](*content)
+    if kind is Nodetype.BASE:
+        if detail[0] == 'string':
+            return TEXTS[sizes.integers(len(TEXTS))]
+        return drawn(Nodetype.ARRAY, ((kind, detail), 1), rng, sizes)[0].item()
+    (each, what), count = detail
+    if kind is Nodetype.SEQUENCE:
+        count = int(sizes.integers(5))
+    if each is not Nodetype.BASE or what[0] == 'string':
+        return [drawn(each, what, rng, sizes) for _ in range(count)]
+    number = {'char': 'uint8', 'byte': 'uint8'}.get(what[0], what[0])
+    if number == 'bool':
+        return rng.integers(2, size=count).astype(bool)
+    if number.startswith('float'):
+        return rng.normal(size=count).astype(number)
+    return rng.integers(100, size=count).astype(number)
+
+
+def gaps(kind, cdr):
+    """Bytes that say nothing: found by changing each."""
+    found = []
+    for k in range(4, len(cdr)):
+        changed = bytearray(cdr)
+        changed[k] ^= 0x7C
+        with contextlib.suppress(Exception):  # of the decoder, where it was a length
+            if cdr[k] == 0 and encoded(STORE.deserialize_cdr(changed, kind)) == cdr:
+                found.append(k)
+    return found
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_gaps_are_zeroed_in_messages_of_the_same_and_of_other_lengths(kind, rng):
+    canonical = CanonicalMessages(kind)
+    for k in range(5):
+        empty = None
+        for _ in range(3):  # the same texts and lengths again, with other numbers
+            cdr = encoded(drawn(Nodetype.NAME, kind, rng, np.random.default_rng(k)))
+            empty = gaps(kind, cdr) if empty is None else empty
+            found = bytearray(cdr)
+            for at in empty:
+                found[at] = rng.integers(1, 256)
+            assert canonical(bytes(found) + bytes(k % 4)) == cdr
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_layout_knows_its_own_messages(kind, rng):
+    cdr = encoded(drawn(Nodetype.NAME, kind, rng, np.random.default_rng(1)))
+    assert Layout(STORE, kind, cdr).canonical(cdr) == cdr
+
+
+def test_another_text_of_the_same_length_is_another_layout():
+    kind = 'std_msgs/msg/String'
+    arm, leg, bad = (encoded(STORE.types[kind](text)) for text in ('arm', 'leg', 'xxx'))
+    bad = bad.replace(b'xxx', b'\xff\xfe\xfd')  # no text at all
+    layout = Layout(STORE, kind, arm)
+    assert layout.canonical(arm) == arm
+    assert layout.canonical(leg) is None
+    assert layout.canonical(bad) is None
+    with pytest.raises(ValueError, match='endian'):
+        Layout(STORE, kind, b'\0\0' + arm[2:])
