@@ -28,6 +28,8 @@ from ..model.settings import Settings
 from ..recording import messages
 from ..recording.buffer import JUMP_NS, PATIENCE_NS
 from ..recording.clock_jumps import Judgement, JumpDetector, Sample, refusal
+from ..recording.message_types import decoded
+from ..ros.convert import type_name
 from ..ros.diagnostics import OK, STALE, WARN, NodeHealth, Status
 from ..ros.params import declare_settings, let_change, open_robot
 from ..ros.qos import best_effort
@@ -134,15 +136,21 @@ class RobotNode(LifecycleNode):
         take: Callable[[Any], None],
         events: SubscriptionEventCallbacks | None = None,
     ) -> Any:
-        """Subscribe; a message for which `take` raises MessageRejectedError is counted."""
+        """Subscribe; a message for which `take` raises MessageRejectedError is counted.
 
-        def on_message(message: Any) -> None:
+        Messages are those that a bag's reader sees, which cost less than rclpy's own.
+        """
+        name = type_name(kind)
+
+        def on_message(cdr: bytes) -> None:
             try:
-                take(message)
+                take(decoded(name, cdr))
             except MessageRejectedError as error:
                 self.health.reject(topic, error)
 
-        return self.create_subscription(kind, topic, on_message, qos, event_callbacks=events)
+        return self.create_subscription(
+            kind, topic, on_message, qos, event_callbacks=events, raw=True
+        )
 
     def listen_to_driver(
         self, topic: str, kind: Any, qos: QoSProfile, take: Callable[[Any], None]

@@ -23,8 +23,8 @@ from ..control.plausible import EstimateCheck
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..recording.buffer import check_later
+from ..recording.message_types import composer, encoded
 from ..ros import convert
-from ..ros.convert import compose
 from ..ros.diagnostics import Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.run_node import run_node
@@ -271,12 +271,13 @@ class ControllerNode(SensorNode):
         if self._learned is not None:
             self._learned.keep(command.stamp_ns)
         law = self.settings.controller.law
-        self._trackings.publish(convert.tracking_message(command, self._names, law))
+        self._trackings.publish(encoded(convert.tracking_message(command, self._names, law)))
 
     def _send(self, stamp: int, tau: np.ndarray, base: np.ndarray | None) -> None:
+        compose = composer()
         if base is not None:
-            self._wrenches.publish(compose.base_torque(stamp, self._base_link, base))
-        self._efforts.publish(compose.joint_state(stamp, self._names, effort=tau))
+            self._wrenches.publish(encoded(compose.base_torque(stamp, self._base_link, base)))
+        self._efforts.publish(encoded(compose.joint_state(stamp, self._names, effort=tau)))
         if self._arrays.get_subscription_count():
             self._arrays.publish(Float64MultiArray(data=convert.doubles(tau)))
 

@@ -20,7 +20,7 @@ from ..errors import SimulationDivergedError
 from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
 from ..recording import messages
-from ..ros.convert import compose
+from ..recording.message_types import composer, encoded
 from ..ros.diagnostics import ERROR, OK, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES, STATE
 from ..ros.run_node import run_node
@@ -244,9 +244,8 @@ class SimulatorNode(RobotNode):
             self._is_late = False
         if self.firings:
             shares = self.firings.commands(plant.step_index)
-            self._thrust.publish(
-                compose.joint_state(plant.time_ns, self.firings.names, effort=shares)
-            )
+            sent = composer().joint_state(plant.time_ns, self.firings.names, effort=shares)
+            self._thrust.publish(encoded(sent))
         self._topics.publish(plant, sample)
 
     # ------------------------------------------------------------ commands in

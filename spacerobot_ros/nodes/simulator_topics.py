@@ -10,7 +10,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Ledger
 
-from ..ros.convert import compose, message_type
+from ..recording.message_types import composer, encoded
+from ..ros.convert import message_type
 from ..ros.qos import STATE
 from ..sensing.sensors import SensorSamples
 from ..simulation.plant import Plant
@@ -46,24 +47,29 @@ class SimulatorTopics:
 
     def forget(self) -> None:
         """Drop the samples that could be sent again."""
-        self._last: dict[str, Any] = {}
+        self._last: dict[str, bytes] = {}
 
     def publish(self, plant: Plant, samples: SensorSamples) -> None:
         """Publish what is due at a step; the joint states last, for they ask for a command."""
-        ns = plant.time_ns
-        self._publishers['/clock'].publish(Clock(clock=compose.time(ns)))
+        ns, compose = plant.time_ns, composer()
+        clock = compose.make('rosgraph_msgs/msg/Clock', clock=compose.time(ns))
+        self._send('/clock', encoded(clock))
         if plant.step_index % self._ledger_every == 0:
-            self._publishers['~/ledger'].publish(compose.ledger(ns, plant.ledger()))
+            self._send('~/ledger', encoded(compose.ledger(ns, plant.ledger())))
         frames = self._publishers.get('/tf')
         if samples.joints is not None and frames and frames.get_subscription_count():
             robot, state = plant.robot, plant.state
-            frames.publish(compose.base_frame(ns, robot.base_link, state.p_WB, state.q_WB_xyzw))
+            frame = compose.base_frame(ns, robot.base_link, state.p_WB, state.q_WB_xyzw)
+            self._send('/tf', encoded(frame))
         for topic, message in sample_messages(compose, plant, samples):
-            self._last[topic] = message
-            self._publishers[topic].publish(message)
+            self._last[topic] = encoded(message)
+            self._send(topic, self._last[topic])
 
     def resend(self, *, with_attitude: bool) -> None:
         """Send the last samples again, that of the star tracker only where it is asked for."""
         for sensor, (topic, _) in TOPICS.items():
             if topic in self._last and (sensor != 'attitude' or with_attitude):
-                self._publishers[topic].publish(self._last[topic])
+                self._send(topic, self._last[topic])
+
+    def _send(self, topic: str, cdr: bytes) -> None:
+        self._publishers[topic].publish(cdr)

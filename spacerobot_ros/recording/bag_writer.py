@@ -11,16 +11,13 @@ from types import TracebackType
 from typing import Any
 from zlib import crc32
 
-import numpy as np
 from rosbags import interfaces as bags
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter
 
 from ..errors import MessageRejectedError, RecordingError
-from ..types import Array
-from .compose import Composer
-from .message_types import CanonicalMessages, encoded, typestore
+from .message_types import CanonicalMessages, composer, encoded, typestore
 from .messages import stamp_ns
 
 _VERSION = 9  # of the bag's metadata: Jazzy and later
@@ -97,7 +94,7 @@ class BagWriter:
         self._path = check_target(path, overwrite)
         self._store = typestore()
         self._canonical: dict[tuple[str, str], CanonicalMessages] = {}
-        self.compose = Composer(self._store.types.__getitem__, _doubles)
+        self.compose = composer()
         self._work = self._path.parent / f'.{self._path.name}.partial'
         self._queue: list[tuple[int, str, int, str, bytes, bool]] = []
         self._count = 0
@@ -209,10 +206,6 @@ class BagWriter:
             check_target(self._path, overwrite=True)
             self._path.rename(self._work / 'replaced')
         (self._work / _NAME).rename(self._path)
-
-
-def _doubles(values: Array) -> Array:
-    return np.asarray(values, dtype=np.float64)
 
 
 def _qos(latched: bool) -> bags.Qos:

@@ -8,12 +8,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from ..errors import MessageRejectedError, RecordingError
+from ..types import Array
 from .cdr import Layout
-from .compose import PACKAGE
+from .compose import PACKAGE, Composer
 
 
 @functools.cache
@@ -55,6 +57,16 @@ def message_folder() -> Path:
         if folder.is_dir():
             return folder
     raise RecordingError(PACKAGE, 'is neither on AMENT_PREFIX_PATH nor in a source checkout')
+
+
+@functools.cache
+def composer() -> Composer:
+    """Makes messages of `typestore()`, to be `encoded`."""
+    return Composer(typestore().types.__getitem__, _doubles)
+
+
+def _doubles(values: Array) -> Array:
+    return np.asarray(values, dtype=np.float64)
 
 
 def decoded(msgtype: str, cdr: bytes) -> Any:

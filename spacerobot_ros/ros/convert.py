@@ -15,6 +15,7 @@ from ..control.joint_reference import Setpoint, Waypoints
 from ..errors import ConfigurationError, IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..recording.compose import PACKAGE, Composer
+from ..recording.message_types import composer
 from ..recording.messages import INERTIAL_FRAME, joint_order, stamp_ns
 from ..types import Array
 
@@ -36,6 +37,11 @@ def doubles(values: Array) -> array[float]:
 
 
 compose = Composer(message_type, doubles)
+
+
+def type_name(message_class: Any) -> str:
+    """The name of a message class, such as `sensor_msgs/msg/Imu`."""
+    return f'{message_class.__module__.split(".")[0]}/msg/{message_class.__name__}'
 
 
 def estimate_message(value: Estimate, rejected: int) -> Any:
@@ -91,7 +97,8 @@ def estimate(message: Any) -> Estimate:
 
 
 def tracking_message(command: Command, names: list[str], law: str) -> Any:
-    """A Tracking message."""
+    """A Tracking message, to be `encoded`."""
+    compose = composer()
     attitude = np.zeros(0) if command.attitude_error is None else command.attitude_error
     base = np.zeros(0) if command.base is None else command.base
     columns: dict[str, Array] = {
@@ -109,7 +116,7 @@ def tracking_message(command: Command, names: list[str], law: str) -> Any:
         command.stamp_ns,
         joint_names=names,
         **{name: compose.sequence(values) for name, values in columns.items()},
-        saturated=command.saturated.tolist(),
+        saturated=np.asarray(command.saturated),
         law=law,
         state=command.mode,
         uses_estimate=command.uses_estimate,

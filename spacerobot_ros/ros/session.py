@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..errors import SpaceRobotError
 from ..model.settings import Settings
+from .convert import type_name
 from .params import leaves
 from .qos import SAMPLES
 
@@ -149,8 +150,7 @@ class Recorder:
         return all(self.newest_ns[topic] >= stamp_ns for topic in topics)
 
     def _listen(self, node: Node, topic: str, message_type: Any) -> None:
-        package = message_type.__module__.split('.')[0]
-        name = f'{package}/msg/{message_type.__name__}'
+        name = type_name(message_type)
 
         def take(cdr: bytes) -> None:
             sec, nanosec = struct.unpack_from('<iI', cdr, 4)
