@@ -121,6 +121,7 @@ class Fourier:
         series = self._series(0.0)
         end = Setpoint(self._start.q - series.q, -series.qd, -series.qdd)
         self._quintic = quintic_coefficients(duration, end, end)
+        self._known: dict[float, Setpoint] = {}  # a law, its log and its limits ask for the same
 
     def at(self, t: float) -> Setpoint:
         """The setpoint at time t [s]."""
@@ -128,9 +129,14 @@ class Fourier:
             t %= self._period
         if t <= 0.0 or t >= self._period:
             return self._start
-        series = self._series(t)
-        quintic = evaluate_quintic(self._quintic, self._period, t)
-        return Setpoint(series.q + quintic.q, series.qd + quintic.qd, series.qdd + quintic.qdd)
+        if t not in self._known:
+            series = self._series(t)
+            quintic = evaluate_quintic(self._quintic, self._period, t)
+            both = (series.q + quintic.q, series.qd + quintic.qd, series.qdd + quintic.qdd)
+            if len(self._known) > 1:
+                del self._known[next(iter(self._known))]
+            self._known[t] = Setpoint(*both)
+        return self._known[t]
 
     def _series(self, t: float) -> Setpoint:
         w, s, c = self._w, np.sin(self._w * t), np.cos(self._w * t)

@@ -166,7 +166,7 @@ class ComputedTorque:
 
 def within_limits(tau: Array, limits: Array) -> tuple[Array, np.ndarray]:
     """Torques (n,) within limits (n,), and where they were cut; zeros where one is not finite."""
-    if not np.all(np.isfinite(tau)):
+    if not np.isfinite(tau).all():
         return np.zeros(len(tau)), np.ones(len(tau), dtype=bool)
     limited = np.clip(tau, -limits, limits)
     return limited, limited != tau

@@ -51,7 +51,7 @@ class MotionLimits:
         Raises:
             MessageRejectedError: faster than half a turn between samples, or a million radians.
         """
-        if np.any(np.abs(qd) > self._countable) or np.any(np.abs(q) > _WOUND):
+        if (np.abs(qd) > self._countable).any() or (np.abs(q) > _WOUND).any():
             raise MessageRejectedError('position or velocity is none that a joint has')
 
     def check(self, q: Array, qd: Array) -> None:

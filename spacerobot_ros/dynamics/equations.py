@@ -115,7 +115,12 @@ class Dynamics:
             (6,) [force; torque] on the base in base coordinates (zero for a fixed base), and (n,)
             joint torques.
         """
-        kinematics, joints = self._kinematics(state), np.array([qdd], dtype=float)
+        return self._inverse(state, self._kinematics(state), base_acceleration, qdd)
+
+    def _inverse(
+        self, state: State, kinematics: BodyKinematics, base_acceleration: Vector6, qdd: Array
+    ) -> tuple[Vector6, Array]:
+        joints = np.array([qdd], dtype=float)
         acceleration = np.concatenate([[base_acceleration], joints], axis=1)
         if self.robot.is_free:  # RNEA takes gravity in base coordinates
             g = self.robot.gravity
@@ -128,16 +133,19 @@ class Dynamics:
 
     def mass_matrix(self, q: Array) -> Array:
         """(6 + n, 6 + n) inertia, base [linear; angular] first; (n, n) for a fixed base."""
-        M = crba(self._tree, self._at(q, np.zeros(6 + self._n)))[0]
-        return np.asarray(M[self._first :, self._first :])
+        return self._inertia(self._at(q, np.zeros(6 + self._n)))
+
+    def _inertia(self, kinematics: BodyKinematics) -> Array:
+        return np.asarray(crba(self._tree, kinematics)[0, self._first :, self._first :])
 
     def reduced(self, state: State) -> ReducedEquation:
         """Joint equation with the unactuated base eliminated.
 
         Eqs. (18)-(20) of the identification paper, with the joint term that they lack.
         """
-        bias = np.concatenate(self.inverse(state, np.zeros(6), np.zeros(self._n)))
-        M = self.mass_matrix(state.q)
+        k = self._kinematics(state)
+        bias = np.concatenate(self._inverse(state, k, np.zeros(6), np.zeros(self._n)))
+        M = self._inertia(k)
         if self._first:
             return ReducedEquation(M, bias[6:])
         return eliminated(M, bias, 6)

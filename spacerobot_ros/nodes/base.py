@@ -285,7 +285,7 @@ class SensorNode(RobotNode):
         self, sensor: str, read: Callable[[Any], tuple[Any, ...]], message: Any
     ) -> None:
         stamp, *content = read(message)
-        self._use(self._jumps.judge(Sample(sensor, stamp, tuple(content)), self._clock_ns()))
+        self._use(self._jumps.judge(Sample(sensor, stamp, tuple(content)), self._clock_ns))
 
     def _on_clock(self, is_back: bool) -> None:
         """/clock moved: back, or to where stamps that were doubted are."""
@@ -295,7 +295,7 @@ class SensorNode(RobotNode):
             self.latest = {}
             self.begin_segment('/clock went back', None)
             for sample in held:
-                self._use(self._jumps.judge(sample, now_ns))
+                self._use(self._jumps.judge(sample, lambda: now_ns))
         self._use(self._jumps.judge_held(now_ns))
 
     def _clock_ns(self) -> int | None:

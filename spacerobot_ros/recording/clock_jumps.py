@@ -7,6 +7,7 @@ once stamps that follow agree with it and with each other; a stamp of the old ti
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ..errors import MessageRejectedError
@@ -63,12 +64,12 @@ class JumpDetector:
         """Newest stamp that was believed [ns]; None before the first."""
         return max(self._newest.values(), default=None)
 
-    def judge(self, sample: Sample, now_ns: int | None = None) -> Judgement:
+    def judge(self, sample: Sample, clock: Callable[[], int | None] = lambda: None) -> Judgement:
         """Take a sample.
 
         Args:
             sample: The sample.
-            now_ns: Time of /clock [ns]; None where there is none.
+            clock: Gives the time of /clock [ns]; None where there is none.
         """
         refused: tuple[Sample, ...] = ()
         if self._follows(sample):
@@ -80,7 +81,7 @@ class JumpDetector:
         if self._held and abs(sample.stamp_ns - self._held[-1].stamp_ns) > PATIENCE_NS:
             refused, self._held = tuple(self._held), []
         self._held.append(sample)
-        return self.judge_held(now_ns)._replace(refused=refused)
+        return self.judge_held(clock())._replace(refused=refused)
 
     def judge_held(self, now_ns: int | None) -> Judgement:
         """Look again at what is held back, at another time of /clock [ns]."""

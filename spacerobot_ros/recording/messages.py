@@ -67,7 +67,10 @@ def joint_columns(
                 f'{name} has {len(values)} entries for {len(message.name)} joints'
             )
         values = values[order]  # what other joints say is of no concern
-        absent = np.isnan(values) & is_optional
+        if not is_optional:
+            out.append(finite(values, name))
+            continue
+        absent = np.isnan(values)
         finite(values[~absent] if partly else values, name)
         out.append(None if len(absent) and absent.all() else values)
     return tuple(out)

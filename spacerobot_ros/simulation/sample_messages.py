@@ -38,7 +38,8 @@ def sample_messages(
         yield '/wheel_states', compose.joint_state(ns, wheels, velocity=samples.wheel_rates)
     if samples.joints is not None:
         j, names = samples.joints, robot.arm
-        driven = ~np.isin(names, robot.passive_joints)
-        effort = np.where(driven, j.effort / robot.effort_units, 0.0)
+        effort = j.effort / robot.effort_units
+        if robot.passive_joints:
+            effort[np.isin(names, robot.passive_joints)] = 0.0
         message = compose.joint_state(ns, names, j.position, j.velocity, effort)
         yield '/joint_states', message
