@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
 
 from ..model.settings import Settings
+from ..recording.message_types import decoded
+from ..ros.convert import type_name
 from ..ros.session import Session
 
 _NUMBERS = (
@@ -83,6 +86,8 @@ def is_finite(value: Any) -> bool:
         return all(is_finite(getattr(value, name)) for name in names)
     if isinstance(value, str | bytes | bool | int):
         return True
+    if is_dataclass(value):
+        return all(is_finite(getattr(value, field.name)) for field in fields(value))
     if isinstance(value, np.ndarray):
         return bool(np.all(np.isfinite(value)))
     return all(is_finite(item) for item in value)
@@ -103,9 +108,9 @@ class Patient:
         self.node = session.add(kind, settings, urdf)
         self.said: dict[str, int] = {}  # messages by topic
         self.not_finite: list[str] = []
-        self._inputs = {s.topic_name: s.callback for s in self.node.subscriptions}
+        self._inputs = {s.topic_name: s for s in self.node.subscriptions}
         for publisher in self.node.publishers:
-            publisher.publish = self._watching(publisher.topic_name)
+            publisher.publish = self._watching(publisher.topic_name, type_name(publisher.msg_type))
 
     def hears(self, topic: str) -> bool:
         """Whether the node takes messages of a topic."""
@@ -116,10 +121,13 @@ class Patient:
         if is_good and topic in _CLOCKED:
             stamp = Time.from_msg(message.header.stamp, clock_type=ClockType.ROS_TIME)
             self.node.get_clock().set_ros_time_override(stamp)
-        self._inputs[topic](message)
+        heard = self._inputs[topic]
+        heard.callback(serialize_message(message) if heard.raw else message)
 
-    def _watching(self, topic: str) -> Callable[[Any], None]:
+    def _watching(self, topic: str, kind: str) -> Callable[[Any], None]:
         def publish(message: Any) -> None:
+            if isinstance(message, bytes):
+                message = decoded(kind, message)
             self.said[topic] = self.said.get(topic, 0) + 1
             # a condition number is infinite where nothing is known
             if not is_finite(message) and not getattr(message, 'reason', ''):
