@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from ..errors import SpaceRobotError
 from ..model.loader import package_folder
 from ..recording.bag import read_bag
 from ..recording.bag_writer import BagWriter
+from ..recording.read import read_record
 from ..recording.record import Record
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.sample_messages import sample_messages
@@ -27,8 +29,16 @@ _ODD = (
     '"', "'", '\x00', '\u200b', '\t', '&a', '*a', '<<: *a', '- ' * 80, '[' * 300, '9' * 5000,
     '2024-99-99', 'true', '<', '<!ENTITY x "y">', '</link>', '\ufeff', '\n\n',
 )  # fmt: skip
-LONGEST, MOST_CHARACTERS = 2.0, 1000
-"""Time to refuse a file [s], and length of the line that says why."""
+LONGEST, LARGEST, MOST_CHARACTERS = 2.0, 500.0, 1000
+"""Time [s] and memory [MB] to refuse a file, and length of the line that says why."""
+_MAPPING = """\
+time: {columns: t, unit: s}
+joints:
+  names: [joint_1, joint_2, joint_3]
+  position: {columns: [a, b, c], unit: rad}
+  velocity: {columns: [va, vb, vc], unit: rad/s}
+gyro: {columns: [x, y, z], unit: rad/s}
+"""
 
 
 @cache
@@ -116,30 +126,48 @@ def spoilt_text(text: str, rng: np.random.Generator) -> str:
 
 
 def malformed_file(kind: str, seed: int) -> str:
-    """What becomes of a robot file or URDF with odd things in it.
+    """What becomes of a robot file, URDF or mapping with odd things in it.
 
     Returns:
-        `refused`, `loaded`, `long` (a refusal that is not one line), `slow`, or the name of an
-        exception that is no refusal.
+        `refused`, `loaded`, `long` (a refusal that is not one line), `slow`, `large`, or the name
+        of an exception that is no refusal.
     """
     rng = np.random.default_rng(seed)
     folder = package_folder('spacerobot_ros') / 'config'
-    robot = (folder / 'servicer.yaml').read_text(encoding='utf-8')
-    urdf = (folder / 'servicer.urdf').read_text(encoding='utf-8')
-    if kind == 'robot file':
-        robot = spoilt_text(robot, rng)
-    else:
-        urdf = spoilt_text(urdf, rng)
-        robot = robot.replace('package://spacerobot_ros/config/servicer.urdf', 'servicer.urdf')
+    texts = {
+        'robot file': (folder / 'servicer.yaml').read_text(encoding='utf-8'),
+        'URDF': (folder / 'servicer.urdf').read_text(encoding='utf-8'),
+        'mapping': _MAPPING,
+    }
+    texts[kind] = spoilt_text(texts[kind], rng)
+    if kind == 'URDF':
+        where = 'package://spacerobot_ros/config/servicer.urdf'
+        texts['robot file'] = texts['robot file'].replace(where, 'servicer.urdf')
     with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / 'robot.yaml'
-        path.write_text(robot, encoding='utf-8')
-        (Path(place) / 'servicer.urdf').write_text(urdf, encoding='utf-8')
-        return _refusal(lambda: load_robot_file(path))
+        files = {'robot file': 'robot.yaml', 'URDF': 'servicer.urdf', 'mapping': 'map.yaml'}
+        for name, file in files.items():
+            (Path(place) / file).write_text(texts[name], encoding='utf-8')
+        table = Path(place) / 'table.csv'
+        table.write_text(_table(), encoding='utf-8')
+        if kind == 'mapping':
+            robot = packaged('servicer').robot
+            return _refusal(lambda: read_record(table, robot, Path(place) / files[kind]))
+        return _refusal(lambda: load_robot_file(Path(place) / files['robot file']))
+
+
+@cache
+def _table() -> str:
+    """Two seconds of three joints that move, and their gyro, as CSV."""
+    t = np.arange(200) * 0.01
+    q = np.sin(np.outer(t, [1.0, 2.0, 3.0]))
+    qd = np.cos(np.outer(t, [1.0, 2.0, 3.0])) * [1.0, 2.0, 3.0]
+    rows = np.column_stack([t, q, qd, 0.1 * q])
+    lines = [','.join(f'{value:.9g}' for value in row) for row in rows]
+    return '\n'.join(['t,a,b,c,va,vb,vc,x,y,z', *lines]) + '\n'
 
 
 def _refusal(read: Callable[[], Any]) -> str:
-    begun = time.process_time()
+    begun, before = time.process_time(), megabytes()
     try:
         read()
         said = ''
@@ -149,6 +177,13 @@ def _refusal(read: Callable[[], Any]) -> str:
         return type(error).__name__
     if time.process_time() - begun > LONGEST:
         return 'slow'
+    if megabytes() - before > LARGEST:
+        return 'large'
     if '\n' in said or len(said) > MOST_CHARACTERS:
         return 'long'
     return 'refused' if said else 'loaded'
+
+
+def megabytes() -> float:
+    """The most memory that this process ever had [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

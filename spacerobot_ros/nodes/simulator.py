@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import JointState
@@ -54,6 +55,8 @@ class SimulatorNode(RobotNode):
         self.observers: list[Callable[[Plant], None]] = []  # shown the truth at every step
         self._is_started = False
         self._is_halted = False
+        # a turn by 1 rad in an integrator's step is the most that it resolves
+        self._fastest = self._options.substeps / self._options.period
         period_ns = round(self._options.period * 1e9)
         self._pace = Pace(period_ns, self._options.real_time_factor, CATCH_UP)
         self.offer('~/reset', self._on_reset)
@@ -96,12 +99,23 @@ class SimulatorNode(RobotNode):
             thrust = self.firings.wrench(step)
             wrench = thrust if wrench is None else wrench + thrust
         try:
-            self.plant.step(self._held.tau(step, forever=forever), wrench)
+            self.plant.step(self._held.tau(step, forever=forever), wrench, fastest=self._fastest)
         except SimulationDivergedError as error:
             self.health.reject(self._command_topic, f'torques dropped: {error}')
             self._held.clear()
-            self.plant.step(self._held.tau(step, forever=True))
+            if not self._goes_on():
+                self.reset()
+                return
         self._publish()
+
+    def _goes_on(self) -> bool:
+        """Step without torques; False where the plant is too fast for its integrator by now."""
+        try:
+            self.plant.step(np.zeros(len(self._names)))
+        except SimulationDivergedError as error:
+            self.get_logger().error(f'{error}; it begins anew')
+            return False
+        return True
 
     def reset(self) -> None:
         """Go back to step 0 with the same seed; time jumps back."""

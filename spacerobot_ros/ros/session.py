@@ -37,9 +37,12 @@ class Session:
 
     Args:
         stall: Wall time without what `until` waits for, after which it gives up [s].
+        by_events: Whether rclpy's executor of events is used where there is one: quick, but at
+            its end messages of other processes may end this one (segmentation fault).
     """
 
-    def __init__(self, stall: float = 60.0) -> None:
+    def __init__(self, stall: float = 60.0, *, by_events: bool = True) -> None:
+        self._by_events = by_events
         self._stall_ns = round(stall * 1e9)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.context = Context()
@@ -48,7 +51,7 @@ class Session:
     def __enter__(self) -> Session:
         """Start the context."""
         rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
-        self._executor = _executor(self.context)
+        self._executor = _executor(self.context, by_events=self._by_events)
         return self
 
     def __exit__(
@@ -161,7 +164,9 @@ class Recorder:
         node.create_subscription(message_type, topic, take, SAMPLES, raw=True)
 
 
-def _executor(context: Context) -> Executor:
+def _executor(context: Context, *, by_events: bool) -> Executor:
+    if not by_events:
+        return SingleThreadedExecutor(context=context)
     try:
         from rclpy.experimental.events_executor import EventsExecutor
 

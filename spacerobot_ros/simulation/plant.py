@@ -15,7 +15,7 @@ from ..dynamics.integrate import DOP853, Holding, Tableau
 from ..dynamics.ledger import MomentumLedger
 from ..dynamics.state import State
 from ..effects.effect import Effect
-from ..errors import ConfigurationError, MessageRejectedError
+from ..errors import ConfigurationError, MessageRejectedError, SimulationDivergedError
 from ..model.robot import Robot
 from ..types import Array, Vector6
 from .forced import ForcedMotion
@@ -95,7 +95,9 @@ class Plant:
         """Own states of all effects, one effect after the other (`effects.effect.own_states`)."""
         return self._forced.hidden
 
-    def step(self, tau: Array, base_wrench: Vector6 | None = None) -> None:
+    def step(
+        self, tau: Array, base_wrench: Vector6 | None = None, *, fastest: float = math.inf
+    ) -> None:
         """Advance by one control period.
 
         Args:
@@ -103,11 +105,13 @@ class Plant:
                 are zero, whatever is commanded.
             base_wrench: (6,) [force; torque] held on the base, at its origin in base coordinates
                 [N, N m].
+            fastest: Sum of the rates of base and joints [rad/s] beyond which no torque may lead.
 
         Raises:
             MessageRejectedError: torques of the wrong shape or not finite; the plant stays as it
                 was.
-            SimulationDivergedError: the new state is not finite; the plant stays as it was.
+            SimulationDivergedError: the new state is not finite, or torques made it too fast; the
+                plant stays as it was.
         """
         tau = _checked(tau, self.n_arm, 'joint torque') * self._driven
         wrench = None if base_wrench is None else _checked(base_wrench, 6, 'base wrench')
@@ -115,11 +119,18 @@ class Plant:
         torque, arm = self._torque, self._arm
         torque[: self.n_arm] = tau
         t = self.time_ns / 1e9
+        integrals = None
         if self._forced.is_free_of_forces and not is_pushed:
             x = self._free.step(self._x, torque, None, t)
         else:
             push = wrench if is_pushed and wrench is not None else np.zeros(6)
             x, integrals = self._forced.step(self._x, torque, push, t)
+        if fastest < math.inf and (is_pushed or tau.any()):
+            turning = 10 + self.robot.n_joints  # rates of the base, then those of the joints
+            rate = float(np.abs(x[turning : turning + 3 + self.n_arm]).sum())
+            if rate > fastest:
+                raise SimulationDivergedError(t, f'a torque would lead to {rate:.3g} rad/s')
+        if integrals is not None:
             self._integrals += integrals
         # exact: the torque is constant over the step
         self._joint_work += float(tau @ (x[arm] - self._x[arm]))

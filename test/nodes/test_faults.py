@@ -9,7 +9,9 @@ from sensor_msgs.msg import Imu, JointState
 from support.bench import MS, NAMES, Bench
 
 from spacerobot_ros.campaign import damage
+from spacerobot_ros.campaign.packaged_robots import packaged
 from spacerobot_ros.nodes import fault_campaign as campaign
+from spacerobot_ros.nodes import kills, wrong_streams
 from spacerobot_ros.nodes.message_fuzz import Patient, is_finite, spoilt
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording.clock_jumps import JumpDetector, Sample
@@ -26,7 +28,7 @@ pytestmark = [
 def short():
     """Let a flight be 1.8 s."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(campaign, '_DURATION', 1.8)
+        patch.setattr(wrong_streams, '_DURATION', 1.8)
         campaign.flight.cache_clear()
         campaign.undisturbed.cache_clear()
         yield
@@ -86,7 +88,7 @@ def test_wrong_and_missing_numbers_would_be_seen():
     assert damage._compared(replace(less, notes=('x', *whole.notes)), whole) == 'in part'
 
 
-@pytest.mark.parametrize('kind', ['robot file', 'URDF'])
+@pytest.mark.parametrize('kind', ['robot file', 'URDF', 'mapping'])
 def test_malformed_files_are_refused_in_a_line(kind):
     ends = {damage.malformed_file(kind, seed) for seed in range(12)}
     assert ends <= {'refused', 'loaded'}
@@ -94,7 +96,7 @@ def test_malformed_files_are_refused_in_a_line(kind):
 
 
 def test_a_torque_that_no_plant_survives_is_dropped(servicer):
-    file = campaign.packaged('servicer')
+    file = packaged('servicer')
     with Session() as session:
         simulator = session.add(SimulatorNode, file.settings, file.robot.urdf)
         for ns, effort in ((0, 1e308), (10, 0.0)):
@@ -131,7 +133,7 @@ def test_gyro_rates_near_the_largest_number_end_nothing(rig, servicer):
 
 
 def test_a_patient_is_given_what_it_hears(servicer):
-    file = campaign.packaged('servicer')
+    file = packaged('servicer')
     with Session() as session:
         patient = Patient(session, SimulatorNode, file.settings, file.robot.urdf)
         assert patient.hears('/joint_commands')
@@ -139,3 +141,51 @@ def test_a_patient_is_given_what_it_hears(servicer):
         patient.node.step()
         assert patient.said['/joint_states'] == 2  # of the start, and of the step
         assert patient.not_finite == []
+
+
+def test_torques_that_are_finite_never_make_the_plant_too_fast(rng):
+    file = packaged('servicer')
+    with Session() as session:
+        simulator = session.add(SimulatorNode, file.settings, file.robot.urdf)
+        for ns in range(300):
+            step = simulator.step_index
+            effort = 10.0 ** rng.uniform(3.0, 18.0) * rng.standard_normal(3)
+            simulator._on_command(compose.joint_state(ns, NAMES, effort=effort))
+            torque = 10.0 ** rng.uniform(2.0, 18.0) * rng.standard_normal(3)
+            simulator._on_wrench(compose.base_torque(ns, 'base_link', torque))
+            simulator.step()
+            assert simulator.step_index == step + 1
+            assert np.all(np.isfinite(simulator.plant.state.to_vector()))
+
+
+def test_a_plant_that_is_too_fast_without_torques_begins_anew():
+    file = packaged('servicer')
+    with Session() as session:
+        simulator = session.add(SimulatorNode, file.settings, file.robot.urdf)
+        simulator.start()
+        simulator.plant._x[13:] = 1e200
+        simulator.step()
+        assert simulator.step_index == 0
+        simulator.step()
+        assert simulator.step_index == 1
+        assert np.all(np.isfinite(simulator.plant.state.to_vector()))
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_goes_on_from_its_file():
+    record = kills.broken_in_the_loop('kills', 'identifier', 1, 1)
+    assert record['raised'] == {}
+    assert record['known'] < 2.0
+    assert record['error'] < 0.5
+
+
+def test_a_loop_that_harms_is_seen():
+    record = {'what': 'simulator', 'odd': 1, 'raised': {}, 'zero': 9.0, 'known': None}
+    record |= {'following': 1.0, 'error': 0.7, 'case': '["kills", "simulator", 1, 1]'}
+    rows = campaign.results([record])
+    missed = [check.what for check in campaign.judge(rows) if not check.is_met]
+    assert missed == [
+        'kills, simulator: joint error [deg]',
+        'kills, simulator: time until there is no effort [s]',
+    ]
+    assert '9' in str(campaign.tables(rows)[1].rows)
