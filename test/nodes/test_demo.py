@@ -1,6 +1,7 @@
 """`spacerobot demo` from end to end."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,11 +16,22 @@ TOPICS = {
     '/attitude', '/clock', '/estimate', '/imu/data', '/joint_commands', '/joint_states',
     '/robot_description', '/simulator/ledger', '/tracking',
 }  # fmt: skip
+QUICK = (  # its motion in 8 s instead of 20, at 50 Hz: as informative and still 70 times better
+    ('duration: 20.0', 'duration: 8.0'),
+    ('period: 0.01', 'period: 0.02'),
+    ('joint_rate: 100.0', 'joint_rate: 50.0'),
+    ('imu_rate: 100.0', 'imu_rate: 50.0'),
+)
 
 
 def test_the_demo_reaches_its_aims_and_leaves_what_it_promises(tmp_path, capsys):
-    out = tmp_path / 'demo'
-    assert main(['demo', '--quick', '--out', str(out)]) == 0
+    out, robot = tmp_path / 'demo', tmp_path / 'robot.yaml'
+    text = Path('config/servicer.yaml').read_text(encoding='utf-8')
+    for change in QUICK:
+        assert change[0] in text
+        text = text.replace(*change)
+    robot.write_text(text, encoding='utf-8')
+    assert main(['demo', '--quick', '--robot', str(robot), '--out', str(out)]) == 0
     summary = json.loads((out / 'summary.json').read_text(encoding='utf-8'))
     assert set(summary) == {
         'aam', 'parameters', 'tracking_max_deg', 'momentum_drift_relative', 'bag', 'wall_s'
@@ -49,8 +61,6 @@ def test_the_demo_reaches_its_aims_and_leaves_what_it_promises(tmp_path, capsys)
     ],
 )
 def test_a_robot_with_nothing_to_show_is_refused(tmp_path, capsys, change, message):
-    from pathlib import Path
-
     text = Path('config/servicer.yaml').read_text(encoding='utf-8')
     file = tmp_path / 'robot.yaml'
     text = text.replace(*change).replace('target_momentum: [42.0, 49.0, 41.0]', 'links: []')
