@@ -7,15 +7,15 @@ knots' spacing from the noise level.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
 from scipy.interpolate import BSpline
-from scipy.sparse.linalg import splu
 
 from ..errors import IdentificationError
 from ..types import Array
+from .spline_kernel import fitted, rows_of
 
 DEGREE = 5
 _SEED = 5  # of the draw of the error; any seed serves
@@ -79,46 +79,44 @@ def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
     Raises:
         IdentificationError: no usable samples.
     """
-    count = sum(len(s.time) for s in samples)
+    rows = _Rows(samples, start, end)
+    count = len(rows.time)
     intervals = [max(1, round((end - start) / spacing)) for spacing in _SPACINGS]
     affordable = [m for m in intervals if m + DEGREE <= count // 2] or intervals[:1]
-    scored = []
-    for m in affordable:
-        curve, error, chi2, dof = _fit(samples, start, end, m)
-        score = chi2 + 2.0 * (m + DEGREE) * samples[0].values.shape[1]
-        scored.append((score, SplineFit(curve, error, (end - start) / m, chi2 / max(dof, 1))))
-    return min(scored, key=lambda pair: pair[0])[1]
+    return min((rows.fit(m) for m in affordable), key=lambda pair: pair[1])[0]
 
 
-def _fit(
-    samples: list[Samples], start: float, end: float, intervals: int
-) -> tuple[BSpline, BSpline, float, int]:
-    knots = np.concatenate(
-        [np.full(DEGREE, start), np.linspace(start, end, intervals + 1), np.full(DEGREE, end)]
-    )
-    rows = [_design(knots, s) / s.std for s in samples]
-    targets = [s.values / s.std for s in samples]
-    design, target = sparse.vstack(rows).tocsc(), np.concatenate(targets)
-    normal = (design.T @ design).tocsc()
-    # A coefficient without data nearby is held near its neighbours by a ridge far below any
-    # measurement's weight.
-    ridge = 1e-12 * normal.diagonal().max()
-    if not ridge > 0.0:
-        raise IdentificationError(f'no usable samples between {start:.6g} s and {end:.6g} s')
-    factor = splu(normal + ridge * sparse.identity(normal.shape[0], format='csc'))
-    coefficients = factor.solve(design.T @ target)
-    coefficients += factor.solve(design.T @ (target - design @ coefficients))
-    chi2 = float(np.sum((target - design @ coefficients) ** 2))
-    noise = np.random.default_rng(_SEED).normal(size=target.shape)
-    error = BSpline(knots, factor.solve(design.T @ noise), DEGREE)
-    return BSpline(knots, coefficients, DEGREE), error, chi2, target.size - coefficients.size
+class _Rows:
+    """What the splines of all spacings are fitted to.
 
+    Args:
+        samples: Sets of samples of the same m signals.
+        start: Start of the interval [s].
+        end: End of the interval [s].
+    """
 
-def _design(knots: Array, samples: Samples) -> sparse.csr_array:
-    time = np.clip(samples.time, knots[0], knots[-1])
-    if samples.derivative == 0:
-        return BSpline.design_matrix(time, knots, DEGREE)
-    count = len(knots) - DEGREE - 1
-    steps = DEGREE / (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1])
-    difference = sparse.diags_array([-steps, steps], offsets=[0, 1], shape=(count - 1, count))
-    return BSpline.design_matrix(time, knots[1:-1], DEGREE - 1) @ difference
+    def __init__(self, samples: list[Samples], start: float, end: float) -> None:
+        def each(values: Callable[[Samples], float]) -> Array:
+            return np.concatenate([np.full(len(s.time), values(s)) for s in samples])
+
+        self._ends = start, end
+        self.time = np.clip(np.concatenate([s.time for s in samples]), start, end)
+        self._is_derivative = each(lambda s: s.derivative) > 0
+        self._weight = 1.0 / each(lambda s: s.std)
+        self._values = np.concatenate([s.values for s in samples]) * self._weight[:, None]
+        self._noise = np.random.default_rng(_SEED).normal(size=self._values.shape)
+
+    def fit(self, intervals: int) -> tuple[SplineFit, float]:
+        """The spline of some intervals, and its criterion."""
+        (start, end), count = self._ends, intervals + DEGREE
+        inner = np.linspace(start, end, intervals + 1)
+        knots = np.concatenate([np.full(DEGREE, start), inner, np.full(DEGREE, end)])
+        first, rows = rows_of(self.time, self._is_derivative, knots, DEGREE)
+        rows *= self._weight[:, None]
+        found = fitted(first, rows, self._values, self._noise, count)
+        if not np.isfinite(found.chi2):
+            raise IdentificationError(f'no usable samples between {start:.6g} s and {end:.6g} s')
+        dof = max(self._values.size - found.values.size, 1)
+        curve, error = (BSpline(knots, c, DEGREE) for c in (found.values, found.noise))
+        fit = SplineFit(curve, error, (end - start) / intervals, found.chi2 / dof)
+        return fit, found.chi2 + 2.0 * found.values.size

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from spacerobot_ros.errors import IdentificationError
 from spacerobot_ros.estimation.splines import Samples, fit_spline
 
 
@@ -103,3 +104,8 @@ def test_two_rates_of_sampling_weigh_by_their_noise(rng):
 def test_interval_need_not_start_at_zero(rng):
     fit = fit_spline([noisy(rng, TIME + 1000.0, 1e-4)], 1000.0, 1020.0)
     np.testing.assert_allclose(fit(TIME + 1000.0), signal(TIME + 1000.0), rtol=0, atol=4e-4)
+
+
+def test_samples_without_weight_are_refused():
+    with pytest.raises(IdentificationError, match='no usable samples between 0 s and 20 s'):
+        fit_spline([Samples(TIME, signal(TIME), np.inf)], 0.0, 20.0)
