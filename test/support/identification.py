@@ -7,9 +7,9 @@ summed over the bodies.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
-from itertools import pairwise
+from functools import cache, partial
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -81,8 +81,8 @@ class Tree:
     """Where the bodies are: positions from the base origin, rotations to base axes, and Jacobians.
 
     Args:
-        rotations: (b, 3, 3). centres: (b, 3) centres of mass.
-        angular: (b, 3, 3 + n) and linear: (b, 3, 3 + n) of the centres, by [omega_B; q'].
+        rotations: (..., b, 3, 3). centres: (..., b, 3) centres of mass.
+        angular: (..., b, 3, 3 + n) and linear: as many, of the centres, by [omega_B; q'].
     """
 
     rotations: np.ndarray
@@ -92,51 +92,59 @@ class Tree:
 
 
 def place(parts: list[Part], order: tuple[str, ...], q: np.ndarray) -> Tree:
-    """Place every body of a tree of revolute joints; `order` names the joints of q."""
-    n, b = len(order), len(parts)
-    R, p = np.zeros((b, 3, 3)), np.zeros((b, 3))
-    Jw, Jp = np.zeros((b, 3, 3 + n)), np.zeros((b, 3, 3 + n))
-    R[0], Jw[0, :, :3] = np.eye(3), np.eye(3)
+    """Place every body of a tree of revolute joints; `order` names the joints of q (..., n)."""
+    n, shape = len(order), (*q.shape[:-1], len(parts), 3)
+    R, p, centres = np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape)
+    Jw, Jp = np.zeros((*shape, 3 + n)), np.zeros((*shape, 3 + n))
+    R[..., 0, :, :], Jw[..., 0, :, :3] = np.eye(3), np.eye(3)
     Jc = np.zeros_like(Jp)
-    centres = np.zeros((b, 3))
     for k, part in enumerate(parts):
         if k:
             i, j = part.parent, order.index(part.joint)
-            R[k] = R[i] @ to_rotation(part.rpy) @ turn(part.axis, q[j])
-            arm = R[i] @ part.origin
-            p[k] = p[i] + arm
-            Jp[k] = Jp[i] - _skew(arm) @ Jw[i]
-            Jw[k] = Jw[i]
-            Jw[k, :, 3 + j] = R[k] @ part.axis
-        arm = R[k] @ part.com
-        centres[k] = p[k] + arm
-        Jc[k] = Jp[k] - _skew(arm) @ Jw[k]
+            R[..., k, :, :] = R[..., i, :, :] @ to_rotation(part.rpy) @ turn(part.axis, q[..., j])
+            arm = R[..., i, :, :] @ part.origin
+            p[..., k, :] = p[..., i, :] + arm
+            Jp[..., k, :, :] = Jp[..., i, :, :] - _skew(arm) @ Jw[..., i, :, :]
+            Jw[..., k, :, :] = Jw[..., i, :, :]
+            Jw[..., k, :, 3 + j] = R[..., k, :, :] @ part.axis
+        arm = R[..., k, :, :] @ part.com
+        centres[..., k, :] = p[..., k, :] + arm
+        Jc[..., k, :, :] = Jp[..., k, :, :] - _skew(arm) @ Jw[..., k, :, :]
     return Tree(R, centres, Jw, Jc)
 
 
+_SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0],
+                  [0, -1, 0, 1, 0, 0, 0, 0, 0]])  # fmt: skip
+
+
 def _skew(v: np.ndarray) -> np.ndarray:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    """(..., 3, 3) of v (..., 3)."""
+    return (v @ _SKEW).reshape(*v.shape, 3)
 
 
 def inertia_of(parts: list[Part], order: tuple[str, ...], q: np.ndarray) -> np.ndarray:
-    """(3 + n, 3 + n) inertia [[D, Dq], [Dq^T, Dqq]] with the centre of mass at rest."""
+    """(..., 3 + n, 3 + n) inertia [[D, Dq], [Dq^T, Dqq]] with the centre of mass at rest."""
     return _inertia(parts, place(parts, order, q))
 
 
 def _inertia(parts: list[Part], tree: Tree) -> np.ndarray:
     mass = np.array([part.mass for part in parts])
-    mean = np.einsum('k,kai->ai', mass, tree.linear) / mass.sum()
-    total = np.zeros((tree.linear.shape[2],) * 2)
+    mean = np.einsum('k,...kai->...ai', mass, tree.linear) / mass.sum()
+    total = np.zeros(mean.shape[:-2] + (mean.shape[-1],) * 2)
     for k, part in enumerate(parts):
-        tensor = tree.rotations[k] @ part.inertia @ tree.rotations[k].T
-        slip = tree.linear[k] - mean
-        total += tree.angular[k].T @ tensor @ tree.angular[k] + part.mass * slip.T @ slip
+        R, turning = tree.rotations[..., k, :, :], tree.angular[..., k, :, :]
+        slip = tree.linear[..., k, :, :] - mean
+        total += _t(turning) @ (R @ part.inertia @ _t(R)) @ turning + part.mass * _t(slip) @ slip
     return total
 
 
+def _t(matrices: np.ndarray) -> np.ndarray:
+    return np.swapaxes(matrices, -1, -2)
+
+
 def carried(parts: list[Part], order: tuple[str, ...], q: np.ndarray, body: int) -> np.ndarray:
-    """(3, 3) rotation of a body to base axes."""
-    return place(parts, order, q).rotations[body]
+    """(..., 3, 3) rotation of a body to base axes."""
+    return place(parts, order, q).rotations[..., body, :, :]
 
 
 def joint_names(parts: list[Part]) -> tuple[str, ...]:
@@ -149,7 +157,7 @@ def table_two(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     t = np.mod(np.atleast_1d(np.asarray(t, dtype=float)), PERIOD)[:, None, None]
     w = 2.0 * np.pi / PERIOD * np.arange(1, 4)
     a, b = np.array(_SINE), np.array(_COSINE)
-    poly = _closing(a, b, w)
+    poly = _closing()
     powers = np.arange(6)
     q = np.sum(a / w * np.sin(w * t) - b / w * np.cos(w * t), axis=2)
     qd = np.sum(a * np.cos(w * t) + b * np.sin(w * t), axis=2)
@@ -159,9 +167,11 @@ def table_two(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return q, qd
 
 
-def _closing(a: np.ndarray, b: np.ndarray, w: np.ndarray) -> np.ndarray:
+@cache
+def _closing() -> np.ndarray:
     """(6, 3) polynomial that makes position, rate and acceleration zero at both ends."""
-    T = PERIOD
+    T, a, b = PERIOD, np.array(_SINE), np.array(_COSINE)
+    w = 2.0 * np.pi / T * np.arange(1, 4)
     ends = np.array([-np.sum(b / w, axis=1), np.sum(a, axis=1), np.sum(b * w, axis=1)])
     rows = [
         [1, 0, 0, 0, 0, 0],
@@ -219,26 +229,34 @@ MOTIONS = {
 }
 
 
-@lru_cache(maxsize=16)
 def simulate(axes: str, duration: float, motion: str = 'table_two') -> Run:
-    """Run the robot of Table I, wheels as in Table I, from the initial state of the paper; cached.
+    """Run the robot of Table I, wheels as in Table I, from the initial state of the paper.
 
     Args:
         axes: Joint axes.
-        duration: [s].
+        duration: [s]; whole periods are simulated once.
         motion: A key of `MOTIONS`.
     """
+    whole = _simulated(axes, math.ceil(duration / PERIOD), motion)
+    count = round(100 * duration) + 1
+    names = ('time', 'q', 'qd', 'omega', 'attitude_xyzw')
+    return replace(whole, **{name: getattr(whole, name)[:count] for name in names})
+
+
+@cache
+def _simulated(axes: str, periods: int, motion: str) -> Run:
     parts = table_one(axes)
     order = joint_names(parts)
     moves = MOTIONS[motion]
 
-    def base_rate(t: float, attitude: np.ndarray, total: np.ndarray) -> np.ndarray:
-        q, qd = (x[0] for x in moves(np.array([t])))
+    def base_rates(t: np.ndarray, to_base: np.ndarray, total: np.ndarray) -> np.ndarray:
+        """Rates (N, 3) of the base at times t (N,), turned by to_base (N, 3, 3)."""
+        q, qd = moves(t)
         tree = place(parts, order, q)
         M = _inertia(parts, tree)
-        wheels = H_BASE + tree.rotations[3] @ H_TARGET
-        h_B = quaternion_matrix(attitude).T @ total
-        return np.linalg.solve(M[:3, :3], h_B - wheels - M[:3, 3:] @ qd)
+        wheels = H_BASE + tree.rotations[:, 3] @ H_TARGET
+        rest = to_base @ total - wheels - (M[:, :3, 3:] @ qd[..., None])[..., 0]
+        return np.linalg.solve(M[:, :3, :3], rest[..., None])[..., 0]
 
     q0, qd0 = (x[0] for x in moves(np.zeros(1)))
     M0 = inertia_of(parts, order, q0)
@@ -248,16 +266,15 @@ def simulate(axes: str, duration: float, motion: str = 'table_two') -> Run:
 
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         unit = x / np.linalg.norm(x)
-        w = base_rate(t, unit, total)
+        w = base_rates(np.array([t]), quaternion_matrix(unit).T, total)[0]
         e, s = x[:3], x[3]
         return 0.5 * np.append(s * w + np.cross(e, w), -e @ w)
 
-    time = np.arange(round(100 * duration) + 1) / 100.0
-    # The motion starts anew every period with a step of its jerk, where the integrator must stop.
-    spans = np.append(np.arange(0.0, duration, PERIOD), duration)
+    time = np.arange(round(100 * periods * PERIOD) + 1) / 100.0
     attitude = np.empty((len(time), 4))
     x = ATTITUDE_XYZW
-    for a, b in pairwise(spans):
+    for k in range(periods):  # each begins with a step of the jerk, where the integrator must stop
+        a, b = k * PERIOD, (k + 1) * PERIOD
         inside = (time >= a - 1e-9) & (time <= b + 1e-9)
         stamps = np.clip(time[inside], a, b)
         solution = solve_ivp(
@@ -265,7 +282,8 @@ def simulate(axes: str, duration: float, motion: str = 'table_two') -> Run:
         )
         attitude[inside], x = solution.y.T, solution.y[:, -1]
     attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
-    omega = np.array([base_rate(t, r, total) for t, r in zip(time, attitude, strict=True)])
+    to_base = np.array([quaternion_matrix(r).T for r in attitude])
+    omega = base_rates(time, to_base, total)
     q, qd = moves(time)
     return Run(parts, time, q, qd, omega, attitude, total)
 

@@ -5,8 +5,8 @@ The oracles share no code with the product; only `robot_of` calls it, to load a 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -203,16 +203,18 @@ def to_mjcf(
     )
 
 
+@cache
 def to_rotation(rpy: tuple[float, float, float]) -> np.ndarray:
     """Rotation matrix of URDF's fixed-axis roll, pitch, yaw."""
     r, p, y = rpy
     return turn(AXIS['z'], y) @ turn(AXIS['y'], p) @ turn(AXIS['x'], r)
 
 
-def turn(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rotation matrix by Rodrigues' formula."""
+def turn(axis: np.ndarray, angle: float | np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) by Rodrigues' formula; angle (...)."""
     K = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
+    angle = np.asarray(angle)[..., None, None]
+    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
 
 
 def quaternion_matrix(xyzw: np.ndarray) -> np.ndarray:

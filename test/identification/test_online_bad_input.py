@@ -1,0 +1,199 @@
+"""The online identifier refuses bad samples, and leaves out those that contradict the others."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from support.identification import ORIGIN_NS, changed, measure, simulate
+from support.online import (
+    assert_never_confidently_wrong,
+    cut,
+    events,
+    feed,
+    half_minute,
+    identifier,
+    same,
+)
+
+from spacerobot_ros.errors import MessageRejectedError
+
+ONE, UNIT = np.ones(3), np.array([0.0, 0.0, 0.0, 1.0])
+NAN = np.array([0.0, np.nan, 0.0])
+EARLY = 99 - 500_000_000  # just beyond the lateness
+AHEAD = 100 + 36_000 * 10**9
+BAD = {
+    'nan in a position': ('add_joints', 200, (NAN, ONE), 'position is not finite'),
+    'infinite rate': ('add_joints', 200, (ONE, np.inf * ONE), 'velocity is not finite'),
+    'nan in the gyro': ('add_rate', 200, (NAN,), 'angular velocity is not finite'),
+    'nan in the attitude': ('add_attitude', 200, (np.nan * UNIT,), 'quaternion is not finite'),
+    'zero quaternion': ('add_attitude', 200, (0.0 * UNIT,), 'quaternion has norm 0, not 1'),
+    'long quaternion': ('add_attitude', 200, (1.01 * UNIT,), 'norm 1.01'),
+    'joint stamp duplicated': ('add_joints', 100, (ONE, ONE), 'duplicate stamp'),
+    'gyro stamp duplicated': ('add_rate', 100, (ONE,), 'duplicate stamp'),
+    'attitude stamp duplicated': ('add_attitude', 100, (UNIT,), 'duplicate stamp'),
+    'joint stamp backwards': ('add_joints', EARLY, (ONE, ONE), 'stamp goes backwards by 0.5'),
+    'gyro stamp backwards': ('add_rate', EARLY, (ONE,), 'stamp goes backwards by 0.5'),
+    'attitude stamp backwards': ('add_attitude', EARLY, (UNIT,), 'stamp goes backwards by 0.5'),
+    'joint stamp hours ahead': (
+        'add_joints',
+        AHEAD,
+        (ONE, ONE),
+        'stamp 36000 s ahead',
+    ),
+    'gyro stamp hours ahead': ('add_rate', AHEAD, (ONE,), 'stamp 36000 s ahead'),
+    'attitude stamp hours ahead': ('add_attitude', AHEAD, (UNIT,), 'stamp 36000 s'),
+    'too few joints': (
+        'add_joints',
+        200,
+        (ONE[:2], ONE[:2]),
+        'position has 2 entries',
+    ),
+    'no joint rates': ('add_joints', 200, (ONE, ONE[:0]), 'velocity has 0 entries, expected 3'),
+}
+
+
+@pytest.mark.parametrize(('method', 'stamp', 'values', 'match'), BAD.values(), ids=BAD.keys())
+def test_bad_samples_are_rejected_and_counted(method, stamp, values, match):
+    online = identifier()
+    online.add_joints(100, ONE, ONE)
+    online.add_rate(100, ONE)
+    online.add_attitude(100, UNIT)
+    with pytest.raises(MessageRejectedError, match=match):
+        getattr(online, method)(stamp, *values)
+    assert online.rejected == 1
+    online.add_joints(300, ONE, ONE)
+    online.add_rate(300, ONE)
+    online.add_attitude(300, -1.0005 * UNIT)
+    assert online.rejected == 1
+
+
+@pytest.mark.parametrize(
+    ('method', 'value'),
+    [('add_rate', ONE[:2]), ('add_attitude', np.array([0.6, 0.8, 0.0]))],
+    ids=['gyro', 'attitude'],
+)
+def test_wrong_lengths_are_rejected(method, value):
+    online = identifier()
+    with pytest.raises(MessageRejectedError):
+        getattr(online, method)(100, value)
+
+
+def test_bad_samples_do_not_change_the_estimate():
+    _, data, estimates = half_minute()
+    online, due, got, bad = identifier(), 1.0, [], 0
+    for k, (stamp, method, values) in enumerate(events(data.between(-1.0, 10.0))):
+        while (stamp - ORIGIN_NS) * 1e-9 > due + 1e-9:
+            got.append(online.solve())
+            due += 1.0
+        getattr(online, method)(stamp, *values)
+        if k % 7 == 0:
+            for call, arguments in (
+                (getattr(online, method), (stamp, *values)),
+                (online.add_joints, (stamp + 1, NAN, ONE)),
+                (online.add_rate, (stamp + 1, NAN)),
+                (online.add_attitude, (stamp + 1, np.zeros(4))),
+            ):
+                with pytest.raises(MessageRejectedError):
+                    call(*arguments)
+                bad += 1
+    assert online.rejected == bad > 0
+    for a, b in zip(got, estimates, strict=False):
+        same(a, b)
+
+
+def test_samples_of_a_solved_stretch_are_rejected():
+    data = measure(simulate('zyx', 12.0), 1)
+    online = identifier()
+    feed(online, cut(data, 'attitude', 5.05, 99.0))
+    with pytest.raises(MessageRejectedError, match='too late'):
+        online.add_attitude(ORIGIN_NS + 5_500_000_000, UNIT)
+    assert online.rejected == 1
+
+
+def with_value(data, sensor, rows, change):
+    """The data with some samples of a sensor changed."""
+    values = getattr(data, sensor).copy()
+    values[rows] = change(values[rows])
+    return changed(data, **{sensor: values})
+
+
+def again_later(data, delay):
+    """The data and a copy of the joint sample at 8 s, stamped later."""
+    k = int(np.searchsorted(data.joint_time, 8.0))
+    late = data.joint_time[k] + delay
+    kept = np.abs(data.joint_time - late) > 1e-6
+    order = np.argsort(np.append(data.joint_time[kept], late), kind='stable')
+    return changed(
+        data,
+        joint_time=np.append(data.joint_time[kept], late)[order],
+        q=np.vstack([data.q[kept], data.q[k]])[order],
+        qd=np.vstack([data.qd[kept], data.qd[k]])[order],
+    )
+
+
+FAULTY = {
+    'a position off by 0.01 rad': lambda d: with_value(d, 'q', [800], lambda v: v + 0.01),
+    'a finite rate beyond squaring': lambda d: with_value(d, 'qd', [800], lambda v: v + 1e300),
+    'the same as the very first': lambda d: with_value(d, 'qd', [0], lambda v: v + 1e300),
+    'the largest positions': lambda d: with_value(d, 'q', [700], lambda v: v - 1.7e308),
+    'a gyro that spikes': lambda d: with_value(d, 'omega', [500, 900], lambda v: v + 0.3),
+    'a turned attitude': lambda d: with_value(
+        d, 'attitude_xyzw', [60], lambda v: v @ np.array(
+            [[0, 0, -1, 0], [0, 0, 0, 1], [1, 0, 0, 0], [0, -1, 0, 0]]
+        )
+    ),
+    'a sample stamped again 0.3 s later': lambda d: again_later(d, 0.3),
+    'a burst of positions': lambda d: with_value(
+        d, 'q', range(900, 920), lambda v: v + 0.01
+    ),
+    'a stuck encoder': lambda d: with_value(d, 'q', range(900, 930), lambda v: v[:1]),
+    'stuck joint states': lambda d: with_value(
+        with_value(d, 'q', range(900, 990), lambda v: v[:1]),
+        'qd', range(900, 990), lambda v: v[:1],
+    ),
+}  # fmt: skip
+
+
+@cache
+def clean(duration, seed):
+    """Run, data and the last estimate, solved every two seconds."""
+    run = simulate('zyx', duration)
+    data = measure(run, seed)
+    return run, data, feed(identifier(), data, period=2.0)[-1]
+
+
+@pytest.mark.parametrize('spoil', FAULTY.values(), ids=FAULTY.keys())
+def test_samples_that_contradict_the_others_are_left_out(spoil):
+    run, data, best = clean(16.0, 11)
+    online = identifier()
+    # solved while the arm seems to stand, so that the pause is noticed
+    period = 1.0 if spoil is FAULTY['stuck joint states'] else 2.0
+    estimates = feed(online, spoil(data), period)
+    assert_never_confidently_wrong(estimates, run)
+    assert estimates[-1].valid
+    assert sum(online.left_out.values()) >= 1
+    # at most 30 of 1600 samples are lost; a pause of 0.9 s begins another segment, whose gyro bias
+    # and first four seconds are its own
+    is_long = online.left_out['joints'] > 50
+    assert np.max(estimates[-1].std / best.std) < (3.0 if is_long else 1.2)
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_one_outlier_in_a_hundred_costs_little(seed):
+    rng = np.random.default_rng(seed)
+    run, data, best = clean(20.0, 12 + seed)
+    sizes = {'q': 2e-5, 'qd': 2e-4, 'omega': 2e-5}
+    for sensor, std in sizes.items():
+        values = getattr(data, sensor)
+        rows = rng.choice(len(values), len(values) // 100, replace=False)
+        # from one standard deviation to what a broken driver says
+        off = std * 10.0 ** rng.uniform(0, 8, (len(rows), 1)) * rng.choice([-1, 1], (len(rows), 1))
+        data = with_value(data, sensor, rows, lambda v, off=off: v + off)
+    estimates = feed(identifier(), data, period=2.0)
+    assert_never_confidently_wrong(estimates, run)
+    assert estimates[-1].valid
+    assert np.max(estimates[-1].std / best.std) < 1.2
+    # what outliers change is small against the estimate's own uncertainty
+    assert np.max(np.abs(estimates[-1].aam - best.aam) / best.std[:3]) < 1.5

@@ -1,0 +1,99 @@
+"""The online identifier across segments, failed solutions and restarts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.identification import ORIGIN_NS, measure, simulate
+from support.online import assert_never_confidently_wrong, events, feed, identifier, same
+
+from spacerobot_ros.errors import IdentificationError, RecordingError
+
+
+def test_data_that_defeat_the_solution_are_left_behind(monkeypatch):
+    run = simulate('zyx', 20.0)
+    data = measure(run, 7)
+    online = identifier()
+    feed(online, data.between(-1.0, 9.0))
+    known = online.solve()
+    with monkeypatch.context() as patch:
+        patch.setattr(online, '_run_new', fail)
+        patch.setattr(online, '_run_all', fail)
+        for event in events(data.between(9.0, 12.0)):
+            getattr(online, event[1])(event[0], *event[2])
+        with pytest.raises(IdentificationError, match='another segment begins: defeated'):
+            online.solve()
+    same(online.solve(), known)
+    estimates = []
+    for event in events(data.between(12.0, 20.0)):
+        getattr(online, event[1])(event[0], *event[2])
+    estimates.append(online.solve())
+    assert_never_confidently_wrong(estimates, run)
+    assert np.all(estimates[-1].std[:3] < known.std[:3])
+
+
+def fail(*_):
+    raise np.linalg.LinAlgError('defeated')
+
+
+def test_another_segment_keeps_what_is_known_of_the_robot():
+    run = simulate('zyx', 20.0)
+    data = measure(run, 7)
+    online = identifier()
+    known = feed(online, data.between(-1.0, 10.0))[-1]
+    online.begin_segment()
+    same(online.solve(), known)
+    # the clock begins anew, and so does the frame in which momentum is measured
+    part = data.between(10.0, 20.0)
+    estimates = []
+    for stamp, method, values in events(part):
+        getattr(online, method)(stamp - ORIGIN_NS, *values)
+    estimates.append(online.solve())
+    assert_never_confidently_wrong(estimates, run)
+    alone = feed(identifier(), part)[-1]
+    assert np.all(estimates[-1].std[:3] < 0.9 * np.minimum(known.std[:3], alone.std[:3]))
+    assert estimates[-1].samples > 1500
+
+
+def test_what_was_saved_is_known_again(tmp_path):
+    run, path = simulate('zyx', 20.0), tmp_path / 'known.json'
+    data, online = measure(run, 7), identifier(manifold='linear')
+    assert not online.save(path, 0)
+    known = feed(online, data.between(-1.0, 10.0))[-1]
+    assert online.save(path, 0)
+    soon, later = identifier(manifold='linear'), identifier(manifold='linear')
+    soon.load(path, 0)
+    later.load(path, 100 * 10**9)
+    assert_never_confidently_wrong([soon.solve(), later.solve()], run)
+    assert np.all(later.solve().std[:3] > 2.0)  # wheels may run down in 1/0.003 s
+    np.testing.assert_allclose(soon.solve().std, known.std, rtol=1e-6, atol=0)
+    part = data.between(10.0, 20.0)
+    estimates, alone = feed(soon, part), feed(identifier(manifold='linear'), part)[-1]
+    assert all(e.valid for e in estimates)
+    assert_never_confidently_wrong(estimates, run)
+    assert np.all(estimates[-1].std[:3] < 0.9 * alone.std[:3])
+
+
+def test_a_torn_file_is_refused_and_the_one_before_used(tmp_path):
+    data, online, path = measure(simulate('zyx', 12.0), 7), identifier(), tmp_path / 'known.json'
+    feed(online, data.between(-1.0, 9.0))
+    online.save(path, 0)
+    first = identifier()
+    first.load(path, 0)
+    feed(online, data.between(9.0, 12.0))
+    online.save(path, 0)
+    whole = path.read_bytes()
+    other = identifier(structure='generic')
+    with pytest.raises(RecordingError, match='of another robot'):
+        other.load(path, 0)
+    for k in range(0, len(whole), len(whole) // 17):
+        flipped = bytearray(whole)
+        flipped[k] ^= 1
+        for torn in (whole[:k], bytes(flipped)):
+            path.write_bytes(torn)
+            again = identifier()
+            again.load(path, 0)
+            same(again.solve(), first.solve())
+    (tmp_path / 'known.json.before').unlink()
+    with pytest.raises(RecordingError, match=r'known.json: (is damaged|its check sum)'):
+        identifier().load(path, 0)
