@@ -38,6 +38,7 @@ MULTIPLES = (1.0, 3.0, 10.0)
 _SEEDS = 2  # of every effect at every strength, on every robot
 _SEVERAL = {'pair': (2, 60), 'triple': (3, 30)}  # effects at once, and records at each strength
 _QUICK_SEVERAL = 2
+_BRIEF = 1.0  # s
 _LAST = ('single', MULTIPLES[0])  # of no figure to reach
 
 
@@ -206,8 +207,21 @@ def _hide(case: HiddenCase, rng: np.random.Generator) -> tuple[list[Effect], flo
             place = where[int(rng.integers(len(where)))]
             hidden.append(drawn(clean, effect, place, case.multiple, rng))
     named = [replace(h, name=f'hidden_{i}') for i, (h, _) in enumerate(hidden)]
-    complete = len(hidden) == len(case.effects)
+    complete = len(hidden) == len(case.effects) and all(_leaves_traces(case, h) for h in named)
     return named, min(strength for _, strength in hidden) if complete else 0.0
+
+
+def _leaves_traces(case: HiddenCase, effect: Effect) -> bool:
+    """Whether a record with the effect alone differs from a clean one.
+
+    Efforts that are late by less than the interval over which a torque is held do not.
+    """
+    if not effect.acts('delay'):
+        return True
+    brief = replace(case, duration=_BRIEF)
+    one, other = (_simulated(brief, hidden)[0] for hidden in ([effect], []))
+    channels = ('q', 'effort', 'omega', 'attitude_xyzw')
+    return not all(np.array_equal(getattr(one, c), getattr(other, c)) for c in channels)
 
 
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -72,6 +72,11 @@ class Balance:
         return self.process.effects
 
     @property
+    def is_held(self) -> bool:
+        """Below 4 Hz holds look like what they are held of."""
+        return False
+
+    @property
     def effort_rate(self) -> Array:
         """(N, n) time derivative of the torques that the model needs [N m/s]."""
         return np.gradient(self.motion.effort, self.arm.step, axis=0)

@@ -289,8 +289,9 @@ class Signatures:
         motion = self._rows.motion
         force = motion.zeros()
         force[:, 6:] = motion.effort - applied.sense('joint_effort', motion.effort, motion)
-        late = applied.joint_delays(motion.robot)
-        late = late + applied.delay('joints') + applied.delay('effort')
+        late: float | Array = applied.delay('effort')
+        if not self._rows.is_held:
+            late = late + applied.joint_delays(motion.robot) + applied.delay('joints')
         if np.any(late):
             force[:, 6:] += late * self._rows.effort_rate
         if motion.unpowered is not None:

@@ -160,8 +160,11 @@ class Innovations:
 
     @cached_property
     def log_determinant(self) -> float:
-        """Sum of ln of the innovations' variances."""
-        return float(2.0 * np.sum(np.log(self.stds)))
+        """Sum of ln of the innovations' variances, each by that of its sensor's noise.
+
+        So models under which other samples are in time, first and last ones, can be compared.
+        """
+        return float(np.sum(np.log(self.stds**2 / self._measured.row_variance)))
 
     def columns(self, columns: Columns) -> Array:
         """(R, K) whitened innovations that each column leaves in the data of a model without it.

@@ -12,7 +12,7 @@ from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array, IntArray
 from .evidence import Gram
-from .prediction import Columns, Innovations
+from .prediction import TIMINGS, Columns, Innovations
 from .reference import Kinematics
 from .rows import ChannelError, ChannelFit
 from .time_base import CHANNELS
@@ -37,6 +37,11 @@ class PredictionRows(Innovations):
     def robot(self) -> Robot:
         """The robot as the model's effects make it."""
         return self.process.robot
+
+    @property
+    def is_held(self) -> bool:
+        """See `Rows.is_held`."""
+        return TIMINGS[self.timing] is not None
 
     @cached_property
     def effort_rate(self) -> Array:

@@ -78,6 +78,11 @@ class MotionModel(Protocol):
         ...
 
     @property
+    def is_held(self) -> bool:
+        """Whether torques are held between stamps, so that late joint states make none later."""
+        ...
+
+    @property
     def effort_rate(self) -> Array:
         """(N, n) time derivative of the measured torques there [N m/s]."""
         ...

@@ -10,7 +10,7 @@ from ..model.robot import Robot
 from ..recording.record import Record
 from ..recording.robot_inputs import with_inputs
 from ..sensing.correction import corrected_record
-from .prediction import MeasuredMotion
+from .prediction import TIMINGS, MeasuredMotion
 from .prediction_rows import PredictionRows
 from .reference import NoiseLevels
 from .rows import Rows
@@ -60,7 +60,8 @@ class Run:
     def timed(self, timing: str) -> Run:
         """The same run, its efforts acting in another way."""
         other = Run(self.record, self.robot, self.believed, self.noise, timing, self.left_out)
-        other.__dict__['_believed_motion'] = self._believed_motion
+        if not any(effect.acts('delay') for effect in self.believed):
+            other.__dict__['_believed_motion'] = self._believed_motion
         other._models = self._models
         return other
 
@@ -82,5 +83,6 @@ class Run:
 
     def _motion(self, causes: Sequence[Effect], process: TorqueDriven) -> MeasuredMotion:
         effects = (*self.believed, *causes)
-        record = corrected_record(self.record, process.robot, effects)
+        is_held = TIMINGS[self.timing] is not None
+        record = corrected_record(self.record, process.robot, effects, is_held)
         return MeasuredMotion(record, self.noise, process, self.left_out)

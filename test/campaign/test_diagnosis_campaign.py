@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -322,3 +323,20 @@ def test_records_may_come_from_an_independent_engine():
     assert score([found])['top'] == {10.0: Share(1, 1)}
     with pytest.raises(ConfigurationError, match='no_such_engine'):
         trials(3, False, 'no_such_engine')
+
+
+def test_what_leaves_no_trace_is_no_trial():
+    """A torque that is held looks the same a little later; most delays are seen."""
+    late = HiddenCase(
+        kind='single',
+        robot='servicer',
+        excitation='fast',
+        seed=5,
+        effects=('effort_delay',),
+        multiple=3.0,
+        duration=4.0,
+    )
+    for effect, seen in (('effort_delay', False), ('joint_delay', True)):
+        found = run(replace(late, effects=(effect,)).key)
+        assert found['hidden'][0]['values']['delay'] < 0.01, effect  # s, of a hold
+        assert (outcome(found) != 'too weak') == seen, effect

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.columns import is_possible
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
-from spacerobot_ros.estimation.refit import refine
+from spacerobot_ros.estimation.refit import Fit, refine
 from spacerobot_ros.estimation.runs import Run
 
 
@@ -35,3 +36,20 @@ def test_two_causes_that_take_the_same_mass_are_drawn_back_to_a_body():
     assert np.isfinite(fit.evidence)
     # nothing is hidden in the record: both come out as nothing
     assert abs(fit.causes[0].values['mass']) < 5.0 * fit.standard_deviations()[0]['mass']
+
+
+@pytest.mark.parametrize('delay', [4e-6, 3e-4])
+def test_a_late_joint_clock_beside_held_torques_is_fitted_right(delay):
+    """A sample that is late shows the same hold: the torque is no later than it was."""
+    robot = robot_file('servicer').robot
+    late = applied('joint_delay', None, delay=delay)
+    record = observed(simulated('servicer', 'fast', 2, [late], 8.0), robot)
+    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
+    fit = refine(run, [applied('joint_delay', None, delay=0.0)])
+    std = fit.standard_deviations()[0]['delay']
+    assert abs(fit.causes[0].values['delay'] - delay) < 3.5 * std  # of four seeds, one in 500
+    assert std < 1e-6
+    assert abs(fit.misfit - len(fit.data)) < 4.0 * np.sqrt(2.0 * len(fit.data))
+    # other samples are the first and last ones, and no torque is unknown: nothing of a clock is
+    # more likely for that
+    assert abs(fit.rows.log_determinant - Fit(run, ()).rows.log_determinant) < 1.0

@@ -57,6 +57,11 @@ def _relative(v: Values) -> dict[str, Any]:
     return {'gain': v['gain'] - 1.0}
 
 
+def _opposite(v: Values) -> dict[str, Any]:
+    """The plan turns the sensor, the catalogue what it says."""
+    return {axis: -v[axis] for axis in 'xyz'}
+
+
 def _payload(v: Values) -> dict[str, Any]:
     """A point mass, which is all that the campaign draws of inertial parameters."""
     return {'mass': v['mass'], 'com': tuple(m / v['mass'] for m in _vector(v, 'm'))}
@@ -88,6 +93,7 @@ _PLANNED: dict[str, Callable[[Values], dict[str, Any]]] = {
     'joint_torque_constant': _relative,
     'encoder_scale': _relative,
     'joint_rate_scale': _relative,
+    'gyro_misalignment': _opposite,
     'inertial_parameters': _payload,
     'flexible_appendage': _panel,
     'fuel_slosh': _tank,
@@ -98,7 +104,7 @@ _PLANNED: dict[str, Callable[[Values], dict[str, Any]]] = {
 _AS_IN_THE_CATALOGUE = (
     *('joint_viscous_friction', 'joint_coulomb_friction', 'joint_stribeck_friction'),
     *('joint_torque_ripple', 'joint_stiffness', 'motor_inertia', 'encoder_offset'),
-    *('torque_sensor_bias', 'gyro_bias', 'gyro_scale', 'gyro_misalignment'),
+    *('torque_sensor_bias', 'gyro_bias', 'gyro_scale'),
     *('attitude_misalignment', 'imu_delay', 'attitude_delay', 'joint_delay', 'effort_delay'),
     *('target_wheel_momentum', 'servicer_wheel_momentum_error', 'target_wheel_drag'),
     *('servicer_wheel_drag', 'wheel_imbalance', 'external_torque_body'),
