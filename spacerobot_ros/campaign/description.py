@@ -81,8 +81,8 @@ class Campaign:
         title: Of the page. subtitle: One line below it.
         runs: Number of runs; what it means, the help of `--runs` says. quick_runs: With `--quick`.
         headlines: Pattern of the figures that the page shows first.
-        file: Where records are kept, to go on where it stopped; empty: not kept.
-        markdown: File with all tables beside the page; empty: none.
+        is_kept: Whether records are kept, to go on where it stopped, and tables stand in a file
+            beside the page.
         alone: Beginnings of keys that are run before other processes compete.
         key_of: The key of a record that was kept.
     """
@@ -95,10 +95,19 @@ class Campaign:
     runs: int
     quick_runs: int
     headlines: str = ''
-    file: str = ''
-    markdown: str = ''
+    is_kept: bool = False
     alone: tuple[str, ...] = ()
     key_of: Callable[[Record], str] = itemgetter('case')
+
+    @property
+    def file(self) -> str:
+        """Where records are kept; empty: not."""
+        return f'{self.name}.jsonl' if self.is_kept else ''
+
+    @property
+    def markdown(self) -> str:
+        """File with all tables; empty: none."""
+        return f'{self.name}.md' if self.is_kept else ''
 
     def load(self) -> Experiment:
         """The campaign's functions; imports what is heavy."""
@@ -160,7 +169,7 @@ COVERAGE = Campaign(
     runs=200,
     quick_runs=12,
     headlines='covered',
-    file='coverage.jsonl',
+    is_kept=True,
     key_of=_coverage_key,
 )
 ADAPTIVE_CONTROL = Campaign(
@@ -189,8 +198,7 @@ alarms. A night's work; --quick takes minutes""",
     subtitle="Seeded records of the project's own plant",
     runs=600,
     quick_runs=6,
-    file='diagnosis.jsonl',
-    markdown='diagnosis.md',
+    is_kept=True,
 )
 MONITOR = Campaign(
     name='monitor',
@@ -203,8 +211,7 @@ false alarms in nominal flight and delays of detection of the monitor node
     runs=4,
     quick_runs=2,
     headlines='^alarms',
-    file='monitor.jsonl',
-    markdown='monitor.md',
+    is_kept=True,
 )
 ARMS = Campaign(
     name='arms',
@@ -217,8 +224,7 @@ ones with a coloured leftover, as they should be and with one cause, alone and c
     runs=300,
     quick_runs=14,
     headlines='name',
-    file='arms.jsonl',
-    markdown='arms.md',
+    is_kept=True,
 )
 DISCOVERY = Campaign(
     name='discovery',
@@ -232,8 +238,7 @@ without any""",
     runs=6,
     quick_runs=1,
     headlines='variables|discovery',
-    file='discovery.jsonl',
-    markdown='discovery.md',
+    is_kept=True,
 )
 FAULTS = Campaign(
     name='faults',
@@ -246,8 +251,7 @@ node, what passes for data. Needs ROS 2""",
     runs=20,
     quick_runs=1,
     headlines='raised',
-    file='faults.jsonl',
-    markdown='faults.md',
+    is_kept=True,
 )
 EXPERIMENTS = {
     c.name: c

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-import numpy as np
-
 from ..estimation.refit import Fit
 from ..estimation.rows import ChannelFit
 from ..estimation.scaling import is_relevant
-from ..types import Array
-from .answer.residuals import residuals, series
+from .answer.residuals import residuals, rms, series
 from .answer.result import (
     Cause,
     Diagnosis,
@@ -106,16 +103,12 @@ def _cause(found: Found, index: int) -> Cause:
 def _gain(null: Fit, fit: Fit, causes: Sequence[Cause]) -> Gain:
     """Held-out error of the models, each fifth of the record with the values from the others."""
     placebos = [c.evidence.placebo_gain for c in causes]
-    start, end = (_rms(f.held_out()) for f in (null, fit))
+    start, end = (rms(f.held_out()) for f in (null, fit))
     excess = max(start**2 - 1.0, 0.0)
     # shares of several causes are of other wholes
     left = [max(start**2 - p * excess, 0.0) for p in placebos if math.isfinite(p)]
     placebo = math.sqrt(min(left)) if left else math.nan
     return Gain(before=start, after=end, placebo=placebo)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _ranked(found: Found) -> Iterable[Ranked]:

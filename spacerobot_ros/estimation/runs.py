@@ -16,8 +16,6 @@ from .reference import NoiseLevels
 from .rows import Rows
 from .torque_process import TorqueDriven
 
-_LEAST_ANGLE = 1e-5  # rad; few encoders are as good
-
 
 class Run:
     """What is the same for every model of a record; its rows are made by prediction.

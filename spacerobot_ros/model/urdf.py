@@ -92,7 +92,7 @@ def parse_urdf(text: str, place: str = 'URDF') -> Tree:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise ModelError(place, f'not well-formed XML: {error}') from error
-    if any(_XACRO in element.tag for element in root.iter()):
+    if any(_is_xacro(element) for element in root.iter()):
         why = 'is xacro, not URDF: convert it with `xacro FILE > robot.urdf` and name that'
         raise ModelError(place, why)
     if root.tag != 'robot':
@@ -139,6 +139,11 @@ def _parse_link(element: ElementTree.Element, place: str) -> Link:
     inertia = rotation @ _parse_inertia(inertia_element, where) @ rotation.T
     check_inertia(mass, inertia, where)
     return Link(name, mass, com, inertia)
+
+
+def _is_xacro(element: ElementTree.Element) -> bool:
+    """Whether it is of xacro's own, or has an expression of it."""
+    return _XACRO in element.tag or any('${' in v or '$(' in v for v in element.attrib.values())
 
 
 def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:

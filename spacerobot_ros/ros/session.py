@@ -7,7 +7,6 @@ import io
 import struct
 from collections.abc import Callable, Iterable
 from itertools import count
-from types import TracebackType
 from typing import Any
 
 import rclpy
@@ -54,12 +53,7 @@ class Session:
         self._executor = _executor(self.context, by_events=self._by_events)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Destroy nodes, executor and context."""
         for node in self._nodes:
             self._executor.remove_node(node)

@@ -33,7 +33,7 @@ class Rooted(Campaign):
 def campaign():
     """Return a campaign that keeps its records."""
     given = {name: getattr(MONITOR, name) for name in Campaign.__dataclass_fields__}
-    return Rooted(**{**given, 'file': 'roots.jsonl'}, seen=[])
+    return Rooted(**{**given, 'name': 'roots'}, seen=[])
 
 
 def test_goes_on_where_it_stopped_and_adds(tmp_path, campaign):
@@ -69,7 +69,7 @@ def test_some_are_run_before_others(tmp_path, campaign):
 
 def test_a_campaign_that_keeps_nothing(tmp_path, campaign):
     for _ in range(2):
-        assert len(finish(replace(campaign, file=''), KEYS[:1], tmp_path).records) == 1
+        assert len(finish(replace(campaign, is_kept=False), KEYS[:1], tmp_path).records) == 1
     assert campaign.seen == ['0', '0']
     assert list(tmp_path.iterdir()) == []
 

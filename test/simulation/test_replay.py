@@ -188,8 +188,7 @@ def test_mesh_files(tmp_path):
         read_mesh(tmp_path / 'a.dae')
 
 
-def test_xacro_is_told_from_urdf():
+@pytest.mark.parametrize('inner', ['<xacro:arm/>', '<link name="${prefix}base"/>'])
+def test_xacro_is_told_from_urdf(inner):
     with pytest.raises(ModelError, match='is xacro, not URDF: convert it'):
-        parse_urdf(
-            '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>'
-        )
+        parse_urdf(f'<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">{inner}</robot>')

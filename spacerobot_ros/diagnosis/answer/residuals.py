@@ -53,8 +53,8 @@ def residuals(
         Residual(
             channel=s.channel,
             unit=s.unit,
-            rms_before=_rms(s.before),
-            rms_after=_rms(s.after),
+            rms_before=rms(s.before),
+            rms_after=rms(s.after),
             noise_floor=s.noise_floor,
             whiteness_p=p_after.get(s.channel, float('nan')),
             whiteness_p_before=p_before.get(s.channel, float('nan')),
@@ -63,7 +63,8 @@ def residuals(
     )
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
+    """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 
