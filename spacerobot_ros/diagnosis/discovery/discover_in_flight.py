@@ -9,18 +9,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...effects.law_inputs import base_axes
+from ...effects.grammar import FORMS
+from ...effects.law_inputs import AXES, base_axes
 from ...effects.learned_torque import LearnedTorque, law_at
 from ...estimation.refit import Fit, refine
 from ...types import Array
 from ..answer.result import Diagnosis
 from ..limits import OBVIOUS
-from .channel_laws import HeldLaw, laws_of, said_of, said_without
+from .channel_laws import HeldLaw, channel_name, laws_of, said_of, said_without
 from .discover import pushes
-from .flight_channels import FlightChannel, FlightRows
+from .flight_channels import Component, FlightChannel, FlightRows
 from .law_search import Winner
-from .left_out import Parts
-from .possible_laws import SENSOR
+from .possible_laws import ACROSS, SENSOR
 
 _LIMIT = 1.5  # of a law's largest torque in the data
 
@@ -45,14 +45,15 @@ def discover_in_flight(
     first = max((it.step.margin for it in held), default=0.0)
     held = [it for it in held if it.step.margin > OBVIOUS * first]
     said, laws = [], []
-    for it, (values, spread) in zip(held, _fitted(channel, held, rest), strict=True):
+    for it, values, spread in _fitted(channel, held, rest):
         law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
         applied = None if law is None or pushes(law, [flight.motion]) else law
         joints = flight.motion.robot.joints
         said.append(said_of(it, values, spread, joints, applied=applied, is_of_several=False))
         laws += [] if applied is None else [applied]
-    for place in (p for p, number in places.items() if number is not None):
-        if all(it.place != place for it in held):
+    done = {entry.channel for entry in said}
+    for place in (p for p, component in places.items() if isinstance(component, int)):
+        if channel_name(place) not in done:
             own = [step for step in rest if step.law is not None and step.law.place == place]
             said.append(said_without(place, own[0] if own else None))
     answer = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
@@ -84,13 +85,12 @@ def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagno
     return replace(answer, verdict='partly_explained', causes=causes)
 
 
-def _places(flight: FlightRows) -> dict[str, int | None]:
-    """Component of the generalised force: joints with a torque, and axes of a free base.
-
-    None of the channels of sensors.
-    """
+def _places(flight: FlightRows) -> dict[str, Component]:
+    """Joints with a torque, axes of a free base and the whole of it, channels of sensors."""
     robot, run = flight.motion.robot, flight.fit.run
-    out: dict[str, int | None] = {p: 3 + k for k, p in enumerate(base_axes(robot))}
+    out: dict[str, Component] = {p: 3 + k for k, p in enumerate(base_axes(robot))}
+    if out:
+        out[robot.base_link] = slice(3, 6)
     if run.record.effort is not None:
         lacking = run.record.joints.without_effort if run.record.joints else ()
         out |= {j: 6 + robot.joints.index(j) for j in robot.arm if j not in lacking}
@@ -99,13 +99,32 @@ def _places(flight: FlightRows) -> dict[str, int | None]:
 
 def _fitted(
     channel: FlightChannel, held: Sequence[HeldLaw], rest: Sequence[Winner]
-) -> list[tuple[Array, Array]]:
-    """Coefficients of laws beside all else that won, and their standard deviations."""
-    others = [step for step in rest if not step.is_law]
-    level = Parts(channel, [*(it.step for it in held), *others]).level
-    counts = [len(it.law.form.powers) for it in held]
-    ends = np.cumsum([0, *counts])
-    return [(level.coefficients[a:b], level.deviations[a:b]) for a, b in pairwise(ends.tolist())]
+) -> list[tuple[HeldLaw, Array, Array]]:
+    """Laws, their coefficients beside all else that won, and standard deviations of these."""
+    if not held:
+        return []
+    steps = [*(it.step for it in held), *(step for step in rest if not step.is_law)]
+    level = channel.fitted(np.concatenate([step.columns for step in steps], axis=1))
+    ends = np.cumsum([0, *(len(it.law.form.powers) for it in held)]).tolist()
+    out = []
+    for it, (a, b) in zip(held, pairwise(ends), strict=True):
+        values, spread = level.coefficients[a:b], level.deviations[a:b]
+        out += _by_axis(it, values, spread) if it.law.form is ACROSS else [(it, values, spread)]
+    return out
+
+
+def _by_axis(it: HeldLaw, values: Array, spread: Array) -> list[tuple[HeldLaw, Array, Array]]:
+    """The torque of a moment in a field as three laws: each a sum of the entries of R_WB."""
+    sign = np.cross(np.eye(3)[:, None, :], np.eye(3)[None, :, :])  # (j, k, i) of e_j x e_k
+    out = []
+    for i, axis in enumerate(AXES):
+        place = f'{it.place}/{axis}'
+        law = replace(it.law, form=FORMS['sum of 9'], place=place)
+        # entry l k of R_WB, by m_j b_l
+        own = np.einsum('jk,jl->lk', sign[:, :, i], values.reshape(3, 3))
+        std = np.einsum('jk,jl->lk', np.abs(sign[:, :, i]), spread.reshape(3, 3))
+        out.append((replace(it, place=place, law=law), own.ravel(), std.ravel()))
+    return out
 
 
 def _torque_law(channel: FlightChannel, it: HeldLaw, values: Array) -> LearnedTorque:

@@ -26,12 +26,22 @@ from ...estimation.refit import Fit
 from ...estimation.response import Response
 from ...types import Array, IntArray
 from .arm_channels import FIFTHS
-from .possible_laws import Extent, Law, base_laws, joint_laws, sensor_laws, sine_laws
-from .spectral_terms import SpectralTerms, cosines
+from .possible_laws import (
+    Extent,
+    Law,
+    base_laws,
+    joint_laws,
+    sensor_laws,
+    sine_laws,
+    whole_base_laws,
+)
+from .spectral_terms import Level, SpectralTerms, cosines
 
 _WINDOW = 0.1  # s
 _UNCERTAIN = 0.02  # of a body's mass, first moments and inertia: what passes for a right model
 _FREE = 10.0  # times what is left: a named cause's prior deviation
+Component = int | slice | None
+"""Of the generalised force, where a law acts; None: on a sensor."""
 _NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
@@ -93,18 +103,18 @@ class FlightRows:
             return self.motion
         return self.fit.rows.samples()[self.sensors[place][0]][1]
 
-    def rows_at(self, place: str, number: int | None, values: Array) -> Array:
+    def rows_at(self, place: str, component: Component, values: Array) -> Array:
         """(R, K) what values (N, K) of a law leave, see `motion_at`.
 
         Args:
             place: Of the law.
-            number: Component of the generalised force; None: of a sensor.
-            values: Torques, or what the sensor reads too much.
+            component: Of the generalised force.
+            values: Torques, or what the sensor reads too much; (N, K, 3) of a whole base.
         """
         width = 6 + self.motion.robot.n_joints
         forces = np.zeros((len(self.motion), width, values.shape[1]))
-        if number is not None:
-            forces[:, number] = values
+        if component is not None:
+            forces[:, component] = np.swapaxes(values, 1, -1)
             return self.rows(forces)
         sensor, axis = self.sensors[place]
         count = len(self.motion.robot.joints) if sensor[0] == 'j' else len(AXES)
@@ -159,12 +169,12 @@ class FlightChannel:
 
     Args:
         flight: What is left.
-        components: Component of the generalised force, by place: a joint, or an axis of the base
-            such as `base_link/x`; None of a sensor's channel.
+        components: By place: a joint, an axis of the base such as `base_link/x`, the whole base,
+            or a sensor's channel.
     """
 
     flight: FlightRows
-    components: Mapping[str, int | None]
+    components: Mapping[str, Component]
 
     place = ''
     clocks = None
@@ -180,6 +190,8 @@ class FlightChannel:
         at, extras = self.flight.extent, list(self.flight.motion.extra)
         if place in self.flight.sensors:
             return sensor_laws(place, extras)
+        if isinstance(self.components[place], slice):
+            return whole_base_laws()
         if '/' in place:
             own = base_laws(place[-1], at)
         else:
@@ -199,17 +211,28 @@ class FlightChannel:
 
     @cached_property
     def terms(self) -> SpectralTerms:
-        """The leftover's."""
-        flight, offsets = self.flight, []
-        for place, number in self.components.items():
-            one = np.ones((len(flight.motion_at(place)), 1))
-            offsets.append(_FREE * flight.rows_at(place, number, one))
+        """The leftover's, with an offset of every torque and reading."""
+        return self._terms(has_offsets=True)
+
+    def fitted(self, columns: Array) -> Level:
+        """What (M, k) columns of laws leave, fitted as they are applied.
+
+        No torque has an offset that is not named; readings have, whose laws are said alone.
+        """
+        return self._terms(has_offsets=False).level(columns)
+
+    def _terms(self, *, has_offsets: bool) -> SpectralTerms:
+        flight, offsets, is_torque = self.flight, [], []
+        for place, component in self.components.items():
+            if component is None or (has_offsets and isinstance(component, int)):
+                one = np.ones((len(flight.motion_at(place)), 1))
+                offsets.append(_FREE * flight.rows_at(place, component, one))
+                is_torque.append(component is not None)
+        named = flight.named.shape[1]
         nuisance = np.column_stack([flight.named, *offsets, flight.tolerated])
-        # a sensor's shift with what is measured may be small beside what is measured
-        is_torque = [number is not None for number in self.components.values()]
-        count = flight.named.shape[1]
         is_free = np.zeros(nuisance.shape[1], dtype=bool)
-        is_free[:count], is_free[count : count + len(is_torque)] = True, is_torque
+        # a sensor's shift with what is measured may be small beside what is measured
+        is_free[:named], is_free[named : named + len(offsets)] = True, is_torque
         return SpectralTerms.of(flight.data, nuisance, is_free, lambda rows: rows)
 
     @property
@@ -218,7 +241,7 @@ class FlightChannel:
         return np.zeros(0)
 
     def law_columns(self, law: Law) -> Array:
-        """(N, k) a law's columns along the motion, see `FlightRows.motion_at`."""
+        """(N, k), or (N, k, 3) of the whole base: a law's columns, see `FlightRows.motion_at`."""
         motion = self.flight.motion_at(law.place)
         inputs = [input_of(name, motion) for name in law.inputs]
         return law.form([np.asarray(x) for x in inputs], law.options)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...effects.grammar import FORMS, Form, quantity
+from ...types import Array
 
 _PER_TURN = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 _BENDS = (0.03, 0.1, 0.3)  # of the 95 % rate
@@ -157,6 +158,25 @@ def base_laws(axis: str, at: Extent) -> list[Law]:
         _law('sum of 3', rates, 3.0, 'a torque that follows the base rate', 'external'),
         *_slow_laws(at),
     ]
+
+
+def whole_base_laws() -> list[Law]:
+    """Laws of the torque on a free base as a vector."""
+    inputs = tuple(f'attitude/{i}{k}' for i in 'xyz' for k in 'xyz')
+    return [Law(ACROSS, inputs, 3.0, 'the torque of a moment in a field', 'external')]
+
+
+def _across(*entries: Array) -> tuple[Array, ...]:
+    """M x R_WB^T b is linear in the nine m_j b_l: (N, 3) columns of each of them."""
+    rotation = np.stack(entries, axis=1).reshape(-1, 3, 3)
+    return tuple(
+        np.cross(np.eye(3)[j], rotation[:, axis, :]) for j in range(3) for axis in range(3)
+    )
+
+
+ACROSS = Form('m x R^T b', _across, ((0,) * 9,) * 9)
+"""Of a moment m of the base in a field b that is constant in inertial space; no form of a single
+axis: there it is a sum of nine."""
 
 
 def sensor_laws(channel: str, extras: Sequence[str]) -> list[Law]:
