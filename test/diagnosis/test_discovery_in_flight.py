@@ -86,7 +86,7 @@ def test_drag_of_a_joint_is_found_there_alone(joint, dragged):
 def tracking_errors(hidden, added):
     """(n,) rms of reference less true angle, of a machine with drag, on a motion of its own."""
     file = robot_file(ROBOT)
-    settings = replace(file.settings, reference=motion_of(file.robot.n_joints, 'fast', 6, TASK))
+    settings = replace(file.settings, reference=motion_of(file.robot.n_joints, 'fast', 6, SECONDS))
     true = bind_effects({'hidden': hidden}, file.robot)
     loop = ClosedLoop(file.robot, replace(settings, effects=effects_section(true)))
     believed = replace(settings, effects=effects_section(added))
