@@ -44,11 +44,11 @@ def acceleration_derivatives(
         columns of the base's position, and all of a fixed base, are zero.
     """
     first = 0 if tree[0]['kind'] == FREE else 6
-    M, still = crba(tree, kinematics), np.zeros_like(forces)
+    M, still = crba(tree, kinematics), np.zeros(forces.shape)
     inverse = np.zeros_like(M)
     inverse[:, first:, first:] = np.linalg.inv(M[:, first:, first:])
     coasting = body_accelerations(tree, kinematics, still)
-    forces = forces - rnea(tree, kinematics, coasting, still[:, 6:])
+    forces = forces - rnea(tree, kinematics, coasting, still[:, 6:].copy())
     acceleration = np.einsum('nij,nj->ni', inverse, forces)
     accelerations = body_accelerations(tree, kinematics, acceleration)
     by_q, by_v = rnea_derivatives(tree, kinematics, accelerations)

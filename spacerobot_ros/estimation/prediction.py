@@ -190,6 +190,7 @@ class Innovations:
         Its product with a column's force, summed over times and components, is `weights` times the
         column's whitened innovations: one pass backwards instead of one a column.
         """
+        weights = np.ascontiguousarray(weights)  # else it is compiled twice
         impulses = -correlate(self._model, self._gains, weights, self.m)
         return np.asarray(np.einsum('nm,nmi->ni', impulses, self._linear.by_force))
 

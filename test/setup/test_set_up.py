@@ -10,8 +10,11 @@ from pathlib import Path
 
 import probe_python
 import pytest
-import set_up
-from set_up import SetupError, Workspace
+import setup_build
+import setup_tools
+import setup_workspace
+from set_up import only_one
+from setup_workspace import SetupError, Workspace
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -30,15 +33,15 @@ def make_current(work):
     """Write what a finished set-up leaves behind."""
     work.python.parent.mkdir(parents=True)
     work.python.touch()
-    set_up.write_stamp(work.venv_stamp, {**set_up.wanted_venv(work), 'made': 1})
-    for package in set_up.PACKAGES:
+    setup_workspace.write_stamp(work.venv_stamp, {**setup_workspace.wanted_venv(work), 'made': 1})
+    for package in setup_workspace.PACKAGES:
         (work.root / 'build' / package).mkdir(parents=True)
     work.build_stamp.parent.mkdir()
-    set_up.write_stamp(work.build_stamp, set_up.wanted_build(work))
+    setup_workspace.write_stamp(work.build_stamp, setup_workspace.wanted_build(work))
 
 
 def is_current(work):
-    return set_up.is_venv_current(work), set_up.is_build_current(work)
+    return setup_workspace.is_venv_current(work), setup_workspace.is_build_current(work)
 
 
 def append(path, text='\n# changed\n'):
@@ -80,7 +83,7 @@ def test_only_changed_inputs_count(work, changed, expected):
 
 def test_new_venv_needs_a_new_build(work):
     make_current(work)
-    set_up.write_stamp(work.venv_stamp, {**set_up.wanted_venv(work), 'made': 2})
+    setup_workspace.write_stamp(work.venv_stamp, {**setup_workspace.wanted_venv(work), 'made': 2})
     assert is_current(work) == (True, False)
 
 
@@ -103,20 +106,20 @@ def test_moved_checkout_needs_everything(work, tmp_path):
 def test_another_ros_needs_another_venv(work, tmp_path):
     make_current(work)
     ros = make_ros(tmp_path / 'ros')
-    assert not set_up.is_venv_current(Workspace(work.root, (ros,), work.environ))
+    assert not setup_workspace.is_venv_current(Workspace(work.root, (ros,), work.environ))
 
 
 @pytest.mark.parametrize('content', ['', '{"inp', '[]', '\x00'])
 def test_broken_stamp_counts_as_none(work, content):
     make_current(work)
     work.venv_stamp.write_text(content, encoding='utf-8')
-    assert not set_up.is_venv_current(work)
+    assert not setup_workspace.is_venv_current(work)
 
 
 def test_another_python_is_made_only_when_asked_for(work):
     make_current(work)
     asked = Workspace(work.root, environ={**work.environ, 'PYTHON': sys.executable})
-    assert not set_up.is_venv_current(asked)
+    assert not setup_workspace.is_venv_current(asked)
 
 
 def make_ros(prefix):
@@ -152,13 +155,13 @@ def test_tools_do_not_see_this_workspace_nor_make(work):
         'PYTHONPATH': outside,
         'PYTHONDONTWRITEBYTECODE': '1',
     }
-    env = set_up.tool_environment(Workspace(work.root, environ=environ))
+    env = setup_tools.tool_environment(Workspace(work.root, environ=environ))
     assert env['AMENT_PREFIX_PATH'] == env['CMAKE_PREFIX_PATH'] == str(work.venv)
     assert env['PATH'] == f'{work.venv}/bin:/usr/bin'
     assert 'MAKEFLAGS' not in env
     assert 'PYTHONDONTWRITEBYTECODE' not in env  # what the set-up imports stays compiled
     assert 'PYTHONPATH' not in env
-    sourced = set_up.tool_environment(Workspace(work.root, (outside,), environ))
+    sourced = setup_tools.tool_environment(Workspace(work.root, (outside,), environ))
     assert sourced['AMENT_PREFIX_PATH'] == sourced['CMAKE_PREFIX_PATH'] == outside
     assert sourced['PYTHONPATH'] == outside
 
@@ -166,33 +169,35 @@ def test_tools_do_not_see_this_workspace_nor_make(work):
 def test_other_machines_are_refused(work, monkeypatch):
     monkeypatch.setattr(platform, 'machine', lambda: 'aarch64')
     with pytest.raises(SetupError, match='no ROS 2 wheels for Linux on aarch64'):
-        set_up.require_platform(work)
-    set_up.require_platform(Workspace(work.root, ('/opt/ros/kilted',)))
+        setup_tools.require_platform(work)
+    setup_tools.require_platform(Workspace(work.root, ('/opt/ros/kilted',)))
 
 
 @pytest.mark.parametrize('name', ['my robot', 'a:b', "it's"])
 def test_paths_that_colcon_cannot_build_in_are_refused(tmp_path, name):
     with pytest.raises(SetupError, match='move the checkout'):
-        set_up.require_platform(Workspace(tmp_path / name))
+        setup_tools.require_platform(Workspace(tmp_path / name))
 
 
 def test_cause_is_read_from_the_log(work):
     append_log(work, 'ERROR: [Errno 28] No space left on device')
-    assert 'the disk is full; see' in str(set_up.failure(work, 'x.log', 'installing', 'other'))
+    assert 'the disk is full; see' in str(
+        setup_tools.failure(work, 'x.log', 'installing', 'other')
+    )
     append_log(work, 'something else')
     assert 'installing failed: other; see' in str(
-        set_up.failure(work, 'x.log', 'installing', 'other')
+        setup_tools.failure(work, 'x.log', 'installing', 'other')
     )
 
 
 def append_log(work, text):
-    path = set_up.log_path(work, 'x.log')
+    path = setup_tools.log_path(work, 'x.log')
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding='utf-8')
 
 
 def test_lock_keeps_others_out_and_outlives_a_killed_parent(work):
-    with set_up.only_one(work.root) as lock:
+    with only_one(work.root) as lock:
         other = os.open(work.root / '.setup.lock', os.O_RDWR)
         with pytest.raises(BlockingIOError):
             fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -208,9 +213,50 @@ def test_lock_keeps_others_out_and_outlives_a_killed_parent(work):
 
 def test_what_is_shown_does_not_go_to_the_log(work, capfd):
     said = [sys.executable, '-c', 'import sys; print("shown"); sys.stderr.write("kept")']
-    with set_up.only_one(work.root) as lock:
-        assert set_up.run(work, 'a.log', said, work.environ, lock, is_shown=True)
-        assert set_up.run(work, 'b.log', said, work.environ, lock)
+    with only_one(work.root) as lock:
+        shown = setup_tools.start(work, 'a.log', said, work.environ, lock, is_shown=True)
+        assert shown.wait() == 0
+        assert setup_tools.run(work, 'b.log', said, work.environ, lock)
     assert capfd.readouterr().out == 'shown\n'
-    assert set_up.log_path(work, 'a.log').read_text(encoding='utf-8').endswith('kept')
-    assert 'shown' in set_up.log_path(work, 'b.log').read_text(encoding='utf-8')
+    assert setup_tools.log_path(work, 'a.log').read_text(encoding='utf-8').endswith('kept')
+    assert 'shown' in setup_tools.log_path(work, 'b.log').read_text(encoding='utf-8')
+
+
+def put_venv_python(work, script):
+    work.python.parent.mkdir(parents=True)
+    work.python.write_text(f'#!/bin/sh\n{script}\n', encoding='utf-8')
+    work.python.chmod(0o755)
+
+
+def test_kernels_are_compiled_beside_the_build_and_waited_for(work, capfd):
+    put_venv_python(work, 'while [ ! -e built ]; do :; done; echo "$@" $PYTHONPATH > compiled')
+    with only_one(work.root) as lock, setup_build.kernels_beside(work, lock):
+        (work.root / 'built').touch()
+    compiled = (work.root / 'compiled').read_text(encoding='utf-8')
+    assert compiled == f'-m {setup_build.WARM_UP} kernels {work.root}\n'
+    assert capfd.readouterr().out == ''
+
+
+def test_kernels_that_fail_are_no_failure(work, capfd):
+    put_venv_python(work, 'exit 1')
+    with only_one(work.root) as lock, setup_build.kernels_beside(work, lock):
+        pass
+    assert 'not done, so the first commands take longer' in capfd.readouterr().out
+
+
+def test_kernels_end_with_a_build_that_fails(work):
+    put_venv_python(work, 'sleep 1000 & echo $! > child; wait')
+    path = work.root / 'child'
+
+    def fail():
+        with only_one(work.root) as lock, setup_build.kernels_beside(work, lock):
+            while not path.exists() or not path.read_text():
+                pass
+            raise SetupError('no compiler')
+
+    with pytest.raises(SetupError, match='no compiler'):
+        fail()
+    child = path.read_text().strip()
+    while Path(f'/proc/{child}/stat').exists():  # its state: a zombie has ended, too
+        if Path(f'/proc/{child}/stat').read_text().rpartition(')')[2].split()[0] == 'Z':
+            break

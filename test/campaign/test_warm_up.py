@@ -1,0 +1,19 @@
+"""What the set-up compiles is what is called afterwards."""
+
+from __future__ import annotations
+
+from spacerobot_ros.campaign import warm_up
+from spacerobot_ros.campaign.diagnosis_scenario import robot_file
+from spacerobot_ros.dynamics.rnea_derivatives import rnea_derivatives
+from spacerobot_ros.estimation.kalman import correlate, gains_of, whiten
+
+
+def test_made_up_calls_of_fits_are_those_of_a_diagnosis():
+    kernels, robot = (rnea_derivatives, gains_of, whiten, correlate), robot_file('servicer').robot
+    warm_up.call_fits(robot)
+    made_up = [set(kernel.signatures) for kernel in kernels]
+    assert all(made_up)
+    waited = []
+    warm_up.call_rest(robot, lambda: waited.append(True))
+    assert waited == [True]
+    assert [set(kernel.signatures) for kernel in kernels] == made_up
