@@ -29,7 +29,9 @@ def build(work: Workspace, lock: int) -> None:
         '--base-paths', '.', 'msg_defs', '--cmake-args', '-DBUILD_TESTING=OFF',
         f'-DPython3_EXECUTABLE={python}', '-DPython3_FIND_VIRTUALENV=ONLY', '--no-warn-unused-cli',
     ]  # fmt: skip
-    if not run(work, 'build.log', command, tool_environment(work), lock):
+    # colcon's own choice also heeds the load, which the kernels beside would make too high
+    env = {**tool_environment(work), 'MAKEFLAGS': f'-j{os.cpu_count() or 1}'}
+    if not run(work, 'build.log', command, env, lock):
         raise failure(work, 'build.log', 'colcon build', 'the log names the first error')
     programs = work.root / 'install' / 'spacerobot_ros' / 'lib' / 'spacerobot_ros'
     missing = [name for name in EXECUTABLES if not (programs / name).exists()]
