@@ -91,7 +91,7 @@ class WrittenFormula(FormulaEffect):
     def check(self, robot: Robot) -> None:
         """Quantities of this robot, units that fit, and finite values at rest and elsewhere."""
         law = self.formula
-        law.check_robot(robot, self.where, f'effects.{self.name}')
+        law.check_robot(robot, self.where, f'effects.{self.name}.{law.key}')
         for is_random in (False, True):
             self._evaluated(law.states(is_random))
 
@@ -110,7 +110,7 @@ class WrittenFormula(FormulaEffect):
             bad = np.flatnonzero(~np.isfinite(out))
             at = ', '.join(f'{name} {np.ravel(x)[bad[0]]:g}' for name, x in state.items())
             why = f'is not finite at {at or "any state"}: does it divide by zero?'
-            raise self.refusal(f'{self.formula.text!r} {why}')
+            raise self.refusal(f'{self.formula.text!r} {why}', self.formula.key)
         return out
 
     def _quantity(self, what: str, whose: str, motion: Motion, reading: Array | None) -> Array:

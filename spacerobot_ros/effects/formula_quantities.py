@@ -68,8 +68,11 @@ def is_known(name: str, known: Known) -> bool:
 def listed(known: Known) -> Iterator[str]:
     """For messages."""
     for what, forms in known.items():
-        for whose in forms:
-            yield what if whose == '' else f'{what}[{"JOINT" if whose is None else whose}]'
+        if '' in forms:
+            yield what
+        names = ['JOINT' if whose is None else whose for whose in forms if whose != '']
+        if names:
+            yield f'{what}[{"|".join(names)}]'
 
 
 def unit_of(name: str, robot: Robot, where: str | None) -> str:
