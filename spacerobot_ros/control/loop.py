@@ -24,10 +24,11 @@ from .attitude import check_attitude
 from .command import Command, Mode, Torque
 from .controllers import Controller, FreeFlyingController, JointController
 from .feedback import NS, AttitudeHistory, Feedback, RateHistory
-from .joint_reference import Reference, Setpoint, Waypoints, check_reference, rest
+from .joint_reference import Reference, Setpoint, check_reference, rest
 from .plausible import MotionLimits
 from .reference_motion import ReferenceMotion
 from .sample_screen import SampleScreen
+from .waypoints import Waypoints
 
 _MOVING = 6.0  # standard deviations of a rate, from which on a joint is not at rest
 _BRAKED = 5.0  # time constants of the damping, after which 0.7 % of a rate is left

@@ -13,7 +13,8 @@ from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
-from .joint_reference import Blend, Waypoints
+from .joint_reference import Blend
+from .waypoints import Waypoints
 
 FURTHEST = 6.0
 """Standard deviations beyond which an estimate contradicts what is believed: noise goes there once

@@ -8,7 +8,6 @@ import numpy as np
 from rclpy.action import ActionServer, CancelResponse
 
 from ..control.command import Command
-from ..control.joint_reference import Waypoints
 from ..control.loop import ControlLoop
 from ..control.trajectory_goal import (
     INVALID_GOAL,
@@ -17,6 +16,7 @@ from ..control.trajectory_goal import (
     Tolerances,
     TrajectoryGoal,
 )
+from ..control.waypoints import Waypoints
 from ..errors import MessageRejectedError
 from ..recording.messages import stamp_ns
 from ..ros.convert import compose, doubles, message_type, trajectory

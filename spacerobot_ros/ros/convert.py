@@ -11,7 +11,8 @@ import numpy as np
 
 from ..control.adaptive.controller import AdaptiveController
 from ..control.command import Command
-from ..control.joint_reference import Setpoint, Waypoints
+from ..control.joint_reference import Setpoint
+from ..control.waypoints import Waypoints
 from ..errors import ConfigurationError, IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..recording.compose import PACKAGE, Composer

@@ -12,10 +12,10 @@ from spacerobot_ros.control.joint_reference import (
     Hold,
     PointToPoint,
     Setpoint,
-    Waypoints,
     build_reference,
     rest,
 )
+from spacerobot_ros.control.waypoints import Waypoints
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.motion_settings import ReferenceSettings
 
