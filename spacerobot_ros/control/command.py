@@ -44,7 +44,7 @@ class Command(Torque):
         error: (n,) reference minus measured position [rad].
         error_rate: (n,) reference minus measured rate [rad/s].
         mode: What the loop is doing.
-        reason: Why it is damping; empty otherwise.
+        reason: Why it is damping, or holds for an event; empty otherwise.
         uses_estimate: Whether the law runs on, or started from, a received estimate.
     """
 

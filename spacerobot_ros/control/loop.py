@@ -23,6 +23,7 @@ from .adaptive.controller import AdaptiveController
 from .attitude import check_attitude
 from .command import Command, Mode, Torque
 from .controllers import Controller, FreeFlyingController, JointController
+from .event_answer import EventAnswer
 from .feedback import NS, AttitudeHistory, Feedback, RateHistory
 from .joint_reference import Reference, Setpoint, check_reference, rest
 from .plausible import MotionLimits
@@ -43,11 +44,12 @@ class ControlLoop:
     Args:
         robot: The robot of the robot file.
         settings: `controller`, `adaptive`, `reference`, `effects`, `identifier.structure` and of
-            `simulator` the period and the rate of the joint states are used.
+            `simulator` the period and the rate of the joint states, and `monitor.on_event`.
 
     Attributes:
         mode: What the loop is doing.
         screen: Leaves samples out that contradict their forerunners.
+        event: How it answers what acts from outside.
 
     Raises:
         ConfigurationError: settings that don't fit the robot.
@@ -60,6 +62,7 @@ class ControlLoop:
         self.robot = robot
         self.n = robot.n_joints
         self._settings = settings.controller
+        self.event = EventAnswer(settings.monitor.on_event)
         check_reference(settings.reference, self.n)
         check_attitude(settings.reference)
         is_adaptive = self._settings.law in ADAPTIVE_LAWS
@@ -83,6 +86,8 @@ class ControlLoop:
         self._motion.reset()
         self.controller.restart()
         self._last: tuple[int, Array, Array] | None = None
+        self.event.forget()
+        self._tau: Array | None = None
         self._hold_ns = self._first_hold_ns
         self.mode: Mode = 'hold'
 
@@ -200,7 +205,9 @@ class ControlLoop:
             MessageRejectedError: stamp not after the last one, or numbers that no joint has.
         """
         if self._is_new_time and self._last is not None:
+            self._motion.release(self._last[0])
             self._motion.wait(stamp_ns - self._last[0])
+            self.event.forget()
             self._last = None
         self._is_new_time = False
         check_later(stamp_ns, self.joints_ns)
@@ -211,12 +218,18 @@ class ControlLoop:
         if elapsed:
             self._hold_ns = min(elapsed, self._timeout_ns)
         reason = self._stale(stamp_ns)
+        is_damped = self.event.damps(stamp_ns) or bool(reason)
         sample = self._sample(stamp_ns, q, qd)
-        self._prepare_motion(stamp_ns, sample, elapsed, bool(reason))
+        if is_damped:
+            self._motion.release(stamp_ns - elapsed)
+        self._prepare_motion(stamp_ns, sample, elapsed, is_damped)
+        if not is_damped and self.event.follow(self._motion, stamp_ns, sample):
+            self.controller.restart()  # what pushes is not learnt
         self._last = (stamp_ns, q, qd)
-        if reason:
+        reason = reason or self.event.words
+        if is_damped:
             self.mode = 'damping'
-            torque = self.controller.damp(sample)
+            torque = self.event.eased(self.controller.damp(sample), self._tau, stamp_ns)
         else:
             self.mode = 'hold' if self._motion.rests(stamp_ns) else 'tracking'
             torque = self.controller.track(self._motion, stamp_ns, sample, self._hold_ns)
@@ -304,6 +317,7 @@ class ControlLoop:
     def _command(
         self, stamp_ns: int, torque: Torque, setpoint: Setpoint, sample: Feedback, reason: str
     ) -> Command:
+        self._tau = torque.tau
         asked = {field.name: getattr(torque, field.name) for field in fields(torque)}
         return Command(
             **asked,

@@ -6,9 +6,11 @@ import numpy as np
 
 from ..model.motion_settings import ReferenceSettings
 from ..types import Array, Quaternion
-from .attitude import AttitudeBlend, AttitudeReference, AttitudeSetpoint, build_attitude
+from .attitude import AttitudeBlend, AttitudeReference, AttitudeSetpoint, Turn, build_attitude
 from .feedback import NS, Feedback
-from .joint_reference import Blend, Reference, Setpoint, build_reference
+from .joint_reference import Blend, Hold, Reference, Setpoint, build_reference
+
+_BRAKING = 1.0  # s
 
 
 class ReferenceMotion:
@@ -32,6 +34,12 @@ class ReferenceMotion:
         self._attitude: AttitudeReference | None = None
         self._start_ns = self._attitude_start_ns = 0
         self._pending: tuple[Reference, int | None] | None = None
+        self._halted_ns: int | None = None
+
+    @property
+    def is_halted(self) -> bool:
+        """Whether the robot holds still until `release`."""
+        return self._halted_ns is not None
 
     @property
     def joints(self) -> Reference:
@@ -109,9 +117,26 @@ class ReferenceMotion:
             start = (t, sample.q_WB_xyzw, self._joining)
             self._attitude = AttitudeBlend(self._asked_attitude, *start)
 
+    def halt(self, stamp_ns: int, sample: Feedback) -> None:
+        """Come to rest within a second, where that is smooth, and hold; the motion waits."""
+        here = self.setpoint(stamp_ns)  # so that no torque has a step
+        there = Hold(here.q + 0.5 * _BRAKING * here.qd)
+        self._joints = Blend(there, self.time(stamp_ns), here, _BRAKING)
+        if sample.q_WB_xyzw is not None:
+            t = (stamp_ns - self._attitude_start_ns) * NS
+            still = Turn(sample.q_WB_xyzw, np.zeros(3), Hold(np.zeros(1)))
+            self._attitude = AttitudeBlend(still, t, sample.q_WB_xyzw, _BRAKING)
+        self._halted_ns = stamp_ns
+
+    def release(self, stamp_ns: int) -> None:
+        """End what `halt` began; what was asked for is to be joined where it waits."""
+        if self._halted_ns is not None:
+            self.wait(stamp_ns - self._halted_ns)
+            self._halted_ns = None
+
     def take_pending(self, stamp_ns: int) -> None:
-        """Join the motion that was asked for, if its time has come."""
-        if self._pending is None or (self._pending[1] or stamp_ns) > stamp_ns:
+        """Join the motion that was asked for, if its time has come and no other is followed."""
+        if self.is_halted or self._pending is None or (self._pending[1] or stamp_ns) > stamp_ns:
             return
         self._asked, start_ns = self._pending
         self._joints = self.joined(self._asked, stamp_ns, start_ns)

@@ -70,6 +70,9 @@ class MonitorSettings:
         whiteness_window: Length of the data in which lines and slow errors are searched.
         target_momentum: estimated: the captured wheels are unknown until /estimate or the flight
             tells; believed: as robot.target_wheels says.
+        on_event: What the controller does while something acts from outside: report: nothing;
+            damp: the motion waits and the joint rates decay; hold: it waits and the joints hold
+            where they were; both go on with the motion once the event is over.
         record_folder: Folder of the bags around alarms; empty: nothing is recorded.
         pre_trigger: Recorded before an alarm.
         post_trigger: Recorded after an alarm.
@@ -81,6 +84,7 @@ class MonitorSettings:
     clear_after: float = param(5.0, 's', minimum=0.0)
     whiteness_window: float = param(30.0, 's', minimum=5.0, maximum=600.0)
     target_momentum: str = param('estimated', choices=('estimated', 'believed'))
+    on_event: str = param('report', choices=('report', 'damp', 'hold'))
     record_folder: str = param('')
     pre_trigger: float = param(10.0, 's', minimum=0.0, maximum=300.0)
     post_trigger: float = param(10.0, 's', minimum=0.0, maximum=3600.0)

@@ -9,6 +9,7 @@ import sys
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import JointState
@@ -25,7 +26,7 @@ from ..model.settings import Settings
 from ..recording.buffer import check_later
 from ..recording.message_types import composer, encoded
 from ..ros import convert
-from ..ros.diagnostics import Status
+from ..ros.diagnostics import OK, Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.run_node import run_node
 from .adaptation_file import AdaptationFile
@@ -162,6 +163,8 @@ class ControllerNode(SensorNode):
     def _subscribe(self, robot: Robot) -> None:
         self.listen('/estimate', EstimateMessage, LATCHED, self._on_estimate)
         self.listen('/reference', JointTrajectory, STATE, self._on_reference)
+        if self.settings.monitor.on_event != 'report':
+            self.listen('/events', DiagnosticArray, LATCHED, self._on_event)
         tracker = ('attitude',) if self.loop.controller.controls_attitude else ()
         self.follow(robot, ('imu', *tracker, 'joints'), STATE)
 
@@ -193,6 +196,10 @@ class ControllerNode(SensorNode):
         if self.loop.controller.takes_estimates:
             self.loop.set_estimate(estimate)
         self._estimate_note = f'valid, stamped {estimate.stamp_ns * 1e-9:.3f} s'
+
+    def _on_event(self, message: DiagnosticArray) -> None:
+        said = [status.message for status in message.status if status.level != OK]
+        self.loop.event.hear('; '.join(said), self.loop.joints_ns)
 
     def _on_reference(self, message: JointTrajectory) -> None:
         start = self.loop.setpoint()
@@ -295,7 +302,8 @@ class ControllerNode(SensorNode):
     def _sensor_status(self) -> Status:
         stamp = self.latest['joints'][0] if 'joints' in self.latest else None
         command = self.last_command
-        reason = command.reason if self.is_active and command else ''
+        is_damped = self.is_active and command is not None and not self.loop.event.words
+        reason = command.reason if is_damped and command else ''
         return input_status(self.loop, stamp, self._silent_ns() * 1e-9, reason)
 
 

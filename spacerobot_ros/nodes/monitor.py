@@ -13,11 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
+from ..diagnosis.events.event_limits import NAMED
+from ..diagnosis.flight.event_watch import FlightEvent
 from ..diagnosis.flight.monitor import Monitor
 from ..diagnosis.flight.monitor_state import MonitorState
 from ..effects.catalogue import believed_effects
@@ -44,6 +47,8 @@ class MonitorNode(SensorNode):
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('monitor', **node_kwargs)
         self._raised_ns: int | None = None
+        self._event: FlightEvent | None = None
+        self._events = self.create_publisher(DiagnosticArray, '/events', LATCHED)
         self.offer('~/reset', self._on_reset)
         self.find_robot()
 
@@ -97,7 +102,7 @@ class MonitorNode(SensorNode):
         if robot.is_free:
             self.listen('/base_torque', WrenchStamped, SAMPLES, self._on_wrench)
         channels = [partial(self._channel_status, k) for k in range(len(self.monitor.probes))]
-        self.health.watch(self.input_status, self._model_status, *channels)
+        self.health.watch(self.input_status, self._model_status, self._event_status, *channels)
 
     def take(self, sensor: str, stamp_ns: int, *content: Any) -> None:
         """Add a sample and judge what is complete by now."""
@@ -128,6 +133,8 @@ class MonitorNode(SensorNode):
         return True, 'the flight is forgotten'
 
     def _say(self, state: MonitorState) -> None:
+        if state.event is not self._event:
+            self._say_event(state)
         if state.raised_ns == self._raised_ns:
             return
         self._raised_ns = state.raised_ns
@@ -138,6 +145,42 @@ class MonitorNode(SensorNode):
             if self.recorder is not None:
                 self.recorder.trigger(state.raised_ns)
         self.health.publish()
+
+    def _say_event(self, state: MonitorState) -> None:
+        """Say each part of an event on /events; its begin and end in the log, too."""
+        was, event = self._event, state.event
+        self._event = event
+        message = self.health.message([self._event_status()])
+        if event is not None:
+            message.header.stamp = convert.compose.time(self._stamp_ns(event.end))
+        self._events.publish(message)
+        is_ongoing = event is not None and event.ongoing
+        if is_ongoing != (was is not None and was.ongoing):
+            self.get_logger().warning(self._event_status().message)
+            self.health.publish()
+
+    def _stamp_ns(self, seconds: float) -> int:
+        return (self.monitor.samples.origin_ns or 0) + round(seconds * 1e9)
+
+    def _event_status(self) -> Status:
+        state = self.monitor.state
+        event = state.event
+        values: dict[str, object] = {'events': state.events, 'limit [std]': NAMED}
+        if event is None:
+            said = 'nothing acts from outside'
+            return Status('events', STALE if state.judged_ns is None else OK, said, values)
+        values |= {
+            'effect': event.effect,
+            'where': event.where or 'the whole system',
+            'start [s]': f'{self._stamp_ns(event.start) * 1e-9:.3f}',
+            'end [s]': f'{self._stamp_ns(event.end) * 1e-9:.3f}',
+            'size by its std': event.z,
+        }
+        for name, size in event.size.items():
+            values[f'{name} [{event.unit}]'] = f'{size:.4g} +- {event.std[name]:.2g}'
+        if event.ongoing:
+            return Status('events', WARN, event.in_words(), values)
+        return Status('events', OK, f'over: {event.in_words()}', values)
 
     def _model_status(self) -> Status:
         state = self.monitor.state

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -80,10 +80,14 @@ class NodeHealth:
 
     def publish(self) -> None:
         """Publish the state of all concerns now."""
+        self._publisher.publish(self.message(self.statuses()))
+
+    def message(self, statuses: Iterable[Status]) -> DiagnosticArray:
+        """Some concerns as a message of now."""
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
-        message.status = [self._to_message(status) for status in self.statuses()]
-        self._publisher.publish(message)
+        message.status = [self._to_message(status) for status in statuses]
+        return message
 
     def _rejections(self) -> Status:
         values: dict[str, object] = {

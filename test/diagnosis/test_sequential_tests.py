@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from spacerobot_ros.diagnosis.flight.block_filter import Block
+from spacerobot_ros.diagnosis.flight.block_innovations import Block
 from spacerobot_ros.diagnosis.flight.probes import Probe
 from spacerobot_ros.diagnosis.flight.sequential_tests import SequentialTests
 from spacerobot_ros.estimation.time_base import CHANNELS

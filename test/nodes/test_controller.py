@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from numpy.testing import assert_allclose
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
@@ -109,6 +110,47 @@ def test_gyro_that_stops_ends_tracking_and_is_named(bench):
     assert 'damping to zero' in bench.status('control').message
     bench.sample(150)
     assert bench.tracking[-1].state in ('hold', 'tracking')
+
+
+def event(ms, level, words):
+    """A message on /events."""
+    message = DiagnosticArray(status=[DiagnosticStatus(level=level, message=words)])
+    message.header.stamp = compose.time(ms * MS)
+    return message
+
+
+@pytest.mark.parametrize(
+    ('answer', 'state', 'reason'),
+    [('report', 'hold', ''), ('damp', 'damping', 'a push'), ('hold', 'tracking', 'a push')],
+)
+def test_an_event_is_answered_as_the_robot_file_says(rig, servicer, answer, state, reason):
+    bench = Bench(rig, servicer, **{'monitor.on_event': answer})
+    events = bench.probe.create_publisher(DiagnosticArray, '/events', LATCHED)
+    bench.sample(0)
+    events.publish(event(0, DiagnosticStatus.WARN, 'a push'))
+    rig.drain()
+    bench.sample(10)
+    assert bench.tracking[-1].state == state
+    assert bench.node.last_command.reason == reason
+    assert bench.status('inputs').message == 'fresh'
+    events.publish(event(10, DiagnosticStatus.OK, 'over'))
+    rig.drain()
+    bench.sample(20)
+    assert bench.tracking[-1].state in ('hold', 'tracking')
+    assert bench.node.last_command.reason == ''
+
+
+def test_an_event_of_which_nothing_more_is_said_is_forgotten(rig, servicer):
+    bench = Bench(rig, servicer, **{'monitor.on_event': 'damp'})
+    events = bench.probe.create_publisher(DiagnosticArray, '/events', LATCHED)
+    bench.sample(0)
+    events.publish(event(0, DiagnosticStatus.WARN, 'a push'))
+    rig.drain()
+    for ms in range(10, 2100, 50):
+        bench.sample(ms)
+    states = [t.state for t in bench.tracking]
+    assert states[1:40] == ['damping'] * 39
+    assert states[-1] in ('hold', 'tracking')
 
 
 def test_joint_states_that_stop_are_noticed_on_the_wall(bench):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import QuaternionStamped
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
@@ -13,7 +13,8 @@ from spacerobot_ros.campaign.monitor_flights import Flight, in_flight
 from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.recording.bag import read_bag
 from spacerobot_ros.ros.convert import compose
-from spacerobot_ros.ros.qos import SAMPLES, STATE
+from spacerobot_ros.ros.diagnostics import OK, STALE
+from spacerobot_ros.ros.qos import LATCHED, SAMPLES, STATE
 
 pytestmark = pytest.mark.ros
 
@@ -110,6 +111,30 @@ def test_raises_at_once_and_records_around_it(rig, parameters, nominal, tmp_path
     start, end = record.span_ns
     assert abs(start - (raised - 2000 * MS)) <= 10 * MS
     assert abs(end - (raised + 1000 * MS)) <= 110 * MS
+
+
+def test_an_event_is_said_on_diagnostics_and_events(rig, parameters):
+    push = {'effect': 'external_joint_torque', 'where': 'joint_2', 'start': 0.0, 'end': 0.8}
+    flight = Flight(seed=4, effects={'push': {**push, 'torque': 3.0}}, onset=6.0, end=7.0)
+    bench = Bench(rig, parameters)
+    events = rig.listen(bench.probe, DiagnosticArray, '/events', LATCHED)
+    assert bench.status('events').level == STALE
+    bench.play(list(flight.samples(9.5)))
+    said = [status for message in events for status in message.status]
+    assert said[0].level == DiagnosticStatus.WARN
+    assert said[0].message.startswith('external_joint_torque at joint_2 since ')
+    assert said[-1].level == DiagnosticStatus.OK
+    first = events[0].header.stamp
+    assert 6.0 < first.sec + 1e-9 * first.nanosec <= 7.0
+    status = bench.status('events')
+    assert status.level == OK
+    assert status.values['events'] == 1
+    assert 'joint_2 [N m]' in status.values
+    assert any(
+        s.name == 'monitor: events' and s.level == DiagnosticStatus.WARN
+        for message in bench.diagnostics
+        for s in message.status
+    )
 
 
 def test_stopped_just_after_an_alarm_it_leaves_the_bag(rig, parameters, nominal, tmp_path):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...effects.external import ExternalJointTorque
+from ...effects.external import ExternalJointTorque, ExternalWrench
 from ...model.robot import Robot
 from .event import Event
 from .event_limits import FALSE_PER_HOUR
@@ -42,6 +42,13 @@ def overlap(p: Pulse, q: Pulse) -> bool:
     return p.run == q.run and p.start < q.end and q.start < p.end
 
 
+def place_of(robot: Robot, joints: Sequence[int]) -> tuple[str, str]:
+    """Effect and place of what some joints feel: of one joint alone, that joint."""
+    if len(joints) > 1:
+        return ExternalWrench.id, f'{robot.bodies[1 + max(joints)].name} or beyond'
+    return ExternalJointTorque.id, robot.joints[joints[0]]
+
+
 def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last: float) -> Event:
     """An event of one pulse or more, one a joint, the largest of which gives its time.
 
@@ -55,10 +62,10 @@ def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last:
     felt = sorted(pulses, key=lambda p: p.joint)
     names = [robot.joints[p.joint] for p in felt]
     beyond = f'{robot.bodies[1 + felt[-1].joint].name} or beyond'
-    is_contact = len(felt) > 1
+    effect, where = place_of(robot, [p.joint for p in felt])
     return Event(
-        effect='external_wrench' if is_contact else ExternalJointTorque.id,
-        where=beyond if is_contact else names[-1],
+        effect=effect,
+        where=where,
         joints=tuple(names),
         start=max(first.start, 0.0),
         end=min(first.end, last),
@@ -69,7 +76,7 @@ def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last:
         z=abs(first.z),
         p_value=p_value,
         false_per_hour=FALSE_PER_HOUR,
-        rivals=() if is_contact else (f'external_wrench at {beyond}',),
+        rivals=() if len(felt) > 1 else (f'external_wrench at {beyond}',),
         recording=first.run,
         applied=tuple(
             ExternalJointTorque(

@@ -5,6 +5,7 @@ docs/nodes/monitor.md tells how it decides.
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,6 +23,8 @@ from ...recording.mapped_inputs import INPUTS
 from ...recording.record import Record
 from ...types import Array
 from .block_filter import FlightFilter
+from .block_innovations import Block, joined
+from .event_watch import EventWatch
 from .monitor_state import MonitorState, channel_states, jump_in_words
 from .observed import CONTEXT_NS, Observations
 from .probes import probes_of
@@ -33,6 +36,7 @@ from .window_whiteness import Whiteness
 _LATENESS_NS = 100_000_000  # by which a sample may come behind newer ones
 _GAP_NS = 2_000_000_000  # without joints, after which the state is found anew
 _FEWEST_TO_LEARN = 50
+_PART, _WATCHED = 0.25, 5  # s between looks for events, and newest parts in which one may begin
 _SNAPSHOTS = 256  # blocks
 _SHORT_WINDOW = 8.0  # s
 
@@ -62,6 +66,7 @@ class Monitor:
         known = settings.target_momentum == 'believed'
         self._momentum_std = 0.0 if known else momentum_std
         self._block_ns = round(settings.block * 1e9)
+        self._part_ns = round(self._block_ns / math.ceil(settings.block / _PART))
         self.reset()
 
     def reset(self) -> None:
@@ -78,6 +83,7 @@ class Monitor:
         )
         self._momenta: deque[Momentum] = deque(maxlen=_SNAPSHOTS)
         self._trusted: Momentum | None = None
+        self.events = EventWatch(self.robot, self.probes, _WATCHED)
         self.state = MonitorState()
 
     def begin_segment(self) -> None:
@@ -88,6 +94,8 @@ class Monitor:
         self._observations.begin_segment()
         self._edge_ns: int | None = None
         self._is_continued = False
+        self._parts: list[Block] = []
+        self._begun_ns = self._block_begin_ns = 0
         window = self._settings.whiteness_window
         self._whiteness = Whiteness(self.probes, window, min(window, _SHORT_WINDOW))
         if self._filter is not None:
@@ -184,7 +192,9 @@ class Monitor:
         edge_ns = stamps[0] if self._edge_ns is None else self._edge_ns
         if self._start is None or self._filter is None:
             return self._learn(edge_ns, newest)
-        if newest - CONTEXT_NS < edge_ns + self._block_ns:
+        # alone at a beginning, a reference through a part of a block would rest on few samples
+        part_ns = self._part_ns if self._is_continued else self._block_ns
+        if newest - CONTEXT_NS < edge_ns + part_ns:
             return False
         ahead = [s for s in stamps if edge_ns < s <= newest - CONTEXT_NS]
         if not ahead:
@@ -192,18 +202,21 @@ class Monitor:
         if ahead[0] - edge_ns > _GAP_NS:
             self._skip(ahead[0], 'no joint states for a while')
             return True
-        inside = [s for s in ahead if s <= edge_ns + self._block_ns]
-        self._take_estimate(edge_ns)
+        inside = [s for s in ahead if s <= edge_ns + part_ns]
+        if not self._parts:
+            self._take_estimate(edge_ns)
         end_ns = inside[-1] if inside else ahead[0]
-        first_ns = edge_ns - CONTEXT_NS * self._is_continued
+        if not self._is_continued:
+            self._begun_ns = edge_ns
+        first_ns = max(end_ns - self._block_ns - CONTEXT_NS, self._begun_ns)
         record = self._observe(first_ns, end_ns + CONTEXT_NS)
         if record is None:
             self._skip(end_ns, 'too few samples of the sensors')
             return True
-        if self._observations.gap_end(record) is not None:
+        if self._observations.gap_end is not None:
             self._skip(end_ns, 'joints or gyro are silent for a while')
             return True
-        self._judge(self._start, self._filter, record, end_ns)
+        self._add_part(self._start, self._filter, record, (edge_ns, end_ns))
         return True
 
     def _learn(self, first_ns: int, newest: int) -> bool:
@@ -219,7 +232,7 @@ class Monitor:
             if begun_ns is not None:
                 self._skip(begun_ns, 'too few samples of the sensors to learn from')
             return begun_ns is not None
-        gap_end = self._observations.gap_end(record)
+        gap_end = self._observations.gap_end
         if gap_end is not None:
             begun_ns = (self.samples.origin_ns or 0) + round(gap_end * 1e9)
             self._skip(begun_ns, 'joints or gyro are silent for a while')
@@ -237,7 +250,7 @@ class Monitor:
             return
         momentum = Momentum(np.zeros(len(momentum_covariance)), momentum_covariance)
         self._filter = FlightFilter(
-            start.process, start.noise, start.timing, self.probes, momentum
+            start.process, start.noise, start.timing, self.probes, momentum, _WATCHED
         )
         self._momenta.clear()
         self._is_continued = False
@@ -258,6 +271,8 @@ class Monitor:
         if self._filter is not None:
             self._filter.restart()
         self._is_continued = False
+        self._parts.clear()
+        self.events.interrupt()
         self._edge_ns = end_ns
         self.samples.close(end_ns - 1, CONTEXT_NS)
         if self.state.level != 'error':
@@ -271,15 +286,31 @@ class Monitor:
 
     # ------------------------------------------------------------ judgement
 
-    def _judge(self, start: Start, flight: FlightFilter, record: Record, end_ns: int) -> None:
-        known = flight.momentum
-        block = flight.block(record, self.samples.seconds(end_ns))
+    def _add_part(
+        self, start: Start, flight: FlightFilter, record: Record, span_ns: tuple[int, int]
+    ) -> None:
+        """Look for events in a part of a block, and judge the block where it is complete."""
+        begin_ns, end_ns = span_ns
+        if not self._parts:
+            self._known, self._block_begin_ns = flight.momentum, begin_ns
+        begin, end = (self.samples.seconds(ns) for ns in span_ns)
+        part = flight.block(record, end, not self._parts).scaled(start.spread)
         self._is_continued = True
         self._edge_ns = end_ns
-        self.samples.close(end_ns, 2 * CONTEXT_NS)
-        if not len(block.data):
-            return
-        block = block.scaled(start.spread)
+        self.samples.close(end_ns, self._block_ns + 2 * CONTEXT_NS)
+        self._parts.append(part)
+        self.events.add(part, begin, end)
+        if self.events.event is not self.state.event:
+            count = self.events.count
+            self.state = replace(self.state, event=self.events.event, events=count)
+        if end_ns - self._block_begin_ns > self._block_ns - self._part_ns // 2:
+            block = joined(self._parts)
+            self._parts.clear()
+            if len(block.data):
+                self._judge(start, flight, block, end_ns)
+
+    def _judge(self, start: Start, flight: FlightFilter, block: Block, end_ns: int) -> None:
+        known = self._known
         structure = self._whiteness.add(block, self.state.raised_ns is not None)
         verdict = self._tests.add(block, structure.evidence)
         if not verdict.is_explained:
@@ -320,8 +351,7 @@ class Monitor:
         """
         flight.momentum = known if self._trusted is None else self._trusted
         if is_alarmed:
-            flight.restart()
-            self._is_continued = False
+            flight.restart(is_continued=True)
 
     def _momentum_before(self, first: int, known: Momentum) -> Momentum:
         """What was known of the momentum before the cause of an alarm set in."""

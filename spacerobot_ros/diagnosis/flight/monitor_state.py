@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from .event_watch import FlightEvent
 from .probes import Probe
 from .sequential_tests import Verdict
 from .window_whiteness import Structure
@@ -50,6 +51,8 @@ class MonitorState:
         raised_ns: Stamp at which the present alarm was raised [ns]; None without one.
         first: Channel that spoke first in the present or last alarm; empty where there was none.
         alarms: Number of alarms so far.
+        event: The last event; None: there was none.
+        events: Number of them.
         momentum: (p,) what is believed of the captured wheels, link after link, each in its link
             frame [N m s]. momentum_std: Of it.
         channels: Every channel.
@@ -62,6 +65,8 @@ class MonitorState:
     raised_ns: int | None = None
     first: str = ''
     alarms: int = 0
+    event: FlightEvent | None = None
+    events: int = 0
     momentum: tuple[float, ...] = ()
     momentum_std: tuple[float, ...] = ()
     channels: tuple[ChannelState, ...] = ()

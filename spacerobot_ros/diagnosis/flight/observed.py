@@ -37,12 +37,15 @@ class Observations:
         samples: The newest.
         left_out: Samples that contradict their neighbours, by sensor.
         has_gyro: Whether the gyro was there when the flight was learned.
+        gap_end: End of the last gap of the last record that no reference can bridge [s]; None:
+            there is none. Joints and gyro say how the robot moves; the tracker alone is too slow.
     """
 
     def __init__(self, robot: Robot, believed: Sequence[Effect]) -> None:
         self._robot, self._believed = robot, tuple(believed)
         self.left_out: Counter[str] = Counter()
         self.has_gyro = False
+        self.gap_end: float | None = None
         self.begin_segment()
 
     def begin_segment(self) -> None:
@@ -74,14 +77,12 @@ class Observations:
         blind = robot.is_free and not len(seen.rate_time) and seen.attitude is None
         if blind or len(seen.joint_time) < _FEWEST_JOINTS:
             return None
+        # by what came, not by what is screened: what hits hard contradicts its neighbours, too
+        self.gap_end = self._gap_end(seen)
         kept = self._screened(corrected_record(seen, robot, self._believed), noise)
         return None if len(kept.joint_time) < _FEWEST_JOINTS else kept
 
-    def gap_end(self, record: Record) -> float | None:
-        """End of the last gap of a record that its reference can not bridge [s]; None: none.
-
-        Joints and gyro say how the robot moves; the tracker alone is too slow for that.
-        """
+    def _gap_end(self, record: Record) -> float | None:
         span = _ends(record)
         times = [record.joint_time] if self._robot.joints else []
         if len(record.rate_time) or (self._robot.is_free and self.has_gyro):

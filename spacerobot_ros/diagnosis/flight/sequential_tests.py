@@ -21,7 +21,7 @@ import numpy as np
 
 from ...estimation.time_base import CHANNELS
 from ...types import Array
-from .block_filter import Block
+from .block_innovations import Block
 from .probes import Probe
 
 _SHIFT, _WIDE, _LOUD = 1.0, 3.0, 1.5

@@ -17,7 +17,7 @@ from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
 from ..timing import in_words
-from .block_filter import BlockInnovations
+from .block_innovations import BlockInnovations
 from .wheel_momentum import momentum_forces
 
 _WIDEST = 1.5  # largest factor by which noise may exceed its stated level unnoticed

@@ -13,7 +13,7 @@ from ...estimation.rows import ChannelFit
 from ...estimation.time_base import CHANNELS
 from ...estimation.whiteness import channel_fit
 from ...types import Array
-from .block_filter import Block
+from .block_innovations import Block
 from .probes import Probe
 
 _FEWEST = 100

@@ -1,0 +1,252 @@
+r"""Events in flight: a torque from outside on joints or base, by the newest innovations.
+
+In each of the W newest parts of the flight a torque of its own may have acted, with whitened
+columns C. For one that began i parts ago and acts still, the columns of those parts add up, and
+
+    z_j = c_j' r / |c_j|  on joint j,    z^2 = g' G^-1 g,  g = c' r, G = c' c (3 x 3)  on the base.
+
+As in recordings (docs/events.md) what the model always leaves is no event: z counts by its usual
+scatter, and from `NAMED` on. What an error of one sensor explains better is none either.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...effects.external import AngularImpulse
+from ...model.robot import Robot
+from ...types import Array
+from ..events.contact import place_of
+from ..events.event_limits import LISTED, NAMED
+from .block_innovations import Block
+from .probes import Probe
+
+_HISTORY, _FEWEST = 300, 20  # parts by which the usual scatter is known
+_QUANTILE, _OF_JOINT, _OF_BASE = 0.3, 0.385, 1.19
+"""A quantile of the size of one axis, and of three together, and its values in white noise."""
+_NOW, _QUIET = 2, 0.5  # newest parts without a torque, for as long [s]: an event is over
+_SHAPE = 1.0 / 3.0  # of a bell's square that a constant torque leaves: no sign of other torques
+_LEAST = 1e-6  # of a sensor's square, below which its error is not seen
+_RIDGE = 1e-9  # of each square
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightEvent:
+    """What came from outside, as far as it is known by now.
+
+    Args:
+        effect: Its id.
+        where: Joint, or `link or beyond`; None: the system.
+        start: [s]. end: [s]; so far, where it goes on.
+        ongoing: Whether it goes on.
+        size: Mean torque since its start by joint; of an impulse, that along inertial axes. Both
+            as of when they were seen best.
+        std: Of that.
+        unit: Of both.
+        z: Largest size by standard deviation.
+    """
+
+    effect: str
+    where: str | None
+    start: float
+    end: float
+    ongoing: bool
+    size: dict[str, float]
+    std: dict[str, float]
+    unit: str
+    z: float
+
+    def in_words(self) -> str:
+        """One line."""
+        place = f' at {self.where}' if self.where else ''
+        name, size = max(self.size.items(), key=lambda item: abs(item[1]))
+        return f'{self.effect}{place} since {self.start:.2f} s ({name} {size:.3g} {self.unit})'
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    start: float
+    end: float
+    data: Array
+    pulses: Array
+    sensors: Array
+
+
+class EventWatch:
+    """Looks at the newest parts of a flight.
+
+    Args:
+        robot: The robot.
+        probes: Ways in which its model may fail, sensors among them.
+        kept: Number of parts in which an event may have begun.
+
+    Attributes:
+        event: The last one; None: there was none.
+        count: Number of them.
+    """
+
+    def __init__(self, robot: Robot, probes: Sequence[Probe], kept: int) -> None:
+        self._robot = robot
+        self._sensors = [k for k, probe in enumerate(probes) if probe.push is None]
+        self._base = 3 if robot.is_free else 0
+        self._names = [*'xyz'[: self._base], *robot.joints]
+        self._parts: deque[_Part] = deque(maxlen=kept)
+        self._usual: deque[Array] = deque(maxlen=_HISTORY)
+        self.event: FlightEvent | None = None
+        self.count = 0
+
+    def interrupt(self) -> None:
+        """The flight is not judged for a while; an event that went on is over."""
+        self._parts.clear()
+        self._end()
+
+    def add(self, block: Block, start: float, end: float) -> None:
+        """Take the newest part, from start to end [s]."""
+        if not len(block.data):
+            return
+        sensors = np.hstack([x[:, self._sensors] for x in (block.lasting, block.sudden)])
+        self._parts.appendleft(_Part(start, end, block.data, block.pulses, sensors))
+        information, vector = self._sums()
+        z = self._sizes(information, vector)
+        colour = self._colour()
+        self._usual.append(z)
+        if colour is None:
+            return
+        raw, z = z, np.nan_to_num(z / colour)
+        age, axis = np.unravel_index(int(np.argmax(z)), z.shape)
+        if self._is_ongoing:
+            if np.max(z[:_NOW]) < LISTED:
+                if end - self.event_end > _QUIET:
+                    self._end()
+                return
+        elif np.max(z) < NAMED or self._sensor_gain() > raw[age, axis] ** 2:
+            return
+        square, part = self._since(int(age), information, vector)
+        found = self._described(int(age), square, part, colour[age], float(np.max(z)))
+        if self._is_ongoing and self.event is not None:
+            best = max(found, self.event, key=lambda event: event.z)
+            found = replace(best, start=min(found.start, self.event.start), end=end)
+        else:
+            self.count += 1
+        self.event = found
+
+    @property
+    def event_end(self) -> float:
+        """End of the last event so far [s]."""
+        return -np.inf if self.event is None else self.event.end
+
+    @property
+    def _is_ongoing(self) -> bool:
+        return self.event is not None and self.event.ongoing
+
+    def _end(self) -> None:
+        if self.event is not None and self.event.ongoing:
+            self.event = replace(self.event, ongoing=False)
+
+    def _sums(self) -> tuple[Array, Array]:
+        """C'C (W, m, W, m) and C'r (W, m) of all parts, by the age of a torque's own part."""
+        count, axes = len(self._parts), len(self._names)
+        information, vector = np.zeros((count, axes, count, axes)), np.zeros((count, axes))
+        for age, part in enumerate(self._parts):
+            own = part.pulses[:, : count - age]
+            information[age:, :, age:] += np.einsum('ria,rjb->iajb', own, own)
+            vector[age:] += np.einsum('ria,r->ia', own, part.data)
+        return information, vector
+
+    def _since(self, age: int, information: Array, vector: Array) -> tuple[Array, Array]:
+        """(m, m) and (m,) of torques that act since so many parts."""
+        last = slice(age + 1)
+        return information[last, :, last].sum(axis=(0, 2)), vector[last].sum(axis=0)
+
+    def _sizes(self, information: Array, vector: Array) -> Array:
+        """(W, 1 + n) size of a torque on the base (0 where it is fixed) and on each joint.
+
+        Ages that have not been seen yet have nan.
+        """
+        b = self._base
+        out = np.full((self._parts.maxlen or 0, 1 + len(self._names) - b), np.nan)
+        for age in range(len(self._parts)):
+            square, part = self._since(age, information, vector)
+            own = np.diag(square)
+            out[age, 1:] = np.abs(part[b:]) / np.sqrt(np.where(own[b:] > 0.0, own[b:], np.inf))
+            base = 0.0
+            if b and np.all(own[:b] > 0.0):
+                base = float(part[:b] @ np.linalg.solve(_held(square[:b, :b]), part[:b]))
+            out[age, 0] = np.sqrt(max(base, 0.0))
+        return out
+
+    def _colour(self) -> Array | None:
+        """(W, 1 + n) by how much sizes scatter more than in white noise; None: not known yet."""
+        if len(self._usual) < _FEWEST:
+            return None
+        low = np.nanquantile(np.stack(self._usual), _QUANTILE, axis=0)
+        low[:, :1] /= _OF_BASE
+        low[:, 1:] /= _OF_JOINT
+        return np.asarray(np.fmax(low, 1.0))
+
+    def _sensor_gain(self) -> float:
+        """Largest z^2 of an error of one sensor, since long or sudden, of any number of parts."""
+        gains = [0.0]
+        square, part = np.zeros((2, 2 * len(self._sensors)))
+        for own in self._parts:
+            square += np.sum(own.sensors**2, axis=0)
+            part += own.sensors.T @ own.data
+            gains.append(float(np.max(part**2 / np.maximum(square, _LEAST), initial=0.0)))
+        return max(gains)
+
+    def _described(
+        self, age: int, square: Array, part: Array, colour: Array, z: float
+    ) -> FlightEvent:
+        """Torques that act together since so many parts: the fewest that explain what is seen."""
+        b = self._base
+        every = list(range(len(part)))
+        alone = [[b + j] for j in range(len(part) - b)] + ([every[:b]] if b else [])
+        rows = sum(len(own.data) for own in self._parts)
+        cost = np.log(rows)  # of one more number (Schwarz 1978)
+        best = max(alone, key=lambda axes: _gain(square, part, axes) - cost * len(axes))
+        whole = _gain(square, part, every)
+        rest = max(LISTED**2 + cost * len(every), _SHAPE * whole)
+        if whole - _gain(square, part, best) > rest:
+            covariance = np.linalg.inv(_held(square))
+            sizes = (covariance @ part) ** 2 / np.diag(covariance) / _by_axis(colour, b) ** 2
+            best = [k for k in every if k < b or sizes[k] > max(LISTED**2, 0.5 * _SHAPE * whole)]
+        covariance = np.linalg.inv(_held(square[np.ix_(best, best)]))
+        torque = covariance @ part[best]
+        std = np.sqrt(np.diag(covariance)) * _by_axis(colour, b)[best]
+        joints = [k - b for k in best if k >= b]
+        start, end = self._parts[age].start, self._parts[0].end
+        effect, where = place_of(self._robot, joints) if joints else (AngularImpulse.id, None)
+        scale, unit = (1.0, 'N m') if joints else (end - start, 'N m s')
+        said = [i for i, k in enumerate(best) if k >= b or not joints]
+        return FlightEvent(
+            effect=effect,
+            where=where,
+            start=start,
+            end=end,
+            ongoing=True,
+            size={self._names[best[i]]: float(torque[i]) * scale for i in said},
+            std={self._names[best[i]]: float(std[i]) * scale for i in said},
+            unit=unit,
+            z=z,
+        )
+
+
+def _by_axis(colour: Array, base: int) -> Array:
+    """(m,) scatter by axis: one of the base's three, one of each joint."""
+    return np.append(np.full(base, colour[0]), colour[1:])
+
+
+def _gain(square: Array, part: Array, axes: list[int]) -> float:
+    """z^2 of some axes together."""
+    own = part[axes]
+    return float(own @ np.linalg.solve(_held(square[np.ix_(axes, axes)]), own))
+
+
+def _held(square: Array) -> Array:
+    """A normal matrix that can be inverted where some column is not seen."""
+    own = np.diag(square)
+    return square + np.diag(_RIDGE * own + np.where(own > 0.0, 0.0, 1.0))
