@@ -198,7 +198,7 @@ class ControllerNode(SensorNode):
         self._estimate_note = f'valid, stamped {estimate.stamp_ns * 1e-9:.3f} s'
 
     def _on_event(self, message: DiagnosticArray) -> None:
-        said = [status.message for status in message.status if status.level != OK]
+        said = [status.message for status in message.status if status.level != OK[0]]  # an octet
         self.loop.event.hear('; '.join(said), self.loop.joints_ns)
 
     def _on_reference(self, message: JointTrajectory) -> None:

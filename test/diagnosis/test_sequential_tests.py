@@ -18,7 +18,9 @@ ROWS = 100
 def block(data, columns):
     channel = np.full(len(data), CHANNELS.index('gyro'))
     time = np.arange(len(data)) * 0.01
-    return Block(channel, np.zeros(len(data), dtype=int), time, data, columns, columns[:, ::-1])
+    none = np.zeros((len(data), 1, 0))  # torques from outside
+    axis = np.zeros(len(data), dtype=int)
+    return Block(channel, axis, time, data, columns, columns[:, ::-1], none)
 
 
 def run(interval, blocks, rng, add=0.0, scale=1.0):
