@@ -251,6 +251,7 @@ node, what passes for data. Needs ROS 2""",
     runs=20,
     quick_runs=1,
     headlines='raised',
+    alone=('["kills"', '["starved"'),
     is_kept=True,
 )
 EXPERIMENTS = {

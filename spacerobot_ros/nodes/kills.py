@@ -6,16 +6,17 @@ free of the torque of a controller that is gone is seen in real time alone.
 
 from __future__ import annotations
 
+import fcntl
 import multiprocessing
 import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
 
 import numpy as np
@@ -197,9 +198,8 @@ def broken_in_the_loop(kind: str, what: str, seed: int, count: int) -> Record:
     """
     rng = np.random.default_rng(seed)
     node, _, mode = what.partition(' ')
-    domain = _DOMAINS[os.getpid() % len(_DOMAINS)]
     listening = Session(_PATIENCE, by_events=False)
-    with TemporaryDirectory() as folder, _in_domain(domain), listening as session:
+    with TemporaryDirectory() as folder, _own_domain() as domain, listening as session:
         loop = Loop(session, Path(folder), domain, is_lockstep=not mode)
         try:
             return _broken(loop, node, rng, count, is_killed=kind == 'kills')
@@ -213,17 +213,27 @@ def _alone(domain: int) -> dict[str, str]:
 
 
 @contextmanager
-def _in_domain(domain: int) -> Iterator[None]:
+def _own_domain() -> Iterator[int]:
+    """A domain of ROS in which no other loop of this machine is, for this process, too."""
     before = dict(os.environ)
-    os.environ.update(_alone(domain))
-    try:
-        yield
-    finally:
-        for name in _alone(domain):
-            if name in before:
-                os.environ[name] = before[name]
-            else:
-                del os.environ[name]
+    with ExitStack() as stack:
+        for domain in _DOMAINS:
+            lock = Path(gettempdir()) / f'spacerobot-domain-{domain}'
+            file = stack.enter_context(lock.open('w', encoding='ascii'))
+            with suppress(BlockingIOError):
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+        else:
+            raise SessionError('all domains of ROS for loops of processes are taken')
+        os.environ.update(_alone(domain))
+        try:
+            yield domain
+        finally:
+            for name in _alone(domain):
+                if name in before:
+                    os.environ[name] = before[name]
+                else:
+                    del os.environ[name]
 
 
 def _broken(
