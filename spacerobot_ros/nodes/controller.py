@@ -65,6 +65,7 @@ class ControllerNode(SensorNode):
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('controller', **node_kwargs)
         self.last_command: Command | None = None
+        self._answered: Command | None = None  # the last that was no guess in between
         self._arrived_ns = 0
         self._estimate_note = 'none received'
         self.jump_ns = round(self.settings.controller.state_timeout * 1e9)
@@ -237,12 +238,13 @@ class ControllerNode(SensorNode):
     def _answer(self, joints: tuple[Any, ...]) -> None:
         self._pairing.waiting = None
         if self.is_active:
-            self._publish(self.loop.add_joints(*joints))
+            self._answered = self.loop.add_joints(*joints)
+            self._publish(self._answered)
 
     def _repeat(self, stamp: int) -> None:
         """Send the command for a stamp again: who repeats a sample has not got its answer."""
-        if self.is_active and self.last_command and self.last_command.stamp_ns == stamp:
-            self._publish(self.last_command)
+        if self.is_active and self._answered is not None and self._answered.stamp_ns == stamp:
+            self._publish(self._answered)
 
     def _on_watch(self) -> None:
         if not self.is_active or 'joints' not in self.latest or self._pairing.waiting is not None:

@@ -115,10 +115,10 @@ def wrong_stream(what: str, seed: int) -> Record:
     record: Record = {}
     with Session() as session:
         patients = {name: patient_of(session, name) for name in ('identifier', 'monitor')}
-        for topic, message in _astray(what, flight(), rng):
+        for topic, message, is_good in _astray(what, flight(), rng):
             for patient in patients.values():
                 if patient.hears(topic):
-                    give(patient, topic, message, raised)
+                    give(patient, topic, message, raised, is_good=is_good)
         identifier = patients['identifier'].node
         identifier.flush()
         record |= compared(identifier.estimate)
@@ -131,14 +131,14 @@ def wrong_stream(what: str, seed: int) -> Record:
 
 def _astray(
     what: str, stream: list[tuple[str, Any]], rng: np.random.Generator
-) -> Iterator[tuple[str, Any]]:
-    """Messages of a stream that are late, gone, repeated, or of another clock."""
+) -> Iterator[tuple[str, Any, bool]]:
+    """Messages of a stream that are late, gone, repeated, or not of /clock: whether they are."""
     start, length = rng.uniform(6.0, 12.0), rng.uniform(0.05, 3.0)
     jump = int(rng.choice([-1000, -5, 3, 100, 100_000]))
     gone = {'gyro starts late': '/imu/data', 'joints pause': '/joint_states'}.get(what)
     clocks: dict[str, Callable[[float], float]] = {
         'clock jumps': lambda t: t + jump if t >= start else t,
-        'gyro of another clock': lambda t: t + 100.0 * jump,
+        'gyro of another clock': lambda t: t + 100.0 * abs(jump),
         'clock runs away': lambda t: t * _DRIFT,
         'stamps stand still': lambda t: start if start <= t < start + length else t,
     }
@@ -160,7 +160,7 @@ def _astray(
             if is_within and last is not None:
                 message = last
             last = message
-        yield topic, message
+        yield topic, message, not (turned and topic == turned)
 
 
 def _stamped(message: Any, time: float) -> Any:

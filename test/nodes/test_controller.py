@@ -441,6 +441,16 @@ def test_a_repeated_sample_gets_its_answer_again(bench):
     assert bench.commands[0] == bench.commands[1]
 
 
+def test_who_was_silent_for_long_gets_its_answer_again(bench):
+    bench.sample(0)
+    bench.wall.ms = 500
+    bench.rig.until(lambda: bench.answered()[-1] == 500)  # a guess, for a stamp of its own
+    bench.joint(0)
+    bench.rig.until(lambda: bench.answered().count(0) == 2)
+    again = len(bench.commands) - 1 - bench.answered()[::-1].index(0)
+    assert bench.commands[again] == bench.commands[0]
+
+
 def test_saturation_is_reported(rig, servicer):
     bench = Bench(rig, servicer, **{'controller.torque_limit': [1e9, 1e-3, 1e9]})
     bench.sample(0)

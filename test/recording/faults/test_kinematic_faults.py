@@ -153,3 +153,15 @@ def test_pauses_are_no_jumps_and_rest_is_no_fault(record):
     assert find_faults(Record()) == ()
     short = JointSeries(old.names, old.stamp_ns[:2], old.position[:2], old.velocity[:2])
     assert find_faults(Record(short, record.rates)) == ()
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_samples_that_were_lost_are_no_clock_that_jumped(seed):
+    rng = np.random.default_rng(seed)
+    t = np.arange(1000) * 0.01
+    kept = (rng.random(1000) > 0.05) & ((t < 4.0) | (t > 6.0) | (rng.random(1000) > 0.9))
+    turn = np.outer(t[kept], [0.9, 1.7, 2.6])
+    q = np.sin(turn) + 2e-5 * rng.standard_normal(turn.shape)
+    qd = [0.9, 1.7, 2.6] * np.cos(turn) + 2e-4 * rng.standard_normal(turn.shape)
+    stamps = np.round(t[kept] * 1e9).astype(np.int64)
+    assert find_faults(Record(JointSeries(('a', 'b', 'c'), stamps, q, qd))) == ()
