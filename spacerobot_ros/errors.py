@@ -32,6 +32,10 @@ class PlacedError(SpaceRobotError, ValueError):
         self.place = place
         self.reason = reason
 
+    def __reduce__(self) -> tuple[type[PlacedError], tuple[str, str]]:
+        """From another process it comes as it was."""
+        return type(self), (self.place, self.reason)
+
 
 class ConfigurationError(PlacedError):
     """A robot file, parameter or option that can't be used."""
@@ -65,3 +69,7 @@ class SimulationDivergedError(SpaceRobotError, ArithmeticError):
         super().__init__(f'the simulation diverged at t = {time:.6g} s: {reason}')
         self.time = time
         self.reason = reason
+
+    def __reduce__(self) -> tuple[type[SimulationDivergedError], tuple[float, str]]:
+        """From another process it comes as it was."""
+        return type(self), (self.time, self.reason)

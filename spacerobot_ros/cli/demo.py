@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import os
+import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +19,7 @@ from .options import Subparsers, add_command, check_folder, seed
 from .terminal import Stage, print_sections, progress
 
 if TYPE_CHECKING:
-    from ..demo.results import Results
+    from ..demo.results import DemoRun, Results
     from ..effects.robot_file import RobotFile
     from ..simulation.replay.scene import Scene
 
@@ -91,7 +94,7 @@ def _scene(args: argparse.Namespace, bag: Path) -> Scene:
 
 def _results(args: argparse.Namespace, work: Path) -> Results:
     from ..demo.results import Results, truth_of
-    from ..demo.run import check_file, identify, track
+    from ..demo.run import check_file, identify, track, unseen
     from ..simulation.truth import true_robot
 
     started = time.perf_counter()
@@ -102,8 +105,14 @@ def _results(args: argparse.Namespace, work: Path) -> Results:
     passes, length = 1 if args.quick else 2, settings.reference.duration
     with progress() as bars:
         stage = partial(_stage, bars)
-        found = identify(file, passes, bags[0], stage('exciting and identifying', passes * length))
-        no_aam = track(file, None, bags[1], stage('tracking without the wheels', length))
+        exciting = stage('exciting and identifying', passes * length)
+        # another process that sees these topics would mix with them
+        beside = None if args.live else partial(track, file, None, bags[1], unseen)
+        with _in_a_process(beside) as no_aam_beside:
+            found = identify(file, passes, bags[0], exciting)
+            tracking = stage('tracking without the wheels', length)
+            no_aam = no_aam_beside() or track(file, None, bags[1], tracking)
+        tracking(length)
         estimate = found.estimates[-1]
         identified = track(file, estimate, bags[2], stage('tracking with them', length))
     plant = true_robot(file.robot, settings)
@@ -117,6 +126,17 @@ def _results(args: argparse.Namespace, work: Path) -> Results:
         bags=tuple(str(Path(args.out) / name) for name in _BAGS),
         wall=time.perf_counter() - started,
     )
+
+
+@contextmanager
+def _in_a_process(task: Callable[[], DemoRun] | None) -> Iterator[Callable[[], DemoRun | None]]:
+    """Run a task in another process, which ends with the block; gives what waits for it."""
+    if task is None:
+        yield lambda: None
+        return
+    spawn = multiprocessing.get_context('spawn')
+    with spawn.Pool(1, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+        yield pool.apply_async(task).get
 
 
 def _robot_file(args: argparse.Namespace) -> RobotFile:

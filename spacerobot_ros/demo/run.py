@@ -28,6 +28,11 @@ from .results import DemoRun
 Progress = Callable[[float], None]
 """Called with the simulated time done [s]."""
 
+
+def unseen(time: float) -> None:
+    """Progress that nobody looks at."""
+
+
 TOPICS = {
     '/clock': 'rosgraph_msgs/msg/Clock',
     '/joint_states': 'sensor_msgs/msg/JointState',

@@ -1,0 +1,27 @@
+"""Errors from another process are what they were there."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from spacerobot_ros import errors
+
+
+@pytest.mark.parametrize(
+    'error',
+    [
+        errors.ConfigurationError('robot.urdf', 'is missing'),
+        errors.ModelError('joint_1', 'turns about nothing'),
+        errors.RecordingError('bag', 'is empty'),
+        errors.MessageRejectedError('is not finite'),
+        errors.IdentificationError('nothing moves'),
+        errors.SimulationDivergedError(1.5, 'q is not finite'),
+    ],
+)
+def test_errors_pass_between_processes(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert vars(again) == vars(error)
