@@ -6,22 +6,18 @@ what is heavy inside `run`; only the one that is asked for is imported at all.
 
 from __future__ import annotations
 
-import _thread
 import argparse
 import errno
 import importlib
 import os
 import shlex
-import signal
 import sys
 import tempfile
-import threading
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from types import FrameType
+from collections.abc import Sequence
 
 from ..errors import SpaceRobotError
+from ..interrupts import interruptible
 from .options import Formatter
 
 COMMANDS = {
@@ -40,8 +36,6 @@ COMMANDS = {
     'completion': 'what makes bash or zsh complete all of this',
 }
 """Commands, and what they do in a line."""
-
-_AGAIN = 0.05  # s after which an interrupt that had to wait is tried again
 
 _DESCRIPTION = """\
 Estimation and control of a free-floating space robot that has captured a satellite whose
@@ -74,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else list(argv)
     asked = next((word for word in words if not word.startswith('-')), '')
     try:
-        with _interruptible():
+        with interruptible():
             status = _run(words, asked)
         sys.stdout.flush()
     except SpaceRobotError as error:
@@ -123,33 +117,6 @@ def _parser(*asked: str) -> argparse.ArgumentParser:
         else:
             subparsers.add_parser(name, help=summary)
     return parser
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Let Ctrl-C wait while kernels load: llvmlite's callbacks lose an exception, or crash."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        while frame is not None:
-            if str(frame.f_globals.get('__name__')).startswith('llvmlite'):
-                again = threading.Timer(_AGAIN, _thread.interrupt_main)
-                again.daemon = True
-                return again.start()
-            frame = frame.f_back
-        raise KeyboardInterrupt
-
-    before = signal.getsignal(signal.SIGINT)
-    is_ours = (
-        before is signal.default_int_handler
-        and threading.current_thread() is threading.main_thread()
-    )
-    if is_ours:
-        signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield
-    finally:
-        if is_ours:
-            signal.signal(signal.SIGINT, before)
 
 
 def _fails(command: str, status: int, why: str) -> int:

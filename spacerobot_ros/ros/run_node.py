@@ -9,17 +9,20 @@ from itertools import pairwise
 from pathlib import Path
 
 import rclpy
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import NotInitializedException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from ..errors import ConfigurationError, SpaceRobotError
+from ..interrupts import interruptible
 from ..model.files import read_yaml
 
 SWITCH = 5e-4  # s after which a thread that computes lets callbacks go on; a tenth of Python's
 CONFIGURATION = (ConfigurationError, ParameterException, rclpy_implementation.RCLError)
-STOPPED = (rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle)
+STOPPED = (
+    rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle, NotInitializedException,
+)  # fmt: skip
 
 
 def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> int:
@@ -41,16 +44,17 @@ def run_nodes(factories: Sequence[Callable[[], Node]], args: Sequence[str] | Non
     try:
         _check_parameter_files(sys.argv if args is None else args)
         with ExitStack() as stack:
+            stack.enter_context(interruptible())
             stack.enter_context(rclpy.init(args=None if args is None else list(args)))
-            executor = SingleThreadedExecutor()
-            for factory in factories:
-                node = factory()
-                stack.callback(node.destroy_node)
-                executor.add_node(node)
             try:
+                executor = SingleThreadedExecutor()
+                for factory in factories:
+                    node = factory()
+                    stack.callback(node.destroy_node)
+                    executor.add_node(node)
                 executor.spin()
             except STOPPED:
-                if rclpy.ok():  # otherwise stopped in the middle of a callback
+                if rclpy.ok():  # otherwise stopped while nodes were made, or in a callback
                     raise
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0

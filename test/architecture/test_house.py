@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = 'spacerobot_ros'
 LAYERS = (
-    ('', 'errors', 'types', 'json_values', 'display'),
+    ('', 'errors', 'types', 'json_values', 'display', 'interrupts'),
     ('model',),
     ('dynamics',),
     ('effects',),

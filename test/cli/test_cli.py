@@ -333,13 +333,16 @@ def load():
 """
 
 
-def test_ctrl_c_waits_while_kernels_load(capsys, monkeypatch):
+@pytest.mark.parametrize(
+    'module', ['llvmlite.binding', 'numba.core.caching', 'importlib._bootstrap']
+)
+def test_ctrl_c_waits_while_kernels_and_modules_load(capsys, monkeypatch, module):
     # an exception in one of llvmlite's callbacks is lost, or crashes the process
-    llvmlite, loaded = {'__name__': 'llvmlite.binding', 'signal': signal}, []
-    exec(LOADING, llvmlite)
+    loader, loaded = {'__name__': module, 'signal': signal}, []
+    exec(LOADING, loader)
 
     def load_then_work(_):
-        loaded.append(llvmlite['load']())
+        loaded.append(loader['load']())
         for _ in range(600):  # a blocking wait is not woken
             threading.Event().wait(0.1)
         raise AssertionError('the interrupt was lost')

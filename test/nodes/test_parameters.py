@@ -104,3 +104,13 @@ def test_a_node_stopped_in_a_callback_exits_with_0(rig):
         return node
 
     assert run_node(stopped_while_publishing, []) == 0
+
+
+def test_a_node_stopped_while_it_is_made_exits_with_0(rig):
+    def stopped_while_made():
+        node = Node('stopped')
+        rclpy.shutdown()
+        node.create_publisher(String, 'word', 1)
+        return node
+
+    assert run_node(stopped_while_made, []) == 0
