@@ -32,8 +32,10 @@ from .motion import Motion, body_index
 from .parameter import amount
 from .sprung import Sprung, spring_parameters
 
+_FREQUENCIES = tuple(3.0 * 1.8**k for k in range(5))
+"""First guesses [rad/s]: 3 to 31; a softer grasp is left behind by the motions of an arm."""
 _NEAR = 1e-6  # of own states: where the rate is differentiated; rounding is then 1e-10
-_PASSES = 2  # of Newton's method after the first
+_PASSES = 3  # of Newton's method
 _SETTLED = 1e-2  # rad and m; the square of the last change is left
 _FARTHEST = 1.0  # rad and m; a grasp that gives way by more holds nothing
 
@@ -52,7 +54,10 @@ class GraspCompliance(Sprung):
     id = 'grasp_compliance'
     title = 'a captured body that gives way in the grasp'
     hidden = 12
-    parameters = (amount('share', '', 0.5, 0.02, maximum=0.99), *spring_parameters(0.02))
+    parameters = (
+        amount('share', '', 0.5, 0.02, maximum=0.99),
+        *spring_parameters(0.02, _FREQUENCIES),
+    )
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
@@ -86,13 +91,13 @@ class GraspCompliance(Sprung):
     def driven(self, motion: Motion) -> Array:
         """Along a given motion, the whole recoiling; Newton's method on the whole trajectory.
 
-        What would give way by more than the equations are meant for is taken for small.
+        What would give way by more than `_FARTHEST` is left behind: no spring holds it.
         """
-        states = self._nearby(motion, np.zeros((len(motion), self.hidden)))
+        states = np.zeros((len(motion), self.hidden))
         for _ in range(_PASSES):
-            if not np.max(np.abs(states[:, :6]), initial=0.0) < _FARTHEST:
-                break
             before, states = states, self._nearby(motion, states)
+            if not np.max(np.abs(states[:, :6]), initial=0.0) < _FARTHEST:
+                return np.zeros_like(states)
             if np.max(np.abs(states - before)[:, :6], initial=0.0) < _SETTLED:
                 break
         return states

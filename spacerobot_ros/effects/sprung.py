@@ -32,13 +32,13 @@ FIRST_DAMPING = 0.05
 """First guess of a damping ratio: a broad resonance, seen from the next guess of a frequency."""
 
 
-def spring_parameters(damping: float) -> tuple[Parameter, Parameter]:
+def spring_parameters(
+    damping: float, guesses: tuple[float, ...] = FREQUENCIES
+) -> tuple[Parameter, Parameter]:
     """Frequency and damping of a part on its spring."""
     zeta = {'nominal': damping, 'default': damping, 'minimum': 0.0, 'maximum': 10.0}
     return (
-        searched(
-            'frequency', 'rad/s', 10.0, nominal=1.0, above=0.0, maximum=1e4, guesses=FREQUENCIES
-        ),
+        searched('frequency', 'rad/s', 10.0, nominal=1.0, above=0.0, maximum=1e4, guesses=guesses),
         searched('damping', '', 0.1, guesses=(FIRST_DAMPING,), **zeta),
     )
 
