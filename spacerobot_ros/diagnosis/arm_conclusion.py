@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from ..effects.effect import Effect
 from ..estimation.arm_fit import Posterior
-from ..estimation.arm_priors import RUN_TO_RUN, Machine, torque_tolerance
+from ..estimation.arm_priors import DRY_FRICTION, RUN_TO_RUN, Machine, torque_tolerance
 from ..estimation.evidence import Gram, score
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_std
@@ -197,7 +197,7 @@ def _whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
     """With what one recording can not show: friction from run to run, the scale of torques."""
     applied = found.named[k]
     value = abs(applied.values[name])
-    if applied.id in ('joint_coulomb_friction', 'joint_stribeck_friction') and name != 'velocity':
+    if applied.id in DRY_FRICTION and name not in ('velocity', 'displacement'):
         machine = Machine(found.robot, found.fit.rows.balances)
         whole = value + machine.friction(applied.id, applied.where)
         return math.hypot(std, RUN_TO_RUN * whole if len(found.records) == 1 else 0.0)

@@ -14,6 +14,7 @@ from .selection import Selection
 _FINE = (
     'joint_stribeck_friction',
     'joint_friction_curvature',
+    'joint_presliding_friction',
     'joint_coupled_friction',
     'joint_torque_ripple',
 )

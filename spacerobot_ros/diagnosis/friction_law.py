@@ -16,8 +16,9 @@ def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
     """Coulomb and viscous friction that come closest to each joint's, over its rates.
 
     Least squares of the torques of all named frictions, and of learned ones, on [sign(q'), q'],
-    where the joint moves: a Coulomb torque beside friction that goes with the load, or beside a
-    law that takes a share of it, is not what a textbook calls one.
+    where the joint moves; friction with a history as it is once the joint slides. A Coulomb torque
+    beside friction that goes with the load, or beside a law that takes a share of it, is not what
+    a textbook calls one.
     """
     laws = []
     for joint in found.robot.arm:
@@ -60,5 +61,8 @@ def _friction(balance: Balance, effects: list[Effect], joint: str) -> tuple[Arra
     """(M,) rates of a joint where it moves, and (M,) torques of its frictions."""
     motion, column = balance.motion, balance.robot.joints.index(joint)
     moving = balance.arm.is_moving[:, column]
-    total = sum(e.force(motion, e.driven(motion))[:, 6 + column] for e in effects)
+    slides = np.sign(motion.qd[:, [column]])
+    total = sum(
+        e.force(motion, slides if e.hidden else e.driven(motion))[:, 6 + column] for e in effects
+    )
     return motion.qd[moving, column], np.asarray(total)[moving]

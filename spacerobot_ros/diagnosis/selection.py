@@ -24,6 +24,7 @@ _FRICTION = ('joint_coulomb_friction', 'joint_viscous_friction')
 _AFTER_FRICTION = (
     'joint_stribeck_friction',
     'joint_friction_curvature',
+    'joint_presliding_friction',
     'joint_load_friction',
     'joint_coupled_friction',
 )

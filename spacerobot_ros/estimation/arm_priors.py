@@ -27,6 +27,13 @@ NOTHING = 1e-4
 """Of a size: no tolerance, and still a number."""
 _BY_ANGLE = ('joint_torque_ripple', 'joint_stiffness', 'encoder_offset')
 """Nothing of a wheel of which only the rate is measured: its angle begins anywhere."""
+_POSES = 20  # of a recording, for the mean inertia
+DRY_FRICTION = (
+    'joint_coulomb_friction',
+    'joint_stribeck_friction',
+    'joint_presliding_friction',
+)
+"""Whose first number is the friction of a joint that hardly slides."""
 _BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
 RUN_TO_RUN = 0.05
 """Of a friction: by so much it differs from run to run of one machine, which a single recording
@@ -75,9 +82,11 @@ class Machine:
 
     @cached_property
     def inertia(self) -> Array:
-        """(n,) diagonal of the mass matrix, all joints at zero [kg m^2]."""
-        n = self.robot.n_joints
-        return np.diag(Dynamics(self.robot).mass_matrix(np.zeros(n)))[-n:]
+        """(n,) mean diagonal of the mass matrix along the recordings [kg m^2]."""
+        n, dynamics = self.robot.n_joints, Dynamics(self.robot)
+        poses = [b.motion.q[:: max(1, len(b.motion.q) // _POSES)] for b in self.balances]
+        matrices = [dynamics.mass_matrix(q) for q in np.concatenate(poses)]
+        return np.asarray(np.mean([np.diag(m)[-n:] for m in matrices], axis=0))
 
     @cached_property
     def mass(self) -> float:
@@ -115,6 +124,7 @@ class Machine:
             'joint_viscous_friction': (torque / rate, RUN_TO_RUN * self.friction(kind, where)),
             'joint_stribeck_friction': (0.3 * torque, RUN_TO_RUN * dry),
             'joint_friction_curvature': (torque, RUN_TO_RUN * dry),
+            'joint_presliding_friction': (torque, 0.0),
             'joint_load_friction': (0.1, 0.0),
             'joint_coupled_friction': (own, 0.0),
             'joint_torque_constant': (0.15, torque_tolerance(self.robot)[j]),

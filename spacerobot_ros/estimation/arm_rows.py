@@ -14,19 +14,15 @@ from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..types import Array, BoolArray, IntArray
 from .anchor import HELD, scale_columns, unanchored
+from .arm_candidates import arm_candidates
 from .arm_priors import NOTHING, Machine, with_prior
 from .balance import Balance
-from .columns import Candidate, candidate_at
+from .columns import Candidate
 from .evidence import Gram
 from .leftover import JointRows, level_of
 
 _BLOCKS, _FEW = 4, 2
 _LEAST_BLOCK = 4.0  # s
-_PER_TURN = (1.0, 2.0)
-"""Harmonics of a torque ripple: eccentricity and misalignment. Faster ones of a usual motion are
-above the band, and what the data seem to say of them is something else (docs/real_machines.md).
-Over less than half a period they are any curve: a weight, a spring, an inertia of a swing."""
-_STRIBECK = 0.1  # of the 95 % rate
 _DRIFT = 0.03
 """Of a torque's rms: how far the level of friction and a gain may drift unnamed. More would be the
 friction or the gain themselves (docs/real_machines.md)."""
@@ -57,7 +53,7 @@ class ArmRows:
         robot = balances[0].robot
         machine = Machine(robot, balances)
         found, tolerances = [], []
-        for candidate in _candidates(kinds, balances):
+        for candidate in arm_candidates(kinds, balances):
             prior = machine.prior(candidate)
             if prior is not None:
                 found.append(with_prior(candidate, prior[0]))
@@ -291,42 +287,3 @@ class ArmRows:
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])
         return out
-
-
-def _candidates(kinds: Iterable[type[Effect]], balances: Sequence[Balance]) -> Iterable[Candidate]:
-    robot = balances[0].robot
-    for kind in kinds:
-        if not kind.is_fitted or kind.needs_free_base or kind.hidden:
-            continue
-        for where in kind.fitted_places(robot):
-            if any(_excludes(kind, e) for e in balances[0].effects if e.where == where):
-                continue
-            for variant in _variants(kind, where, balances):
-                candidate = candidate_at(kind, robot, where, variant)
-                if candidate is not None:
-                    yield candidate
-
-
-def _excludes(kind: type[Effect], believed: Effect) -> bool:
-    """Whether an effect can not act beside one of the model's at the same place."""
-    return believed.id in kind.excludes or kind.id in believed.excludes
-
-
-def _variants(
-    kind: type[Effect], where: str | None, balances: Sequence[Balance]
-) -> list[dict[str, float]]:
-    """Values of what an effect is not linear in, as an arm's motion suggests them."""
-    if where not in balances[0].robot.joints:
-        return [{}]
-    j = balances[0].robot.joints.index(str(where))
-    if kind.id == 'joint_torque_ripple':
-        most = max(float(np.ptp(b.motion.q[:, j])) for b in balances)
-        return [{'harmonic': p} for p in _PER_TURN if p * most > math.pi]
-    if kind.id in ('joint_stribeck_friction', 'joint_friction_curvature'):
-        speed = np.abs(np.concatenate([b.motion.qd[:, j] for b in balances]))
-        fast = max(float(np.quantile(speed, 0.95)), 1e-2)
-        is_curve = kind.id == 'joint_friction_curvature'
-        return [{'rate': fast} if is_curve else {'velocity': max(_STRIBECK * fast, 3e-3)}]
-    if kind.id == 'joint_stiffness':
-        return [{'rest_angle': float(np.mean([np.mean(b.motion.q[:, j]) for b in balances]))}]
-    return [{}]

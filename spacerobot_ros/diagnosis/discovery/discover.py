@@ -102,7 +102,7 @@ def _frictions(found: ArmFound) -> dict[str, list[Effect]]:
     """Friction that the model has at every joint, named or not."""
     out: dict[str, list[Effect]] = {}
     for effect in (*found.believed, *found.named, *found.calibration):
-        if effect.id.endswith('_friction') and not effect.hidden:
+        if effect.id.endswith('_friction'):
             out.setdefault(str(effect.where), []).append(effect)
     return out
 
@@ -170,8 +170,7 @@ def pushes(law: LearnedTorque, motions: Iterable[Motion], beside: Sequence[Effec
     every = [replace(law, kind='external'), *beside]
     given, taken = 0.0, 0.0
     for motion in motions:
-        none = np.zeros((len(motion), 0))
-        force = np.sum([effect.force(motion, none) for effect in every], axis=0)
+        force = np.sum([e.force(motion, e.driven(motion)) for e in every], axis=0)
         power = np.sum(force * motion.rates, axis=1)
         given += float(np.sum(np.maximum(power, 0.0)))
         taken += float(np.sum(np.maximum(-power, 0.0)))

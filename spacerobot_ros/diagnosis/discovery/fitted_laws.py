@@ -102,7 +102,8 @@ def applied_law(law: Law, free: LearnedTorque, motions: ArmMotions) -> LearnedTo
     for balance in motions.rows.balances:
         motion, j = balance.motion, motions.rows.robot.joints.index(str(free.where))
         torque = free.force(motion, np.zeros((len(motion), 0)))[:, 6 + j]
-        largest = max(largest, float(np.max(np.abs(torque[balance.arm.is_moving[:, j]]))))
+        moving = balance.arm.is_moving[:, j]  # in some recordings it may stand
+        largest = max(largest, float(np.max(np.abs(torque[moving]), initial=0.0)))
     entries = {f.name: getattr(free, f.name) for f in fields(free)}
     return law_at(**{**entries, 'kind': law.kind, 'limit': _LIMIT * largest})
 

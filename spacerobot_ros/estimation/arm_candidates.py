@@ -1,0 +1,83 @@
+"""What may be wrong with an arm, and where: the catalogue, as far as its motion could show it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ..effects.effect import Effect
+from .balance import Balance
+from .columns import Candidate, candidate_at
+
+_PER_TURN = (1.0, 2.0)
+"""Harmonics of a torque ripple: eccentricity and misalignment. Faster ones of a usual motion are
+above the band, and what the data seem to say of them is something else (docs/real_machines.md).
+Over less than half a period they are any curve: a weight, a spring, an inertia of a swing."""
+_STRIBECK = 0.1  # of the 95 % rate
+_BY_PATH = ('joint_presliding_friction',)
+"""Effects with a state of their own that the path of a joint gives."""
+_DISPLACEMENTS = (1e-3, 3e-3, 1e-2, 3e-2)  # rad, over which dry friction builds up
+_TOGETHER = 0.05  # of a recording, in which two joints must move to show what couples them
+_REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back
+
+
+def arm_candidates(
+    kinds: Iterable[type[Effect]], balances: Sequence[Balance]
+) -> Iterable[Candidate]:
+    """Every effect of a catalogue at every place where the recordings could show it.
+
+    Args:
+        kinds: The catalogue.
+        balances: The model along every recording.
+    """
+    robot = balances[0].robot
+    for kind in kinds:
+        if not kind.is_fitted or kind.needs_free_base or (kind.hidden and kind.id not in _BY_PATH):
+            continue
+        for where in kind.fitted_places(robot):
+            if any(_excludes(kind, e) for e in balances[0].effects if e.where == where):
+                continue
+            for variant in _variants(kind, where, balances):
+                candidate = candidate_at(kind, robot, where, variant)
+                if candidate is not None:
+                    yield candidate
+
+
+def _excludes(kind: type[Effect], believed: Effect) -> bool:
+    """Whether an effect can not act beside one of the model's at the same place."""
+    return believed.id in kind.excludes or kind.id in believed.excludes
+
+
+def _variants(
+    kind: type[Effect], where: str | None, balances: Sequence[Balance]
+) -> list[dict[str, float]]:
+    """Values of what an effect is not linear in, as an arm's motion suggests them."""
+    if where not in balances[0].robot.joints:
+        return [{}]
+    j = balances[0].robot.joints.index(str(where))
+    if kind.id == 'joint_torque_ripple':
+        most = max(float(np.ptp(b.motion.q[:, j])) for b in balances)
+        return [{'harmonic': p} for p in _PER_TURN if p * most > math.pi]
+    if kind.id in ('joint_stribeck_friction', 'joint_friction_curvature'):
+        speed = np.abs(np.concatenate([b.motion.qd[:, j] for b in balances]))
+        fast = max(float(np.quantile(speed, 0.95)), 1e-2)
+        is_curve = kind.id == 'joint_friction_curvature'
+        return [{'rate': fast} if is_curve else {'velocity': max(_STRIBECK * fast, 3e-3)}]
+    if kind.id == 'joint_coupled_friction':
+        return list(kind.variants(balances[0].robot, where)) * _moves_with_carrier(j, balances)
+    if kind.id == 'joint_presliding_friction':
+        most = max(float(np.ptp(b.motion.q[:, j])) for b in balances)
+        return [{'displacement': d} for d in _DISPLACEMENTS if _REVERSALS * d < most]
+    if kind.id == 'joint_stiffness':
+        return [{'rest_angle': float(np.mean([np.mean(b.motion.q[:, j]) for b in balances]))}]
+    return [{}]
+
+
+def _moves_with_carrier(j: int, balances: Sequence[Balance]) -> bool:
+    """Whether a joint ever moves while the one that carries it does: else friction is its own."""
+    robot = balances[0].robot
+    carrier = robot.bodies[1 + j].parent - 1
+    pairs = [b.arm.is_moving[:, [j, carrier]] for b in balances]
+    return carrier >= 0 and any(np.mean(np.all(pair, axis=1)) > _TOGETHER for pair in pairs)
