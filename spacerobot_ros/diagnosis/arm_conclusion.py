@@ -10,11 +10,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from ..effects.effect import Effect
-from ..estimation.arm_fit import Posterior
-from ..estimation.arm_priors import DRY_FRICTION, RUN_TO_RUN, Machine, torque_tolerance
-from ..estimation.evidence import Gram, score
+from ..estimation.arm_priors import RUN_TO_RUN, torque_tolerance
 from ..estimation.rows import ChannelError
-from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_std
+from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
 from ..types import Array
 from .answer.free_motion import free_motion
 from .answer.residuals import series
@@ -28,13 +26,14 @@ from .answer.result import (
     Ranked,
     RecordingMisfit,
     Residual,
-    Rival,
 )
+from .arm_evidence import rivals_of
+from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
 from .arms import ArmFound, rms
 from .discovery.orders import find_orders
 from .events.answer import with_events
 from .friction_law import friction_laws
-from .limits import EQUIVALENT, RELEVANT
+from .limits import RELEVANT
 from .ratios import ratios, scale_notes
 from .selection import Selection
 
@@ -61,7 +60,7 @@ def conclude_arm(
         range(len(found.clear)),
         key=lambda k: -found.selection.gain(found.selection.whole, found.clear[k]),
     )
-    usual = _usual_scatter(found)
+    usual = usual_scatter(found)
     causes = tuple(_cause(found, k, usual) for k in order)
     constants = tuple(_constant(found, effect) for effect in found.constants)
     named = tuple(c for c in causes if c.relevant)
@@ -122,20 +121,20 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
         else p
         for p, value in ((p, applied.values[p.name]) for p in applied.parameters)
     ]
-    scatter, dof = _scatter(found, i)
+    scatter, dof = scatter_of(found, i)
     birge = math.sqrt(max(1.0, scatter / dof, usual))
     spread = birge * fit.spread(i)
-    stds = _in_values(found, i, spread)
+    stds = values_std(found, i, spread)
     return Cause(
         applied=applied,
         parameters={
             p.name: Estimated(
-                value=applied.values[p.name], std=_whole_std(found, k, p.name, std), unit=p.unit
+                value=applied.values[p.name], std=whole_std(found, k, p.name, std), unit=p.unit
             )
             for p, std in zip(applied.parameters, stds, strict=True)
         },
         evidence=found.evidence[i],
-        rivals=tuple(_rivals(found.selection, i)),
+        rivals=rivals_of(found.selection, i),
         thresholds={p.name: p for p in thresholds},
         relevant=share > RELEVANT,
         constant_p=float(chi2.sf(scatter / birge**2, dof)),
@@ -149,7 +148,7 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
     keys = [candidate.key for candidate in rows.candidates]
     i = keys.index(('joint_torque_constant', effect.where))
     (at,) = rows.places[i]
-    scatter, dof = _scatter(found, i)
+    scatter, dof = scatter_of(found, i)
     birge = max(1.0, scatter / dof)
     std = math.sqrt(birge * float(posterior.covariance[at, at]))
     return Cause(
@@ -172,80 +171,6 @@ def _by_recording(found: ArmFound, i: int) -> tuple[float, ...] | None:
     """Log evidence that a cause adds to each recording; None where only one could judge it."""
     gains = found.selection.held_out(i)
     return tuple(gains.tolist()) if found.selection.is_told_by_recordings(i) else None
-
-
-def _in_values(found: ArmFound, i: int, spread: Array) -> list[float]:
-    """Standard deviations of a candidate's parameters from those of its coefficients."""
-    candidate, applied = found.fit.rows.candidates[i], found.named[found.clear.index(i)]
-    mean = found.fit.values[found.fit.rows.places[i]]
-    here = candidate.values(mean)
-    total = dict.fromkeys(here, 0.0)
-    for k, std in enumerate(spread):
-        step = 1e-3 * float(std) * np.eye(len(mean))[k]
-        moved = candidate.values(mean + step)
-        for name in total:
-            total[name] += ((moved[name] - here[name]) / 1e-3) ** 2
-    return [
-        value_std(p, applied.values[p.name], math.sqrt(total[p.name]))
-        if p.role in ('reciprocal', 'square')
-        else math.sqrt(total[p.name])
-        for p in applied.parameters
-    ]
-
-
-def _whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
-    """With what one recording can not show: friction from run to run, the scale of torques."""
-    applied = found.named[k]
-    value = abs(applied.values[name])
-    if applied.id in DRY_FRICTION and name not in ('velocity', 'displacement'):
-        machine = Machine(found.robot, found.fit.rows.balances)
-        whole = value + machine.friction(applied.id, applied.where)
-        return math.hypot(std, RUN_TO_RUN * whole if len(found.records) == 1 else 0.0)
-    if applied.id == 'inertial_parameters':
-        return math.hypot(std, float(np.max(torque_tolerance(found.robot))) * value)
-    return std
-
-
-def _scatter(found: ArmFound, i: int) -> tuple[float, float]:
-    """Chi-square of a cause's coefficients between the parts of the data, and its freedom."""
-    posterior, own = found.fit.posterior, found.fit.rows.places[i]
-    total, dof = 0.0, 0.0
-    free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
-    deviations = posterior.precision**-0.5
-    for part in found.selection.parts(i):
-        if not part.rows:
-            continue
-        left = _less(part, posterior.mean)
-        alone = Posterior.of(left, deviations).group(own)
-        judged = score(alone, deviations[own], free, None)
-        total, dof = total + judged.gain, dof + judged.dof
-    return total, max(dof - len(own), 1.0)
-
-
-def _less(part: Gram, mean: Array) -> Gram:
-    """Sums with coefficients taken off the rows."""
-    return Gram(part.matrix, part.vector - part.matrix @ mean, part.misfit(mean), part.rows)
-
-
-def _usual_scatter(found: ArmFound) -> float:
-    """Half of all causes are taken to be as constant as they should be (Birge's ratio)."""
-    ratios = [total / dof for total, dof in (_scatter(found, i) for i in found.fit.chosen)]
-    return float(np.median(ratios)) if ratios else 1.0
-
-
-def _rivals(selection: Selection, i: int) -> list[Rival]:
-    """What could stand in a cause's place as well."""
-    own = selection.gain(selection.whole, i)
-    out = []
-    for k, margin in selection.ranking(without=i):
-        gap = own - (margin + selection.need(k))
-        c = selection.rows.candidates[k]
-        is_other = k != i and not c.repeats([selection.rows.candidates[i]])
-        if is_other and margin > 0.0 and abs(gap) < EQUIVALENT:
-            out.append(
-                Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0), motion='')
-            )
-    return out
 
 
 def _verdict(found: ArmFound, is_named: bool, after: Array) -> str:

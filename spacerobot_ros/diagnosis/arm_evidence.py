@@ -10,7 +10,8 @@ import numpy as np
 from ..estimation.arm_fit import Posterior
 from ..estimation.placebo import held_out_gain
 from ..types import Array
-from .answer.result import Evidence
+from .answer.result import Evidence, Rival
+from .limits import EQUIVALENT
 from .selection import Selection
 
 
@@ -63,3 +64,18 @@ def _placebo(selection: Selection, levels: Sequence[Array], i: int) -> float:
         [slice(a, b) for a, b in pairwise(ends.tolist())],
         np.concatenate(times)[order],
     )
+
+
+def rivals_of(selection: Selection, i: int) -> tuple[Rival, ...]:
+    """What could stand in a cause's place as well."""
+    own = selection.gain(selection.whole, i)
+    out = []
+    for k, margin in selection.ranking(without=i):
+        gap = own - (margin + selection.need(k))
+        c = selection.rows.candidates[k]
+        is_other = k != i and not c.repeats([selection.rows.candidates[i]])
+        if is_other and margin > 0.0 and abs(gap) < EQUIVALENT:
+            out.append(
+                Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0), motion='')
+            )
+    return tuple(out)

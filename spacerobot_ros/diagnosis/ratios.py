@@ -31,7 +31,11 @@ _UNITS = {
     'viscous_by_motor_constant': 'A s/rad',
 }
 _FRICTIONS = {
-    'coulomb': (('joint_coulomb_friction', 'torque'), ('joint_stribeck_friction', 'coulomb')),
+    'coulomb': (
+        ('joint_coulomb_friction', 'torque'),
+        ('joint_stribeck_friction', 'coulomb'),
+        ('joint_presliding_friction', 'torque'),
+    ),
     'viscous': (('joint_viscous_friction', 'coefficient'),),
 }
 Key = tuple[str, str, str | None]  # joint, ratio, the other joint

@@ -68,16 +68,35 @@ def _variants(
     if kind.id == 'joint_coupled_friction':
         return list(kind.variants(balances[0].robot, where)) * _moves_with_carrier(j, balances)
     if kind.id == 'joint_presliding_friction':
-        most = max(float(np.ptp(b.motion.q[:, j])) for b in balances)
-        return [{'displacement': d} for d in _DISPLACEMENTS if _REVERSALS * d < most]
+        least, most = _displacements(j, balances)  # without a motor what is left is of the motion
+        own = [d for d in _DISPLACEMENTS if least < d < most]
+        return [{'displacement': d} for d in own] * (where not in balances[0].robot.passive_joints)
     if kind.id == 'joint_stiffness':
         return [{'rest_angle': float(np.mean([np.mean(b.motion.q[:, j]) for b in balances]))}]
     return [{}]
 
 
 def _moves_with_carrier(j: int, balances: Sequence[Balance]) -> bool:
-    """Whether a joint ever moves while the one that carries it does: else friction is its own."""
+    """Whether a joint ever moves while the one that carries it does, both by motors.
+
+    Else friction is its own.
+    """
     robot = balances[0].robot
     carrier = robot.bodies[1 + j].parent - 1
+    if carrier < 0 or {robot.joints[j], robot.joints[carrier]} & set(robot.passive_joints):
+        return False
     pairs = [b.arm.is_moving[:, [j, carrier]] for b in balances]
-    return carrier >= 0 and any(np.mean(np.all(pair, axis=1)) > _TOGETHER for pair in pairs)
+    return any(np.mean(np.all(pair, axis=1)) > _TOGETHER for pair in pairs)
+
+
+def _displacements(j: int, balances: Sequence[Balance]) -> tuple[float, float]:
+    """Smallest and largest displacement that the motion of a joint shows [rad].
+
+    A reversal with acceleration a covers a t^2 / 2 before and after it in time t: what builds up
+    within the time of the band is dry friction that is late, as by a delay.
+    """
+    bends = np.concatenate([b.arm.kinematics.qdd[b.arm.is_moving[:, j], j] for b in balances])
+    time = 1.0 / (2.0 * math.pi * min(b.arm.band for b in balances))
+    bend = math.sqrt(float(np.mean(bends**2))) if len(bends) else math.inf
+    most = max(float(np.ptp(b.motion.q[:, j])) for b in balances)
+    return bend * time**2, most / _REVERSALS

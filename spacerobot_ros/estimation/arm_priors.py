@@ -25,9 +25,14 @@ _GAIN_TOLERANCE, _SENSOR_TOLERANCE = 0.08, 0.03
 """Of a torque that is a motor current times a constant from a data sheet; of a torque sensor."""
 NOTHING = 1e-4
 """Of a size: no tolerance, and still a number."""
-_BY_ANGLE = ('joint_torque_ripple', 'joint_stiffness', 'encoder_offset')
-"""Nothing of a wheel of which only the rate is measured: its angle begins anywhere."""
-_POSES = 20  # of a recording, for the mean inertia
+_BY_ANGLE = (
+    'joint_torque_ripple',
+    'joint_stiffness',
+    'encoder_offset',
+    'joint_presliding_friction',
+)
+"""Nothing of a wheel of which only the rate is measured: its angle begins anywhere, and drifts."""
+_POSES = 20  # of a recording, for the largest inertia
 DRY_FRICTION = (
     'joint_coulomb_friction',
     'joint_stribeck_friction',
@@ -82,11 +87,14 @@ class Machine:
 
     @cached_property
     def inertia(self) -> Array:
-        """(n,) mean diagonal of the mass matrix along the recordings [kg m^2]."""
+        """(n,) largest diagonal of the mass matrix, with all joints at zero or as recorded [kg m^2].
+
+        Of a vertical arm that is upright at zero the first joint turns next to nothing there.
+        """
         n, dynamics = self.robot.n_joints, Dynamics(self.robot)
         poses = [b.motion.q[:: max(1, len(b.motion.q) // _POSES)] for b in self.balances]
-        matrices = [dynamics.mass_matrix(q) for q in np.concatenate(poses)]
-        return np.asarray(np.mean([np.diag(m)[-n:] for m in matrices], axis=0))
+        every = np.concatenate([np.zeros((1, n)), *poses])
+        return np.max([np.diag(dynamics.mass_matrix(q))[-n:] for q in every], axis=0)
 
     @cached_property
     def mass(self) -> float:

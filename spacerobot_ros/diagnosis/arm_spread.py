@@ -1,0 +1,77 @@
+"""How sure the values of an arm's causes are: scatter between the parts of the data, and more."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..estimation.arm_fit import Posterior
+from ..estimation.arm_priors import DRY_FRICTION, RUN_TO_RUN, Machine, torque_tolerance
+from ..estimation.evidence import Gram, score
+from ..estimation.scaling import value_std
+from ..types import Array
+from .arms import ArmFound
+
+
+def values_std(found: ArmFound, i: int, spread: Array) -> list[float]:
+    """Standard deviations of a candidate's parameters from those of its coefficients.
+
+    NaN of those that it is not linear in: they are chosen, not fitted.
+    """
+    candidate, applied = found.fit.rows.candidates[i], found.named[found.clear.index(i)]
+    mean = found.fit.values[found.fit.rows.places[i]]
+    here = candidate.values(mean)
+    total = dict.fromkeys(here, 0.0)
+    for k, std in enumerate(spread):
+        step = 1e-3 * float(std) * np.eye(len(mean))[k]
+        moved = candidate.values(mean + step)
+        for name in total:
+            total[name] += ((moved[name] - here[name]) / 1e-3) ** 2
+    stds = {name: math.sqrt(square) for name, square in total.items()}
+    for p in applied.parameters:
+        if p.role in ('reciprocal', 'square'):
+            stds[p.name] = value_std(p, applied.values[p.name], stds[p.name])
+        elif p.role == 'search':
+            stds[p.name] = math.nan
+    return [stds[p.name] for p in applied.parameters]
+
+
+def whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
+    """With what one recording can not show: friction from run to run, the scale of torques."""
+    applied = found.named[k]
+    value = abs(applied.values[name])
+    if applied.id in DRY_FRICTION and math.isfinite(std):
+        machine = Machine(found.robot, found.fit.rows.balances)
+        whole = value + machine.friction(applied.id, applied.where)
+        return math.hypot(std, RUN_TO_RUN * whole if len(found.records) == 1 else 0.0)
+    if applied.id == 'inertial_parameters':
+        return math.hypot(std, float(np.max(torque_tolerance(found.robot))) * value)
+    return std
+
+
+def scatter_of(found: ArmFound, i: int) -> tuple[float, float]:
+    """Chi-square of a cause's coefficients between the parts of the data, and its freedom."""
+    posterior, own = found.fit.posterior, found.fit.rows.places[i]
+    total, dof = 0.0, 0.0
+    free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
+    deviations = posterior.precision**-0.5
+    for part in found.selection.parts(i):
+        if not part.rows:
+            continue
+        left = _less(part, posterior.mean)
+        alone = Posterior.of(left, deviations).group(own)
+        judged = score(alone, deviations[own], free, None)
+        total, dof = total + judged.gain, dof + judged.dof
+    return total, max(dof - len(own), 1.0)
+
+
+def _less(part: Gram, mean: Array) -> Gram:
+    """Sums with coefficients taken off the rows."""
+    return Gram(part.matrix, part.vector - part.matrix @ mean, part.misfit(mean), part.rows)
+
+
+def usual_scatter(found: ArmFound) -> float:
+    """Half of all causes are taken to be as constant as they should be (Birge's ratio)."""
+    ratios = [total / dof for total, dof in (scatter_of(found, i) for i in found.fit.chosen)]
+    return float(np.median(ratios)) if ratios else 1.0
