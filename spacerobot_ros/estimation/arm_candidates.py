@@ -77,16 +77,11 @@ def _variants(
 
 
 def _moves_with_carrier(j: int, balances: Sequence[Balance]) -> bool:
-    """Whether a joint ever moves while the one that carries it does, both by motors.
-
-    Else friction is its own.
-    """
+    """Whether a joint ever moves while the one that carries it does: else friction is its own."""
     robot = balances[0].robot
     carrier = robot.bodies[1 + j].parent - 1
-    if carrier < 0 or {robot.joints[j], robot.joints[carrier]} & set(robot.passive_joints):
-        return False
     pairs = [b.arm.is_moving[:, [j, carrier]] for b in balances]
-    return any(np.mean(np.all(pair, axis=1)) > _TOGETHER for pair in pairs)
+    return carrier >= 0 and any(np.mean(np.all(pair, axis=1)) > _TOGETHER for pair in pairs)
 
 
 def _displacements(j: int, balances: Sequence[Balance]) -> tuple[float, float]:

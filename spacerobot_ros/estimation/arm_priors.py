@@ -87,7 +87,7 @@ class Machine:
 
     @cached_property
     def inertia(self) -> Array:
-        """(n,) largest diagonal of the mass matrix, with all joints at zero or as recorded [kg m^2].
+        """(n,) largest diagonal of the mass matrix, at zero and as recorded [kg m^2].
 
         Of a vertical arm that is upright at zero the first joint turns next to nothing there.
         """
