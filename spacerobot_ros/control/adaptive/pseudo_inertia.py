@@ -187,17 +187,53 @@ def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
         step: Gain times period.
         scales: (b, 4) from `body_scales`.
     """
-    P, C = np.empty((4, 4)), np.empty((4, 4))
+    P, C, L, half = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4))
     for body in range(len(scales)):
         if not scales[body, 3] > 0.0:
             continue
-        at, size = 10 * body, np.outer(scales[body], scales[body])
-        fill_pseudo_inertia(pi, body, scales[body], P)
+        at, scale = slice(10 * body, 10 * body + 10), scales[body]
+        fill_pseudo_inertia(pi, body, scale, P)
         if not _factor(P, 0.0, C):
             continue  # rounding at the boundary: nowhere to go from there
-        L = (slope[at : at + 10] @ INVERSE).reshape(4, 4) / size
-        values, vectors = np.linalg.eigh(step * (C.T @ L @ C))
-        half = C @ vectors * np.exp(0.5 * np.minimum(np.maximum(values, -1.0), 1.0))
-        P[:] = half @ half.T
+        _slope(slope[at], scale, L)
+        _product(L, C, half)
+        _product(C.T, half, L)
+        values, vectors = np.linalg.eigh(L)
+        _product(C, vectors, half)
+        for e in range(4):
+            growth = math.exp(0.5 * min(max(step * values[e], -1.0), 1.0))
+            for i in range(4):
+                half[i, e] *= growth
+        _product(half, half.T, P)
         if _factor(P, 0.0, C):
-            pi[at : at + 10] = INVERSE @ (P / size).ravel()
+            _parameters(P, scale, pi[at])
+
+
+@inner  # type: ignore[untyped-decorator]
+def _slope(by_parameter: Array, scale: Array, L: Array) -> None:
+    """Write L (4, 4) with tr(L dP) = by_parameter . dpi, by_parameter (10,)."""
+    for i in range(4):
+        for j in range(4):
+            L[i, j] = 0.0
+            for k in range(10):
+                L[i, j] += by_parameter[k] * INVERSE[k, 4 * i + j] / (scale[i] * scale[j])
+
+
+@inner  # type: ignore[untyped-decorator]
+def _parameters(P: Array, scale: Array, out: Array) -> None:
+    """Write the parameters (10,) of a pseudo-inertia."""
+    for k in range(10):
+        out[k] = 0.0
+        for i in range(4):
+            for j in range(4):
+                out[k] += INVERSE[k, 4 * i + j] * P[i, j] / (scale[i] * scale[j])
+
+
+@inner  # type: ignore[untyped-decorator]
+def _product(A: Array, B: Array, out: Array) -> None:
+    """Write A B, (4, 4) each."""
+    for i in range(4):
+        for j in range(4):
+            out[i, j] = 0.0
+            for k in range(4):
+                out[i, j] += A[i, k] * B[k, j]
