@@ -37,6 +37,9 @@ NOISE = NoiseLevels(
     **dict(zip(('joint_position', 'joint_velocity', 'gyro', 'attitude'), STDS, strict=True)),
     joint_effort=np.inf,
 )
+SKEW = np.array(
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]]
+)
 
 
 class Oracle:
@@ -70,21 +73,29 @@ class Oracle:
         maps = self.tree.rate_maps(rotations)
         return self.tree.regressor(rotations, maps, u) @ (self.minimal.expansion @ x)
 
-    def simulate(self, unknowns):
+    def driven(self, unknowns):
+        """q, q', and of the base's rate the momentum that is not its own, and inverse inertia."""
         c = unknowns[: self.coefficients.size].reshape(self.coefficients.shape)
-        turn, total, aam = np.split(unknowns[c.size : c.size + 9], 3)
-        x = unknowns[c.size + 9 :]
+        aam, x = unknowns[c.size + 6 : c.size + 9], unknowns[c.size + 9 :]
         fine = 0.5 * STEP * np.arange(2 * len(GRID) - 1)
         q, qd = self.joints(c, fine)
         known = self.momentum(q, qd, np.zeros(3), x) + self.h0
         known += self.tree.rotations(q)[:, self.body] @ aam
         still = np.zeros_like(qd)
         D = np.stack([self.momentum(q, still, e, x) for e in np.eye(3)], axis=2)
-        inverse = np.linalg.inv(D)
+        return q[::2], qd[::2], known, np.linalg.inv(D)
+
+    def simulate(self, unknowns):
+        """Of every row of unknowns (B, u): q, q', omega and R_WB on the grid."""
+        q, qd, known, inverse = (
+            np.array(x) for x in zip(*map(self.driven, unknowns), strict=True)
+        )
+        turn, total = (unknowns[:, self.free + k : self.free + k + 3] for k in (-3, 0))
 
         def rate(k, R):
-            w = inverse[k] @ (R.T @ total - known[k])
-            return w, R @ np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+            h_B = np.einsum('bij,bi->bj', R, total) - known[:, k]
+            w = np.einsum('bij,bj->bi', inverse[:, k], h_B)
+            return w, R @ (w @ SKEW).reshape(-1, 3, 3)
 
         R = [(Rotation.from_rotvec(turn) * self.start).as_matrix()]
         for k in range(len(GRID) - 1):
@@ -93,31 +104,27 @@ class Oracle:
             k3 = rate(2 * k + 1, R[-1] + 0.5 * STEP * k2)[1]
             k4 = rate(2 * k + 2, R[-1] + STEP * k3)[1]
             R.append(R[-1] + STEP / 6.0 * (k1 + 2.0 * (k2 + k3) + k4))
-        omega = np.array([rate(2 * k, r)[0] for k, r in enumerate(R)])
-        return q[::2], qd[::2], omega, np.array(R)
+        omega = np.stack([rate(2 * k, r)[0] for k, r in enumerate(R)], axis=1)
+        return q, qd, omega, np.stack(R, axis=1)
 
     def predict(self, unknowns):
         q, qd, omega, R = self.simulate(unknowns)
-        parts = (q[JOINTS], qd[JOINTS], omega[GYRO], R[ATTITUDE] / np.sqrt(2.0))
-        return np.concatenate([p.ravel() / s for p, s in zip(parts, STDS, strict=True)])
+        parts = (q[:, JOINTS], qd[:, JOINTS], omega[:, GYRO], R[:, ATTITUDE] / np.sqrt(2.0))
+        whitened = [p.reshape(len(p), -1) / s for p, s in zip(parts, STDS, strict=True)]
+        return np.concatenate(whitened, axis=1)
 
     def information(self):
         """Of [h_W; AAM; x], all else eliminated."""
-        scale = np.maximum(np.abs(self.truth), 1.0)
-        step = 1e-5
-        columns = [
-            (self.predict(self.truth + step * s * e) - self.predict(self.truth - step * s * e))
-            / (2.0 * step * s)
-            for s, e in zip(scale, np.eye(len(scale)), strict=True)
-        ]
-        J = np.column_stack(columns)
+        steps = 1e-5 * np.diag(np.maximum(np.abs(self.truth), 1.0))
+        above, below = (self.predict(self.truth + sign * steps) for sign in (1.0, -1.0))
+        J = (above - below).T / (2.0 * np.diag(steps))
         nuisance, wanted = J[:, : self.free], J[:, self.free :]
         wanted = wanted - nuisance @ np.linalg.lstsq(nuisance, wanted, rcond=None)[0]
         return wanted.T @ wanted
 
 
 def motion_of(oracle):
-    q, qd, omega, R = oracle.simulate(oracle.truth)
+    q, qd, omega, R = (x[0] for x in oracle.simulate(oracle.truth[None]))
     return Kinematics(GRID, q, qd, omega, Rotation.from_matrix(R))
 
 

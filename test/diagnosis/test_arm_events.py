@@ -58,7 +58,7 @@ def test_all_else_is_as_without_them(moving):
 def test_quiet_machines_have_none():
     file = arm_file()
     for seed in (41, 42):
-        found = diagnose(RealArm(seed).record(0), file.robot, file.effects)
+        found = diagnose(RealArm(seed).record(0, duration=12.0), file.robot, file.effects)
         assert not found.events.named
         assert set(found.events.limits) == set(JOINTS)
 

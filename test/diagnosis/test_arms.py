@@ -153,7 +153,7 @@ def test_the_extended_model_loads_round_after_round():
     file, arm = arm_file(has_friction=False), RealArm(7, [payload()])
     believed, left = (), []
     for turn in range(3):
-        found = diagnose(arm.record(turn, duration=16.0), file.robot, believed)
+        found = diagnose(arm.record(turn, duration=10.0), file.robot, believed)
         (own,) = found.recordings
         assert own.rms_after <= own.rms_before
         left.append(own.rms_before)

@@ -117,7 +117,7 @@ def test_it_never_gives_more_than_it_took(robot, seed):
 
 @pytest.mark.parametrize('tableau', TABLEAUS)
 def test_a_joint_at_rest_is_held(single, tableau):
-    """A steady load of 0.6 T bends the contacts by 0.6 d, and nothing moves for eight seconds."""
+    """A steady load of 0.6 T bends the contacts by 0.6 d, and nothing moves for four seconds."""
     robot = robot_of(single, base='fixed')
     (joint,) = robot.joints
     damped = bind_effect('oil', 'joint_viscous_friction', joint, {'coefficient': OIL}, robot)
@@ -126,7 +126,7 @@ def test_a_joint_at_rest_is_held(single, tableau):
         Plant(robot, at_rest(robot), PERIOD, 1, friction, TABLEAUS[tableau])
         for friction in ([dahl(robot, joint), damped], [dry])
     )
-    for k in range(1000):
+    for k in range(600):
         if k == 200:
             start = creeping.state.q[0]
         for plant in (held, creeping):
@@ -135,13 +135,13 @@ def test_a_joint_at_rest_is_held(single, tableau):
             assert abs(held.state.q[0] - 0.6 * DISPLACEMENT) <= 1e-2 * DISPLACEMENT
     assert abs(held.state.q[0] - 0.6 * DISPLACEMENT) <= 1e-9
     # what is smoothed over STICTION_RATE creeps at atanh(0.6) of it instead
-    crept = np.arctanh(0.6) * STICTION_RATE * 8.0
+    crept = np.arctanh(0.6) * STICTION_RATE * 4.0
     assert creeping.state.q[0] - start == pytest.approx(crept, rel=1e-2)
 
 
-@pytest.mark.parametrize('load', [0.3, 0.6])
-def test_it_does_not_creep_under_a_load_that_swings(single, load):
+def test_it_does_not_creep_under_a_load_that_swings(single):
     """Dahl's own law would creep by a displacement in some tens of swings."""
+    load = 0.6
     robot = robot_of(single, base='fixed')
     (joint,) = robot.joints
     damped = bind_effect('oil', 'joint_viscous_friction', joint, {'coefficient': OIL}, robot)

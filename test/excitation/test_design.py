@@ -15,7 +15,7 @@ from spacerobot_ros.excitation.motion_limits import Limits
 from spacerobot_ros.excitation.precision import predict_design, predict_reference
 from spacerobot_ros.excitation.problem import Problem
 
-WIDE = robot_file(reference=TABLE_TWO, excitation={'starts': 1, 'iterations': 40})
+WIDE = robot_file(reference=TABLE_TWO, excitation={'starts': 1, 'iterations': 25})
 USABLE = robot_file(
     excitation={
         'starts': 1,
@@ -82,7 +82,7 @@ def test_condition_number_of_table_two_is_improved(criterion):
 
 
 def test_same_seed_same_motion_to_the_last_bit():
-    file = with_excitation(USABLE, iterations=4, starts=2)
+    file = with_excitation(USABLE, iterations=2, starts=2)
     first, second = search(Problem(file)), search(Problem(file))
     assert first.x.tobytes() == second.x.tobytes()
     other = search(Problem(with_excitation(file, seed=2)))
@@ -138,7 +138,7 @@ def test_limits_hold_for_uncertain_wheel_momentum():
 
 
 def test_spin_up_starts_at_the_rate_that_the_wheels_give():
-    file = with_excitation(USABLE, start='spin_up', iterations=3)
+    file = with_excitation(USABLE, start='spin_up', iterations=2)
     problem = Problem(file)
     np.testing.assert_allclose(  # notes, section 9
         problem.start.omega, [-0.0159, -0.0047, -0.0066], rtol=0, atol=6e-5

@@ -12,7 +12,7 @@ from spacerobot_ros.excitation.precision import Prediction, predict_design
 from spacerobot_ros.excitation.problem import Problem
 from spacerobot_ros.identification.batch import identify
 
-SEEDS = range(8)
+SEEDS = range(5)
 
 
 def run_of(problem: Problem, x: np.ndarray) -> Run:
@@ -49,7 +49,7 @@ def test_monte_carlo_confirms_the_prediction(manifold):
         found = np.concatenate([estimate.aam, estimate.parameters])
         errors.append(found - prediction.values)
     rms = np.sqrt(np.mean(np.square(whitened(np.array(errors), prediction))))
-    # eight runs of some 20 independent directions: scatters by 6 %
+    # five runs of some 20 independent directions: scatters by 7 %
     assert 0.7 < rms < 1.3
 
 

@@ -116,7 +116,7 @@ def test_without_metadata_a_cut_bag_is_read_too(bag):
 def test_no_flipped_bit_gives_wrong_numbers(bag, rng):
     folder, path, data, whole = bag
     damaged, silent = np.frombuffer(data, dtype=np.uint8).copy(), 0
-    for _ in range(150):
+    for _ in range(100):
         place, bit = rng.integers(len(data)), np.uint8(1 << rng.integers(8))
         damaged[place] ^= bit
         path.write_bytes(damaged.tobytes())
