@@ -140,20 +140,22 @@ class JointChannel:
 
     @property
     def all_columns(self) -> Sequence[Array]:
-        """(M, k) terms of every law's columns."""
-        return [self.columns(law) for law in self.laws]
+        """(M, k) terms of every law's columns; filters take all of them at once."""
+        ends = np.cumsum([len(law.form.powers) for law in self.laws])[:-1].tolist()
+        return np.split(self._columns(self.laws), ends, axis=1)
 
     def columns(self, law: Law) -> Array:
         """(M, k) terms of a law's columns."""
-        return cosines(self.whitened(self.law_rows(law)))
+        return self._columns([law])
 
-    def law_rows(self, law: Law) -> Array:
-        """(R, k) a law's columns, row by row [N m by coefficient]."""
-        out = []
+    def _columns(self, laws: Sequence[Law]) -> Array:
+        """(M, c) terms of the torques of laws by their coefficients."""
+        rows = []
         for run, balance in enumerate(self.motions.rows.balances):
-            values = law.form(self.motions.inputs(law, run), law.options)
-            out.append(balance.in_rows(values)[self.motions.rows.rows_at(balance, self.j)])
-        return np.concatenate(out)
+            values = [law.form(self.motions.inputs(law, run), law.options) for law in laws]
+            in_rows = balance.in_rows(np.concatenate(values, axis=1))
+            rows.append(in_rows[self.motions.rows.rows_at(balance, self.j)])
+        return cosines(self.whitened(np.concatenate(rows)))
 
     def whitened(self, values: Array) -> Array:
         """(R, c) values whitened by the level as it was found before any law."""

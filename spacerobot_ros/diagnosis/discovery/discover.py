@@ -20,6 +20,7 @@ from .discovery_limits import FED_IN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 
 _AGREE = 3.0  # standard deviations
+_DRY = ('joint_coulomb_friction', 'joint_stribeck_friction', 'joint_presliding_friction')
 
 
 def discover(
@@ -52,12 +53,17 @@ def discover(
 def _applied(
     found: ArmFound, accepted: Sequence[HeldLaw], motions: ArmMotions
 ) -> tuple[ArmFound, list[Leftover]]:
-    """All of them fitted with the causes; what feeds energy in or makes a joint worse is left."""
+    """All of them fitted with the causes; what feeds energy in or makes a joint worse is left.
+
+    So is a history beside dry friction that is named: it is the same friction before it slides,
+    and would take most of what has a name.
+    """
     joints = motions.rows.robot.joints
     alone = [candidate_of(it.law, joints.index(it.place), motions) for it in accepted]
     candidates = _coupled(found, accepted, alone, motions)
     pairs = [(it, c) for it, c in zip(accepted, candidates, strict=True) if c is not None]
     before = rms(found.extended)
+    named = {e.where for e in found.named if e.id in _DRY}
     along = [balance.motion for balance in motions.rows.balances]
     several = len(motions.rows.balances) > 1
     refused: list[Leftover] = []
@@ -72,7 +78,10 @@ def _applied(
         fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
         worse = np.flatnonzero(rms(fitted.extended) > before).tolist()
         is_out = [
-            law is None or joints.index(it.place) in worse or not _is_clear(fitted, i)
+            law is None
+            or (law.form.has_history and it.place in named)
+            or joints.index(it.place) in worse
+            or not _is_clear(fitted, i)
             for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]
         said = [

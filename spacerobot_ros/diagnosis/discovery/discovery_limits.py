@@ -7,9 +7,9 @@ CHANCE = 3e-5
 that no null has, p < 1e-3 came in 2 to 6 % of clean channels, the smallest of 360 was 4.5e-5.
 Laws as large as the noise have 1e-7 and less (docs/discovery.md)."""
 
-MARGIN = 4.0
-"""Nats beyond all prices that a law must gain: odds of 55, beside `CHANCE`. The best law of a
-clean channel gains less than 1, and more than 3.7 in none of them (docs/discovery.md)."""
+MARGIN = 6.0
+"""Nats beyond all prices that a law must gain: odds of 400. The best law of a clean channel gains
+less than 1; where noise grows with the rate, up to 11 in short records (docs/discovery.md)."""
 
 DEAD_HEAT = 6.0
 """Gap in nats within which two laws are not told apart, as between causes (`EQUIVALENT`)."""

@@ -106,7 +106,7 @@ class SpectralTerms:
         for _ in range(_PASSES):
             mean, covariance = _posterior(both, self.data, scale, prior, size)
             left = self.data - both @ mean
-            known = np.einsum('ij,jk,ik->i', both, covariance, both)
+            known = np.sum((both @ covariance) * both, axis=1)
             scale = self._smooth(left**2 + known)
         mean, covariance = _posterior(both, self.data, scale, prior, size)
         spread = np.sqrt(np.maximum(np.diag(covariance)[r:], 0.0))
