@@ -111,6 +111,30 @@ def test_another_recording_confirms_a_law_or_takes_it_out(dragged):
     assert gone.form == 'x |x|'  # it is still said
 
 
+def test_a_history_beside_named_dry_friction_takes_nothing_from_it():
+    """It is the same friction before it slides; the file has none."""
+
+    def mobilised(q, qd, t):
+        share = np.zeros(len(q))
+        for i, way in enumerate(np.diff(q[:, 2])):
+            share[i + 1] = np.clip(share[i] + way / 0.05, -1.0, 1.0)
+        return share
+
+    file = arm_file(has_friction=False)
+    record = LawArm(3, law=mobilised).record(0, MOVING, DURATION)
+    answer = diagnose(record, file.robot, (), FEW)
+    entry = of_joint(answer)
+    assert entry.depends_on == ('angle/joint_3',)
+    assert entry.form in ('play(x)', 'dahl(x)')
+    assert entry.applied is None
+    (dry,) = (
+        c.parameters['torque'].value
+        for c in answer.causes
+        if (c.applied.id, c.applied.where) == ('joint_coulomb_friction', 'joint_3')
+    )
+    assert dry == pytest.approx(COULOMB[2], rel=0.15)
+
+
 def test_friction_of_the_other_joint_is_told_from_its_own():
     answer, _ = asked(lambda q, qd, t: np.sign(qd[:, 1]))
     entry = of_joint(answer)

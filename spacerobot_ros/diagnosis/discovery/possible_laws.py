@@ -91,7 +91,7 @@ _LOAD = (
     (('rate', 'load'), '|y| sign(x)', 2.0, 'friction in proportion to the load', 'dissipative'),
     (('rate', 'load'), 'y^2 sign(x)', 3.0, 'friction that grows with the load', 'dissipative'),
     (('rate', 'load'), 'y |x|', 3.0, 'a gain that changes with the rate', 'gain'),
-    (('load',), 'x |x|', 3.0, 'a gain that changes with the load', 'gain'),
+    (('load',), 'x |x|', 3.5, 'a gain that changes with the load', 'gain'),
 )
 _OTHER = (  # of another joint alone
     ('rate', 'x', 2.5, 'friction of another joint'),
