@@ -6,6 +6,7 @@ free of the torque of a controller that is gone is seen in real time alone.
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import multiprocessing
 import os
@@ -42,11 +43,13 @@ _SETTLED = 1.0  # s of stamps without a larger error, after which the loop has r
 _FINE = np.radians(0.5)  # rad; the largest error that counts as recovered
 _PATIENCE = 120.0  # s of wall time, after which what is waited for does not come
 _STARVED = 0.2, 3.0  # s
+_ENDS_WITH_PARENT = 1  # PR_SET_PDEATHSIG of sys/prctl.h
 _DOMAINS = range(60, 100)  # of ROS, for loops that run side by side
 
 
 def _work(node: str, arguments: list[str], domain: int) -> None:
-    """What a process does."""
+    """What a process does; it ends with the one that started it (Linux)."""
+    ctypes.CDLL(None).prctl(_ENDS_WITH_PARENT, signal.SIGKILL)
     os.environ.update(_alone(domain))
     raise SystemExit(import_module(f'.{node}', __package__).main(arguments))
 

@@ -184,7 +184,6 @@ class SimulatorNode(RobotNode):
         self._answer.clear()
         self._waiting_since = 0
         self._is_late = False
-        self._is_answered = False
         self._sent_ns, self._sent_to = 0, (0, 0)
 
     # ------------------------------------------------------------ time
@@ -218,10 +217,8 @@ class SimulatorNode(RobotNode):
                 f'{self._command_topic} for {self._options.lockstep_timeout:g} s; still waiting'
             )
         has_news = waited > NEWS_DELAY_NS and self._peers() != self._sent_to
-        if has_news or (
-            not self._is_answered and self._pace.now() - self._sent_ns > RESEND_PERIOD_NS
-        ):
-            self._resend()  # to who came late: a command is owed for these samples
+        if has_news or self._pace.now() - self._sent_ns > RESEND_PERIOD_NS:
+            self._resend()  # to who came late, or whose answer was lost
 
     def _peers(self) -> tuple[int, int]:
         return self._topics.takers, self.count_publishers(self._command_topic)
@@ -268,7 +265,6 @@ class SimulatorNode(RobotNode):
         stamp, tau = messages.joint_efforts(message, self._names)
         if self._options.lockstep:
             self._answer.give_tau(stamp, tau)
-            self._is_answered = True
             self._advance()
         else:
             self._held.set_tau(tau, self.step_index)

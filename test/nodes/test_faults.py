@@ -11,7 +11,7 @@ from support.bench import MS, NAMES, Bench
 from spacerobot_ros.campaign import damage
 from spacerobot_ros.campaign.packaged_robots import packaged
 from spacerobot_ros.nodes import fault_campaign as campaign
-from spacerobot_ros.nodes import kills, wrong_streams
+from spacerobot_ros.nodes import wrong_streams
 from spacerobot_ros.nodes.message_fuzz import Patient, is_finite, spoilt
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording.clock_jumps import JumpDetector, Sample
@@ -169,14 +169,6 @@ def test_a_plant_that_is_too_fast_without_torques_begins_anew():
         simulator.step()
         assert simulator.step_index == 1
         assert np.all(np.isfinite(simulator.plant.state.to_vector()))
-
-
-@pytest.mark.slow
-def test_a_process_that_is_killed_goes_on_from_its_file():
-    record = kills.broken_in_the_loop('kills', 'identifier', 1, 1)
-    assert record['raised'] == {}
-    assert record['known'] < 2.0
-    assert record['error'] < 0.5
 
 
 def test_a_loop_that_harms_is_seen():

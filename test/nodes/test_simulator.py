@@ -105,6 +105,13 @@ def test_waits_for_a_controller_then_for_its_command_and_says_so(rig, servicer):
     assert sim.step_index == 0
 
 
+def test_samples_whose_answer_was_lost_are_sent_again(bench):
+    bench.run(2)  # so it was answered before
+    bench.rig.until(lambda: bench.stamps('/joint_states').count(2 * PERIOD) > 1)
+    bench.command(2 * PERIOD)
+    bench.rig.until(lambda: bench.sim.step_index == 3)
+
+
 def test_unanswered_samples_are_sent_again_to_who_came_late(bench):
     bench.rig.until(lambda: bench.sim.awaited_ns == 0)
     late = bench.rig.listen(bench.rig.plain('late'), JointState, '/joint_states', STATE)
