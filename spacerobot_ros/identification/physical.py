@@ -22,7 +22,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import orth, solve_triangular
 from scipy.optimize import least_squares
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtrc
 
 from ..estimation.momentum_process import MomentumModel
 from ..model.robot import Body, Robot
@@ -244,7 +244,7 @@ def _contradiction(
 
 
 def _is_unlikely(misfit: float, dof: int) -> bool:
-    return dof > 0 and bool(chi2_distribution.sf(misfit, dof) < MISFIT_P)
+    return dof > 0 and bool(chdtrc(dof, misfit) < MISFIT_P)
 
 
 def _second_moment_factor(body: Body) -> Array:
