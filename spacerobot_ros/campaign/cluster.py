@@ -114,6 +114,7 @@ class _Spread:
         self._again: deque[str] = deque()
         self._failed: dict[str, int] = {}
         self._fits: dict[str, bool] = {}
+        self._silent: dict[str, int] = {}  # how often asked in vain
         self._number = count()
 
     def outcomes(self, keys: Iterable[str]) -> Iterator[Outcome]:
@@ -143,6 +144,11 @@ class _Spread:
             own = _own()
             said = self._client.run(identity, workers=new, on_error='return')
             for address in new:
+                if isinstance(said.get(address), OSError):  # it may have ended meanwhile
+                    self._silent[address] = self._silent.get(address, 0) + 1
+                    if self._silent[address] < ATTEMPTS:
+                        there.remove(address)
+                        continue
                 why = _difference(own, said.get(address))
                 self._fits[address] = not why
                 if why:

@@ -75,6 +75,27 @@ def test_workers_of_another_version_are_refused(monkeypatch):
             list(outcomes(tasks.draw, KEYS, plain))
 
 
+def test_a_worker_that_ends_before_it_is_asked_ends_nothing():
+    from spacerobot_ros.campaign import cluster
+
+    class Client:
+        answers = iter((OSError('gone'), cluster.identity(), *[OSError('gone')] * 3))
+
+        def nthreads(self):
+            return {'a': 1}
+
+        def run(self, *_, workers, **__):
+            return {workers[0]: next(self.answers)}
+
+    client = Client()
+    spread = cluster._Spread(client, tasks.draw, Workers(scheduler='there'))
+    assert [spread._alive(), spread._alive()] == [[], ['a']]
+    unheard = cluster._Spread(client, tasks.draw, Workers(scheduler='there'))
+    assert [unheard._alive(), unheard._alive()] == [[], []]
+    with pytest.raises(ConfigurationError, match=r'none of its 1 workers fits: .*gone'):
+        unheard._alive()
+
+
 def test_a_scheduler_that_does_not_answer(monkeypatch):
     from spacerobot_ros.campaign import cluster
 
