@@ -37,7 +37,8 @@ _SETTINGS = {
     'simulator.lockstep_timeout': '0.5',
     'simulator.real_time_factor': '0.25',  # four processes of a busy machine keep up with it
 }
-STOPPED = 0.5 + 0.1 + 5.0 / 5.0  # s: lockstep_timeout, state_timeout, five times 1 / damping
+STOPPED = 0.5 + 0.1 * 1.25 + 5.0 / 5.0
+"""s: time-outs of lockstep and, with the watch's period, of joint states; 5 / damping."""
 RELEASED = 0.5 + 0.1  # s: command_timeout, and stamps on their way
 _SETTLED = 1.0  # s of stamps without a larger error, after which the loop has recovered
 _FINE = np.radians(0.5)  # rad; the largest error that counts as recovered
