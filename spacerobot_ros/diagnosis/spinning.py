@@ -1,9 +1,4 @@
-r"""Spinning bodies that have a gyro and a magnetometer, and no attitude: what their means tell.
-
-Window by window the gyro's mean g is compared with the spin w n that the magnetometer sees
-(`estimation.spin`), as every fault of the gyro changes it:
-
-    g - w n = b + s w n + r x w n + ...
+"""Spinning bodies that have a gyro and a magnetometer, and no attitude: what their means tell.
 
 Effects are chosen one by one where they lower the Bayesian information criterion; every
 second window must be predicted by the others. What both sensors see of the axis is the body's, or
@@ -14,20 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
-from ..effects.motion import Motion
 from ..errors import RecordingError
 from ..estimation.scaling import is_relevant
 from ..estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
 from ..model.robot import Robot
 from ..recording.record import Record
-from ..types import Array, IntArray
 from .answer.result import (
     Cause,
     Diagnosis,
@@ -41,18 +33,13 @@ from .answer.result import (
 )
 from .limits import EQUIVALENT, FALSE_ALARMS
 from .spin_axis import Tilt, tilt_of
+from .spin_means import KINDS, MeanFit, SpinMeans
 
-KINDS = ('gyro_bias', 'gyro_scale', 'gyro_misalignment')
 _FEWEST = 4  # windows
-_TOLD = 0.5  # of a plausible size that a number's deviation may be, to be fitted at all
-_WIDE = 20.0  # plausible sizes that a chip's faults may reach: those listed are of space practice
-_SAME_AXIS = math.cos(math.radians(5.0))  # a magnetometer tells a window's axis to some degrees
-_STEP = 1e-6
 _NEXT = (
     'Spin it about another axis and record again: a board that is tilted stays so, a principal '
     'axis does not follow.'
 )
-_QUIET = 1e-5  # rad/s; below the means of any such gyro
 
 
 def is_spinning(records: Sequence[Record], robot: Robot) -> bool:
@@ -61,122 +48,6 @@ def is_spinning(records: Sequence[Record], robot: Robot) -> bool:
         r.attitudes is None and r.rates is not None and 'magnetic_field' in r.inputs
         for r in records
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _MeanFit:
-    """Effects fitted to the means.
-
-    Args:
-        kinds: Ids.
-        names: (P,) effect and parameter of every number.
-        values: (P,). covariance: (P, P).
-        left: (M, 3) of the means [rad/s].
-        misfit: Sum of their squares over the noise.
-    """
-
-    kinds: tuple[str, ...]
-    names: tuple[tuple[str, str], ...]
-    values: Array
-    covariance: Array
-    left: Array
-    misfit: float
-
-    def bic(self, rows: int) -> float:
-        """Bayesian information criterion."""
-        return self.misfit + len(self.values) * math.log(rows)
-
-
-class _Means:
-    """The windows' means, and columns of effects in them."""
-
-    def __init__(self, windows: Sequence[SpinWindow], robot: Robot) -> None:
-        self.windows, self.robot = windows, robot
-        self.seen = np.array([w.spin for w in windows])
-        self.spin = self._steady()
-        self.error = np.array([w.mean for w in windows]) - self.spin
-        self.time = np.array([np.mean(w.time) for w in windows])
-        self.noise = np.full(3, _QUIET)
-        for _ in range(2):  # what is told depends on the noise itself
-            full = self.fit(KINDS)
-            free = max(len(windows) - len(full.values) / 3.0, 1.0)
-            self.noise = np.sqrt(np.sum(full.left**2, axis=0) / free)
-
-    def _steady(self) -> Array:
-        """(M, 3) every window's rate about the mean axis, its recording's where that is another.
-
-        A window's own axis is far noisier than a mean of the gyro, and noise in columns would be
-        taken for scales.
-        """
-        out = np.zeros_like(self.seen)
-        number = np.array([w.recording for w in self.windows])
-        common = _mean_axis(self.seen)
-        for recording in np.unique(number):
-            own = self.seen[number == recording]
-            axis = _mean_axis(own)
-            if abs(axis @ common) > _SAME_AXIS:
-                axis = common
-            rates = np.sign(own @ axis) * np.linalg.norm(own, axis=1)
-            out[number == recording] = np.outer(rates, axis)
-        return out
-
-    def fit(
-        self,
-        kinds: Sequence[str],
-        rows: IntArray | None = None,
-        among: Sequence[tuple[str, str]] | None = None,
-    ) -> _MeanFit:
-        """Least squares over some windows (all), what the data do not tell left at nothing.
-
-        Args:
-            kinds: Ids of effects.
-            rows: Windows.
-            among: Effect and parameter of the numbers that may be fitted; None: all.
-        """
-        names = [(k, p.name) for k in kinds for p in CATALOGUE[k].parameters]
-        names = [name for name in names if among is None or name in among]
-        columns = np.stack([self._column(*name) for name in names], axis=2) if names else None
-        used = np.arange(len(self.windows)) if rows is None else rows
-        target = (self.error / self.noise)[used].ravel()
-        values, covariance = np.zeros(0), np.zeros((0, 0))
-        left = self.error.copy()
-        if columns is not None:
-            design = (columns / self.noise[:, None])[used].reshape(len(target), -1)
-            sizes = _WIDE * np.array([self._size(*name) for name in names])
-            spread = np.linalg.inv(design.T @ design + np.diag(sizes**-2.0))
-            told = np.flatnonzero(np.sqrt(np.diag(spread)) < _TOLD * sizes)
-            names, columns, design = [names[i] for i in told], columns[..., told], design[:, told]
-            values = np.linalg.lstsq(design, target, rcond=None)[0]
-            covariance = np.linalg.pinv(design.T @ design)
-            left -= columns @ values
-        misfit = float(np.sum((left / self.noise) ** 2))
-        return _MeanFit(tuple(kinds), tuple(names), values, covariance, left, misfit)
-
-    def _column(self, kind: str, name: str) -> Array:
-        """(M, 3) change of the means by one parameter of an effect."""
-        values = CATALOGUE[kind].nominal()
-        values[name] += _STEP
-        effect = CATALOGUE[kind](name=kind, where=None, values=values)
-        none = np.zeros((len(self.time), 0))
-        motion = Motion(self.robot, self.time, none, none, none, omega=self.spin)
-        return np.asarray((effect.sense('gyro', self.spin, motion) - self.spin) / _STEP)
-
-    def _size(self, kind: str, name: str) -> float:
-        return next(p.size for p in CATALOGUE[kind].parameters if p.name == name)
-
-    def held_out(self, kinds: Sequence[str]) -> float:
-        """Misfit of every second window by what the others give."""
-        groups, total = np.arange(len(self.windows)) % 2, 0.0
-        for g in (0, 1):
-            left = self.fit(kinds, np.flatnonzero(groups != g)).left / self.noise
-            total += float(np.sum(left[groups == g] ** 2))
-        return total
-
-
-def _mean_axis(spins: Array) -> Array:
-    """(3,) unit axis of spins of either sense."""
-    axis = np.sum(np.sign(spins @ spins[0])[:, None] * spins, axis=0)
-    return np.asarray(axis / np.linalg.norm(axis))
 
 
 def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str]) -> Diagnosis:
@@ -192,7 +63,7 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
             f'{len(windows)} windows in which the magnetometer sees the body spin, at least '
             f'{_FEWEST} of 1.5 turns are needed: without an attitude nothing else is judged',
         )
-    means = _Means(windows, robot)
+    means = SpinMeans(windows, robot)
     rows = 3 * len(windows)
     null, (best, rivals) = means.fit(()), _chosen(means)
     causes = [_cause(means, best, kind, rivals[kind]) for kind in best.kinds]
@@ -221,7 +92,7 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
     )
 
 
-def _chosen(means: _Means) -> tuple[_MeanFit, dict[str, tuple[Rival, ...]]]:
+def _chosen(means: SpinMeans) -> tuple[MeanFit, dict[str, tuple[Rival, ...]]]:
     """Effects that the means want, one by one, and what each can not be told from."""
     best, rows = means.fit(()), means.error.size
     rivals: dict[str, tuple[Rival, ...]] = {}
@@ -249,7 +120,7 @@ def _chosen(means: _Means) -> tuple[_MeanFit, dict[str, tuple[Rival, ...]]]:
 
 
 def _tilt(
-    windows: Sequence[SpinWindow], means: _Means, fit: _MeanFit, robot: Robot
+    windows: Sequence[SpinWindow], means: SpinMeans, fit: MeanFit, robot: Robot
 ) -> Tilt | None:
     bias = np.zeros(3)
     for (kind, name), value in zip(fit.names, fit.values, strict=True):
@@ -262,7 +133,7 @@ def _tilt(
     return tilt_of(means.seen, gyro, (kappa, std) if is_line else None, robot)
 
 
-def _cause(means: _Means, fit: _MeanFit, kind: str, rivals: tuple[Rival, ...]) -> Cause:
+def _cause(means: SpinMeans, fit: MeanFit, kind: str, rivals: tuple[Rival, ...]) -> Cause:
     own = [i for i, (k, _) in enumerate(fit.names) if k == kind]
     fitted = {fit.names[i][1]: i for i in own}
     values = {**CATALOGUE[kind].nominal(), **{n: float(fit.values[i]) for n, i in fitted.items()}}
@@ -321,7 +192,7 @@ def _tilt_cause(tilt: Tilt, robot: Robot) -> Cause:
     )
 
 
-def _ranked(means: _Means, null: _MeanFit, fit: _MeanFit, rows: int) -> Ranked:
+def _ranked(means: SpinMeans, null: MeanFit, fit: MeanFit, rows: int) -> Ranked:
     (kind,) = fit.kinds
     values = {**CATALOGUE[kind].nominal()}
     values |= {name: float(v) for (_, name), v in zip(fit.names, fit.values, strict=True)}
@@ -336,7 +207,7 @@ def _ranked(means: _Means, null: _MeanFit, fit: _MeanFit, rows: int) -> Ranked:
     )
 
 
-def _series(means: _Means, null: _MeanFit, best: _MeanFit) -> tuple[Series, ...]:
+def _series(means: SpinMeans, null: MeanFit, best: MeanFit) -> tuple[Series, ...]:
     measured = np.array([w.mean for w in means.windows])
     place = np.arange(len(means.windows), dtype=float)
     return tuple(

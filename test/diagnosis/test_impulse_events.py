@@ -56,6 +56,13 @@ def test_impulses_are_named_with_time_and_size(bumped):
         assert np.linalg.norm(found - impulse) < off < np.linalg.norm(impulse)
 
 
+def test_limits_know_that_the_wheels_are_unknown(bumped):
+    event, limits = bumped[1].named[0], bumped[1].limits
+    for axis in 'xyz':
+        std = limits[axis].peak / limits[axis].snr  # of 0.3 s anywhere, against 0.1 s at 4 s
+        assert std == pytest.approx(event.peak_std[axis], rel=0.4)
+
+
 def test_what_lasts_is_as_without_them(bumped):
     """Their times left out, the true wheels leave noise; with them they do not."""
     run, events = bumped

@@ -41,9 +41,6 @@ FRICTION_SHARE = 0.1
 nobody says: 5 to 7 % on a UR10e."""
 
 LISTED_STEP = 6.0
-"""z of three axes together from which a step of the angular momentum is looked at."""
-
-LISTED_STEP = 6.0
 """z of three axes together from which a step of the angular momentum is looked at: white noise
 exceeds it once in a hundred hours."""
 

@@ -144,9 +144,12 @@ class ImpulseScan:
         area = (1.0 - effect['edge']) * (effect['end'] - effect['start'])
         return area / float(np.sum(weights)) if np.any(weights) else 0.0
 
-    def _square(self, duration: float) -> Array:
-        """(S, 3, 3) den of bells at some times."""
+    def _square(self, duration: float, beside: Array | None = None) -> Array:
+        """(S, 3, 3) den of bells at some times, beside columns (R, K) that take their share."""
         columns = self._of([(t, t + duration) for t in self._sampled])
+        if beside is not None:
+            basis = np.linalg.qr(beside)[0]
+            columns -= basis @ (basis.T @ columns)
         blocks = columns.reshape(len(columns), -1, 3)
         return np.einsum('rsa,rsb->sab', blocks, blocks)
 
@@ -264,9 +267,10 @@ class ImpulseScan:
         return np.asarray(self._data - columns @ values)
 
     def usual_std(self, duration: float) -> Array:
-        """(3,) median standard deviation of an impulse along each axis [N m s]."""
-        inverse = np.linalg.inv(self._squares[duration])
-        return self.colours[duration] * np.sqrt(np.median(np.diagonal(inverse, 0, 1, 2), axis=0))
+        """(3,) usual standard deviation of an impulse by axis, beside what lasts [N m s]."""
+        inverse = np.linalg.inv(self._square(duration, self._lasting))
+        usual = np.sqrt(np.median(np.diagonal(inverse, 0, 1, 2), axis=0))
+        return np.asarray(self.colours[duration] * usual)
 
 
 def _apart(found: Sequence[Impulse]) -> list[tuple[float, float]]:
