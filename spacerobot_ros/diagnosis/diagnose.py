@@ -27,6 +27,7 @@ from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
 from .events.answer import still_answer, with_events
 from .events.arm_events import arm_events
+from .events.event import Events
 from .events.impulses import impulse_events, spans_of, steps_beside_wheels
 from .found import Found
 from .limits import LIKE_NOISE, MISFIT, MOST
@@ -205,16 +206,18 @@ def _predicted(
     """The answer of rows by prediction.
 
     Events of an arm on the ground are those of its balance. Where on a free base more is wrong
-    than wheels, causes are found first and steps of the momentum beside them.
+    than wheels, or may be (the inertia of a lone body, thrusters each time they fire), causes are
+    found first and steps of the momentum beside them.
     """
     report('looking for events', 0.05)
     if balances:
         events = arm_events(balances, ArmRows.of(balances, kinds))
         found = _searched(run.without(events.left_out[0]), kinds, report)
         return with_events(_concluded(found, notes, report), events.events)
-    if not (run.robot.is_free and run.robot.n_joints):
+    if not run.robot.is_free:
         return _concluded(_searched(run, kinds, report), notes, report)
-    steps = steps_beside_wheels(run)
+    is_uncertain = bool(run.record.inputs) or not run.robot.joints
+    steps = Events() if is_uncertain else steps_beside_wheels(run)
     found = _searched(run.without(spans_of(steps)), kinds, report)
     if not any(steps.limits.values()):
         steps = impulse_events(found.sound)

@@ -30,21 +30,23 @@ SENSORS_AND_TORQUES = [
 ]
 
 
-def tumbled(rng, inertia, *, bias=STILL, late=0.0, torque=STILL, drag=0.0):
+def tumbled(rng, inertia, *, bias=STILL, late=0.0, torque=STILL, drag=0.0, impulse=STILL):
     """A record of Euler's equations, integrated by SciPy: no code shared with the simulator."""
     duration = 12.0
 
-    def rate(_, x):
+    def rate(t, x):
         q, w = Rotation.from_quat(x[:4]), x[4:]
         turn = 0.5 * (q.as_quat()[3] * w + np.cross(q.as_quat()[:3], w))
         spin = -0.5 * q.as_quat()[:3] @ w
         momentum = inertia @ w
         push = np.array(torque) - drag * w - np.cross(w, momentum)
+        if any(impulse) and 6.0 < t < 6.4:  # sin^2 of 0.4 s has an area of 0.2 s
+            push += q.inv().apply(impulse) * np.sin(np.pi * (t - 6.0) / 0.4) ** 2 / 0.2
         return np.concatenate([turn, [spin], np.linalg.solve(inertia, push)])
 
     motion = solve_ivp(
         rate, (0.0, duration), [0, 0, 0, 1, 0.4, 0.8, 0.2], rtol=1e-11, atol=1e-12,
-        dense_output=True,
+        dense_output=True, max_step=0.05 if any(impulse) else np.inf,
     ).sol  # fmt: skip
     gyro = np.arange(0.5, duration, 0.02)
     tracker = np.arange(0.5, duration, 0.1)
@@ -70,6 +72,21 @@ def test_a_right_model_of_a_tumbling_body_is_consistent(box, rng):
     assert found.verdict == 'consistent', found.sentence
     assert len(record.q) == len(record.omega)
     assert record.q.shape[1] == 0
+
+
+def test_a_hit_is_an_event_and_no_cause(box, rng):
+    impulse = np.array([0.004, -0.002, 0.003])
+    record = in_robot_order(tumbled(rng, BOX, impulse=impulse), box.robot)
+
+    found = diagnose(record, box.robot, catalogue=SENSORS_AND_TORQUES)
+
+    (event,) = found.events.named
+    assert found.verdict == 'explained', found.sentence
+    assert found.causes == ()
+    assert abs(0.5 * (event.start + event.end) - (6.2 - 0.5)) < 0.1  # since the first sample
+    value = np.array([event.peak[axis] for axis in 'xyz'])
+    std = np.array([event.peak_std[axis] for axis in 'xyz'])
+    assert np.all(np.abs(value - impulse) < 4.0 * std + 0.03 * np.linalg.norm(impulse))
 
 
 def test_bias_and_delay_are_named_with_their_size(box, rng):
