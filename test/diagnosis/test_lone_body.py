@@ -30,9 +30,10 @@ SENSORS_AND_TORQUES = [
 ]
 
 
-def tumbled(rng, inertia, *, bias=STILL, late=0.0, torque=STILL, drag=0.0, impulse=STILL):
+def tumbled(
+    rng, inertia, *, bias=STILL, late=0.0, torque=STILL, drag=0.0, impulse=STILL, duration=12.0
+):
     """A record of Euler's equations, integrated by SciPy: no code shared with the simulator."""
-    duration = 12.0
 
     def rate(t, x):
         q, w = Rotation.from_quat(x[:4]), x[4:]
@@ -132,7 +133,8 @@ OTHER = TURNED.as_matrix() @ np.diag([0.30, 0.35, 0.41]) @ TURNED.as_matrix().T
 
 
 def test_ratios_and_tilt_of_the_inertia_are_found_and_the_scale_is_not(box, rng):
-    record = in_robot_order(tumbled(rng, 7.0 * OTHER), box.robot)  # any scale moves alike
+    # any scale moves alike; in half the time wheels that turn freely do as well, in some seeds
+    record = in_robot_order(tumbled(rng, 7.0 * OTHER, duration=25.0), box.robot)
 
     (cause,) = diagnose(record, box.robot).causes
 
