@@ -23,7 +23,7 @@ def robot():
     return robot_file('servicer').robot.with_target_momentum(np.zeros(3))
 
 
-def run_of(robot, steps):
+def run_of(robot, steps, duration=13.0):
     effects = [
         bind_effect(
             f'bump_{start:g}',
@@ -34,7 +34,7 @@ def run_of(robot, steps):
         )
         for start, end, impulse in steps
     ]
-    record = observed(simulated('servicer', 'default', 3, effects, duration=13.0), robot)
+    record = observed(simulated('servicer', 'default', 3, effects, duration=duration), robot)
     return Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
 
 
@@ -81,3 +81,14 @@ def test_a_quiet_record_has_none(robot):
     events = steps_beside_wheels(run_of(robot, ()))
     assert not events.named
     assert all(0.0 < limit.peak < 0.2 for limit in events.limits.values())
+
+
+@pytest.mark.parametrize(('duration', 'asked'), [(1.0, None), (2.0, None), (2.5, (0.05, 0.3))])
+def test_a_short_record_is_asked_for_what_fits_into_it(robot, duration, asked):
+    events = steps_beside_wheels(run_of(robot, (), duration))
+    assert not events.named
+    if asked is None:
+        assert set(events.limits.values()) == {None}
+        assert 'too short' in events.notes[0]
+    else:
+        assert {limit.durations for limit in events.limits.values()} == {asked}

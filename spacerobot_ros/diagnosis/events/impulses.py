@@ -28,7 +28,7 @@ from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import FALSE_PER_HOUR, LISTED_STEP, NAMED, SNR, STEADY, chance, named_from
 
 DURATIONS = (0.05, 0.3, 1.0, 3.0)
-"""Of the bells of a scan [s]."""
+"""Of the bells of a scan [s]; a record shorter than one is not asked for it."""
 _SHOWN = 0.3  # s
 _SAMPLES = 16  # times at which den is taken
 _MOST = 20  # events
@@ -75,8 +75,10 @@ class ImpulseScan:
         self._grid = np.arange(
             self._time[0], self._time[-1], float(np.median(np.diff(self._time)))
         )
-        self._squares = {d: self._square(d) for d in DURATIONS}
-        self.colours = dict.fromkeys(DURATIONS, 1.0)
+        searched = self.seconds - _SETTLED - _SHOWN
+        self.durations = tuple(d for d in DURATIONS if d < searched)
+        self._squares = {d: self._square(d) for d in self.durations}
+        self.colours = dict.fromkeys(self.durations, 1.0)
         self.found: list[Impulse] = []
         self._data, self._lasting = fit.data, fit.tangents
         self._columns = self._lasting
@@ -156,13 +158,14 @@ class ImpulseScan:
     @property
     def _sampled(self) -> Array:
         first = self._time[0] + _SETTLED
-        return np.linspace(first, max(first, self._time[-1] - _SETTLED - max(DURATIONS)), _SAMPLES)
+        last = self._time[-1] - _SETTLED - max(self.durations)
+        return np.linspace(first, max(first, last), _SAMPLES)
 
     def _largest(self, left: Array, taken: Sequence[Array]) -> tuple[float, float] | None:
         """Start and end of the bell that stands out most, beside what columns take of it."""
         wanted = self._wanted(left)
         best, window = LISTED_STEP, None
-        for duration in DURATIONS:
+        for duration in self.durations:
             z = self._norms(wanted, taken, duration)
             k = int(np.argmax(z))
             if z[k] > best:
@@ -186,7 +189,7 @@ class ImpulseScan:
     def _colour(self, left: Array) -> None:
         """Set by how much z scatters more than in white noise, where nothing was found."""
         wanted, taken = self._wanted(left), self._taken()
-        for duration in DURATIONS:
+        for duration in self.durations:
             z = self._norms(wanted, taken, duration)
             seen = z[z > 0.0]
             if len(seen):
@@ -196,7 +199,7 @@ class ImpulseScan:
     def colour(self, found: Impulse) -> float:
         """That of the duration nearest to an impulse's."""
         length = found.end - found.start
-        return self.colours[min(DURATIONS, key=lambda d: abs(np.log(d / length)))]
+        return self.colours[min(self.durations, key=lambda d: abs(np.log(d / length)))]
 
     def _norms(self, wanted: Array, taken: Sequence[Array], duration: float) -> Array:
         """(G,) z of bells centred on the times of the grid."""
@@ -289,8 +292,11 @@ def impulse_events(fit: Fit) -> Events:
         fit: Of a free base, what lasts in it.
     """
     scan = ImpulseScan(fit)
+    if _SHOWN not in scan.durations:
+        why = f'{scan.seconds:.3g} s are too short for steps of the momentum to be judged'
+        return Events(limits=dict.fromkeys(_AXES), notes=(why,))
     limit = named_from([i.z for i in scan.found], scan.seconds / 3600.0)
-    cells = sum(2.0 / d for d in DURATIONS) * scan.seconds
+    cells = sum(2.0 / d for d in scan.durations) * scan.seconds
     last = scan.seconds
     named = [_event(i, cells, last) for i in scan.found if i.z >= limit]
     possible = [
@@ -301,13 +307,13 @@ def impulse_events(fit: Fit) -> Events:
     snr = SNR if limit <= NAMED else SNR * limit / NAMED
     limits = {}
     for k, axis in enumerate(_AXES):
-        peaks = [snr * float(scan.usual_std(d)[k]) for d in DURATIONS]
+        peaks = [snr * float(scan.usual_std(d)[k]) for d in scan.durations]
         limits[axis] = EventLimit(
             duration=_SHOWN,
-            peak=peaks[DURATIONS.index(_SHOWN)],
+            peak=peaks[scan.durations.index(_SHOWN)],
             unit='N m s',
             snr=snr,
-            durations=DURATIONS,
+            durations=scan.durations,
             peaks=tuple(peaks),
         )
     order = sorted(named, key=lambda e: e.start)
