@@ -99,10 +99,10 @@ def test_nodes_in_lockstep_cost_little_beside_what_they_compute(tmp_path, monkey
         spent.append(time.process_time() - begun)
 
     monkeypatch.setattr(Session, 'until', timed)
-    ratios = []
-    for k in range(4):  # the first loads kernels
+    alone = []
+    for k in range(5):  # the first loads kernels
         steps = len(track(file, None, tmp_path / f'{k}', lambda seconds: None).time)
         begun = time.process_time()
         assert sum(1 for _ in ClosedLoop(file.robot, file.settings).run(300)) == steps == 301
-        ratios.append(spent[-1] / (time.process_time() - begun))
-    assert min(ratios) < 3.9
+        alone.append(time.process_time() - begun)
+    assert min(spent) / min(alone) < 3.9  # the least disturbed of each
