@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...estimation.arm_priors import DRY_FRICTION
 from .contact import Pulse, event_of, overlap
 from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import EXPLAINED, MIXED, RECURS, SNR, chance, named_from
@@ -117,10 +118,10 @@ class Naming:
         )
 
     def coulomb(self, j: int) -> float:
-        """Coulomb torque of a joint, as found [N m]."""
+        """Coulomb torque of a joint, as found, what builds up over a displacement with it [N m]."""
         rows, found = self._rows, float(self._rows.friction[j])
         for c, at in zip(rows.candidates, rows.places, strict=True):
-            if c.kind.id == 'joint_coulomb_friction' and c.where == self._joints[j]:
+            if c.kind.id in DRY_FRICTION and c.where == self._joints[j]:
                 found += float(self._search.scan.coefficients[at[0]])
         return max(found, 0.0)
 
