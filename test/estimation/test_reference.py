@@ -181,8 +181,14 @@ def test_times_without_gaps_are_the_stamps():
 
 
 def test_stamps_that_nearly_agree_are_one_time():
-    stamps = stamps_of([0.0, 0.01], [5e-6, 0.01 + 5e-6])
+    stamps = stamps_of([0.0, 0.01], [5e-8, 0.01 + 5e-8])
     np.testing.assert_array_equal(filter_times(stamps, (0.0, 0.02)), [0.0, 0.01])
+
+
+def test_stamps_of_late_clocks_stay_apart():
+    late = stamps_of([0.0, 0.01], [3e-6, 0.01 + 3e-6])  # which a fast motion of 20 s shows
+    times = filter_times(late, (0.0, 0.02))
+    np.testing.assert_array_equal(times, [0.0, 3e-6, 0.01, 0.01 + 3e-6])
 
 
 def test_a_gap_that_cannot_be_bridged_is_refused_with_its_place():

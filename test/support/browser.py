@@ -28,7 +28,10 @@ class Browser:
     """One Chromium without a network; `with` ends it."""
 
     def __init__(self) -> None:
-        self._profile = tempfile.TemporaryDirectory(prefix='spacerobot-chromium-')
+        # what Chromium's children still write when it was killed is left to the system
+        self._profile = tempfile.TemporaryDirectory(
+            prefix='spacerobot-chromium-', ignore_cleanup_errors=True
+        )
         down, self._write = os.pipe()
         self._read, up = os.pipe()
         arguments = [

@@ -20,7 +20,7 @@ from .discovery_limits import FED_IN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 
 _AGREE = 3.0  # standard deviations
-_DRY = ('joint_coulomb_friction', 'joint_stribeck_friction', 'joint_presliding_friction')
+_DRY = ('joint_coulomb_friction', 'joint_stribeck_friction')  # without a history of their own
 
 
 def discover(
@@ -55,8 +55,9 @@ def _applied(
 ) -> tuple[ArmFound, list[Leftover]]:
     """All of them fitted with the causes; what feeds energy in or makes a joint worse is left.
 
-    So is a history beside dry friction that is named: it is the same friction before it slides,
-    and would take most of what has a name.
+    So is a history beside dry friction that is named and has none: it is the same friction before
+    it slides, and would take most of what has a name. Beside friction that gives way before it
+    slides it says that this has more than one displacement.
     """
     joints = motions.rows.robot.joints
     alone = [candidate_of(it.law, joints.index(it.place), motions) for it in accepted]

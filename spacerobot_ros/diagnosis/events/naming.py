@@ -118,7 +118,7 @@ class Naming:
         )
 
     def coulomb(self, j: int) -> float:
-        """Coulomb torque of a joint, as found, what builds up over a displacement with it [N m]."""
+        """Dry friction of a joint that slides, all that was found of it [N m]."""
         rows, found = self._rows, float(self._rows.friction[j])
         for c, at in zip(rows.candidates, rows.places, strict=True):
             if c.kind.id in DRY_FRICTION and c.where == self._joints[j]:
