@@ -93,6 +93,19 @@ def test_a_wrong_model_goes_astray_and_begins_again(flight):
     np.testing.assert_allclose(restarts, [0.0, 2.0, 4.0], atol=0.07)  # two pictures
 
 
+def test_a_model_that_is_lost_at_once_predicts_nothing(flight):
+    file, record = flight
+    light = replace(
+        file,
+        robot=file.robot.with_inertial_parameters(1e-4 * file.robot.inertial_parameters),
+    )
+    scene = scene_of(record, light)
+    assert scene.predicted is None
+    assert scene.notes == (
+        'the model is 0.3 rad or m astray within a frame, and predicts nothing',
+    )
+
+
 def test_the_centre_of_mass_rests_and_total_momentum_stays(flight):
     file, record = flight
     scene = scene_of(record, file)

@@ -29,6 +29,7 @@ ASTRAY = 0.3
 """Of a joint [rad, m]: there a prediction begins again, too. Light joints without a controller go
 astray within tenths of a second, and say no more then."""
 _STEPS = 6000  # of a prediction: bounds the time that a page takes
+_TRIES = 50  # beginnings, after which a prediction that lasts no two frames each is none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,9 +88,14 @@ def predicted_track(
     if COMPENSATED in robot.effort_kinds:
         return None, 'efforts without gravity: the model predicts nothing'
     rows: list[Array] = []
+    impulse, tries = _impulse(record), 0
     try:
         while len(rows) < len(measured.time):
-            rows += _run(record, file, measured, len(rows))
+            rows += _run(record, file, measured, impulse, len(rows))
+            tries += 1
+            if tries >= _TRIES and len(rows) < 2 * tries:
+                why = f'the model is {ASTRAY:g} rad or m astray within a frame'
+                return None, f'{why}, and predicts nothing'
     except (SimulationDivergedError, ConfigurationError) as error:
         return None, f'the model can not be simulated, and predicts nothing: {error}'
     n = robot.n_joints
@@ -99,9 +105,15 @@ def predicted_track(
     return RobotTrack(measured.time, position, attitude, q, qd, omega), ''
 
 
-def _run(record: Record, file: RobotFile, measured: RobotTrack, first: int) -> Iterator[Array]:
+def _run(
+    record: Record,
+    file: RobotFile,
+    measured: RobotTrack,
+    impulse: Callable[[float], Array],
+    first: int,
+) -> Iterator[Array]:
     """State vectors at the frames from a restart to the next."""
-    robot, impulse = file.believed, _impulse(record)
+    robot = file.believed
     times, since = record.effort_time, measured.time - measured.time[first]
     period = max(float(np.median(np.diff(times))), float(np.ptp(measured.time)) / _STEPS)
     start = Dynamics(robot).at_rest_centre(measured.state(first))
