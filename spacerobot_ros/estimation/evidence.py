@@ -22,7 +22,7 @@ from operator import add
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import lsq_linear
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from ..types import Array, IntArray
 
@@ -186,7 +186,7 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
         evidence=0.5 * gain - price(values, gram.rows),
         gain=gain,
         dof=dof,
-        p_value=float(chi2.sf(max(gain, 0.0), dof)),
+        p_value=float(chdtrc(dof, max(gain, 0.0))),
         bic_gain=gain - dof * float(np.log(gram.rows)),
         held_out=held_out,
         estimate=estimate,
