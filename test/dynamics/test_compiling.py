@@ -32,22 +32,42 @@ def run(folder, monkeypatch):
 
 
 @pytest.fixture
-def kept(tmp_path, monkeypatch):
-    """Return a folder with a kernel that was called, as another checkout would have it."""
-    first, second = tmp_path / 'first', tmp_path / 'second'
+def made(tmp_path, monkeypatch):
+    """Return a folder with a kernel that was called."""
+    first = tmp_path / 'first'
     first.mkdir()
     for name, text in FILES.items():
         (first / f'{name}.py').write_text(text)
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
     assert run(first, monkeypatch) == (2.0, 0)
-    no_times = {'copy_function': shutil.copyfile, 'ignore': shutil.ignore_patterns('*.pyc')}
-    shutil.copytree(first, second, **no_times)
-    yield second
+    yield first
     for name in FILES:
         del sys.modules[name]
 
 
-def test_an_unchanged_source_is_compiled_once(kept, monkeypatch):
-    assert run(kept, monkeypatch) == (2.0, 1)
+def checkout(made, *without):
+    """Another folder with the same files, but of their times."""
+    second = made.parent / 'second'
+    ignored = shutil.ignore_patterns('*.pyc', *without)
+    shutil.copytree(made, second, copy_function=shutil.copyfile, ignore=ignored)
+    return second
+
+
+def test_an_unchanged_source_is_compiled_once(made, monkeypatch):
+    assert run(checkout(made, '__pycache__'), monkeypatch) == (2.0, 1)
+
+
+def test_an_installation_brings_what_it_compiled(made, monkeypatch):
+    shutil.rmtree(made.parent / 'cache')
+    assert run(checkout(made), monkeypatch) == (2.0, 1)
+
+
+def test_what_can_not_be_kept_is_compiled_all_the_same(made, monkeypatch):
+    second = checkout(made, '__pycache__')
+    for no_folder in (second / '__pycache__', second / 'cache'):
+        no_folder.write_text('')
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(second / 'cache'))
+    assert run(second, monkeypatch) == (2.0, 0)
 
 
 @pytest.mark.parametrize(
@@ -58,13 +78,16 @@ def test_an_unchanged_source_is_compiled_once(kept, monkeypatch):
         ('kernel', 'twice(x)', 'x', 1.0),
     ],
 )
-def test_a_change_anywhere_below_is_compiled_anew(kept, monkeypatch, file, before, after, answer):
-    (kept / f'{file}.py').write_text(FILES[file].replace(before, after))
-    assert run(kept, monkeypatch) == (answer, 0)
+def test_a_change_anywhere_below_is_compiled_anew(made, monkeypatch, file, before, after, answer):
+    second = checkout(made)
+    (second / f'{file}.py').write_text(FILES[file].replace(before, after))
+    assert run(second, monkeypatch) == (answer, 0)
+    shutil.rmtree(made / '__pycache__')
+    assert run(made, monkeypatch) == (2.0, 1)  # each is kept
 
 
 def test_processes_that_compile_at_one_time_keep_each_its_own(tmp_path):
-    cache_file = type(crba._cache._cache_file)
+    cache_file = type(crba._cache._cache_file._files[0])
     n, start = 8, Barrier(8)
 
     def keep(k):
