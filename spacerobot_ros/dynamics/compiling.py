@@ -117,7 +117,7 @@ def _keeping(**options: Any) -> Any:
     def decorate(function: Callable[..., Any]) -> Any:
         made = numba.njit(nogil=True, **options)(function)
         if isinstance(made, Dispatcher):  # with NUMBA_DISABLE_JIT it is the function itself
-            made._cache = _Cache(made.py_func)
+            made._cache = _Cache(made.py_func)  # type: ignore[attr-defined]
         return made
 
     return decorate
