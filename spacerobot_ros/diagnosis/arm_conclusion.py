@@ -58,7 +58,7 @@ def conclude_arm(
     """
     order = sorted(
         range(len(found.clear)),
-        key=lambda k: -found.selection.gain(found.selection.whole, found.clear[k]),
+        key=lambda k: -found.selection.gain(found.clear[k]),
     )
     usual = usual_scatter(found)
     causes = tuple(_cause(found, k, usual) for k in order)
@@ -205,8 +205,8 @@ def _overall(values: Array) -> float:
 def _gain(found: ArmFound) -> Gain:
     """Held-out errors by the level of what is left, each part with values from the others."""
     selection = found.selection
-    count, parts = selection.whole.rows, selection.parts()
-    before = sum(part.square for part in parts)
+    count = selection.whole.rows
+    before = sum(fold.part.square for fold in selection.folds())
     after = selection.held_out_misfit(found.fit.chosen)
     return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count), placebo=math.nan)
 

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..estimation.arm_fit import Posterior
 from ..estimation.placebo import held_out_gain
 from ..types import Array
 from .answer.result import Evidence, Rival
@@ -30,7 +29,7 @@ def evidence_of(selection: Selection, levels: Sequence[Array], i: int) -> Eviden
     without, with_it = (
         selection.held_out_misfit(chosen, i) for chosen in (others, selection.chosen)
     )
-    excess = max(without - sum(part.rows for part in selection.parts(i)), 1.0)
+    excess = max(without - sum(fold.part.rows for fold in selection.folds(i)), 1.0)
     return Evidence(
         log_likelihood_gain=0.5 * judged.gain,
         bic_gain=judged.bic_gain,
@@ -43,8 +42,7 @@ def evidence_of(selection: Selection, levels: Sequence[Array], i: int) -> Eviden
 def _placebo(selection: Selection, levels: Sequence[Array], i: int) -> float:
     """Largest held-out gain of columns without meaning, of the same size and colour."""
     rows, own = selection.rows, selection.rows.places[i]
-    others = [k for k in selection.chosen if k != i]
-    mean = Posterior.of(selection.whole, rows.deviations(others, (i,))).mean
+    mean = selection.without(i, selection.chosen).mean
     labels = selection.labels(i)
     times, data, columns, part = [], [], [], []
     for j, (joint, variances) in enumerate(zip(rows.joints, levels, strict=True)):
@@ -68,7 +66,7 @@ def _placebo(selection: Selection, levels: Sequence[Array], i: int) -> float:
 
 def rivals_of(selection: Selection, i: int) -> tuple[Rival, ...]:
     """What could stand in a cause's place as well."""
-    own = selection.gain(selection.whole, i)
+    own = selection.gain(i)
     out = []
     for k, margin in selection.ranking(without=i):
         gap = own - (margin + selection.need(k))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from ..estimation.arm_fit import Posterior
 from ..estimation.arm_priors import DRY_FRICTION, RUN_TO_RUN, Machine, torque_tolerance
-from ..estimation.evidence import Gram, score
+from ..estimation.evidence import score
 from ..estimation.scaling import value_std
 from ..types import Array
 from .arms import ArmFound
@@ -56,19 +56,16 @@ def scatter_of(found: ArmFound, i: int) -> tuple[float, float]:
     total, dof = 0.0, 0.0
     free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
     deviations = posterior.precision**-0.5
-    for part in found.selection.parts(i):
+    for fold in found.selection.folds(i):
+        part = fold.part
         if not part.rows:
             continue
-        left = _less(part, posterior.mean)
-        alone = Posterior.of(left, deviations).group(own)
+        left = part.vector - part.matrix @ posterior.mean
+        beside = found.selection.posterior(found.fit.chosen, part)
+        alone = replace(beside, mean=beside.covariance @ left).group(own)
         judged = score(alone, deviations[own], free, None)
         total, dof = total + judged.gain, dof + judged.dof
     return total, max(dof - len(own), 1.0)
-
-
-def _less(part: Gram, mean: Array) -> Gram:
-    """Sums with coefficients taken off the rows."""
-    return Gram(part.matrix, part.vector - part.matrix @ mean, part.misfit(mean), part.rows)
 
 
 def usual_scatter(found: ArmFound) -> float:

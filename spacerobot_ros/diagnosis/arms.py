@@ -272,7 +272,7 @@ def _weakest(selection: Selection, before: Array, after: Array | None) -> int:
     worse = set()
     if after is not None:
         worse = {j for j, b, a in zip(rows.robot.joints, before, after, strict=True) if a > b}
-    gains = {i: selection.gain(selection.whole, i) for i in selection.chosen}
+    gains = {i: selection.gain(i) for i in selection.chosen}
     there = {i: gain for i, gain in gains.items() if rows.candidates[i].where in worse}
     return min(there or gains, key=gains.__getitem__)
 

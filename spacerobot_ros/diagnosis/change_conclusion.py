@@ -81,7 +81,7 @@ class Comparison:
 def conclude_changes(found: Changes) -> Comparison:
     """What a comparison says."""
     selection = found.selection
-    order = sorted(selection.chosen, key=lambda i: -selection.gain(selection.whole, i))
+    order = sorted(selection.chosen, key=lambda i: -selection.gain(i))
     changes = tuple(_change(found, i) for i in order)
     verdict = 'changed' if changes else 'unchanged'
     levels = np.sqrt(np.sum(found.levels, axis=1))
@@ -115,7 +115,7 @@ def _change(found: Changes, i: int) -> Change:
             p.name: Estimated(value=float(value), std=math.hypot(std, scale * value), unit=p.unit)
             for p, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
         },
-        log_evidence=selection.gain(selection.whole, i),
+        log_evidence=selection.gain(i),
         held_out_gain=tuple(selection.held_out(i).tolist()),
     )
 

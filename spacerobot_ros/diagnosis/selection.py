@@ -10,13 +10,14 @@ where it lowers what is left as it is, too, not only its fast content.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ..estimation.arm_fit import Posterior
+from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
-from ..estimation.evidence import Gram, Score, price, score, sum_of
+from ..estimation.evidence import Fold, Gram, Score, price, score, sum_of
 from ..types import Array, IntArray
 from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
@@ -61,6 +62,9 @@ class Selection:
         ]
         self.chosen: list[int] = []
         self._pruned: dict[int, int] = {}
+        self._folds: dict[bytes, list[Fold]] = {}
+        self._kept: dict[int, tuple[Gram, Posterior]] = {}
+        self._kept_of: frozenset[int] = frozenset()
         seen = np.diag(sum_of(parts).matrix) > 0.0
         self.live = [
             i for i, at in enumerate(rows.places) if seen[at].any() and rows.may_be_chosen(i)
@@ -89,13 +93,34 @@ class Selection:
         """Whether two recordings or more say something of a cause."""
         return len(self.recordings) > 1 and bool(np.all(self.labels(i) >= 0))
 
-    def parts(self, i: int | None = None) -> list[Gram]:
-        """Sums over each part of the data, see `labels`."""
+    def folds(self, i: int | None = None) -> list[Fold]:
+        """Each part of the data beside all others, see `labels`."""
         labels = self.labels(i)
-        return [
-            sum_of([b for b, label in zip(self._blocks, labels, strict=True) if label == part])
-            for part in range(labels.max() + 1)
-        ]
+        key = labels.tobytes()
+        if key not in self._folds:
+            parts = [
+                sum_of([b for b, label in zip(self._blocks, labels, strict=True) if label == part])
+                for part in range(labels.max() + 1)
+            ]
+            self._folds[key] = [Fold(self.whole - part, part) for part in parts]
+        return self._folds[key]
+
+    def posterior(self, chosen: Iterable[int], gram: Gram | None = None) -> Posterior:
+        """Of causes beside all tolerances.
+
+        What was asked of the last ones is kept. `Posterior.group` of a cause says the same
+        whether it is one of them.
+
+        Args:
+            chosen: The causes.
+            gram: Sums over the rows; None: over all of them.
+        """
+        gram, of = self.whole if gram is None else gram, frozenset(chosen)
+        if of != self._kept_of:
+            self._kept, self._kept_of = {}, of
+        if id(gram) not in self._kept:
+            self._kept[id(gram)] = gram, Posterior.of(gram, self.rows.deviations(of))
+        return self._kept[id(gram)][1]
 
     def need(self, i: int) -> float:
         """Log evidence from which a cause is worth a name."""
@@ -104,15 +129,13 @@ class Selection:
         extra = SPECIAL.get(candidate.kind.id, 0.0)
         return math.log(len(self.live)) + FAMILYWISE + 0.5 * (size - 1) + extra
 
-    def gain(self, gram: Gram, i: int) -> float:
+    def gain(self, i: int) -> float:
         """Log evidence for a cause beside the chosen ones."""
-        others = [k for k in self.chosen if k != i]
-        return self._gain(Posterior.of(gram, self.rows.deviations(others)), i)
+        return self._gain(self.posterior(self.chosen), i)
 
     def score(self, i: int) -> Score:
         """All that is to be said of a cause beside the chosen ones."""
-        others = [k for k in self.chosen if k != i]
-        return self._score(Posterior.of(self.whole, self.rows.deviations(others)), i)
+        return self._score(self.posterior(self.chosen), i)
 
     def limit(self, i: int, direction: Array) -> float:
         """Multiple x of a cause's coefficients (K,) from which it is named, beside nothing else.
@@ -122,7 +145,7 @@ class Selection:
         by the need. Infinite where the motion shows nothing of it.
         """
         own = self.rows.places[i]
-        gram = Posterior.of(self.whole, self.rows.deviations(())).group(own)
+        gram = self.posterior(()).group(own)
         power, cost = 0.0, self.need(i)
         tolerances = self.rows.tolerances[own]
         for sign, prior in ((1.0, self.rows.candidates[i].sizes), (-1.0, tolerances)):
@@ -154,7 +177,10 @@ class Selection:
             without: A chosen cause that is left out.
         """
         taken = [i for i in self.chosen if i != without]
-        beside = Posterior.of(self.whole, self.rows.deviations(taken))
+        beside = self.posterior(self.chosen)
+        if without is not None:
+            own = self.rows.places[without]
+            beside = beside.under(own, self.rows.tolerances[own])
         margins = [
             (i, self._gain(beside, i) - self.need(i))
             for i in self.live
@@ -197,7 +223,7 @@ class Selection:
 
     def _prune(self) -> None:
         while len(self.chosen) > 1:
-            margins = {i: self.gain(self.whole, i) - self.need(i) for i in self.chosen}
+            margins = {i: self.gain(i) - self.need(i) for i in self.chosen}
             worst = min(margins, key=margins.__getitem__)
             if margins[worst] > 0.0:
                 return
@@ -214,12 +240,10 @@ class Selection:
         Beside its not being there at all: a part that is sharp on its own is predicted as well by
         what is only tolerated.
         """
-        whole = self._evidence(self.whole, i)
-        return np.array([whole - self._evidence(self.whole - part, i) for part in self.parts(i)])
-
-    def _evidence(self, gram: Gram, i: int) -> float:
-        others = [k for k in self.chosen if k != i]
-        return self._score(Posterior.of(gram, self.rows.deviations(others)), i).evidence
+        both = [*self.chosen, i]
+        whole = self._score(self.posterior(both), i).evidence
+        rests = [self.posterior(both, fold.rest) for fold in self.folds(i)]
+        return np.array([whole - self._score(rest, i).evidence for rest in rests])
 
     def check_held_out(self) -> None:
         """Drop what does not hold on parts that it was not fitted to, weakest first."""
@@ -258,10 +282,19 @@ class Selection:
             i: The cause that the parts judge; None: all of them. It is not there at all where it
                 is not chosen.
         """
-        deviations = self.rows.deviations(chosen, () if i is None or i in chosen else (i,))
-        return sum(
-            part.misfit(Posterior.of(self.whole - part, deviations).mean) for part in self.parts(i)
-        )
+        out = 0.0
+        for fold in self.folds(i):
+            if i is None or i in chosen:
+                found = self.posterior(chosen, fold.rest)
+            else:
+                found = self.without(i, [*chosen, i], fold.rest)
+            out += fold.part.misfit(found.mean)
+        return out
+
+    def without(self, i: int, chosen: Iterable[int], gram: Gram | None = None) -> Posterior:
+        """Of causes, one of which is not there at all; see `posterior`."""
+        own = self.rows.places[i]
+        return self.posterior(chosen, gram).under(own, NOTHING * self.rows.sizes[own])
 
 
 def holds(gains: Array) -> bool:

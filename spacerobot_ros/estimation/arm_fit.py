@@ -42,6 +42,17 @@ class Posterior:
         covariance = scale[:, None] * np.linalg.inv(scaled) * scale
         return cls(covariance, covariance @ gram.vector, precision, gram.rows)
 
+    def under(self, own: IntArray, deviations: Array) -> Posterior:
+        """The same with other priors of some coefficients (k,), by Woodbury's identity."""
+        precision = self.precision.copy()
+        precision[own] = deviations**-2.0
+        more = np.diag(precision[own] - self.precision[own])
+        across = self.covariance[own]
+        inner = np.eye(len(own)) + more @ across[:, own]
+        gain = np.linalg.solve(inner, more @ across).T
+        mean = self.mean - gain @ self.mean[own]
+        return Posterior(self.covariance - gain @ across, mean, precision, self.rows)
+
     def group(self, own: IntArray) -> Gram:
         """Sums for some columns alone, all others integrated out."""
         inverse = np.linalg.inv(self.covariance[np.ix_(own, own)])

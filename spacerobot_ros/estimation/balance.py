@@ -33,6 +33,7 @@ from .torque_process import TorqueDriven
 
 _SMALL = 1e-4  # rad; a position error so small that inverse dynamics are linear in it
 _SHOWN = 25.0  # Hz, of the channels
+_AT_ONCE = 8  # columns: all samples of all of them would be most of the memory of a diagnosis
 
 
 class Balance:
@@ -103,7 +104,9 @@ class Balance:
         Args:
             directions: Effects a small step from doing nothing, with that step.
         """
-        return Signatures(self).whitened(directions)
+        signatures, count = Signatures(self), max(len(directions), 1)
+        some = (directions[k : k + _AT_ONCE] for k in range(0, count, _AT_ONCE))
+        return np.concatenate([signatures.whitened(part) for part in some], axis=2)
 
     def whitened(self, forces: Array, measured: Mapping[str, Array]) -> Array:
         """(M, n, K); see `Rows.whitened`. Levels are those of all recordings: `leftover`."""

@@ -58,20 +58,29 @@ class JointRows:
 
 
 @inner  # type: ignore[untyped-decorator]
-def _predict(state: Array, cov: Array, decay: Array, variances: Array) -> None:
+def _predict(cov: Array, decay: Array, variances: Array) -> None:
     """To the next row; `decay` (5,) of zero is a fresh start from the stationary state."""
     for i in range(len(decay)):
         for j in range(len(decay)):
             cov[i, j] *= decay[i] * decay[j]
         cov[i, i] += variances[1 + i] * (1.0 - decay[i] ** 2)
-        state[i] *= decay[i]
 
 
 @inner  # type: ignore[untyped-decorator]
-def _gain(cov: Array, h: Array, white: float) -> tuple[Array, float]:
-    """Covariance with the innovation (5,), and its variance."""
-    across = cov @ h
-    return across, white + float(h @ across)
+def _update(cov: Array, h: Array, white: float, gain: Array) -> float:
+    """Gain (5,) of a row, put into `gain`, and the variance of its innovation."""
+    variance = white
+    for i in range(len(h)):
+        gain[i] = 0.0
+        for j in range(len(h)):
+            gain[i] += cov[i, j] * h[j]
+        variance += h[i] * gain[i]
+    for i in range(len(h)):
+        for j in range(len(h)):
+            cov[i, j] -= gain[i] * gain[j] / variance
+    for i in range(len(h)):
+        gain[i] /= variance
+    return variance
 
 
 @compiled  # type: ignore[untyped-decorator]
@@ -79,24 +88,29 @@ def _whiten(
     values: Array, observed: Array, gap: Array, variances: Array, times: Array
 ) -> tuple[Array, float]:
     """Innovations by their standard deviations; each recording starts as if it always was."""
-    rows, width = values.shape
-    out = np.empty((rows, width))
-    state, cov = np.zeros((len(times), width)), np.zeros((len(times), len(times)))
-    h = np.ones(len(times))
+    (rows, width), count = values.shape, len(times)
+    out = values.copy()
+    state, cov = np.zeros((count, width)), np.zeros((count, count))
+    h, gain = np.ones(count), np.empty(count)
     logs = 0.0
     for k in range(rows):
-        decay = np.exp(-gap[k] / times) if gap[k] > 0.0 else np.zeros(len(times))
-        _predict(state, cov, decay, variances)
+        decay = np.exp(-gap[k] / times) if gap[k] > 0.0 else np.zeros(count)
+        _predict(cov, decay, variances)
         h[3:] = observed[k]
-        across, variance = _gain(cov, h, variances[0])
-        left = values[k].copy()
-        for i in range(len(times)):
-            left -= h[i] * state[i]
-        out[k] = left / np.sqrt(variance)
+        variance = _update(cov, h, variances[0], gain)
         logs += np.log(variance)
-        for i in range(len(times)):
-            state[i] += across[i] / variance * left
-            cov[i] -= across[i] / variance * across
+        left, scale = out[k], 1.0 / np.sqrt(variance)
+        for i in range(count):
+            own, share, by = state[i], h[i], decay[i]
+            for c in range(width):
+                own[c] *= by
+                left[c] -= share * own[c]
+        for i in range(count):
+            own, by = state[i], gain[i]
+            for c in range(width):
+                own[c] += by * left[c]
+        for c in range(width):
+            left[c] *= scale
     return out, logs
 
 

@@ -1,5 +1,7 @@
 """Coefficients of an arm's causes: least squares, bounds, and a gain's conversion."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,46 @@ def test_a_group_alone_is_the_schur_complement(rng):
     vector = gram.vector[own] - across.T @ np.linalg.solve(held, gram.vector[rest])
     np.testing.assert_allclose(alone.matrix, matrix, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(alone.vector, vector, rtol=1e-9, atol=1e-9)
+
+
+def test_other_priors_are_as_if_they_had_been_there(rng):
+    """Woodbury's identity against the whole inverse, with what is not there and what is."""
+    gram, deviations = (
+        Gram.of(rng.standard_normal((50, 6)), rng.standard_normal(50)),
+        np.array([1.0, 2.0, 0.5, 3.0, 1.0, 0.1]),
+    )
+    own, others = np.array([1, 4]), deviations.copy()
+    others[own] = [1e-4, 5.0]
+    changed = Posterior.of(gram, deviations).under(own, others[own])
+    exact = Posterior.of(gram, others)
+    np.testing.assert_allclose(changed.covariance, exact.covariance, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(changed.mean, exact.mean, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(changed.precision, exact.precision, rtol=1e-12)
+
+
+def test_a_group_alone_does_not_know_its_own_prior(rng):
+    """What a selection rests on, which asks one posterior about every cause, chosen or not."""
+    gram, deviations = Gram.of(rng.standard_normal((50, 5)), rng.standard_normal(50)), np.ones(5)
+    own = np.array([0, 3])
+    alone = Posterior.of(gram, deviations).group(own)
+    tight = Posterior.of(gram, np.where(np.isin(range(5), own), 1e-3, 1.0)).group(own)
+    np.testing.assert_allclose(tight.matrix, alone.matrix, rtol=1e-6)
+    np.testing.assert_allclose(tight.vector, alone.vector, rtol=1e-6)
+
+
+def test_columns_do_not_hold_all_samples_of_all_causes():
+    """Whole, the samples of every column were held four times and more."""
+    file = arm_file()
+    record = observed(RealArm(0, [], leftover=0.0).record(0, duration=12.0), file.robot)
+    balance = balance_of(record, file.robot, file.effects)
+    rows = ArmRows.of([balance], CATALOGUE.values())
+    steps = [step for c in rows.candidates for step in c.small_steps]
+    balance.columns(steps[:1])
+    tracemalloc.start()
+    columns = balance.columns(steps)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < columns.nbytes / len(columns) * len(balance.arm.times)
 
 
 def test_a_gain_is_that_of_the_motor():

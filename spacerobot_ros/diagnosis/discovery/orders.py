@@ -81,28 +81,28 @@ def _of_joint(record: Record, j: int, joint: str) -> list[Order]:
         if powers[i] < _LESSER * highest:
             break
         at = seen(float(orders[i]))
-        sine, cosine = _fit(fast[at], orders[i] * q[at])
+        sine, cosine, _ = _fit(fast[at], orders[i] * q[at])
         size, phase = math.hypot(sine, cosine), math.atan2(cosine, sine)
         out.append(Order(joint, float(orders[i]), size, phase, p_value))
         powers[np.abs(orders - orders[i]) < max(_SKIRT / reach, _SKIRT_SHARE * orders[i])] = 0.0
     return out
 
 
-def _fit(values: Array, angle: Array) -> tuple[float, float]:
-    """Sine and cosine of an angle in values, by least squares."""
+def _fit(values: Array, angle: Array) -> tuple[float, float, float]:
+    """Sine and cosine of an angle in values, by least squares, and the squares they explain."""
     sine, cosine = np.sin(angle), np.cos(angle)
     a, b, c = float(sine @ sine), float(sine @ cosine), float(cosine @ cosine)
     x, y = float(sine @ values), float(cosine @ values)
     determinant = max(a * c - b * b, 1e-300)
-    return (c * x - b * y) / determinant, (a * y - b * x) / determinant
+    in_sine, in_cosine = (c * x - b * y) / determinant, (a * y - b * x) / determinant
+    return in_sine, in_cosine, in_sine * x + in_cosine * y
 
 
 def _power(values: Array, angle: Array) -> float:
     """Half the explained squares of unit noise: exponential by chance, of mean one."""
     if len(values) < _FEWEST:
         return 0.0
-    sine, cosine = _fit(values, angle)
-    explained = float(values @ (sine * np.sin(angle) + cosine * np.cos(angle)))
+    explained = _fit(values, angle)[2]
     return 0.5 * explained / max(float(np.mean(values**2)), 1e-300)
 
 
