@@ -14,6 +14,7 @@ zero; the base's centre of mass is free.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -49,6 +50,7 @@ class MinimalSet:
         return len(self.names)
 
 
+@lru_cache(maxsize=8)  # a controller asks with every estimate, and has no time to find it again
 def minimal_set(robot: Robot, structure: str) -> MinimalSet:
     """Find the minimal parameters of a free-floating robot.
 

@@ -41,7 +41,6 @@ STREAMS = (
 )
 _DURATION = 20.0  # s of flight
 _SENSED = ('/imu/data', '/attitude', '/joint_states')
-_SIMULATED = {'simulator.lockstep': True}  # all in the order of callbacks
 _DRIFT = 1.02  # of a clock that runs away from the others
 
 
@@ -80,9 +79,13 @@ def undisturbed() -> Estimate:
 
 
 def patient_of(session: Session, node: str) -> Patient:
-    """A node of the servicer, whose callbacks are called by hand."""
+    """A node of the servicer, whose callbacks are called by hand, in their order alone.
+
+    All nodes are in lockstep but the simulator, which would wait for its own plant's commands.
+    """
     file = packaged('servicer')
-    return Patient(session, NODES[node], file.settings.changed(_SIMULATED), file.robot.urdf)
+    settings = file.settings.changed({'simulator.lockstep': node != 'simulator'})
+    return Patient(session, NODES[node], settings, file.robot.urdf)
 
 
 def give(

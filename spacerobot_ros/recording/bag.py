@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.typesys.store import Typestore
 
 from ..errors import MessageRejectedError, RecordingError
 from ..model.robot import Robot
@@ -22,7 +21,7 @@ from ..types import Array, IntArray
 from . import messages
 from .bag_storage import StoredMessages, read_messages
 from .mapped_inputs import INPUTS
-from .message_types import typestore
+from .message_types import decoded
 from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, shown
 from .series import InputSeries
 from .units import SI_UNITS
@@ -117,15 +116,11 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
     kinds = {channel.topic: kind for kind, channel in channels.items()}
     stored = read_messages(path, kinds)
     _check_topics(path, stored, channels)
-    store = typestore(with_package=False)
     for topic, msgtype, data in stored.messages:
         kind = kinds[topic]
         channel = channels[kind]
-        message = _decode(store, data, msgtype)
-        if message is None:
-            channel.reject('can not be decoded')
-            continue
         try:
+            message = decoded(msgtype, data, with_package=False)
             row = _row(kind, message, channel, None if robot is None else robot.base_link)
             channel.stamps.append(messages.stamp_ns(message.header.stamp))
             channel.rows.append(row)
@@ -147,13 +142,6 @@ def _check_topics(path: Path, stored: StoredMessages, channels: dict[str, _Chann
         raise RecordingError(
             str(path), f'has no message on {joints}, {imu} or {attitude} (it has {present})'
         )
-
-
-def _decode(store: Typestore, data: bytes, msgtype: str) -> Any | None:
-    try:
-        return store.deserialize_cdr(data, msgtype)
-    except Exception:  # noqa: BLE001  bytes that are no such message make the generated decoder raise anything
-        return None
 
 
 def _row(kind: str, message: Any, channel: _Channel, base_link: str | None) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from contextlib import suppress
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,12 @@ from ..errors import MessageRejectedError, RecordingError
 from ..types import Array
 from .cdr import Layout
 from .compose import PACKAGE, Composer
+
+_HEAD = 4  # bytes that say how a message is serialised
+_WORD = 4  # bytes; messages are filled up to a multiple
+_GUESSED = 8
+"""Bytes that rclpy's `serialize_message` may add to a message for each empty sequence of numbers,
+because Fast DDS' guess of its length aligns numbers that are not there."""
 
 
 @functools.cache
@@ -69,20 +76,41 @@ def _doubles(values: Array) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def decoded(msgtype: str, cdr: bytes) -> Any:
+def decoded(msgtype: str, cdr: bytes, *, with_package: bool = True) -> Any:
     """A message from its serialised form.
 
     Args:
         msgtype: Such as `sensor_msgs/msg/JointState`.
-        cdr: As a middleware serialised it.
+        cdr: As a middleware serialised it: plain CDR of either endianness.
+        with_package: As of `typestore`.
 
     Raises:
         MessageRejectedError: bytes that are no such message.
     """
     try:
-        return typestore().deserialize_cdr(cdr, msgtype)
+        if cdr[:2] not in (b'\0\0', b'\0\1'):
+            raise ValueError(f'encapsulation {cdr[:2].hex()} is not plain CDR')
+        store = typestore(with_package)
+        kind = store.get_msgdef(msgtype)
+        read = kind.deserialize_cdr_le if cdr[1] else kind.deserialize_cdr_be
+        message, end = read(cdr[_HEAD:], 0, kind.cls, store)
+        tail = len(cdr) - _HEAD - end
+        if tail >= _WORD and tail >= _WORD + _GUESSED * _empty_vectors(message):
+            raise ValueError(f'{tail} bytes too long')
     except Exception as error:  # the generated decoder may raise anything
         raise MessageRejectedError(f'not a {msgtype}: {error}') from error
+    return message
+
+
+def _empty_vectors(value: Any) -> int:
+    """Number of sequences of numbers without any in a message."""
+    if isinstance(value, np.ndarray):
+        return int(not value.size)
+    if isinstance(value, list):
+        return sum(_empty_vectors(item) for item in value)
+    if not is_dataclass(value):
+        return 0
+    return sum(_empty_vectors(getattr(value, field.name)) for field in fields(value))
 
 
 def encoded(message: Any) -> bytes:

@@ -17,8 +17,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from ..errors import SpaceRobotError
+from ..errors import MessageRejectedError, SpaceRobotError
 from ..model.settings import Settings
+from ..recording.message_types import CanonicalMessages
 from .convert import type_name
 from .params import leaves
 from .qos import SAMPLES
@@ -126,7 +127,7 @@ class Session:
 
 
 class Recorder:
-    """Collects the serialised messages of topics.
+    """Collects the serialised messages of topics; bytes that are no message are left out.
 
     Args:
         node: Node to listen with.
@@ -148,12 +149,17 @@ class Recorder:
 
     def _listen(self, node: Node, topic: str, message_type: Any) -> None:
         name = type_name(message_type)
+        canonical = CanonicalMessages(name)
 
         def take(cdr: bytes) -> None:
-            sec, nanosec = struct.unpack_from('<iI', cdr, 4)
+            try:
+                clean = canonical(cdr)
+            except MessageRejectedError:
+                return
+            sec, nanosec = struct.unpack_from('<iI', clean, 4)
             stamp = sec * 1_000_000_000 + nanosec
             self.newest_ns[topic] = stamp
-            self._sink(topic, name, stamp, cdr)
+            self._sink(topic, name, stamp, clean)
 
         node.create_subscription(message_type, topic, take, SAMPLES, raw=True)
 

@@ -120,6 +120,7 @@ def test_regrouping_inverts_the_expansion(structure):
 def test_values_of_the_reference_study():
     robot = robot_of(table_one('xyy'))
     found = minimal_set(robot, 'symmetric')
+    assert minimal_set(robot, 'symmetric') is found  # a controller asks with every estimate
     values = found.regrouping @ BlockTree(robot).parameters()
     assert found.names == tuple(XYY)
     # printed with one decimal, two entries with two

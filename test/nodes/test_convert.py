@@ -1,9 +1,12 @@
 """Every message that must not be used is rejected with the reason; good ones come through."""
 
+import itertools
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import QuaternionStamped, WrenchStamped
 from numpy.testing import assert_allclose
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -11,8 +14,11 @@ from spacerobot_ros.control.joint_reference import rest
 from spacerobot_ros.errors import MessageRejectedError
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.recording import messages
+from spacerobot_ros.recording.message_types import composer, decoded, encoded, typestore
 from spacerobot_ros.ros import convert
 from spacerobot_ros.ros.convert import compose
+from spacerobot_ros.ros.qos import SAMPLES
+from spacerobot_ros.ros.session import Recorder
 
 pytestmark = pytest.mark.ros
 
@@ -192,3 +198,29 @@ def test_trajectories_become_references():
 def test_trajectories_rejected(message, reason):
     with pytest.raises(MessageRejectedError, match=reason):
         convert.trajectory(message, NAMES, None)
+
+
+def test_messages_are_read_as_rclpy_serialises_them(rng):
+    for joints in (1, 3):
+        for columns in itertools.product((0, joints), repeat=3):
+            position, velocity, effort = (rng.normal(size=size) for size in columns)
+            names = [f'joint_{k}' for k in range(joints)]
+            message = compose.joint_state(5, names, position, velocity, effort)
+            read = decoded('sensor_msgs/msg/JointState', serialize_message(message))
+            assert read.name == names
+            assert read.position.tolist() == position.tolist()
+            assert read.velocity.tolist() == velocity.tolist()
+            assert read.effort.tolist() == effort.tolist()
+
+
+def test_a_recorder_hears_both_endiannesses_and_leaves_out_what_is_no_message(rig):
+    node, heard = rig.plain(), []
+    Recorder(node, {'/imu/data': Imu}, lambda *message: heard.append(message))
+    publisher = node.create_publisher(Imu, '/imu/data', SAMPLES)
+    little = encoded(composer().imu(7_000_000_003, 'base_link', np.arange(3.0)))
+    message = decoded('sensor_msgs/msg/Imu', little)
+    big = typestore().serialize_cdr(message, 'sensor_msgs/msg/Imu', little_endian=False)
+    for cdr in (b'\0\1\0\0', b'\0\7' + little[2:], little[:-8], bytes(big), little):
+        publisher.publish(cdr)
+    rig.drain()
+    assert heard == [('/imu/data', 'sensor_msgs/msg/Imu', 7_000_000_003, little)] * 2

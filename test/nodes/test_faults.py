@@ -44,6 +44,16 @@ def test_odd_messages_end_no_node(node):
     assert record['rejected'] > 20  # they were odd
 
 
+@pytest.mark.parametrize('node', sorted(wrong_streams.NODES))
+def test_good_messages_are_taken_all(node):
+    with Session() as session:
+        patient = wrong_streams.patient_of(session, node)
+        for topic, message in campaign.flight():
+            if patient.hears(topic):
+                patient.give(topic, message)
+        assert patient.node.health.rejected == {}
+
+
 def test_what_a_node_raises_or_says_is_seen(monkeypatch):
     from spacerobot_ros.nodes.controller import ControllerNode
 

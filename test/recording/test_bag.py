@@ -190,7 +190,8 @@ BAD = {
                        'quaternion is not finite'),
     'attitude frame': ('/attitude', attitude(99, frame='base_link'),
                        "frame_id is 'base_link', the base itself, expected the inertial frame"),
-    'garbage': ('/attitude', b'\x00\x01\x00\x00\x01', 'can not be decoded'),
+    'garbage': ('/attitude', b'\x00\x05\x00\x00' + bytes(60),
+                'not a geometry_msgs/msg/QuaternionStamped: encapsulation 0005 is not plain CDR'),
 }  # fmt: skip
 TYPE_OF = {'/joint_states': JOINT_STATE, '/imu/data': IMU, '/attitude': ATTITUDE}
 

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from rosbags.interfaces import Nodetype
 
+from spacerobot_ros.errors import MessageRejectedError
 from spacerobot_ros.recording.cdr import Layout
 from spacerobot_ros.recording.message_types import (
     CanonicalMessages,
+    composer,
+    decoded,
     encoded,
     message_folder,
     typestore,
@@ -97,3 +100,43 @@ def test_another_text_of_the_same_length_is_another_layout():
     assert layout.canonical(bad) is None
     with pytest.raises(ValueError, match='endian'):
         Layout(STORE, kind, b'\0\0' + arm[2:])
+
+
+def of_fast_dds(joints, *columns):
+    """A JointState as rclpy's `serialize_message` gives it: 4 bytes more for each empty column."""
+    values = [np.full(joints, 0.5) if name in columns else np.zeros(0) for name in COLUMNS]
+    names = [f'joint_{k}' for k in range(joints)]
+    cdr = encoded(composer().joint_state(7, names, *values))
+    return cdr + b'\x70\x00\x00\x01' * (len(COLUMNS) - len(columns))
+
+
+COLUMNS = ('position', 'velocity', 'effort')
+STATE = 'sensor_msgs/msg/JointState'
+
+
+@pytest.mark.parametrize('joints', [1, 2, 7])
+@pytest.mark.parametrize('columns', [(), ('effort',), ('position', 'velocity'), COLUMNS])
+def test_what_fast_dds_adds_for_empty_columns_is_no_damage(joints, columns):
+    cdr = of_fast_dds(joints, *columns)
+    message = decoded(STATE, cdr)
+    for name in COLUMNS:
+        wanted = [0.5] * joints if name in columns else []
+        assert getattr(message, name).tolist() == wanted
+    assert CanonicalMessages(STATE)(cdr) == encoded(message)
+    with pytest.raises(MessageRejectedError, match='bytes too long'):
+        decoded(STATE, cdr + bytes(28))  # more of them than columns could be empty
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_of_a_message_that_is_cut_or_foreign_no_number_is_taken(kind, rng):
+    message = drawn(Nodetype.NAME, kind, rng, np.random.default_rng(3))
+    cdr = encoded(message)
+    swapped = bytes(STORE.serialize_cdr(message, kind, little_endian=False))
+    assert encoded(decoded(kind, swapped)) == cdr
+    # XCDR 1 of mutable types, XCDR 2 of all, XML (OMG DDS-XTypes 1.3, table 60)
+    for head in (b'\0\2', b'\0\3', b'\0\4', b'\0\6', b'\0\7', b'\0\x08', b'\0\x09', b'\0\x0b'):
+        with pytest.raises(MessageRejectedError, match='is not plain CDR'):
+            decoded(kind, head + cdr[2:])
+    for end in range(len(cdr) - 1):  # the last text's end may be a gap
+        with pytest.raises(MessageRejectedError):
+            decoded(kind, cdr[:end])
