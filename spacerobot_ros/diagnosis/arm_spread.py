@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..estimation.arm_priors import DRY_FRICTION, RUN_TO_RUN, Machine, torque_tolerance
+from ..estimation.arm_priors import DRY, RUN_TO_RUN, Machine, is_kind_of, torque_tolerance
 from ..estimation.evidence import score
 from ..estimation.scaling import value_std
 from ..types import Array
@@ -41,9 +41,9 @@ def whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
     """With what one recording can not show: friction from run to run, the scale of torques."""
     applied = found.named[k]
     value = abs(applied.values[name])
-    if applied.id in DRY_FRICTION and math.isfinite(std):
+    if is_kind_of(applied, DRY) and math.isfinite(std):
         machine = Machine(found.robot, found.fit.rows.balances)
-        whole = value + machine.friction(applied.id, applied.where)
+        whole = value + machine.friction(DRY, applied.where)
         return math.hypot(std, RUN_TO_RUN * whole if len(found.records) == 1 else 0.0)
     if applied.id == 'inertial_parameters':
         return math.hypot(std, float(np.max(torque_tolerance(found.robot))) * value)

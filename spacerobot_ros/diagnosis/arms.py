@@ -12,7 +12,7 @@ import numpy as np
 from ..effects.effect import Effect
 from ..errors import ConfigurationError, RecordingError
 from ..estimation.arm_fit import ArmFit
-from ..estimation.arm_priors import DRY_FRICTION
+from ..estimation.arm_priors import DRY, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import Balance, balance_of
 from ..estimation.evidence import Gram, sum_of
@@ -183,7 +183,7 @@ def levels_of(rows: ArmRows, chosen: Selection) -> list[Array]:
     friction = rows.friction.copy()
     for i in chosen.chosen:
         candidate = rows.candidates[i]
-        if candidate.kind.id in DRY_FRICTION:
+        if is_kind_of(candidate.kind, DRY):
             value = abs(float(fit.posterior.mean[rows.places[i][0]]))
             friction[rows.robot.joints.index(str(candidate.where))] += value
     return rows.levels(fit.deviations, friction)

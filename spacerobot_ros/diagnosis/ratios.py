@@ -14,6 +14,7 @@ import numpy as np
 from ..dynamics.equations import Dynamics, joint_torques
 from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
+from ..estimation.arm_priors import DRY, VISCOUS, friction_of
 from ..model.robot import Robot
 from ..types import Array
 from .answer.result import Ratio
@@ -30,14 +31,7 @@ _UNITS = {
     'coulomb_by_motor_constant': 'A',
     'viscous_by_motor_constant': 'A s/rad',
 }
-_FRICTIONS = {
-    'coulomb': (
-        ('joint_coulomb_friction', 'torque'),
-        ('joint_stribeck_friction', 'coulomb'),
-        ('joint_presliding_friction', 'torque'),
-    ),
-    'viscous': (('joint_viscous_friction', 'coefficient'),),
-}
+_FRICTIONS = {'coulomb': DRY, 'viscous': VISCOUS}
 Key = tuple[str, str, str | None]  # joint, ratio, the other joint
 
 
@@ -124,10 +118,8 @@ def _ratios(
         j = changed.joints.index(joint)
         own = float(inertia[j, j])
         named = {'weight_by_inertia': weight[j] / own}
-        for what, laws in _FRICTIONS.items():
-            size = sum(
-                e[name] for kind, name in laws for e in effects if (e.id, e.where) == (kind, joint)
-            )
+        for what, law in _FRICTIONS.items():
+            size = friction_of(effects, law, joint)
             named[f'{what}_by_inertia'] = size / own
             if joint in constants:
                 named[f'{what}_by_motor_constant'] = size / constants[joint]

@@ -15,13 +15,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..estimation.arm_fit import Posterior
-from ..estimation.arm_priors import NOTHING
+from ..estimation.arm_priors import DRY, NOTHING, VISCOUS, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.evidence import Fold, Gram, Score, price, score, sum_of
 from ..types import Array, IntArray
 from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
-_FRICTION = ('joint_coulomb_friction', 'joint_viscous_friction')
 _AFTER_FRICTION = (
     'joint_stribeck_friction',
     'joint_friction_curvature',
@@ -217,9 +216,11 @@ class Selection:
         taken = [self.rows.candidates[k] for k in chosen]
         if self._pruned.get(i, 0) >= MOST_PRUNED or candidate.contradicts(taken):
             return False
-        here = [t.kind.id for t in taken if t.where == candidate.where]
-        here += [e.id for e in self.rows.balances[0].effects if e.where == candidate.where]
-        return candidate.kind.id not in _AFTER_FRICTION or any(k in _FRICTION for k in here)
+        here = [t.kind for t in taken if t.where == candidate.where]
+        believed = self.rows.balances[0].effects
+        here += [type(e) for e in believed if e.where == candidate.where]
+        is_rubbing = any(is_kind_of(kind, law) for kind in here for law in (DRY, VISCOUS))
+        return is_rubbing or candidate.kind.id not in _AFTER_FRICTION
 
     def _prune(self) -> None:
         while len(self.chosen) > 1:

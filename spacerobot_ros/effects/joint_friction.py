@@ -81,6 +81,7 @@ class AsymmetricFriction(JointTorque):
 
     id = 'joint_asymmetric_friction'
     title = 'Coulomb friction of another size in each direction'
+    refines = ('joint_coulomb_friction',)
     is_fitted = False
     parameters = (amount('forward', 'N m', 3.0, 0.01), amount('backward', 'N m', 3.0, 0.01))
 

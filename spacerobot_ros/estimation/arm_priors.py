@@ -9,13 +9,14 @@ are those of measured arms, tried on simulated ones with a coloured leftover
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..dynamics.equations import Dynamics
+from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..types import Array
 from .balance import Balance
@@ -33,12 +34,8 @@ _BY_ANGLE = (
 )
 """Nothing of a wheel of which only the rate is measured: its angle begins anywhere, and drifts."""
 _POSES = 20  # of a recording, for the largest inertia
-DRY_FRICTION = (
-    'joint_coulomb_friction',
-    'joint_stribeck_friction',
-    'joint_presliding_friction',
-)
-"""Whose first number is the friction of a joint that hardly slides."""
+DRY = 'joint_coulomb_friction'
+VISCOUS = 'joint_viscous_friction'
 _BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
 RUN_TO_RUN = 0.05
 """Of a friction: by so much it differs from run to run of one machine, which a single recording
@@ -126,7 +123,7 @@ class Machine:
         else:
             j, torque, rate, inertia = 0, 0.0, 1.0, 0.0
         own = 0.2 * np.array([torque, torque / rate])
-        dry = self.friction('joint_coulomb_friction', where)
+        dry = self.friction(DRY, where)
         sizes: dict[str, tuple[float | Array, float]] = {
             'joint_coulomb_friction': (torque, RUN_TO_RUN * dry),
             'joint_viscous_friction': (torque / rate, RUN_TO_RUN * self.friction(kind, where)),
@@ -164,8 +161,7 @@ class Machine:
 
     def friction(self, kind: str, where: str | None) -> float:
         """Of a joint, in the file: the first number of this law and of those that refine it."""
-        own = [e for e in self.balances[0].effects if e.where == where]
-        return float(sum(next(iter(e.values.values())) for e in own if kind in (e.id, *e.refines)))
+        return friction_of(self.balances[0].effects, kind, where)
 
     def _body(self, where: str) -> tuple[Array, Array]:
         names = [body.name for body in self.robot.bodies]
@@ -189,6 +185,17 @@ class Machine:
             total += np.sum(values**2 * moving, axis=0)
             count += np.sum(moving, axis=0)
         return np.sqrt(total / np.maximum(count, 1))
+
+
+def is_kind_of(effect: Effect | type[Effect], law: str) -> bool:
+    """Whether an effect is a simple law, or one of those that refine it."""
+    return law in (effect.id, *effect.refines)
+
+
+def friction_of(effects: Iterable[Effect], law: str, where: str | None) -> float:
+    """Of a joint by a simple law, `DRY` or `VISCOUS`: the first numbers of all its effects."""
+    own = (e for e in effects if e.where == where and is_kind_of(e, law))
+    return float(sum(next(iter(e.values.values())) for e in own))
 
 
 def torque_tolerance(robot: Robot) -> Array:

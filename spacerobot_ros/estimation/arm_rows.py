@@ -15,7 +15,7 @@ from ..model.robot import Robot
 from ..types import Array, BoolArray, IntArray
 from .anchor import HELD, scale_columns, unanchored
 from .arm_candidates import arm_candidates
-from .arm_priors import NOTHING, Machine, with_prior
+from .arm_priors import DRY, NOTHING, Machine, with_prior
 from .balance import Balance
 from .columns import Candidate
 from .evidence import Gram
@@ -162,7 +162,7 @@ class ArmRows:
     def friction(self) -> Array:
         """(n,) Coulomb friction that the model believes in [N m]."""
         machine = Machine(self.robot, self.balances)
-        return np.array([machine.friction('joint_coulomb_friction', j) for j in self.robot.joints])
+        return np.array([machine.friction(DRY, j) for j in self.robot.joints])
 
     @cached_property
     def blocks(self) -> list[IntArray]:

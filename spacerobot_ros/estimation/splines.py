@@ -114,7 +114,7 @@ class _Rows:
         first, rows = rows_of(self.time, self._is_derivative, knots, DEGREE)
         rows *= self._weight[:, None]
         found = fitted(first, rows, self._values, self._noise, count)
-        if not np.isfinite(found.chi2):
+        if not np.isfinite(found.values).all():
             raise IdentificationError(f'no usable samples between {start:.6g} s and {end:.6g} s')
         dof = max(self._values.size - found.values.size, 1)
         curve, error = (BSpline(knots, c, DEGREE) for c in (found.values, found.noise))

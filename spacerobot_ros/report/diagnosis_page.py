@@ -40,7 +40,7 @@ _BALANCE = (
     '(recordings, or quarters of the only one) are better predicted with it from each other, by '
     'more than with columns without meaning, and where it lowers the rms error, too. Standard '
     'deviations are widened as far as the parts scatter. No fit was tested against sensor noise: '
-    'the verdict is at most partly explained. '
+    'explained is where no joint is left with more than tolerances alone make. '
 )
 _HELD_OUT = (
     'Held-out errors are those of each fifth of the record with the values that the other four '

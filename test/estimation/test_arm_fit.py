@@ -7,7 +7,9 @@ import pytest
 
 from spacerobot_ros.campaign.real_arm import JOINTS, RealArm, arm_file
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.arm_fit import ArmFit, Posterior
+from spacerobot_ros.estimation.arm_priors import DRY, friction_of
 from spacerobot_ros.estimation.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance import balance_of
 from spacerobot_ros.estimation.evidence import Gram, sum_of
@@ -113,3 +115,25 @@ def test_friction_keeps_its_sign():
     (own,) = fit.rows.places[fit.chosen[0]]
     assert fit.posterior.mean[own] == pytest.approx(-3.0, abs=0.1)
     assert fit.values[own] == pytest.approx(0.0, abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'values'),
+    [
+        ('joint_coulomb_friction', {'torque': 4.0}),
+        ('joint_stribeck_friction', {'coulomb': 4.0, 'static': 6.0, 'velocity': 0.01}),
+        ('joint_presliding_friction', {'torque': 4.0, 'displacement': 0.01}),
+        ('joint_asymmetric_friction', {'forward': 4.0, 'backward': 4.0}),
+    ],
+)
+def test_every_friction_that_is_dry_counts_as_dry(kind, values):
+    """By its torque at a constant rate, far from where it changes: the same at half of it."""
+    robot = arm_file().robot
+    effect = CATALOGUE[kind](name='dry', where='joint_3', values=values)
+    rates = np.zeros((2, robot.n_joints))
+    rates[:, 2] = [1.0, 0.5]
+    motion = Motion(robot, np.arange(2.0), np.zeros_like(rates), rates, np.zeros_like(rates))
+    torque = effect.force(motion, np.ones((2, effect.hidden)))[:, 6 + 2]
+    found = friction_of([effect], DRY, 'joint_3')
+    np.testing.assert_allclose(-torque, found, rtol=1e-6)  # the sign is smooth below 1e-3 rad/s
+    assert friction_of([effect], DRY, 'joint_2') == 0.0

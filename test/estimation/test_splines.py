@@ -106,6 +106,11 @@ def test_interval_need_not_start_at_zero(rng):
     np.testing.assert_allclose(fit(TIME + 1000.0), signal(TIME + 1000.0), rtol=0, atol=4e-4)
 
 
-def test_samples_without_weight_are_refused():
+@pytest.mark.parametrize(
+    'samples',
+    [Samples(TIME, signal(TIME), np.inf), Samples(TIME[:0], signal(TIME)[:0], 1.0)],
+    ids=['no weight', 'none'],
+)
+def test_samples_that_say_nothing_are_refused(samples):
     with pytest.raises(IdentificationError, match='no usable samples between 0 s and 20 s'):
-        fit_spline([Samples(TIME, signal(TIME), np.inf)], 0.0, 20.0)
+        fit_spline([samples], 0.0, 20.0)

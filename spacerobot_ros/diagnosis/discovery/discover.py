@@ -11,6 +11,7 @@ from ...effects.effect import Effect
 from ...effects.grammar import quantity
 from ...effects.learned_torque import LearnedTorque
 from ...effects.motion import Motion
+from ...estimation.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
 from ..arms import ArmFound, rms
 from ..limits import CLEAR
@@ -20,7 +21,6 @@ from .discovery_limits import FED_IN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 
 _AGREE = 3.0  # standard deviations
-_DRY = ('joint_coulomb_friction', 'joint_stribeck_friction')  # without a history of their own
 
 
 def discover(
@@ -64,7 +64,7 @@ def _applied(
     candidates = _coupled(found, accepted, alone, motions)
     pairs = [(it, c) for it, c in zip(accepted, candidates, strict=True) if c is not None]
     before = rms(found.extended)
-    named = {e.where for e in found.named if e.id in _DRY}
+    named = {e.where for e in found.named if is_kind_of(e, DRY) and not e.hidden}
     along = [balance.motion for balance in motions.rows.balances]
     several = len(motions.rows.balances) > 1
     refused: list[Leftover] = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...estimation.arm_priors import Machine
+from ...estimation.arm_priors import DRY, Machine
 from ...estimation.arm_rows import ArmRows
 from ...estimation.balance import Balance
 from .event import Events
@@ -37,7 +37,7 @@ def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
     """
     robot = balances[0].robot
     machine = Machine(robot, balances)
-    known = [machine.friction('joint_coulomb_friction', joint) for joint in robot.joints]
+    known = [machine.friction(DRY, joint) for joint in robot.joints]
     friction = np.array(known)
     found = Events()
     if rows is not None:

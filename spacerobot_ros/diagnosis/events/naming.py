@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...estimation.arm_priors import DRY_FRICTION
+from ...estimation.arm_priors import DRY, is_kind_of
 from .contact import Pulse, event_of, overlap
 from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import EXPLAINED, MIXED, RECURS, SNR, chance, named_from
@@ -121,7 +121,7 @@ class Naming:
         """Dry friction of a joint that slides, all that was found of it [N m]."""
         rows, found = self._rows, float(self._rows.friction[j])
         for c, at in zip(rows.candidates, rows.places, strict=True):
-            if c.kind.id in DRY_FRICTION and c.where == self._joints[j]:
+            if is_kind_of(c.kind, DRY) and c.where == self._joints[j]:
                 found += float(self._search.scan.coefficients[at[0]])
         return max(found, 0.0)
 
