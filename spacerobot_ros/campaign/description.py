@@ -240,6 +240,19 @@ without any""",
     headlines='variables|discovery',
     is_kept=True,
 )
+EVENTS = Campaign(
+    name='events',
+    help="""\
+pulses hidden in arms that move and that stand, in free bases with unknown wheels and in bodies
+without joints (docs/events.md): which are named, when and how large; what is named in quiet""",
+    module='event_campaign',
+    title='Events: pulses hidden and named, and what is named in quiet',
+    subtitle='Seeded machines, what is left of arms in five colours',
+    runs=20,
+    quick_runs=2,
+    headlines='false events',
+    is_kept=True,
+)
 FAULTS = Campaign(
     name='faults',
     help="""\
@@ -256,6 +269,15 @@ node, what passes for data. Needs ROS 2""",
 )
 EXPERIMENTS = {
     c.name: c
-    for c in (WHEEL_MOMENTUM, ADAPTIVE_CONTROL, DIAGNOSIS, MONITOR, ARMS, DISCOVERY, FAULTS)
+    for c in (
+        WHEEL_MOMENTUM,
+        ADAPTIVE_CONTROL,
+        DIAGNOSIS,
+        MONITOR,
+        ARMS,
+        DISCOVERY,
+        EVENTS,
+        FAULTS,
+    )
 }
 """By the name of the sub-command; coverage is a campaign of the first."""

@@ -57,9 +57,8 @@ def run(key: str) -> Record:
     started = time.perf_counter()
     answer = diagnose(arm.record(0, names, _DURATION), file.robot, file.effects)
     wall = time.perf_counter() - started
-    added = [c.applied for c in answer.causes]
-    added += answer.calibration
     learned = [e.applied for e in answer.leftover or () if e.applied is not None]
+    added = [*(c.applied for c in answer.causes), *answer.calibration, *learned]
     said = [
         {
             'channel': e.channel.rpartition('/')[2],
@@ -80,9 +79,7 @@ def run(key: str) -> Record:
         'variables': _variables(law, JOINTS[j], JOINTS[k]) if law else [],
         'said': said,
         'named': [[c.applied.id, c.applied.where] for c in answer.causes],
-        'r2': _transferred(arm, j, names, [*added, *answer.calibration, *learned])
-        if law
-        else None,
+        'r2': _transferred(arm, j, names, added) if law else None,
         'wall_s': wall,
     }
 

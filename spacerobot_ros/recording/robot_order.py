@@ -21,7 +21,7 @@ def in_robot_order(record: Record, robot: Robot) -> Record:
         RecordingError: its joints are not the robot's.
     """
     joints, arm = record.joints, robot.arm
-    if joints is None and not arm:
+    if not arm and (joints is None or not joints.names):
         return _without_joints(record)
     if joints is None or joints.names == arm:
         return record

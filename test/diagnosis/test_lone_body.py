@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -177,3 +179,11 @@ def test_refusals(box, tmp_path):
         box_file(tmp_path, robot={'base': 'fixed'})
     with pytest.raises(RecordingError, match='are both missing: nothing of this robot'):
         check_data(in_robot_order(Record(source='x'), box.robot), box.robot)
+
+
+def test_joint_states_of_no_joint_are_none(box, rng):
+    """As a live buffer has them, with rates and efforts of width zero."""
+    record = in_robot_order(tumbled(rng, BOX), box.robot)
+    empty = np.zeros((len(record.joint_time), 0))
+    live = replace(record, joints=replace(record.joints, velocity=empty, effort=empty))
+    check_data(in_robot_order(live, box.robot), box.robot)

@@ -22,8 +22,6 @@ from ...types import Array, BoolArray, IntArray
 _FIRST, _WIDER = 12, 1.45  # terms of the first bin of frequency; the next one's by this
 _PASSES = 5
 _LEAST = 1e-6  # of the data's rms: no level is below
-
-
 _KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
 _FREE = 10.0  # times what is left: an offset's prior deviation
 
@@ -96,13 +94,13 @@ class SpectralTerms:
         middles = 0.5 * (np.array(ends[1:]) + np.array(ends[:-1]))
         return number, np.log(middles)
 
-    def level(self, columns: Array, start: Array | None = None) -> Level:
+    def level(self, columns: Array) -> Level:
         """What (M, k) columns of chosen laws leave."""
         r = self.nuisance.shape[1]
         both = np.concatenate([self.nuisance, columns], axis=1)
         prior = np.concatenate([np.ones(r), np.zeros(columns.shape[1])])
         size = np.maximum(np.sqrt(np.mean(both**2, axis=0)), 1e-300)
-        scale = self._smooth(self.data**2) if start is None else start
+        scale = self._smooth(self.data**2)
         for _ in range(_PASSES):
             mean, covariance = _posterior(both, self.data, scale, prior, size)
             left = self.data - both @ mean

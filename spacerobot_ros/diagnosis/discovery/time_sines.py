@@ -11,7 +11,7 @@ from ...types import Array, IntArray
 _LOW, _HIGH = 0.05, 2.0  # Hz
 _SPACING = 0.75  # of the resolution 1/T
 _SWEEPS = (0.0, 4.0, -4.0, 8.0, -8.0, 16.0, -16.0, 32.0, -32.0)  # of 1/T^2
-_MOST = 1500  # sines: longer records sweep less
+_MOST = 1500  # sines: longer records sweep less, then have the low frequencies alone
 
 
 class TimeSines:
@@ -19,13 +19,12 @@ class TimeSines:
 
     Args:
         times: (M,) since the start [s].
-        most: Sines at the most; fewer than the record tells apart are of low frequencies.
     """
 
-    def __init__(self, times: Array, most: int = _MOST) -> None:
+    def __init__(self, times: Array) -> None:
         duration = max(float(times[-1] - times[0]), 1e-9)
-        frequencies = np.arange(_LOW, _HIGH, _SPACING / duration)[:most]
-        count = max(1, min(len(_SWEEPS), most // max(len(frequencies), 1)))
+        frequencies = np.arange(_LOW, _HIGH, _SPACING / duration)[:_MOST]
+        count = max(1, min(len(_SWEEPS), _MOST // max(len(frequencies), 1)))
         sweeps = np.array(_SWEEPS[:count]) / duration**2
         self.frequency = np.repeat(frequencies, count)
         self.sweep = np.tile(sweeps, len(frequencies))

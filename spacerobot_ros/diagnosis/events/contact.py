@@ -45,8 +45,12 @@ def overlap(p: Pulse, q: Pulse) -> bool:
 def place_of(robot: Robot, joints: Sequence[int]) -> tuple[str, str]:
     """Effect and place of what some joints feel: of one joint alone, that joint."""
     if len(joints) > 1:
-        return ExternalWrench.id, f'{robot.bodies[1 + max(joints)].name} or beyond'
+        return ExternalWrench.id, _beyond(robot, joints)
     return ExternalJointTorque.id, robot.joints[joints[0]]
+
+
+def _beyond(robot: Robot, joints: Sequence[int]) -> str:
+    return f'{robot.bodies[1 + max(joints)].name} or beyond'
 
 
 def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last: float) -> Event:
@@ -61,7 +65,6 @@ def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last:
     first = max(pulses, key=lambda p: abs(p.z))
     felt = sorted(pulses, key=lambda p: p.joint)
     names = [robot.joints[p.joint] for p in felt]
-    beyond = f'{robot.bodies[1 + felt[-1].joint].name} or beyond'
     effect, where = place_of(robot, [p.joint for p in felt])
     return Event(
         effect=effect,
@@ -76,7 +79,7 @@ def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last:
         z=abs(first.z),
         p_value=p_value,
         false_per_hour=FALSE_PER_HOUR,
-        rivals=() if len(felt) > 1 else (f'external_wrench at {beyond}',),
+        rivals=() if len(felt) > 1 else (f'external_wrench at {_beyond(robot, [first.joint])}',),
         recording=first.run,
         applied=tuple(
             ExternalJointTorque(

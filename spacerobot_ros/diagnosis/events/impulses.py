@@ -23,10 +23,12 @@ def impulse_events(fit: Fit) -> Events:
     if _SHOWN not in scan.durations:
         why = f'{scan.seconds:.3g} s are too short for steps of the momentum to be judged'
         return Events(limits=dict.fromkeys(AXES), notes=(why,))
+    if max(scan.colours.values()) > STEADY or not scan.is_transient:
+        why = 'what is left beside the wheels is no noise: steps of the momentum are not judged'
+        return Events(limits=dict.fromkeys(AXES), notes=(why,))
     limit = named_from([i.z for i in scan.found], scan.seconds / 3600.0)
     cells = sum(2.0 / d for d in scan.durations) * scan.seconds
-    last = scan.seconds
-    named = [_event(i, cells, last) for i in scan.found if i.z >= limit]
+    named = [_event(i, cells, scan.seconds) for i in scan.found if i.z >= limit]
     possible = [
         PossibleEvent(start=i.start, end=i.end, joints=(), z=i.z, reason='weak')
         for i in scan.found
@@ -44,11 +46,7 @@ def impulse_events(fit: Fit) -> Events:
             durations=scan.durations,
             peaks=tuple(peaks),
         )
-    order = sorted(named, key=lambda e: e.start)
-    if max(scan.colours.values()) > STEADY or not scan.is_transient:
-        why = 'what is left beside the wheels is no noise: steps of the momentum are not judged'
-        return Events(limits=dict.fromkeys(AXES), notes=(why,))
-    return Events(named=tuple(order), possible=tuple(possible), limits=limits)
+    return Events(named=tuple(named), possible=tuple(possible), limits=limits)
 
 
 def steps_beside_wheels(run: Run) -> Events:

@@ -1,0 +1,74 @@
+"""The campaign of events: keys, machines with pulses, scores."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.event_campaign import run, trials
+from spacerobot_ros.campaign.event_campaign_tables import judge, results, tables
+from spacerobot_ros.campaign.event_machines import MACHINES, HiddenPulse
+from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS
+
+
+def record(*pulses, kind='moving', false=(), beside=()):
+    return {
+        'kind': kind,
+        'machine': 'white',
+        'seconds': 36.0,
+        'false': [{'start': 1.0, 'end': 2.0, 'joints': [], 'z': z} for z in false],
+        'beside': [{'start': 1.0, 'end': 2.0, 'joints': [], 'z': z} for z in beside],
+        'pulses': list(pulses),
+    }
+
+
+def pulse(ratio, *, is_named=True, off=0.01, error=0.02):
+    said = {'off': off, 'error': error, 'reason': None} if is_named else {'reason': 'weak'}
+    return {'ratio': ratio, 'is_named': is_named, **said}
+
+
+def test_trials_are_distinct_and_of_every_kind():
+    keys = [json.loads(key) for key in trials(3, is_quick=False)]
+    assert len({seed for _, seed in keys}) == len(keys)
+    assert {kind for kind, _ in keys} == set(MACHINES)
+
+
+def test_pushes_of_an_arm_that_stands_are_found_less_what_friction_takes():
+    found = run('["still", 1]')
+    assert not found['false']
+    assert not found['beside']
+    assert [p['ratio'] for p in found['pulses'] if p['is_named']] == [5.0, 3.0, 10.0]
+    for p in found['pulses']:
+        assert abs(p['off']) < 0.1
+        assert p['error'] < 1.0 / p['ratio'] + 0.05  # friction takes up to one of it
+
+
+def test_a_torque_holds_against_a_pulse():
+    machine = MACHINES['still'](1)
+    j, size = 2, 40.0
+    (event,) = machine.found([HiddenPulse(JOINTS[j], 5.0, 1.0, np.array(size), 1.0)]).named
+    assert event.joints == (JOINTS[j],)
+    assert size - COULOMB[j] - 1.0 < event.peak[JOINTS[j]] < size + 1.0
+
+
+def test_scores_by_size_and_false_events_by_the_hour():
+    good = [pulse(12.0, is_named=False), pulse(20.0), pulse(40.0, off=-0.05)]
+    every = results([record(*good), record(*good, false=(11.0,)), record(kind='still')])
+    low, middle, high = every['events']['groups']
+    assert [g['named'].value for g in (low, middle, high)] == [0.0, 1.0, 1.0]
+    assert low['reasons'] == 'weak 2'
+    assert high['off_95'] == pytest.approx(0.05)
+    moving, still = every['events']['quiet']
+    assert moving['per_hour'] == pytest.approx(50.0)  # one in two records of a hundredth
+    assert (still['unjudged'], moving['unjudged']) == (1, 0)
+    missed = [check.what for check in judge(every) if not check.is_met]
+    assert missed == ['arms that move: false events an hour']
+    assert len(tables(every)) == 2
+
+
+def test_late_or_wrong_sizes_are_missed():
+    bad = results([record(pulse(20.0, off=0.2, error=0.3), pulse(20.0, is_named=False))])
+    missed = {check.what.rpartition(': ')[2] for check in judge(bad) if not check.is_met}
+    assert missed == {'named', 'middle, 95 % within', 'size, median error'}
