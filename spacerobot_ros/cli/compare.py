@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     from ..effects.robot_file import load_robot_file
     from ..json_values import json_text
     from ..model.files import write_text
-    from ..recording.read import read_records
+    from ..recording.read import read_groups
     from ..report.comparison_tables import summary
 
     out = check_folder(args.out, (JSON_NAME, 'a comparison'), args.force)
@@ -59,10 +59,7 @@ def run(args: argparse.Namespace) -> int:
     with progress() as stage:
         report = stage('reading', 1.0)
         groups = [[args.first, *args.before], [args.second, *args.after]]
-        before, after = (
-            read_records(paths, file.robot, args.map, split_gaps=args.split_gaps)
-            for paths in groups
-        )
+        before, after = read_groups(groups, file.robot, args.map, split_gaps=args.split_gaps)
         found = compare(
             before, after, file.robot, file.effects, lambda what, share: report(share, what)
         )

@@ -27,6 +27,7 @@ examples:
   spacerobot diagnose run --robot config/servicer.yaml --out out/diagnosis
   spacerobot diagnose arm.csv --map arm_columns.yaml --robot arm.yaml --out out/arm
   spacerobot diagnose run1.csv run2.csv --map arm_columns.yaml --robot arm.yaml --out out/arm
+  spacerobot diagnose empty.csv --payload full.csv --map columns.yaml --robot arm.yaml --out out/p
   spacerobot diagnose run --robot config/servicer.yaml --out out/d --json | jq .causes
   spacerobot simulate --robot out/diagnosis/extended_model.yaml -o again
 
@@ -47,6 +48,13 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     )
     add('--robot', required=True, metavar='YAML', help='robot file')
     add('--out', '-o', required=True, metavar='DIR', help='folder to write')
+    add(
+        '--payload',
+        metavar='DATA',
+        nargs='+',
+        default=[],
+        help='further recordings, with a load at the last link that the robot file lacks',
+    )
     add('--score', metavar='DATA2', help='another recording: what the extended model misses of it')
     add(
         '--no-closed-loop',
@@ -68,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
     with progress() as stage:
         asked = Question(
             data=tuple(args.data),
+            payload=tuple(args.payload),
             robot=args.robot,
             map=args.map or '',
             split_gaps=args.split_gaps,

@@ -26,10 +26,11 @@ from .answer.result import (
     Ranked,
     RecordingMisfit,
     Residual,
+    in_recordings,
 )
 from .arm_evidence import rivals_of
+from .arm_found import WORSE, ArmFound, rms
 from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
-from .arms import ArmFound, rms
 from .discovery.orders import find_orders
 from .events.answer import with_events
 from .friction_law import friction_laws
@@ -86,6 +87,7 @@ def conclude_arm(
         )
         for s, b, a in zip(channels, before, after, strict=True)
     )
+    recordings = _recordings(found)
     diagnosis = Diagnosis(
         verdict=verdict,
         sentence=_sentence(verdict, named, _overall(before), _overall(after)) + _law_words(laws),
@@ -98,9 +100,9 @@ def conclude_arm(
         fit_p=None,
         null_p=None,
         next_motion=(),
-        notes=(*notes, *scale_notes(found)),
+        notes=(*notes, *scale_notes(found), *_worse_words(recordings)),
         calibration=(*(c.applied for c in minor), *found.calibration),
-        recordings=_recordings(found),
+        recordings=recordings,
         friction=friction_laws(found),
         leftover=leftover,
         orders=None if leftover is None else find_orders(found.records, found.robot.joints),
@@ -215,6 +217,8 @@ def _ranked(first: Selection) -> list[Ranked]:
     out = []
     for i, margin in first.ranking():
         c, judged = first.rows.candidates[i], first.score(i)
+        if c.recordings is not None:
+            continue
         out.append(
             Ranked(
                 effect=c.kind.id,
@@ -230,16 +234,31 @@ def _ranked(first: Selection) -> list[Ranked]:
 
 def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:
     """What is left of every recording, before and after."""
-    return tuple(
-        RecordingMisfit(
-            source=record.source,
-            rms_before=_overall(rms([before])),
-            rms_after=_overall(rms([after])),
+    out = []
+    joints = found.robot.joints
+    every = zip(found.records, found.fit.rows.balances, found.extended, strict=True)
+    for record, *balances in every:
+        before, after = (rms([balance]) for balance in balances)
+        ratios = zip(joints, (after / before).tolist(), strict=True)
+        out.append(
+            RecordingMisfit(
+                source=record.source,
+                rms_before=_overall(before),
+                rms_after=_overall(after),
+                worse={joint: ratio for joint, ratio in ratios if ratio > WORSE},
+            )
         )
-        for record, before, after in zip(
-            found.records, found.fit.rows.balances, found.extended, strict=True
-        )
-    )
+    return tuple(out)
+
+
+def _worse_words(recordings: Sequence[RecordingMisfit]) -> list[str]:
+    """What the extended model makes worse, where all recordings together get better."""
+    return [
+        f'the extended model leaves more of some joints of {misfit.source}: '
+        + ', '.join(f'{joint} {ratio - 1.0:.1%}' for joint, ratio in misfit.worse.items())
+        for misfit in recordings
+        if misfit.worse
+    ]
 
 
 def _sentence(verdict: str, named: Sequence[Cause], before: float, after: float) -> str:
@@ -266,6 +285,7 @@ def _law_words(laws: Sequence[Leftover]) -> str:
 
 def _in_words(cause: Cause) -> str:
     where = f' at {cause.applied.where}' if cause.applied.where else ''
+    where += in_recordings(cause.applied)
     name, first = next(iter(cause.parameters.items()))
     unit = f' {first.unit}' if first.unit else ''
     return f'{cause.applied.title}{where} ({name} {first.value:.4g} +- {first.std:.2g}{unit})'

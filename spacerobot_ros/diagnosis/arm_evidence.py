@@ -66,12 +66,12 @@ def _placebo(selection: Selection, levels: Sequence[Array], i: int) -> float:
 
 def rivals_of(selection: Selection, i: int) -> tuple[Rival, ...]:
     """What could stand in a cause's place as well."""
-    own = selection.gain(i)
+    own, which = selection.gain(i), selection.rows.candidates[i]
     out = []
     for k, margin in selection.ranking(without=i):
         gap = own - (margin + selection.need(k))
         c = selection.rows.candidates[k]
-        is_other = k != i and not c.repeats([selection.rows.candidates[i]])
+        is_other = c.key != which.key and not c.repeats([which])
         if is_other and margin > 0.0 and abs(gap) < EQUIVALENT:
             out.append(
                 Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0), motion='')

@@ -11,7 +11,7 @@ from ..estimation.arm_priors import DRY, RUN_TO_RUN, Machine, is_kind_of, torque
 from ..estimation.evidence import score
 from ..estimation.scaling import value_std
 from ..types import Array
-from .arms import ArmFound
+from .arm_found import ArmFound
 
 
 def values_std(found: ArmFound, i: int, spread: Array) -> list[float]:

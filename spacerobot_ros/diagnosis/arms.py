@@ -3,77 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..effects.effect import Effect
-from ..errors import ConfigurationError, RecordingError
+from ..errors import ConfigurationError
 from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_priors import DRY, is_kind_of
 from ..estimation.arm_rows import ArmRows
-from ..estimation.balance import Balance, balance_of
-from ..estimation.evidence import Gram, sum_of
+from ..estimation.evidence import sum_of
 from ..estimation.motor_constants import first_constants, scaled_constant
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
 from .answer.result import Evidence
 from .arm_evidence import evidence_of
-from .events.arm_events import ArmEvents, Spans, arm_events
+from .arm_found import WORSE, ArmFound, balances_of, refuse_rest, rms
+from .events.arm_events import arm_events
 from .limits import CLEAR
 from .selection import Selection
 
 _ROUNDS = 4
 _SETTLED = 1e-3  # of a motor constant, from round to round
-_WORSE = 1.02
-"""Of a joint's rms as it is: the most that an extended model may leave of it."""
-
-
-@dataclass(frozen=True, eq=False)
-class ArmFound:
-    """What a search says.
-
-    Args:
-        records: The recordings.
-        robot: The robot file's robot.
-        believed: Its own effects.
-        first: The search before anything was chosen, whose ranking is shown.
-        selection: Its end.
-        fit: The chosen causes with values.
-        evidence: Of every chosen cause.
-        levels: (2 n, 6) variances of every joint's leftover, see `ArmRows.joints` [N^2 m^2].
-        constants: Motor constants of currents that nobody made torques, estimated beside all.
-        clear: Numbers of the causes that are named. named: The same as they are applied.
-        calibration: What is applied beside them without a name: causes that are not clear of
-            their own spread, and corrections of the file within its tolerance.
-        learned: Laws that nobody has named, see `discovery`.
-        events: What came from outside; all else is found without those times.
-    """
-
-    records: tuple[Record, ...]
-    robot: Robot
-    believed: tuple[Effect, ...]
-    first: Selection
-    selection: Selection
-    fit: ArmFit
-    evidence: Mapping[int, Evidence]
-    levels: Array
-    clear: tuple[int, ...]
-    named: tuple[Effect, ...]
-    calibration: tuple[Effect, ...]
-    constants: tuple[Effect, ...] = ()
-    learned: tuple[Effect, ...] = ()
-    events: ArmEvents = field(default_factory=ArmEvents)
-
-    @cached_property
-    def extended(self) -> tuple[Balance, ...]:
-        """The recordings under the extended model."""
-        effects = (*self.believed, *self.constants, *self.named, *self.calibration)
-        effects += self.learned
-        return tuple(_balances(self.records, self.robot, effects, self.events.left_out))
+_HEAVIEST = 8.0
+"""Times that a joint may count for more: values that are then 64 times its own are its alone."""
 
 
 def find_arm_causes(
@@ -82,8 +37,17 @@ def find_arm_causes(
     believed: Sequence[Effect],
     kinds: Sequence[type[Effect]],
     report: Callable[[str, float], None],
+    loaded: Sequence[int] = (),
 ) -> ArmFound:
     """Causes that hold on all recordings, and motor constants where nobody states them.
+
+    Args:
+        records: Of one machine.
+        robot: The robot file's robot.
+        believed: Its own effects.
+        kinds: Effects that may be causes.
+        report: Called with what is being done and the share done, from 0 to 1.
+        loaded: Numbers of the recordings with the same load at the last link.
 
     Raises:
         RecordingError: no joint moves, or currents that tell no motor constant.
@@ -91,7 +55,7 @@ def find_arm_causes(
     constants = first_constants(records, robot, believed)
     for _ in range(_ROUNDS if constants else 1):
         found = replace(
-            _found(records, robot, (*believed, *constants), kinds, report),
+            _found(records, robot, (*believed, *constants), kinds, report, loaded),
             believed=tuple(believed),
             constants=constants,
         )
@@ -118,6 +82,7 @@ def _found(
     believed: Sequence[Effect],
     kinds: Sequence[type[Effect]],
     report: Callable[[str, float], None],
+    loaded: Sequence[int],
 ) -> ArmFound:
     """Causes beside what is believed.
 
@@ -125,13 +90,14 @@ def _found(
     chosen, since a catalogue explains some of any leftover.
     """
     report('balancing torques along the motion', 0.1)
-    balances = _balances(records, robot, believed, [()] * len(records))
+    balances = balances_of(records, robot, believed, [()] * len(records))
     refuse_rest(balances, records)
-    rows = ArmRows.of(balances, kinds)
+    rows = ArmRows.of(balances, kinds).with_own(loaded)
     report('looking for events', 0.15)
     events = arm_events(balances, rows)
     if any(events.left_out):
-        rows = ArmRows.of(_balances(records, robot, believed, events.left_out), kinds)
+        rows = ArmRows.of(balances_of(records, robot, believed, events.left_out), kinds)
+        rows = rows.with_own(loaded)
         refuse_rest(rows.balances, records)
     report('finding the level of what no cause explains', 0.2)
     parts = rows.parts(rows.levels(rows.sizes, rows.friction))
@@ -144,37 +110,22 @@ def _found(
     selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)
     selection.run()
     selection.check_held_out()
-    plain = plain_of(selection, rows.parts(levels, is_white=False))
-    selection.check_plain(plain)
+    selection.check_plain(plain_of(selection, levels, np.ones(rows.robot.n_joints)))
     evidence = _beyond_placebos(selection, levels)
     report('fitting all causes together', 0.8)
-    spans = events.left_out
-    fit, clear, named, calibration = _applicable(selection, plain, records, robot, believed, spans)
-    return ArmFound(
+    found = ArmFound(
         tuple(records),
         robot,
         tuple(believed),
         first,
         selection,
-        fit,
+        ArmFit(rows, selection.whole, ()),
         evidence,
         np.array(levels),
-        clear,
-        named,
-        calibration,
+        np.ones(rows.robot.n_joints),
         events=events,
     )
-
-
-def _balances(
-    records: Sequence[Record],
-    robot: Robot,
-    effects: Sequence[Effect],
-    left_out: Sequence[Spans],
-) -> list[Balance]:
-    """Every recording under a robot with effects, without some times."""
-    both = zip(records, left_out, strict=True)
-    return [balance_of(record, robot, effects, spans) for record, spans in both]
+    return _applicable(found)
 
 
 def levels_of(rows: ArmRows, chosen: Selection) -> list[Array]:
@@ -189,8 +140,16 @@ def levels_of(rows: ArmRows, chosen: Selection) -> list[Array]:
     return rows.levels(fit.deviations, friction)
 
 
-def plain_of(selection: Selection, parts: Sequence[Gram]) -> Selection:
-    """The same with rows that are not whitened, counted so often that they say as much."""
+def plain_of(selection: Selection, levels: Sequence[Array], weights: Array) -> Selection:
+    """The same with rows that are not whitened, counted so often that they say as much.
+
+    Args:
+        selection: The choice.
+        levels: (6,) variances of every set of `ArmRows.joints`.
+        weights: (n,) how many times as much each joint's rows say.
+    """
+    scaled = [v / w**2 for v, w in zip(levels, np.tile(weights, 2), strict=True)]
+    parts = selection.rows.parts(scaled, is_white=False)
     chosen = [selection.rows.places[i] for i in selection.chosen or selection.live]
     own = np.concatenate(chosen) if chosen else np.zeros(0, dtype=int)
     white, plain = (np.diag(g.matrix)[own] for g in (selection.whole, sum_of(parts)))
@@ -211,34 +170,36 @@ def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int,
         selection.drop(worst)
 
 
-def _applicable(
-    selection: Selection,
-    plain: Selection,
-    records: Sequence[Record],
-    robot: Robot,
-    believed: Sequence[Effect],
-    left_out: Sequence[Spans],
-) -> tuple[ArmFit, tuple[int, ...], tuple[Effect, ...], tuple[Effect, ...]]:
+def _applicable(found: ArmFound) -> ArmFound:
     """The causes as they are applied: no joint may be worse with them than without.
 
-    Where one is, the cause at that joint with the least evidence goes; what of the file is
-    corrected within its tolerance goes before any.
+    Where one is, its rows count more: values that suit all joints together may cost one of them
+    a little. Where that does not help, the cause at that joint with the least evidence goes; what
+    of the file is corrected within its tolerance goes before any.
     """
-    rows = selection.rows
+    selection, rows, weights = found.selection, found.selection.rows, found.weights
     before = rms(rows.balances)
     while True:
+        plain = plain_of(selection, [*found.levels], weights)
         fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
         clear = _clear(fit)
+        out = replace(
+            found, fit=fit, clear=clear, named=tuple(fit.effects(clear)), weights=weights
+        )
         unclear = [i for i in fit.chosen if i not in clear]
-        named = fit.effects(clear)
-        for calibration in (fit.effects([*unclear, *fit.calibration]), fit.effects(unclear)):
-            effects = [*believed, *named, *calibration]
-            after = _applied_rms(records, robot, effects, left_out)
-            if after is not None and np.all(after <= _WORSE * before, where=np.isfinite(before)):
-                return fit, clear, tuple(named), tuple(calibration)
+        for more in ([*unclear, *fit.calibration], unclear):
+            out = replace(out, calibration=tuple(fit.effects(more)))
+            after = _extended_rms(out)
+            if after is not None and np.all(after <= WORSE * before, where=np.isfinite(before)):
+                return out
         if not selection.chosen:
-            return fit, (), (), ()
-        selection.drop(_weakest(selection, before, after))
+            return replace(out, calibration=())
+        worse = np.zeros_like(weights) if after is None else after > WORSE * before
+        if np.any(worse) and np.max(weights) < _HEAVIEST:
+            weights = np.where(worse, 2.0 * weights, weights)
+        else:
+            selection.drop(_weakest(selection, before, after))
+            weights = np.ones_like(weights)
 
 
 def _clear(fit: ArmFit) -> tuple[int, ...]:
@@ -253,15 +214,10 @@ def _clear(fit: ArmFit) -> tuple[int, ...]:
     )
 
 
-def _applied_rms(
-    records: Sequence[Record],
-    robot: Robot,
-    effects: Sequence[Effect],
-    left_out: Sequence[Spans],
-) -> Array | None:
-    """(n,) rms that a model leaves; None where there is no such robot."""
+def _extended_rms(found: ArmFound) -> Array | None:
+    """(n,) rms that the extended model leaves; None where there is no such robot."""
     try:
-        return rms(_balances(records, robot, effects, left_out))
+        return rms(found.extended)
     except ConfigurationError:
         return None
 
@@ -275,30 +231,3 @@ def _weakest(selection: Selection, before: Array, after: Array | None) -> int:
     gains = {i: selection.gain(i) for i in selection.chosen}
     there = {i: gain for i, gain in gains.items() if rows.candidates[i].where in worse}
     return min(there or gains, key=gains.__getitem__)
-
-
-def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:
-    """Refuse recordings that say nothing.
-
-    Raises:
-        RecordingError: no joint moves in any of them.
-    """
-    if not any(balance.arm.is_moving.any() for balance in balances):
-        raise RecordingError(
-            records[0].source or 'recording',
-            'no joint moves: at rest friction holds any torque; record a motion',
-        )
-
-
-def rms(balances: Sequence[Balance]) -> Array:
-    """(n,) rms of the torques that a model misses in the band where joints move [N m].
-
-    NaN for a joint that never does.
-    """
-    total, count = 0.0, 0
-    for balance in balances:
-        moving = balance.arm.is_moving[:: balance.arm.stride]
-        total = total + np.sum(balance.torque**2 * moving, axis=0)
-        count = count + np.sum(moving, axis=0)
-    with np.errstate(invalid='ignore'):
-        return np.asarray(np.sqrt(total / np.where(count, count, np.nan)))

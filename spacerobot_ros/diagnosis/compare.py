@@ -26,7 +26,7 @@ from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record
 from ..types import Array, IntArray
-from .arms import refuse_rest
+from .arm_found import refuse_rest
 from .changes import ChangeRows, Changes, is_lasting
 from .repeats import FEWEST, aligned, find_changes_of_repeats
 from .selection import Selection

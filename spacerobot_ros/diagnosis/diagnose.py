@@ -21,7 +21,8 @@ from ..recording.faults.check import check_data
 from ..recording.record import Record
 from .answer.result import Diagnosis
 from .arm_conclusion import conclude_arm
-from .arms import ArmFound, find_arm_causes, refuse_rest, rms
+from .arm_found import ArmFound, refuse_rest, rms
+from .arms import find_arm_causes
 from .conclusion import conclude
 from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
@@ -52,6 +53,7 @@ def diagnose(
     believed: Sequence[Effect] = (),
     catalogue: Iterable[type[Effect]] | None = None,
     report: Callable[[str, float], None] = lambda what, share: None,
+    loaded: Sequence[int] = (),
 ) -> Diagnosis:
     """Compare runs with the robot's simulation and name what is different.
 
@@ -61,6 +63,7 @@ def diagnose(
         believed: The robot file's own effects.
         catalogue: Effects that may be causes; the whole catalogue without it.
         report: Called with what is being done and the share done, from 0 to 1.
+        loaded: Numbers of the recordings with the same load at the last link of an arm.
 
     Raises:
         RecordingError: a record from which nothing can be said, or only what is wrong; several
@@ -72,7 +75,7 @@ def diagnose(
     if len(every) == 1 < len(pieces):
         one = partial(diagnose, robot=robot, believed=believed, catalogue=kinds)
         return diagnose_pieces(pieces, one, report)
-    return _diagnosed(every, robot, believed, kinds, report)
+    return _diagnosed(every, robot, believed, kinds, report, loaded)
 
 
 def _diagnosed(
@@ -81,6 +84,7 @@ def _diagnosed(
     believed: Sequence[Effect],
     kinds: Sequence[type[Effect]],
     report: Callable[[str, float], None],
+    loaded: Sequence[int],
 ) -> Diagnosis:
     """What `diagnose` says of records that fit into memory."""
     measured = []
@@ -97,7 +101,7 @@ def _diagnosed(
     if still := _at_rest(balances, measured):
         return still
     if len(measured) > 1:
-        found = find_arm_causes(measured, robot, believed, kinds, report)
+        found = find_arm_causes(measured, robot, believed, kinds, report, loaded)
         return conclude_arm(*discover(found, report), (_TOGETHER,))
     noise, notes = noise_levels(robot.sensors, measured[0])
     if _is_of_unknown_noise(measured[0], robot):

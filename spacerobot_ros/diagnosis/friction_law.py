@@ -9,7 +9,7 @@ from ..effects.learned_torque import LearnedTorque
 from ..estimation.balance import Balance
 from ..types import Array
 from .answer.result import FrictionLaw
-from .arms import ArmFound
+from .arm_found import ArmFound
 
 
 def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
@@ -54,7 +54,7 @@ def _is_friction(law: Effect, joint: str) -> bool:
 def _offset(found: ArmFound, joint: str) -> float:
     """Of a joint's measured torque, where one is named [N m]."""
     biases = (e for e in found.named if (e.id, e.where) == ('torque_sensor_bias', joint))
-    return sum(e['bias'] for e in biases)
+    return sum(e['bias'] for e in biases if e.recordings is None)
 
 
 def _friction(balance: Balance, effects: list[Effect], joint: str) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from ..estimation.arm_priors import DRY, VISCOUS, friction_of
 from ..model.robot import Robot
 from ..types import Array
 from .answer.result import Ratio
-from .arms import ArmFound
+from .arm_found import ArmFound
 
 _STEP = 1e-4  # rad, of the weight's slope
 _NUDGE = 1e-6  # of a coefficient's plausible size, of differences by it
@@ -65,7 +65,8 @@ def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
         for c, at in zip(rows.candidates, rows.places, strict=True)
         if c.kind.id == 'joint_torque_constant'
     }
-    which = [i for i in (*fit.chosen, *fit.calibration) if not fit.is_gain(i)]
+    every = [i for i in (*fit.chosen, *fit.calibration) if not fit.is_gain(i)]
+    which = [i for i in every if rows.candidates[i].recordings is None]
 
     def at(change: Array) -> dict[Key, float]:
         """Ratios where coefficients (K,) are that much larger than found."""

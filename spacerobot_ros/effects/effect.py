@@ -53,6 +53,8 @@ class Effect:
         name: Its free name in a robot file.
         where: Its place.
         values: Every parameter of its kind.
+        recordings: Numbers, from 0, of the recordings of a machine that it is of; None: of the
+            machine, and of all.
 
     Attributes of the kinds:
         id: Name in robot files and results; never renamed.
@@ -94,10 +96,15 @@ class Effect:
     name: str
     where: str | None
     values: Values
+    recordings: tuple[int, ...] | None = None
 
     def __getitem__(self, parameter: str) -> float:
         """Value of a parameter."""
         return self.values[parameter]
+
+    def is_of(self, recording: int) -> bool:
+        """Whether it acts in a recording."""
+        return self.recordings is None or recording in self.recordings
 
     def vector(self, *names: str) -> Array:
         """Values of some parameters; without names, (3,) of x, y, z."""

@@ -87,7 +87,7 @@ def _scale(
         response = Response(robot, motion)
         columns = [
             -response.force(effect)[:, 6:][:, branch] / step
-            if c.kind.id in _BODIES
+            if c.kind.id in _BODIES and c.recordings is None
             else np.zeros_like(own)
             for c in candidates
             for effect, step in c.small_steps

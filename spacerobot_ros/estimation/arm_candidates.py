@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..effects.effect import Effect
+from ..model.robot import Robot
 from .balance import Balance
 from .columns import Candidate, candidate_at
 
@@ -20,6 +22,8 @@ _BY_PATH = ('joint_presliding_friction',)
 """Effects with a state of their own that the path of a joint gives."""
 _DISPLACEMENTS = (1e-3, 3e-3, 1e-2, 3e-2)  # rad, over which dry friction builds up
 _TOGETHER = 0.05  # of a recording, in which two joints must move to show what couples them
+_ANEW = ('torque_sensor_bias', 'current_offset')
+"""Zeros of sensors, which may be set anew before each recording."""
 _REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back
 
 
@@ -43,6 +47,29 @@ def arm_candidates(
                 candidate = candidate_at(kind, robot, where, variant)
                 if candidate is not None:
                     yield candidate
+
+
+def candidates_of_recordings(
+    shared: Sequence[Candidate], robot: Robot, count: int, loaded: Sequence[int]
+) -> Iterable[Candidate]:
+    """What may be another one in some recordings, beside what the machine has in all of them.
+
+    Zeros of sensors in each one, as long as that no more than doubles the columns: among more
+    recordings they are a slow part of the level of what is left. A load where one is declared.
+
+    Args:
+        shared: The catalogue's candidates.
+        robot: The robot.
+        count: Number of recordings.
+        loaded: Those with the same load at the last link.
+    """
+    zeros = [c for c in shared if c.kind.id in _ANEW]
+    if count > 1 and count * len(zeros) <= sum(len(c.sizes) for c in shared):
+        for run in range(count):
+            yield from (replace(c, recordings=(run,)) for c in zeros)
+    last = 'inertial_parameters', robot.bodies[-1].name
+    if 0 < len(loaded) < count:
+        yield from (replace(c, recordings=tuple(loaded)) for c in shared if c.key == last)
 
 
 def _excludes(kind: type[Effect], believed: Effect) -> bool:

@@ -14,7 +14,7 @@ from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..types import Array, BoolArray, IntArray
 from .anchor import HELD, scale_columns, unanchored
-from .arm_candidates import arm_candidates
+from .arm_candidates import arm_candidates, candidates_of_recordings
 from .arm_priors import DRY, NOTHING, Machine, with_prior
 from .balance import Balance
 from .columns import Candidate
@@ -59,6 +59,15 @@ class ArmRows:
                 found.append(with_prior(candidate, prior[0]))
                 tolerances.append(prior[1])
         return cls(tuple(balances), tuple(found), np.concatenate(tolerances))
+
+    def with_own(self, loaded: Sequence[int]) -> ArmRows:
+        """With what recordings may have of their own; see `candidates_of_recordings`."""
+        count = len(self.balances)
+        own = [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
+        tolerances = [self.tolerances, *(NOTHING * c.sizes for c in own)]
+        return replace(
+            self, candidates=(*self.candidates, *own), tolerances=np.concatenate(tolerances)
+        )
 
     @cached_property
     def sizes(self) -> Array:
@@ -151,7 +160,13 @@ class ArmRows:
     def columns(self) -> list[Array]:
         """(M, n, K) of every recording [N m by coefficient]."""
         steps = [step for c in self.candidates for step in c.small_steps]
-        return [balance.columns(steps) for balance in self.balances]
+        out = []
+        for run, balance in enumerate(self.balances):
+            at = [k for k, (effect, _) in enumerate(steps) if effect.is_of(run)]
+            columns = balance.columns([steps[k] for k in at])
+            out.append(np.zeros((*columns.shape[:2], len(steps))))
+            out[-1][:, :, at] = columns
+        return out
 
     @cached_property
     def scale(self) -> Array:

@@ -38,6 +38,7 @@ class Candidate:
         lower: (K,) bounds of the coefficients. upper: (K,).
         trials: Number of variants that were looked at.
         parameters: Those of the effect that this robot's motion tells.
+        recordings: See `Effect.recordings`.
     """
 
     kind: type[Effect]
@@ -50,6 +51,7 @@ class Candidate:
     upper: Array
     trials: int = 1
     parameters: tuple[Parameter, ...] = ()
+    recordings: tuple[int, ...] | None = None
 
     @property
     def key(self) -> tuple[str, str | None]:
@@ -72,7 +74,7 @@ class Candidate:
         return [
             other.kind if isinstance(other, Candidate) else type(other)
             for other in others
-            if other.where == self.where
+            if (other.where, other.recordings) == (self.where, self.recordings)
         ]
 
     @property
@@ -100,7 +102,9 @@ class Candidate:
     def applied(self, values: Mapping[str, float]) -> Effect:
         """The effect with given values."""
         name = self.kind.id if self.where is None else f'{self.kind.id}_{self.where}'
-        return self.kind(name=name, where=self.where, values=dict(values))
+        return self.kind(
+            name=name, where=self.where, values=dict(values), recordings=self.recordings
+        )
 
 
 def candidates(

@@ -86,22 +86,43 @@ def read_records(
         RecordingError: as `read_record`, the file named; one given twice, or too short.
         ConfigurationError: the mapping can't be read as YAML.
     """
-    records: list[Record] = []
-    files = [Path(path).resolve() for path in paths]
-    for i, path in enumerate(paths):
+    (records,) = read_groups([paths], robot, map_path, split_gaps=split_gaps)
+    return records
+
+
+def read_groups(
+    groups: Sequence[Sequence[str | Path]],
+    robot: Robot,
+    map_path: str | Path | None = None,
+    *,
+    split_gaps: bool = False,
+) -> list[tuple[Record, ...]]:
+    """Several groups of recordings, as `read_records` has one; no recording is in two."""
+    every = [path for group in groups for path in group]
+    files = [Path(path).resolve() for path in every]
+    for i, path in enumerate(every):
         if files[i] in files[:i]:
             raise RecordingError(str(path), 'is given twice')
-        with _naming(path, paths[0], has_map=map_path is not None):
-            record = read_record(path, robot, map_path, is_joined=split_gaps)
-        if record.joints is not None and is_short(record.joint_time):
-            raise RecordingError(
-                str(path),
-                f'is too short: {len(record.joint_time)} samples of the joints in '
-                f'{np.ptp(record.joint_time):.3g} s, at least {FEWEST_SAMPLES} in '
-                f'{SHORTEST:g} s are needed',
-            )
-        records += map(with_gaps_noted, split_at_gaps(record)) if split_gaps else (record,)
-    return tuple(records)
+    out = []
+    for group in groups:
+        records: list[Record] = []
+        for path in group:
+            with _naming(path, every[0], has_map=map_path is not None):
+                record = read_record(path, robot, map_path, is_joined=split_gaps)
+            _refuse_short(record, path)
+            records += map(with_gaps_noted, split_at_gaps(record)) if split_gaps else (record,)
+        out.append(tuple(records))
+    return out
+
+
+def _refuse_short(record: Record, path: str | Path) -> None:
+    if record.joints is not None and is_short(record.joint_time):
+        raise RecordingError(
+            str(path),
+            f'is too short: {len(record.joint_time)} samples of the joints in '
+            f'{np.ptp(record.joint_time):.3g} s, at least {FEWEST_SAMPLES} in '
+            f'{SHORTEST:g} s are needed',
+        )
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from ..diagnosis.answer.appearance import Appearance
 from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
 from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.output import relevance
-from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual
+from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual, in_recordings
 from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.events.event import Events
 from ..display import Section, Table, table
@@ -81,7 +81,7 @@ def parameter_table(causes: Sequence[Cause], caption: str = '') -> Table:
     """One row a parameter of each cause."""
     rows: list[tuple[str, ...]] = []
     for cause in causes:
-        place = cause.applied.title, cause.applied.where or ''
+        place = cause.applied.title, f'{cause.applied.where or ""}{in_recordings(cause.applied)}'
         for name, found in cause.parameters.items():
             value = value_with(found.value, found.std)
             threshold = relevance(cause.thresholds[name])
@@ -278,7 +278,7 @@ def _floors(residual: Residual) -> float:
 
 def label(cause: Cause) -> str:
     """A cause in a few words."""
-    return _at(cause.applied.id, cause.applied.where)
+    return _at(cause.applied.id, cause.applied.where) + in_recordings(cause.applied)
 
 
 def _at(effect: str, where: str | None) -> str:

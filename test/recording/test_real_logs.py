@@ -17,7 +17,7 @@ from spacerobot_ros.recording.faults.check import data_faults
 from spacerobot_ros.recording.faults.kinematics import find_faults
 from spacerobot_ros.recording.gaps import split_at_gaps
 from spacerobot_ros.recording.npz import load_npz, save_npz
-from spacerobot_ros.recording.read import read_record, read_records
+from spacerobot_ros.recording.read import read_groups, read_record, read_records
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 CONSTANTS = (10.0, 20.0, 30.0)
@@ -368,6 +368,7 @@ def test_several_recordings(tmp_path):
 def test_recordings_that_do_not_go_together_are_one_line(tmp_path):
     path, map_path = written(tmp_path)
     one_line('run.csv.gz: is given twice', read_records, [path, path], AMPERES, map_path)
+    one_line('run.csv.gz: is given twice', read_groups, [[path], [path]], AMPERES, map_path)
     other = tmp_path / 'other.csv'
     other.write_text('0,1\n1,2\n')
     match = r'other.csv: has no column .*\(the mapping fits .*run.csv.gz\)'

@@ -12,7 +12,7 @@ from ...effects.robot_file import RobotFile, load_robot_file
 from ...estimation.motor_constants import as_recorded
 from ...model.robot import Robot
 from ...recording.faults.check import check_data
-from ...recording.read import read_record, read_records
+from ...recording.read import read_groups, read_record
 from ...recording.record import Record
 from ..diagnose import diagnose
 from ..discovery.other_recording import judged_on
@@ -32,6 +32,7 @@ class Question:
 
     Args:
         data: Recordings of one machine.
+        payload: Further ones, with the same load at its last link.
         robot: Robot file.
         map: Column mapping of tables; empty for none.
         split_gaps: Whether a recording is taken as several, split at its pauses.
@@ -41,6 +42,7 @@ class Question:
 
     data: tuple[str, ...]
     robot: str
+    payload: tuple[str, ...] = ()
     map: str = ''
     split_gaps: bool = False
     has_closed_loop: bool = True
@@ -49,6 +51,7 @@ class Question:
     def command(self, out: str) -> str:
         """The command line that asks it and writes to a folder."""
         words = ['spacerobot', 'diagnose', *self.data, '--robot', self.robot, '--out', out]
+        words += ['--payload', *self.payload] * bool(self.payload)
         words += ['--map', self.map] * bool(self.map)
         words += ['--split-gaps'] * self.split_gaps
         words += ['--score', self.score] * bool(self.score)
@@ -64,7 +67,7 @@ class Findings:
         diagnosis: The diagnosis, its rivals with the motions that separate them.
         file: The robot file.
         records: The data.
-        added: The causes as they stand in the extended model.
+        added: The causes of the machine as they stand in the extended model.
         calibration: What else stands there: corrections within the tolerance of any file.
         learned: And laws that nobody has named.
         closed_loop: Worth of the extended model to a controller; None where it was not measured.
@@ -124,16 +127,27 @@ def findings(
             `load_robot_file`.
     """
     file = load_robot_file(asked.robot)
-    records = read_records(asked.data, file.robot, asked.map or None, split_gaps=asked.split_gaps)
+    without, loaded = read_groups(
+        [asked.data, asked.payload], file.robot, asked.map or None, split_gaps=asked.split_gaps
+    )
+    records = (*without, *loaded)
     diagnosis = diagnose(
-        records, file.robot, file.effects, report=lambda what, share: report(share, what)
+        records,
+        file.robot,
+        file.effects,
+        report=lambda what, share: report(share, what),
+        loaded=range(len(without), len(records)),
     )
     said = dict.fromkeys(note for record in records for note in record.notes)
     diagnosis = replace(diagnosis, notes=(*said, *diagnosis.notes))
     if file.robot.joints:  # without any there is no motion to design
         diagnosis = with_motions(diagnosis, asked.robot)
-    added = named((cause.applied for cause in diagnosis.causes), file.effects)
-    calibration = named(diagnosis.calibration, (*file.effects, *added))
+    lasting, corrections = (
+        [effect for effect in some if effect.recordings is None]
+        for some in ((cause.applied for cause in diagnosis.causes), diagnosis.calibration)
+    )
+    added = named(lasting, file.effects)
+    calibration = named(corrections, (*file.effects, *added))
     other = read_record(asked.score, file.robot, asked.map or None) if asked.score else None
     diagnosis = _with_names(diagnosis, other, file, (*added, *calibration))
     learned = tuple(e.applied for e in diagnosis.leftover or () if e.applied is not None)

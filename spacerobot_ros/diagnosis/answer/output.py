@@ -34,10 +34,10 @@ def to_dict(
         appearances: Where in the motion each channel's error appears, by channel.
     """
     seen = appearances or {}
-    names = [effect.name for effect in added]
+    names = iter([effect.name for effect in added] or _ids(diagnosis))
     causes = [
-        {**_cause(cause), 'name': name}
-        for cause, name in zip(diagnosis.causes, names or _ids(diagnosis), strict=True)
+        _cause(cause) | {'name': next(names) if cause.applied.recordings is None else None}
+        for cause in diagnosis.causes
     ]
     values: dict[str, Any] = {
         'schema': SCHEMA,
@@ -71,7 +71,8 @@ def to_dict(
 
 
 def _ids(diagnosis: Diagnosis) -> list[str]:
-    return [cause.applied.name for cause in diagnosis.causes]
+    every = (cause.applied for cause in diagnosis.causes)
+    return [effect.name for effect in every if effect.recordings is None]
 
 
 def _cause(cause: Cause) -> dict[str, Any]:
@@ -88,11 +89,17 @@ def _cause(cause: Cause) -> dict[str, Any]:
         'relevant': cause.relevant,
         'constant_p': cause.constant_p,
         'held_out_recordings': cause.held_out_recordings,
+        'recordings': cause.applied.recordings,
     }
 
 
 def _calibration(effect: Effect) -> dict[str, Any]:
-    return {'effect': effect.id, 'where': effect.where, 'parameters': dict(effect.values)}
+    return {
+        'effect': effect.id,
+        'where': effect.where,
+        'parameters': dict(effect.values),
+        'recordings': effect.recordings,
+    }
 
 
 def _leftover(entry: Leftover) -> dict[str, Any]:

@@ -83,6 +83,14 @@ class Cause:
     held_out_recordings: tuple[float, ...] | None = None
 
 
+def in_recordings(effect: Effect) -> str:
+    """The recordings that it is of alone, from 1, in words; empty for all."""
+    if effect.recordings is None:
+        return ''
+    numbers = ', '.join(str(1 + run) for run in effect.recordings)
+    return f' in recording{"s" * (len(effect.recordings) > 1)} {numbers}'
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residual:
     """One channel before and after.
@@ -207,11 +215,13 @@ class RecordingMisfit:
     Args:
         source: Where it came from.
         rms_before: Of the model as it stands [N m]. rms_after: Of the extended one [N m].
+        worse: By joint, the ratio of both where the extended model leaves over 2 % more.
     """
 
     source: str
     rms_before: float
     rms_after: float
+    worse: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ from ...estimation.observations import observed
 from ...model.robot import Robot
 from ...recording.faults.check import check_data
 from ...recording.record import Record
-from ..arms import rms
+from ..arm_found import rms
 from .free_motion import free_motion
 from .result import FreeMotion
 

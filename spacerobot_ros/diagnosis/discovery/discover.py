@@ -13,7 +13,7 @@ from ...effects.learned_torque import LearnedTorque
 from ...effects.motion import Motion
 from ...estimation.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
-from ..arms import ArmFound, rms
+from ..arm_found import ArmFound, rms
 from ..limits import CLEAR
 from .arm_channels import ArmMotions, JointChannel
 from .channel_laws import HeldLaw, has_one_speed, laws_of, said_of, said_without

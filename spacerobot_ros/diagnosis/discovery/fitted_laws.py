@@ -15,7 +15,8 @@ from ...estimation.arm_priors import NOTHING
 from ...estimation.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...types import Array
-from ..arms import ArmFound, levels_of, plain_of
+from ..arm_found import ArmFound
+from ..arms import levels_of, plain_of
 from ..selection import Selection
 from .arm_channels import ArmMotions
 from .possible_laws import Law
@@ -119,7 +120,7 @@ def with_laws(found: ArmFound, laws: Sequence[LawCandidate]) -> tuple[ArmFound, 
     levels = levels_of(rows, rough)
     selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)
     selection.chosen = list(rough.chosen)
-    plain = plain_of(selection, rows.parts(levels, is_white=False))
+    plain = plain_of(selection, levels, found.weights)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
     unclear = [i for i in found.fit.chosen if i not in found.clear]
     corrections = fit.calibration if len(found.calibration) > len(unclear) else []

@@ -32,7 +32,7 @@ from ...estimation.scaling import PROPORTIONAL
 from ...recording.faults.thresholds import is_short
 from ...recording.record import Record
 from ...types import Array
-from ..arms import refuse_rest
+from ..arm_found import refuse_rest
 
 _STRETCH = 60.0  # s that are judged at once: bounds memory, and an initial state more is cheap
 _STRETCHES = 5  # of a long record, evenly spread
