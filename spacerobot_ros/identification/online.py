@@ -34,22 +34,18 @@ from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.buffer import SampleBuffer
 from ..recording.faults.kinematics import contradictions
-from ..recording.gaps import SPLIT_PERIODS
 from ..recording.record import Record
 from ..types import Array
-from .estimate import Estimate, estimated_values
+from .estimate import Estimate
 from .maximum_likelihood import Known, MaximumLikelihood, prepare
-from .outliers import Outliers, without_outliers
+from .outliers import without_outliers
+from .pauses import LONGEST_PAUSE, common_time, first_pause
 from .saved_knowledge import load, save
-from .summary import Identification, Source, conclude
+from .summary import Identification, Source, conclude, nothing_known
 from .validity_limits import FIRST, MOVED
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
-_LONGEST_PAUSE = 0.5
-"""Longest time without joints or gyro that is bridged [s]. Up to 0.7 s estimates stay valid and
-within 2.6 standard deviations (servicer, 100 Hz, two seeds); from 0.9 s without a gyro on chi2 no
-longer explains itself. Of slow sensors four periods, as where recordings are split."""
 _LARGEST = 20_000
 """Samples of one sensor in one solution: it takes 36 kB of memory for each (servicer)."""
 _FAILURES = (ArithmeticError, LookupError, RuntimeError, ValueError)
@@ -196,10 +192,10 @@ class OnlineIdentifier:
             return self._nothing('no samples that agree with each other')
         end = float(min(tail.joint_time[-1], tail.rate_time[-1])) - self._lag
         end = min(end, *(self._longest(time) for time in (record.joint_time, record.rate_time)))
-        before, after = _first_pause(tail)
+        before, after = first_pause(tail)
         if end <= before:
             return self._solve(record, end)
-        if min(after, end) - before <= _LONGEST_PAUSE:  # late samples may still fill it
+        if min(after, end) - before <= LONGEST_PAUSE:  # late samples may still fill it
             return self._solve(record, before)
         with suppress(IdentificationError):
             self._solve(record.between(-np.inf, before), before)
@@ -209,7 +205,7 @@ class OnlineIdentifier:
     def _solve(self, record: Record, end: float) -> Estimate:
         """Use a record without long pauses up to a time [s]."""
         is_first, known = self._noise is None, self._known
-        seconds = _common(record, end)
+        seconds = common_time(record, end)
         if end - self._done < 1e-3 or (is_first and seconds < FIRST):
             return self._nothing(
                 f'only {max(seconds, 0.0):.1f} s of data yet, {FIRST:g} s are needed'
@@ -224,12 +220,15 @@ class OnlineIdentifier:
             self._begin(end, known)
             raise _unusable(f'samples up to {end:.6g} s', error) from error
 
-    def _screened(self, record: Record) -> tuple[Record, Outliers]:
-        """A record without outliers, and which they were."""
+    def _screened(
+        self, record: Record, after: float = -np.inf, until: float = np.inf
+    ) -> tuple[Record, Counter[str]]:
+        """A record without outliers, and how many there were after and until some times [s]."""
         noise = self._noise
         if noise is None:
             noise, _ = noise_levels(self._model.robot.sensors, record, is_checked=False)
-        return without_outliers(record, noise)
+        kept, found = without_outliers(record, noise)
+        return kept, found.counted(record, after, until)
 
     def _count(self, add: Callable[..., None], *sample: int | Array) -> None:
         """Add a sample; count what is rejected."""
@@ -242,31 +241,24 @@ class OnlineIdentifier:
     def _run_all(self, record: Record, end: float) -> None:
         record = record.between(-np.inf, end)
         self._noise, notes = noise_levels(self._model.robot.sensors, record, is_checked=False)
-        record, outliers = self._screened(record)
+        record, left_out = self._screened(record)
         stretch = prepare(record, self._noise, self._holds(record))
         self._likelihood.solve(stretch)
         self._rerun_constants, self._rerun_std = self._likelihood.constants, self._likelihood.std
         samples = self._earlier.samples + len(record.joint_time)
         self._source = Source(samples, 0, notes, contradictions(record))
-        counts = {sensor: int(np.sum(bad)) for sensor, bad in outliers._asdict().items()}
-        self.left_out = self._left_out_earlier + Counter(counts)
+        self.left_out = self._left_out_earlier + left_out
         self._done = float(stretch.reference.times[-1])
         begun = max(self._start, 0.0)
         self._next_rerun = begun + 2.0 * (end - begun)
 
     def _run_new(self, record: Record, end: float) -> None:
         whole = record.between(self._done - _CONTEXT, np.inf)
-        context, outliers = self._screened(whole)
+        context, left_out = self._screened(whole, self._done, end)
         new = context.between(self._done, end)
         if self._noise is None or not (len(new.joint_time) or len(new.rate_time)):
             return
-        times = (whole.joint_time, whole.rate_time, whole.attitude_time)
-        self.left_out = self.left_out + Counter(
-            {
-                sensor: int(np.sum(bad & (time > self._done) & (time <= end)))
-                for sensor, time, bad in zip(outliers._fields, times, outliers, strict=True)
-            }
-        )
+        self.left_out = self.left_out + left_out
         stretch = self._likelihood.extend(new, context, self._noise, self._holds(record))
         samples = self._source.samples + len(new.joint_time)
         self._source = replace(self._source, samples=samples)
@@ -317,43 +309,9 @@ class OnlineIdentifier:
         """The last estimate; before the first the prior, not valid."""
         if self._last is not None:
             return self._last.estimate
-        model, settings = self._model, self._settings
-        prior = model.prior()
-        std = np.full(model.size, settings.prior_std * np.max(np.abs(prior[model.x])))
-        std[:3], std[model.aam] = 10.0 * settings.momentum_prior_std, settings.momentum_prior_std
-        known = estimated_values(model, prior, np.diag(std**2))
-        return Estimate(
-            method='online',
-            valid=False,
-            reason=reason,
-            rank=0,
-            condition=float('inf'),
-            unexcited=('every direction',),
-            chi2_per_dof=0.0,
-            samples=0,
-            stamp_ns=self.samples.newest_ns or 0,
-            **{**known, 'nuisances': ()},
-        )
+        stamp_ns = self.samples.newest_ns or 0
+        return nothing_known(self._model, self._settings, reason, stamp_ns)
 
 
 def _unusable(which: str, error: Exception) -> IdentificationError:
     return IdentificationError(f'the {which} can not be used, another segment begins: {error}')
-
-
-def _common(record: Record, end: float) -> float:
-    """Time that joints and gyro have both been there [s]; zero without an attitude meanwhile."""
-    if not (len(record.joint_time) and len(record.rate_time)):
-        return 0.0
-    begun = float(max(record.joint_time[0], record.rate_time[0]))
-    seen = (record.attitude_time >= begun) & (record.attitude_time <= end)
-    return end - begun if np.any(seen) else 0.0
-
-
-def _first_pause(record: Record) -> tuple[float, float]:
-    """The first pause of joints or gyro that is not bridged [s]; at infinity without."""
-    pauses = [(np.inf, np.inf)]
-    for time in (record.joint_time, record.rate_time):
-        steps = np.diff(time)
-        longest = max(_LONGEST_PAUSE, SPLIT_PERIODS * float(np.median(steps))) if len(steps) else 0
-        pauses += [(float(time[k]), float(time[k + 1])) for k in np.flatnonzero(steps > longest)]
-    return min(pauses)

@@ -10,6 +10,7 @@ the median absolute error, so that a motion rougher than thought is not taken fo
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -38,6 +39,18 @@ class Outliers(NamedTuple):
     joints: np.ndarray
     imu: np.ndarray
     attitude: np.ndarray
+
+    def counted(
+        self, record: Record, after: float = -np.inf, until: float = np.inf
+    ) -> Counter[str]:
+        """Their number by sensor, of a record's samples after a time and until another [s]."""
+        times = (record.joint_time, record.rate_time, record.attitude_time)
+        return Counter(
+            {
+                sensor: int(np.sum(bad & (time > after) & (time <= until)))
+                for sensor, time, bad in zip(self._fields, times, self, strict=True)
+            }
+        )
 
 
 def without_outliers(record: Record, noise: NoiseLevels) -> tuple[Record, Outliers]:

@@ -225,3 +225,25 @@ def _doubt(estimate: Estimate, valid_std: float) -> str:
         chi2 = f'{estimate.chi2_per_dof:.3g}'
         return f'the model does not explain the data: chi2 per degree of freedom is {chi2}'
     return ''
+
+
+def nothing_known(
+    model: MomentumModel, settings: IdentifierSettings, reason: str, stamp_ns: int
+) -> Estimate:
+    """The prior as an estimate that is not valid, for a reason, at a stamp [ns]."""
+    prior = model.prior()
+    std = np.full(model.size, settings.prior_std * np.max(np.abs(prior[model.x])))
+    std[:3], std[model.aam] = 10.0 * settings.momentum_prior_std, settings.momentum_prior_std
+    known = estimated_values(model, prior, np.diag(std**2))
+    return Estimate(
+        method='online',
+        valid=False,
+        reason=reason,
+        rank=0,
+        condition=float('inf'),
+        unexcited=('every direction',),
+        chi2_per_dof=0.0,
+        samples=0,
+        stamp_ns=stamp_ns,
+        **{**known, 'nuisances': ()},
+    )

@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.models import random_tree, robot_of
 
 from spacerobot_ros.campaign.monitor_flights import Flight, in_flight, monitor_of
+from spacerobot_ros.diagnosis.flight.block_innovations import Block
+from spacerobot_ros.diagnosis.flight.event_watch import EventWatch
 from spacerobot_ros.diagnosis.flight.monitor import Monitor
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.errors import MessageRejectedError
@@ -119,3 +122,22 @@ def test_the_controller_damps_or_holds_and_goes_on(answer):
     # easing from 160 N m over a quarter of a second makes 7 N m a sample; a step at once, 120
     taken = np.flatnonzero(answered)[0]
     assert np.max(steps[taken - 5 : taken + 100]) < 25.0
+
+
+def test_joints_that_hardly_differ_have_an_event_all_the_same(rng):
+    """Only together they explain it: by the usual scatter none stands out beside the other."""
+    robot = robot_of(random_tree(rng, [0, 1]), base='fixed')
+    watch, scatter = EventWatch(robot, (), 1), 8.0
+    own = np.repeat([1.0, 0.0], 20)
+    columns = np.stack([own, own + rng.normal(0.0, 0.05, 40)], axis=-1)
+    index, none = np.zeros(40, dtype=int), np.zeros((40, 0))
+
+    def add(start, data):
+        watch.add(Block(index, index, own, data, none, none, columns[:, None]), start, start + 0.1)
+
+    for k in range(40):
+        add(0.1 * k, scatter * rng.normal(size=40))
+    assert watch.event is None
+    add(4.0, columns @ [550.0, -520.0])
+    assert watch.event.effect == 'external_joint_torque'
+    assert watch.event.in_words().startswith('external_joint_torque at ')

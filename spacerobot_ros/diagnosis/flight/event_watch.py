@@ -213,7 +213,8 @@ class EventWatch:
         if whole - _gain(square, part, best) > rest:
             covariance = np.linalg.inv(_held(square))
             sizes = (covariance @ part) ** 2 / np.diag(covariance) / _by_axis(colour, b) ** 2
-            best = [k for k in every if k < b or sizes[k] > max(LISTED**2, 0.5 * _SHAPE * whole)]
+            least = max(LISTED**2, 0.5 * _SHAPE * whole)
+            best = [k for k in every if k < b or sizes[k] > least] or best
         covariance = np.linalg.inv(_held(square[np.ix_(best, best)]))
         torque = covariance @ part[best]
         std = np.sqrt(np.diag(covariance)) * _by_axis(colour, b)[best]

@@ -6,7 +6,7 @@ docs/nodes/monitor.md tells how it decides.
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -22,23 +22,20 @@ from ...recording.buffer import SampleBuffer
 from ...recording.mapped_inputs import INPUTS
 from ...recording.record import Record
 from ...types import Array
+from .alarms import Alarms
 from .block_filter import FlightFilter
 from .block_innovations import Block, joined
 from .event_watch import EventWatch
-from .monitor_state import MonitorState, channel_states, jump_in_words
+from .monitor_state import MonitorState
 from .observed import CONTEXT_NS, Observations
 from .probes import probes_of
-from .sequential_tests import SequentialTests
 from .start import Start, learn
 from .wheel_momentum import Momentum
-from .window_whiteness import Whiteness
 
 _LATENESS_NS = 100_000_000  # by which a sample may come behind newer ones
 _GAP_NS = 2_000_000_000  # without joints, after which the state is found anew
 _FEWEST_TO_LEARN = 50
 _PART, _WATCHED = 0.25, 5  # s between looks for events, and newest parts in which one may begin
-_SNAPSHOTS = 256  # blocks
-_SHORT_WINDOW = 8.0  # s
 
 
 class Monitor:
@@ -71,18 +68,13 @@ class Monitor:
 
     def reset(self) -> None:
         """Forget everything, as at the beginning of another run."""
-        options = self._settings
+        self._alarms = Alarms(self.probes, self._settings)
         self._observations = Observations(self.robot, self._believed)
         self._start: Start | None = None
         self._filter: FlightFilter | None = None
         self.begin_segment()
         self._estimate: Estimate | None = None
         self._is_told = False
-        self._tests = SequentialTests(
-            self.probes, options.false_alarm_interval, options.block, options.clear_after
-        )
-        self._momenta: deque[Momentum] = deque(maxlen=_SNAPSHOTS)
-        self._trusted: Momentum | None = None
         self.events = EventWatch(self.robot, self.probes, _WATCHED)
         self.state = MonitorState()
 
@@ -96,8 +88,7 @@ class Monitor:
         self._is_continued = False
         self._parts: list[Block] = []
         self._begun_ns = self._block_begin_ns = 0
-        window = self._settings.whiteness_window
-        self._whiteness = Whiteness(self.probes, window, min(window, _SHORT_WINDOW))
+        self._alarms.begin_segment()
         if self._filter is not None:
             self._filter.restart()
 
@@ -114,7 +105,7 @@ class Monitor:
     @property
     def threshold(self) -> float:
         """Sum of log likelihood ratios that raises an alarm [nats]."""
-        return self._tests.threshold
+        return self._alarms.threshold
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array, effort: Array | None) -> None:
         """Take a joint sample.
@@ -252,7 +243,7 @@ class Monitor:
         self._filter = FlightFilter(
             start.process, start.noise, start.timing, self.probes, momentum, _WATCHED
         )
-        self._momenta.clear()
+        self._alarms.forget_momenta()
         self._is_continued = False
 
     def _take_estimate(self, edge_ns: int) -> None:
@@ -284,7 +275,7 @@ class Monitor:
         noise = None if start is None else start.noise
         return self._observations.record(first_ns, last_ns, robot, noise)
 
-    # ------------------------------------------------------------ judgement
+    # ------------------------------------------------------------ alarms
 
     def _add_part(
         self, start: Start, flight: FlightFilter, record: Record, span_ns: tuple[int, int]
@@ -307,61 +298,5 @@ class Monitor:
             block = joined(self._parts)
             self._parts.clear()
             if len(block.data):
-                self._judge(start, flight, block, end_ns)
-
-    def _judge(self, start: Start, flight: FlightFilter, block: Block, end_ns: int) -> None:
-        known = self._known
-        structure = self._whiteness.add(block, self.state.raised_ns is not None)
-        verdict = self._tests.add(block, structure.evidence)
-        if not verdict.is_explained:
-            self._unlearn(flight, known, bool(verdict.alarmed.any()))
-        before, is_alarmed = self.state, bool(verdict.alarmed.any())
-        state = replace(
-            before,
-            judged_ns=end_ns,
-            channels=channel_states(self.probes, verdict, structure, self.threshold),
-            notes=start.notes,
-        )
-        if is_alarmed and before.raised_ns is None:
-            first = verdict.speaks_first
-            channel = state.channels[first]
-            state = replace(
-                state,
-                level='error',
-                reason=channel.reason
-                or jump_in_words(self.probes[first], verdict.sharpest[first]),
-                raised_ns=end_ns,
-                first=channel.name,
-                alarms=before.alarms + 1,
-            )
-            self._trusted = flight.momentum = self._momentum_before(first, known)
-        elif not is_alarmed:
-            self._trusted = None
-            suspects = [c.reason for c in state.channels if c.level == 'warn']
-            said = '; '.join(suspects) or 'the model explains the data'
-            level = 'warn' if suspects else 'ok'
-            state = replace(state, level=level, reason=said, raised_ns=None)
-        self.state = self._with_momentum(state, flight)
-
-    def _unlearn(self, flight: FlightFilter, known: Momentum, is_alarmed: bool) -> None:
-        """Forget what a block taught that the model does not explain.
-
-        A fault of a second would stay in the state for long, because no torque from outside is
-        thought to change the whole's angular momentum; so the state is found anew.
-        """
-        flight.momentum = known if self._trusted is None else self._trusted
-        if is_alarmed:
-            flight.restart(is_continued=True)
-
-    def _momentum_before(self, first: int, known: Momentum) -> Momentum:
-        """What was known of the momentum before the cause of an alarm set in."""
-        since = self._tests.since(first) + 1
-        return self._momenta[max(0, len(self._momenta) - since)] if self._momenta else known
-
-    def _with_momentum(self, state: MonitorState, flight: FlightFilter) -> MonitorState:
-        """Keep book of the momentum."""
-        momentum = flight.momentum
-        self._momenta.append(momentum)
-        believed = flight.process.robot.target_momentum + momentum.mean
-        std = np.sqrt(np.diag(momentum.covariance))
-        return replace(state, momentum=tuple(believed.tolist()), momentum_std=tuple(std.tolist()))
+                state = replace(self.state, judged_ns=end_ns, notes=start.notes)
+                self.state = self._alarms.of(block, flight, self._known, state)

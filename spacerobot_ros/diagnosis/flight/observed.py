@@ -98,9 +98,7 @@ class Observations:
         kept, found = without_outliers(record, noise)
         start = -np.inf if self._counted_ns is None else self.samples.seconds(self._counted_ns)
         end = float(record.joint_time[-1]) - 1e-9 * CONTEXT_NS
-        times = (record.joint_time, record.rate_time, record.attitude_time)
-        for sensor, time, bad in zip(found._fields, times, found, strict=True):
-            self.left_out[sensor] += int(np.sum(bad & (time > start) & (time <= end)))
+        self.left_out.update(found.counted(record, start, end))
         self._counted_ns = (self.samples.origin_ns or 0) + round(end * 1e9)
         return kept
 
