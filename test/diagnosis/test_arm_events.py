@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign.event_machines import MACHINES
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.errors import RecordingError
@@ -113,3 +114,10 @@ def test_friction_of_another_recording_serves():
     found = diagnose([held([(1, 3.0, 1.0, 35.0)]), arm.record(1)], file.robot)
     assert [(e.recording, e.joints) for e in found.events.named] == [(0, ('joint_2',))]
     assert RATE == 100.0
+
+
+@pytest.mark.parametrize('seed', [90, 140])
+def test_noise_that_grows_with_the_speed_is_no_event(seed):
+    machine = MACHINES['moving'](seed)
+    assert machine.words.startswith('speed')
+    assert not machine.found(()).named

@@ -23,6 +23,10 @@ below which what is listed is thought to be such an excess."""
 SNR = 20.0
 """Size by standard deviation, at that duration, from which 95 % and more are named."""
 
+ROOM = 1.35
+"""Of z, by which a promised size exceeds the limit: for the noise of one in twenty, and for a
+shape that is no bell."""
+
 EXPLAINED = 0.8
 """Of a joint's torques squared that the model must explain for the rest to be judged."""
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...estimation.arm_rows import ArmRows
 from ...types import Array, BoolArray
 from .contact import Pulse, overlap
-from .event_limits import LISTED
+from .event_limits import LISTED, NAMED, ROOM, SNR
 from .scan import SPREAD, Filtered, Pulses, PulseScan
 from .scatter import even
 from .scatter import scales as scatter_scales
@@ -77,7 +77,7 @@ class PulseSearch:
             found = [(run, bells, self.scan.test_kept(j, run, bells)) for run, bells in parts]
             colour = self.colours[j, duration] = _colour([f.z for _, _, f in found])
             stds = np.concatenate([f.std for _, _, f in found])
-            self._stds[j, duration] = _median(stds[np.isfinite(stds)])
+            self._stds[j, duration] = _usual(stds[np.isfinite(stds)])
             seen += [_pulses(j, run, bells, f, colour) for run, bells, f in found]
         taken: list[Pulse] = []
         for p in sorted((p for some in seen for p in some), key=lambda p: -abs(p.z)):
@@ -128,8 +128,11 @@ class PulseSearch:
         return self.colours[j, near]
 
 
-def _median(stds: Array) -> float:
-    return float(np.median(stds)) if len(stds) else np.inf
+def _usual(stds: Array) -> float:
+    """By which `SNR` is enough at 19 of 20 times, or the median if that is larger."""
+    if not len(stds):
+        return np.inf
+    return max(float(np.median(stds)), ROOM * NAMED / SNR * float(np.quantile(stds, 0.95)))
 
 
 def _colour(z: Sequence[Array]) -> float:

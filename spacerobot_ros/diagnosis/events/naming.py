@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
+from ...effects.external import pulse_shape
 from ...estimation.arm_priors import DRY, is_kind_of
 from .contact import Pulse, event_of, overlap
 from .event import Event, EventLimit, Events, PossibleEvent
-from .event_limits import EXPLAINED, MIXED, RECURS, SNR, chance, named_from
+from .event_limits import EXPLAINED, MIXED, NAMED, RECURS, ROOM, SNR, chance, named_from
 from .moving import DURATIONS, PulseSearch
 from .states import States
 
@@ -19,7 +22,6 @@ _TOGETHER = 0.4  # of the time of both that pulses of one event share
 _EDGE = 0.3  # s from an end of the record, where filters and drives start up
 _STARTED = 0.5  # s since a rest, in which friction may still change its side
 _STICTION = 2.0  # Coulomb torques that it may do so by
-_ROOM = 1.35  # of z: for the noise of one in twenty, and for a shape that is no bell
 _SHOWN = 0.6  # s: duration of the limit that is shown
 
 
@@ -110,12 +112,17 @@ class Naming:
         return out
 
     def _is_stiction(self, p: Pulse) -> bool:
-        """Whether a joint that rests, or did, may have changed the side of its friction."""
+        """Whether a joint that rests, or did, may have changed the side of its friction.
+
+        Not where enough of the pulse is left far from any rest.
+        """
         arm = self._rows.balances[p.run].arm
-        near = (arm.times > p.start - _STARTED) & (arm.times < p.end + _STARTED)
-        return bool(np.any(~arm.is_moving[near, p.joint])) and (
-            abs(p.torque) < _STICTION * self.coulomb(p.joint)
-        )
+        span = max(1, 2 * round(_STARTED / arm.step) + 1)
+        near = binary_dilation(~arm.is_moving[:, p.joint] & arm.is_known, np.ones(span))
+        square = pulse_shape((arm.times - p.start) / (p.end - p.start), p.edge) ** 2
+        share = float(np.sum(square[~near]) / np.sum(square))
+        is_small = abs(p.torque) < _STICTION * self.coulomb(p.joint)
+        return share < 1.0 and is_small and abs(p.z) * math.sqrt(share) < NAMED
 
     def coulomb(self, j: int) -> float:
         """Dry friction of a joint that slides, all that was found of it [N m]."""
@@ -143,7 +150,7 @@ class Naming:
         )
 
     def _limits(self) -> dict[str, EventLimit | None]:
-        snr = max(SNR, _ROOM * self.limit)
+        snr = max(SNR, ROOM * self.limit)
         out: dict[str, EventLimit | None] = {}
         for j, name in enumerate(self._joints):
             peaks = [snr * self._search.usual_std(j, d) for d in DURATIONS]

@@ -1,8 +1,10 @@
-"""Where a model misses more: a joint that reverses has a friction that no law knows.
+r"""Where a model misses more: near a reversal, whose friction no law knows, and with the speed.
 
-Rows near a reversal are divided by how much more is left of them than of others, so that the
-level of what is left is that of all rows. Without it a reversal looks like a push, and all other
-rows like noise.
+    log |left| = x' c + noise,
+
+over features x of a joint's rows: how slow it is, how fast, how fast the whole arm is, and how
+much it accelerates. Rows are divided by exp(x' c), so that the level of what is left is that of
+all rows. Without it a reversal looks like a push, and all other rows like noise.
 """
 
 from __future__ import annotations
@@ -16,9 +18,9 @@ from ...types import Array
 from .scan import PulseScan
 
 _SLOW = 0.1  # of the 95 % rate: over which friction turns
-_NEAR, _AWAY = 0.3, 0.05  # of a row's slowness
-_FULL = 0.5
-_FEWEST = 10  # rows on each side
+_FLOOR = 0.1  # of the median of what is left: less is as good as that
+_RIDGE = 10.0  # rows without any scatter
+_LEAST = 1.0  # of the median scale: where little is left of the model, it may be chance
 
 
 def even(rows: ArmRows) -> list[Array]:
@@ -35,23 +37,34 @@ def scales(scan: PulseScan, before: Sequence[Array]) -> list[Array]:
     """
     out = []
     for j, scale in enumerate(before):
-        slow = _slowness(scan.rows, j)
-        own = slow[~scan.left_out[j]]
-        left = np.abs(scan.left(j)) * scale[~scan.left_out[j]]
-        near, away = left[own > _NEAR], left[own < _AWAY]
-        is_told = min(len(near), len(away)) >= _FEWEST and np.median(away) > 0.0
-        ratio = float(np.median(near) / np.median(away)) if is_told else 1.0
-        out.append(1.0 + max(ratio - 1.0, 0.0) * np.minimum(slow / _FULL, 1.0))
+        kept = ~scan.left_out[j]
+        left = np.abs(scan.left(j)) * scale[kept]
+        if not len(left) or not np.median(left) > 0.0:
+            out.append(np.ones(len(scale)))
+            continue
+        features = _features(scan.rows, j)
+        features = (features - np.mean(features, axis=0)) / np.maximum(
+            np.std(features, axis=0), 1e-9
+        )
+        logs = np.log(left / np.median(left) + _FLOOR)
+        own = features[kept]
+        square = own.T @ own + _RIDGE * np.eye(features.shape[1])
+        share = np.exp(features @ np.linalg.solve(square, own.T @ (logs - np.mean(logs))))
+        out.append(np.maximum(share / np.median(share), _LEAST))
     return out
 
 
-def _slowness(rows: ArmRows, k: int) -> Array:
-    """(M,) from 0, fast, to 1, at rest, of the rows of a set."""
+def _features(rows: ArmRows, k: int) -> Array:
+    """(M, 4) of the rows of a set."""
     out, j = [], k % rows.robot.n_joints
     for balance in rows.balances:
         arm = balance.arm
-        rate = np.abs(arm.kinematics.qd[:, j])
-        turn = max(_SLOW * float(np.quantile(rate, 0.95)), 1e-9)
-        slow = np.clip(arm.in_band(np.exp(-((rate / turn) ** 2))), 0.0, 1.0)
-        out.append(slow[:: arm.stride][rows.rows_at(balance, k)])
+        rate, turn = np.abs(arm.kinematics.qd), np.abs(arm.kinematics.qdd)
+        usual = np.maximum(np.quantile(rate, 0.95, axis=0), 1e-9)
+        slow = np.exp(-((rate[:, j] / (_SLOW * usual[j])) ** 2))
+        each = [slow, rate[:, j] / usual[j], np.mean(rate / usual, axis=1)]
+        each.append(np.mean(turn / np.maximum(np.quantile(turn, 0.95, axis=0), 1e-9), axis=1))
+        smooth = np.maximum(arm.in_band(np.column_stack(each)), 0.0)
+        smooth[:, 1:] = np.log(smooth[:, 1:] + 0.05)
+        out.append(smooth[:: arm.stride][rows.rows_at(balance, k)])
     return np.concatenate(out)
