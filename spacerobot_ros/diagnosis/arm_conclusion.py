@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from ..effects.effect import Effect
 from ..estimation.arm_priors import RUN_TO_RUN, torque_tolerance
+from ..estimation.evidence import chi_square_tail
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
 from ..types import Array
@@ -139,7 +139,7 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
         rivals=rivals_of(found.selection, i),
         thresholds={p.name: p for p in thresholds},
         relevant=share > RELEVANT,
-        constant_p=float(chi2.sf(scatter / birge**2, dof)),
+        constant_p=chi_square_tail(scatter / birge**2, dof),
         held_out_recordings=_by_recording(found, i),
     )
 
@@ -165,7 +165,7 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
         rivals=(),
         thresholds={p.name: replace(p, relevant=0.0) for p in effect.parameters},
         relevant=True,
-        constant_p=float(chi2.sf(scatter / birge, dof)),
+        constant_p=chi_square_tail(scatter / birge, dof),
     )
 
 

@@ -18,8 +18,9 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from scipy.stats import binom, chi2
+from scipy.special import bdtrc
 
+from ..estimation.evidence import chi_square_tail
 from ..types import Array
 from .answer.result import (
     Cause,
@@ -56,7 +57,7 @@ def combined(
     named, rare = [], []
     for key in keys:
         at = [i for i, a in enumerate(answers) if _find(a.causes, key)]
-        if binom.sf(len(at) - 1, len(answers), FALSE_ALARMS) < FALSE_ALARMS:
+        if bdtrc(len(at) - 1, len(answers), FALSE_ALARMS) < FALSE_ALARMS:
             named.append((_cause([_found(answers[i].causes, key) for i in at]), at))
         else:
             rare.append((key, at))
@@ -171,7 +172,7 @@ def _cause(same: Sequence[Cause]) -> Cause:
         evidence=_evidence([cause.evidence for cause in same]),
         rivals=_rivals(same),
         relevant=any(cause.relevant for cause in same),
-        constant_p=float(chi2.sf(misfit, freedom)) if len(same) > 1 else first.constant_p,
+        constant_p=chi_square_tail(misfit, freedom) if len(same) > 1 else first.constant_p,
         held_out_recordings=None,
     )
 

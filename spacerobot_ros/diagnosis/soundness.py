@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
-from ..estimation.evidence import Gram, score
+from ..estimation.evidence import Gram, chi_square_tail, score
 from ..estimation.placebo import held_out_gain
 from ..estimation.refit import Fit
 from ..estimation.rows import blocks
@@ -59,4 +58,4 @@ def _constant_p(fit: Fit, index: int) -> float:
         alone = gram.without(len(others), fit.precision[others] + 1e-12)
         found = score(alone, sizes, unbounded, None)
         total, dof = total + found.gain, dof + found.dof
-    return float(chi2.sf(total, max(dof - len(own), 1.0)))
+    return chi_square_tail(total, max(dof - len(own), 1.0))

@@ -11,11 +11,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
 
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..errors import RecordingError
+from ..estimation.evidence import chi_square_tail
 from ..estimation.scaling import is_relevant
 from ..estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
 from ..model.robot import Robot
@@ -129,7 +129,7 @@ def _tilt(
     gyro = np.array([w.mean for w in windows]) - bias
     trials, windows_count = 1.0 / 0.01, len(windows)
     kappa, std, gain = nutation(windows)
-    is_line = chi2.sf(2.0 * gain, 2 * windows_count) * trials < FALSE_ALARMS
+    is_line = chi_square_tail(2.0 * gain, 2 * windows_count) * trials < FALSE_ALARMS
     return tilt_of(means.seen, gyro, (kappa, std) if is_line else None, robot)
 
 
@@ -151,7 +151,7 @@ def _cause(means: SpinMeans, fit: MeanFit, kind: str, rivals: tuple[Rival, ...])
         evidence=Evidence(
             log_likelihood_gain=0.5 * (without.misfit - fit.misfit),
             bic_gain=without.bic(rows) - fit.bic(rows),
-            p_value=float(chi2.sf(without.misfit - fit.misfit, max(len(own), 1))),
+            p_value=chi_square_tail(without.misfit - fit.misfit, max(len(own), 1)),
             held_out_gain=(held_without - held) / max(held_without - rows, 1.0),
             placebo_gain=math.nan,
         ),
@@ -203,7 +203,7 @@ def _ranked(means: SpinMeans, null: MeanFit, fit: MeanFit, rows: int) -> Ranked:
         values=values,
         evidence=0.5 * (null.bic(rows) - fit.bic(rows)),
         log_likelihood_gain=0.5 * gain,
-        p_value=float(chi2.sf(gain, max(len(fit.values), 1))),
+        p_value=chi_square_tail(gain, max(len(fit.values), 1)),
     )
 
 

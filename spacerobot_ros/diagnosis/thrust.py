@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from ..effects.catalogue import CATALOGUE
 from ..effects.parameter import Parameter
 from ..errors import RecordingError
+from ..estimation.evidence import chi_square_tail
 from ..estimation.momentum_windows import MomentumWindows, Name, WindowGrams, all_grams
 from ..estimation.scaling import is_relevant
 from ..model.robot import Robot
@@ -240,7 +240,7 @@ def _made(
         evidence=Evidence(
             log_likelihood_gain=0.5 * square,
             bic_gain=square - math.log(search.count),
-            p_value=float(chi2.sf(square, 1)),
+            p_value=chi_square_tail(square, 1),
             held_out_gain=held_out,
             placebo_gain=_NAN,
         ),

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from .effect import Effect
 from .grammar import DAHL, QUANTITIES, Form, quantity
 from .hysteresis import fastest_share, followed, share_rate
 from .joint import STICTION_RATE
-from .law_inputs import AXES, base_axes, input_of
+from .law_inputs import AXES, base_axes, quantity_along
 from .learned_entry import LearnedEntry
 from .motion import Motion, inverse_mass
 from .table_form import TableForm
@@ -171,17 +172,28 @@ class LearnedTorque(Effect):
         rate = self._dragged(motion)
         return torque if rate is None else np.where(torque * rate > 0.0, 0.0, torque)
 
-    def _columns(self, motion: Motion, hidden: Array) -> Array:
-        inputs = [self._clipped(name, motion) for name in self.inputs]
-        return self.form(inputs, self.options)
+    @cached_property
+    def _sources(self) -> tuple[tuple[str, str], ...]:
+        return tuple(quantity(name) for name in self.inputs)
 
-    def _clipped(self, name: str, motion: Motion) -> Array:
-        low, high = self.range[name]
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        """(K, 1) each: what inputs are taken for beyond the range of their data."""
+        low, high = np.array([self.range[name] for name in self.inputs], dtype=float).T[..., None]
         margin = _BEYOND * (high - low)
-        given = input_of(name, motion)
-        if given is None:  # nobody measures it here: the middle of its data
-            return np.full(len(motion), 0.5 * (low + high))
-        return np.clip(given, low - margin, high + margin)
+        return low - margin, high + margin
+
+    def _columns(self, motion: Motion, hidden: Array) -> Array:
+        return self.form(list(self._clipped(motion)), self.options)
+
+    def _clipped(self, motion: Motion) -> Array:
+        """(K, N) inputs; of one that nobody measures here the middle of its data."""
+        low, high = self._bounds
+        given = np.empty((len(low), len(motion)))
+        for k, source in enumerate(self._sources):
+            known = quantity_along(*source, motion)
+            given[k] = 0.5 * (low[k] + high[k]) if known is None else known
+        return np.minimum(np.maximum(given, low), high)
 
     def _dragged(self, motion: Motion) -> Array | None:
         """(N,) rate against which it is friction [rad/s]; None where it is none."""

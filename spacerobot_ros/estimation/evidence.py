@@ -150,6 +150,11 @@ def folds(parts: Sequence[Gram], nuisance: int, precision: Array) -> list[Fold]:
     return out
 
 
+def chi_square_tail(value: float, dof: float) -> float:
+    """Probability that a chi-square is above a value; scipy.stats takes half a second to load."""
+    return float(chdtrc(dof, max(value, 0.0)))
+
+
 def sum_of(parts: Sequence[Gram]) -> Gram:
     """Sums over the rows of all parts."""
     return reduce(add, parts)
@@ -186,7 +191,7 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
         evidence=0.5 * gain - price(values, gram.rows),
         gain=gain,
         dof=dof,
-        p_value=float(chdtrc(dof, max(gain, 0.0))),
+        p_value=chi_square_tail(gain, dof),
         bic_gain=gain - dof * float(np.log(gram.rows)),
         held_out=held_out,
         estimate=estimate,

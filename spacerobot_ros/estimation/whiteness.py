@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.fft import dct, rfft
-from scipy.stats import chi2
 
 from ..types import Array
+from .evidence import chi_square_tail
 from .rows import ChannelFit
 from .time_base import CHANNELS, TimeBase
 
@@ -67,7 +67,7 @@ def channel_fit(name: str, axis: int, values: Array, times: Array) -> ChannelFit
     white = values / spread
     count = len(white)
     energy = dct(white, norm='ortho') ** 2
-    slow = [float(chi2.sf(np.sum(energy[:k]), k)) for k in LOWEST_TERMS if 2 * k < count]
+    slow = [chi_square_tail(np.sum(energy[:k]), k) for k in LOWEST_TERMS if 2 * k < count]
     power = np.abs(rfft(white)[1 : (count + 1) // 2]) ** 2 / count
     peak = int(np.argmax(power))
     line = float(-np.expm1(len(power) * np.log1p(-np.exp(-power[peak]))))
