@@ -5,7 +5,7 @@ from __future__ import annotations
 import _thread
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -17,18 +17,26 @@ turns it into an ImportError, which would pass for something that is not install
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
+def interruptible(is_answered: Callable[[], object] = lambda: False) -> Iterator[None]:
     """Raise KeyboardInterrupt on Ctrl-C, once no module or kernel is half loaded.
 
     Only the main thread gets signals; where somebody else handles them, nothing changes.
+
+    Args:
+        is_answered: Whether somebody else ends what is interrupted, and nothing is raised.
     """
+
+    def answer(number: int, frame: FrameType | None) -> None:
+        if not is_answered():
+            _interrupt(number, frame)
+
     before = signal.getsignal(signal.SIGINT)
     is_ours = (
         before is signal.default_int_handler
         and threading.current_thread() is threading.main_thread()
     )
     if is_ours:
-        signal.signal(signal.SIGINT, _interrupt)
+        signal.signal(signal.SIGINT, answer)
     try:
         yield
     finally:

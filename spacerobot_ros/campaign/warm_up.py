@@ -22,6 +22,7 @@ from numba.core import event
 
 from .. import __path__ as package_path
 from ..diagnosis.diagnose import diagnose
+from ..diagnosis.flight.wheel_momentum import constant_pass
 from ..dynamics.forward_kinematics import BodyKinematics
 from ..dynamics.rnea_derivatives import rnea_derivatives
 from ..dynamics.tree import tree_of
@@ -82,6 +83,7 @@ def call_fits(robot: Robot) -> None:
     correlate(model, gains, np.zeros(1), 1)
     driven_states(lambda x: -x, np.arange(2.0), 1)
     followed(np.zeros(2), 1.0, is_dahl=True)
+    constant_pass(*[np.zeros((1, 1)) for _ in range(4)])
 
 
 def call_rest(robot: Robot, wait: Callable[[], object] = lambda: None) -> None:

@@ -47,7 +47,9 @@ class EventAnswer:
 
     def damps(self, stamp_ns: int) -> bool:
         """Whether the joints are to be damped at a sample; sets `words`."""
-        is_old = self._heard_ns is not None and stamp_ns - self._heard_ns > _HEARD_NS
+        if self._heard_ns is None:
+            self._heard_ns = stamp_ns
+        is_old = stamp_ns - self._heard_ns > _HEARD_NS
         self.words = '' if is_old or self._kind == 'report' else self._heard
         if not self.words:
             self._offset = None

@@ -157,8 +157,9 @@ class BlockTree:
         rotations = self.rotations(q)
         maps = self.rate_maps(rotations)
         M, gradient = self.inertia_gradient(rotations, maps, pi)
-        bias = np.einsum('njab,nj,nb->na', gradient, u[:, 3:], u, optimize=True)
-        bias[:, 3:] -= 0.5 * np.einsum('na,njab,nb->nj', u, gradient, u, optimize=True)
+        changes = (gradient @ u[:, None, :, None])[..., 0]
+        bias = (u[:, None, 3:] @ changes)[:, 0]
+        bias[:, 3:] -= 0.5 * (changes @ u[:, :, None])[..., 0]
         bias[:, :3] += cross_rows(u[:, :3], np.einsum('nab,nb->na', M[:, :3], u))
         for body, momentum in wheels:
             rate = np.einsum('nab,nb->na', maps[:, body], u)

@@ -26,9 +26,10 @@ from ..model.settings import Settings
 from ..recording.buffer import check_later
 from ..recording.message_types import composer, encoded
 from ..ros import convert
-from ..ros.diagnostics import OK, Status
+from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.run_node import run_node
+from ..ros.scheduling import answer_first
 from .adaptation_file import AdaptationFile
 from .base import SensorNode
 from .controller_status import (
@@ -199,7 +200,8 @@ class ControllerNode(SensorNode):
         self._estimate_note = f'valid, stamped {estimate.stamp_ns * 1e-9:.3f} s'
 
     def _on_event(self, message: DiagnosticArray) -> None:
-        said = [status.message for status in message.status if status.level != OK[0]]  # an octet
+        acting = (WARN[0], ERROR[0])  # octets
+        said = [status.message for status in message.status if status.level in acting]
         self.loop.event.hear('; '.join(said), self.loop.joints_ns)
 
     def _on_reference(self, message: JointTrajectory) -> None:
@@ -311,7 +313,7 @@ class ControllerNode(SensorNode):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is stopped."""
-    return run_node(ControllerNode, args)
+    return run_node(ControllerNode, args, answer_first)
 
 
 if __name__ == '__main__':

@@ -29,6 +29,7 @@ from ..ros.convert import compose
 from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import run_node
+from ..ros.scheduling import give_way
 from ..sensing.faults import SensorFaults
 from .base import TOPICS, SensorNode
 from .beside import Beside
@@ -260,7 +261,7 @@ class IdentifierNode(SensorNode):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is stopped."""
-    return run_node(IdentifierNode, args)
+    return run_node(IdentifierNode, args, give_way)
 
 
 if __name__ == '__main__':

@@ -31,6 +31,7 @@ from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import run_node
+from ..ros.scheduling import give_way
 from .base import TOPICS, SensorNode
 from .event_recorder import EventRecorder
 
@@ -220,7 +221,7 @@ class MonitorNode(SensorNode):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is stopped."""
-    return run_node(MonitorNode, args)
+    return run_node(MonitorNode, args, give_way)
 
 
 if __name__ == '__main__':

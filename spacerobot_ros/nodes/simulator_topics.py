@@ -50,26 +50,26 @@ class SimulatorTopics:
         self._last: dict[str, bytes] = {}
 
     def publish(self, plant: Plant, samples: SensorSamples) -> None:
-        """Publish what is due at a step; the joint states last, for they ask for a command."""
+        """Publish what is due at a step; the joint states last, for they ask for a command.
+
+        At once when all is composed, so that who waits for several messages wakes up once.
+        """
         ns, compose = plant.time_ns, composer()
-        clock = compose.make('rosgraph_msgs/msg/Clock', clock=compose.time(ns))
-        self._send('/clock', encoded(clock))
+        due = {'/clock': compose.make('rosgraph_msgs/msg/Clock', clock=compose.time(ns))}
         if plant.step_index % self._ledger_every == 0:
-            self._send('~/ledger', encoded(compose.ledger(ns, plant.ledger())))
+            due['~/ledger'] = compose.ledger(ns, plant.ledger())
         frames = self._publishers.get('/tf')
         if samples.joints is not None and frames and frames.get_subscription_count():
             robot, state = plant.robot, plant.state
-            frame = compose.base_frame(ns, robot.base_link, state.p_WB, state.q_WB_xyzw)
-            self._send('/tf', encoded(frame))
-        for topic, message in sample_messages(compose, plant, samples):
-            self._last[topic] = encoded(message)
-            self._send(topic, self._last[topic])
+            due['/tf'] = compose.base_frame(ns, robot.base_link, state.p_WB, state.q_WB_xyzw)
+        due |= sample_messages(compose, plant, samples)
+        sent = {topic: encoded(message) for topic, message in due.items()}
+        self._last |= sent
+        for topic, cdr in sent.items():
+            self._publishers[topic].publish(cdr)
 
     def resend(self, *, with_attitude: bool) -> None:
         """Send the last samples again, that of the star tracker only where it is asked for."""
         for sensor, (topic, _) in TOPICS.items():
             if topic in self._last and (sensor != 'attitude' or with_attitude):
-                self._send(topic, self._last[topic])
-
-    def _send(self, topic: str, cdr: bytes) -> None:
-        self._publishers[topic].publish(cdr)
+                self._publishers[topic].publish(self._last[topic])

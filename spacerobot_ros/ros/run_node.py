@@ -26,17 +26,26 @@ STOPPED = (
 )  # fmt: skip
 
 
-def run_node(factory: Callable[[], Node], args: Sequence[str] | None = None) -> int:
+def run_node(
+    factory: Callable[[], Node],
+    args: Sequence[str] | None = None,
+    schedule: Callable[[], object] = lambda: None,
+) -> int:
     """Spin a node until it is stopped; as `run_nodes`."""
-    return run_nodes([factory], args)
+    return run_nodes([factory], args, schedule)
 
 
-def run_nodes(factories: Sequence[Callable[[], Node]], args: Sequence[str] | None = None) -> int:
+def run_nodes(
+    factories: Sequence[Callable[[], Node]],
+    args: Sequence[str] | None = None,
+    schedule: Callable[[], object] = lambda: None,
+) -> int:
     """Spin nodes in one process until they are stopped.
 
     Args:
         factories: Make the nodes.
         args: Command line; None: that of the process.
+        schedule: Called when the nodes are there.
 
     Returns:
         0 when stopped from outside, 1 when the run failed, 2 for an unusable configuration.
@@ -45,8 +54,10 @@ def run_nodes(factories: Sequence[Callable[[], Node]], args: Sequence[str] | Non
     try:
         _check_parameter_files(sys.argv if args is None else args)
         with ExitStack() as stack:
-            stack.enter_context(interruptible())
-            stack.enter_context(rclpy.init(args=None if args is None else list(args)))
+            # an exception within rclpy's calls would pass for an error: it stops them by itself
+            running: list[object] = []
+            stack.enter_context(interruptible(running.copy))
+            running += [stack.enter_context(rclpy.init(args=None if args is None else list(args)))]
             try:
                 executor = SingleThreadedExecutor()
                 for factory in factories:
@@ -54,6 +65,7 @@ def run_nodes(factories: Sequence[Callable[[], Node]], args: Sequence[str] | Non
                     stack.callback(node.destroy_node)
                     executor.add_node(node)
                 gc.freeze()  # what stays is no garbage: looking for it takes 0.1 s now and then
+                schedule()
                 executor.spin()
             except STOPPED:
                 if rclpy.ok():  # otherwise stopped while nodes were made, or in a callback

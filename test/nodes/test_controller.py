@@ -140,12 +140,26 @@ def test_an_event_is_answered_as_the_robot_file_says(rig, servicer, answer, stat
     assert bench.node.last_command.reason == ''
 
 
-def test_an_event_of_which_nothing_more_is_said_is_forgotten(rig, servicer):
+def test_a_monitor_that_knows_nothing_yet_says_of_no_event(rig, servicer):
     bench = Bench(rig, servicer, **{'monitor.on_event': 'damp'})
     events = bench.probe.create_publisher(DiagnosticArray, '/events', LATCHED)
     bench.sample(0)
+    events.publish(event(0, DiagnosticStatus.STALE, 'nothing acts from outside'))
+    rig.drain()
+    bench.sample(10)
+    assert bench.tracking[-1].state == 'hold'
+
+
+@pytest.mark.parametrize('is_latched', [False, True], ids=['now', 'before the first sample'])
+def test_an_event_of_which_nothing_more_is_said_is_forgotten(rig, servicer, is_latched):
+    bench = Bench(rig, servicer, **{'monitor.on_event': 'damp'})
+    events = bench.probe.create_publisher(DiagnosticArray, '/events', LATCHED)
+    if not is_latched:
+        bench.sample(0)
     events.publish(event(0, DiagnosticStatus.WARN, 'a push'))
     rig.drain()
+    if is_latched:
+        bench.sample(0)
     for ms in range(10, 2100, 50):
         bench.sample(ms)
     states = [t.state for t in bench.tracking]

@@ -1,6 +1,8 @@
 """At home in ROS 2: drivers, life cycle, parameters, effort controllers, frames, actions."""
 
 import importlib.util
+import os
+import threading
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 from support.bench import MS, NAMES
 
+from spacerobot_ros.nodes import controller, identifier, monitor
 from spacerobot_ros.nodes.base import TOPICS
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
@@ -19,6 +22,7 @@ from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import SAMPLES, STATE, best_effort
+from spacerobot_ros.ros.scheduling import answer_first, give_way
 
 pytestmark = pytest.mark.ros
 
@@ -221,3 +225,36 @@ def test_the_base_is_a_frame(rig, servicer):
     rotation = transform.transform.rotation
     wanted = simulator.plant.state.q_WB_xyzw
     np.testing.assert_array_equal([rotation.x, rotation.y, rotation.z, rotation.w], wanted)
+
+
+def test_all_threads_of_a_controller_answer_first_where_that_is_permitted(monkeypatch):
+    asked = {}
+    monkeypatch.setattr(os, 'sched_setscheduler', lambda *a: asked.update({a[0]: a[1:]}))
+    blocked = threading.Event()
+    thread = threading.Thread(target=blocked.wait)
+    thread.start()
+    try:
+        answer_first()
+        assert {threading.get_native_id(), thread.native_id} <= asked.keys()
+    finally:
+        blocked.set()
+        thread.join()
+    (policy, parameter), *_ = asked.values()
+    assert policy & os.SCHED_FIFO
+    assert parameter.sched_priority == os.sched_get_priority_min(os.SCHED_FIFO)
+
+    def refuse(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, 'sched_setscheduler', refuse)
+    answer_first()
+
+
+@pytest.mark.parametrize(
+    ('module', 'schedule'),
+    [(controller, answer_first), (identifier, give_way), (monitor, give_way)],
+    ids=['controller', 'identifier', 'monitor'],
+)
+def test_who_answers_goes_before_who_looks_on(monkeypatch, module, schedule):
+    monkeypatch.setattr(module, 'run_node', lambda *a: a)
+    assert module.main()[2] is schedule

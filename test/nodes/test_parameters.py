@@ -1,5 +1,6 @@
 """Parameters of the nodes: declared with their meaning, refused with the place named."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -104,6 +105,27 @@ def test_a_node_stopped_in_a_callback_exits_with_0(rig):
         return node
 
     assert run_node(stopped_while_publishing, []) == 0
+
+
+def test_ctrl_c_ends_a_node_and_no_callback(rig):
+    ended = []
+
+    def interrupted():
+        node = Node('interrupted')
+
+        def stop():
+            signal.raise_signal(signal.SIGINT)
+            ended.append(node.get_name())
+
+        node.create_timer(0.001, stop)
+        return node
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # as a process begins
+    try:
+        assert run_node(interrupted, []) == 0
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert set(ended) == {'interrupted'}
 
 
 def test_a_node_stopped_while_it_is_made_exits_with_0(rig):
