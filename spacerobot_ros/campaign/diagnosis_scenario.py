@@ -21,7 +21,8 @@ from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError, SimulationDivergedError
-from ..model.motion_settings import ReferenceSettings
+from ..excitation.motions import Motions
+from ..model.motion_settings import ExcitationSettings, ReferenceSettings
 from ..model.settings import TruthSettings
 from ..recording.buffer import SampleBuffer
 from ..recording.record import Record
@@ -104,7 +105,7 @@ def simulated(
         SimulationDivergedError: the controller is not stable with the effects.
     """
     file = robot_file(robot)
-    reference = motion_of(file.robot.n_joints, excitation, seed, duration)
+    reference = motion_of(file, excitation, seed, duration)
     simulator = replace(file.settings.simulator, seed=seed)
     believed = replace(file.settings, reference=reference, simulator=simulator)
     loop = ClosedLoop(file.robot, replace(believed, effects=effects_section(effects)))
@@ -127,16 +128,22 @@ def _check_stable(steps: Sequence[Step], fastest: float) -> None:
             raise SimulationDivergedError(1e-9 * step.stamp_ns, reason)
 
 
-def motion_of(n: int, excitation: str, seed: int, duration: float) -> ReferenceSettings:
-    """Random harmonics of the record's length, each joint up to the same angle."""
+def motion_of(file: RobotFile, excitation: str, seed: int, duration: float) -> ReferenceSettings:
+    """Random harmonics of the record's length, up to an angle or as far as limits allow."""
+    n = file.robot.n_joints
     largest, first, last = EXCITATIONS[excitation]
     order = np.arange(first, last + 1)
     rng = np.random.default_rng([seed, 7])
     sine, cosine = rng.standard_normal((2, n, len(order))) / order
     angle = 2.0 * np.pi * np.linspace(0.0, 1.0, 400)[:, None] * order
     w = 2.0 * np.pi * order / duration
+    sine -= sine.mean(axis=1, keepdims=True)  # at rest at both ends, ...
+    cosine -= np.outer(cosine @ w, w) / (w @ w)  # ... and not pulled
     moved = (np.sin(angle) / w) @ sine.T - (np.cos(angle) / w) @ cosine.T
     scale = largest / np.max(np.abs(moved - moved[0]), axis=0)[:, None]
     coefficients = np.zeros((2, n, last))
     coefficients[:, :, first - 1 :] = sine * scale, cosine * scale
-    return fourier(duration, *coefficients)
+    options = ExcitationSettings(harmonics=last)
+    asked = replace(file.settings, reference=fourier(duration, *coefficients), excitation=options)
+    motions = Motions(file.robot, asked, duration)
+    return motions.family.reference(motions.scaled(motions.family.amplitudes(asked.reference)))

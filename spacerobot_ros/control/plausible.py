@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from xml.etree import ElementTree
-
 import numpy as np
 
 from ..dynamics.blocks import BlockTree
-from ..errors import MessageRejectedError, ModelError
+from ..errors import MessageRejectedError
 from ..estimation.minimal import minimal_set
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
@@ -34,17 +32,13 @@ class MotionLimits:
     Args:
         robot: Whose URDF states them.
         joint_rate: Samples of the joints a second [Hz].
-
-    Raises:
-        ModelError: a velocity limit that is no positive number.
     """
 
     def __init__(self, robot: Robot, joint_rate: float) -> None:
         self.joints = robot.joints
         self.lower, self.upper = robot.position_limits.T
-        stated = _velocity_limits(robot.urdf)
         self._countable = np.pi * joint_rate
-        self.rate = np.array([stated.get(name, np.pi * joint_rate) for name in self.joints])
+        self.rate = np.minimum(robot.velocity_limits, self._countable)
 
     def check_measured(self, q: Array, qd: Array) -> None:
         """Refuse a sample (n,) [rad], [rad/s] that no encoder gives, whatever came before.
@@ -93,24 +87,6 @@ class MotionLimits:
                 # where the joints are is not for the motion to answer
                 q = np.clip([s.q for s in way], self.lower, self.upper)
                 self.check(q, np.array([s.qd for s in way]))
-
-
-def _velocity_limits(urdf: str) -> dict[str, float]:
-    """Stated velocity limits by joint [rad/s]; zero states none."""
-    out = {}
-    for joint in ElementTree.fromstring(urdf).iter('joint') if urdf else ():
-        limit = joint.find('limit')
-        text = '0' if limit is None else limit.get('velocity', '0')
-        place = f'URDF: joint {joint.get("name")!r} velocity limit'
-        try:
-            value = float(text)
-        except ValueError as error:
-            raise ModelError(place, f'expected a number, got {text!r}') from error
-        if not 0.0 <= value < np.inf:
-            raise ModelError(place, f'expected a positive number, got {text!r}')
-        if value:
-            out[joint.get('name', '')] = value
-    return out
 
 
 class EstimateCheck:

@@ -54,7 +54,7 @@ class Limits:
     """Limits of one robot, infinite where there is none.
 
     Args:
-        robot: Its URDF limits positions and efforts.
+        robot: Its URDF limits positions, rates and efforts.
         settings: What else is limited.
 
     Attributes:
@@ -68,7 +68,7 @@ class Limits:
 
     def __init__(self, robot: Robot, settings: ExcitationSettings) -> None:
         joints = robot.joints
-        reach, self.rate, acceleration, torque = (
+        reach, rate, acceleration, torque = (
             _per_joint(getattr(settings, name), len(joints), name)
             for name in ('joint_range', 'joint_rate', 'joint_acceleration', 'joint_torque')
         )
@@ -78,6 +78,7 @@ class Limits:
             if low >= high:
                 reason = f'leaves joint {joint!r} nothing between {low:g} and {high:g} rad'
                 raise ConfigurationError('excitation.joint_range', reason)
+        self.rate = np.minimum(rate, robot.velocity_limits)
         self.torque = np.minimum(torque, HEADROOM * robot.effort_limits)
         self.base_rate = np.inf if settings.base_rate is None else settings.base_rate
         turn = np.inf if settings.base_rotation is None else settings.base_rotation

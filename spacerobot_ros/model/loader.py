@@ -106,6 +106,7 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         servicer_wheels=servicer_gyrostat(options, tree, frames, rotors),
         target_wheels=target_gyrostats(options, frames, rotors),
         effort_limits=np.array([joint.effort_limit for joint in joints]),
+        velocity_limits=np.array([joint.velocity_limit for joint in joints]),
         position_limits=np.array([joint.position_limit for joint in joints]).reshape(-1, 2),
         sensors=settings.sensors,
         rotors=rotors,

@@ -62,7 +62,7 @@ class ExcitationSettings:
             servicer's wheels are spun up; auto: initial where base_rate and base_rotation allow
             it, else rest.
         joint_range: Largest joint angle; 175 deg.
-        joint_rate: Largest joint rate; empty: no limit.
+        joint_rate: Largest joint rate; the URDF's velocity limits hold besides.
         joint_acceleration: Largest joint acceleration; empty: no limit.
         joint_torque: Largest joint torque; 90 % of the URDF's effort limits hold besides.
         base_rotation: Largest turn of the base from its first attitude.

@@ -40,6 +40,7 @@ class Robot:
         servicer_wheels: Gyrostat of the base.
         target_wheels: Gyrostats of the captured body (what the model believes).
         effort_limits: (n,) [N m], infinite where the URDF has none.
+        velocity_limits: (n,) [rad/s], infinite where the URDF has none.
         position_limits: (n, 2) [rad], infinite where the URDF has none.
         sensors: Sensor noise.
         rotors: True rotors, the servicer's first; locked into `bodies` unless `rotor_count` > 0.
@@ -64,6 +65,7 @@ class Robot:
     servicer_wheels: Gyrostat
     target_wheels: tuple[Gyrostat, ...]
     effort_limits: Array
+    velocity_limits: Array
     position_limits: Array
     sensors: SensorSettings
     rotors: tuple[Rotor, ...] = ()
@@ -241,6 +243,7 @@ class Robot:
             servicer_wheels=self._without_rotors(self.servicer_wheels, False),
             target_wheels=tuple(self._without_rotors(g, True) for g in self.target_wheels),
             effort_limits=np.concatenate([self.effort_limits, unlimited]),
+            velocity_limits=np.concatenate([self.velocity_limits, unlimited]),
             position_limits=np.vstack([self.position_limits, np.outer(unlimited, [-1.0, 1.0])]),
             rotors=tuple(
                 replace(r, rate=float(rate)) for r, rate in zip(self.rotors, rates, strict=True)

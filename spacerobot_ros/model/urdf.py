@@ -48,7 +48,7 @@ class Link:
 class Joint:
     """One joint: child frame in the parent's at zero, unit axis in the child frame, limits.
 
-    Limits are infinite where the URDF gives none, or an effort of zero.
+    Limits are infinite where the URDF gives none, or an effort or a velocity of zero.
     """
 
     name: str
@@ -59,6 +59,7 @@ class Joint:
     translation: Vector3
     axis: Vector3
     effort_limit: float
+    velocity_limit: float
     position_limit: tuple[float, float]
 
 
@@ -211,29 +212,30 @@ def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
     if parent is None or child is None:
         raise ModelError(where, 'needs <parent> and <child>')
     translation, rotation = _parse_origin(element.find('origin'), where)
-    effort, position = _parse_limits(element.find('limit'), kind, where)
+    effort, velocity, position = _parse_limits(element.find('limit'), kind, where)
     fixed_axis = np.array([1.0, 0.0, 0.0])
     axis = fixed_axis if kind == 'fixed' else _parse_axis(element.find('axis'), where)
     ends = parent.get('link', ''), child.get('link', '')
-    return Joint(name, kind, *ends, rotation, translation, axis, effort, position)
+    return Joint(name, kind, *ends, rotation, translation, axis, effort, velocity, position)
 
 
 def _parse_limits(
     element: ElementTree.Element | None, kind: str, where: str
-) -> tuple[float, tuple[float, float]]:
-    """Limits of effort and position."""
+) -> tuple[float, float, tuple[float, float]]:
+    """Limits of effort, velocity and position."""
     given = {} if element is None else element.attrib
 
     def limit(key: str) -> float:
         return _parse_numbers(given.get(key, '0'), 1, f'{where} {key} limit')[0]
 
-    effort, low, high = limit('effort') or math.inf, -math.inf, math.inf
+    effort, velocity = (limit(key) or math.inf for key in ('effort', 'velocity'))
+    low, high = -math.inf, math.inf
     if kind != 'continuous' and ('lower' in given or 'upper' in given):
         low, high = limit('lower'), limit('upper')
-    if effort < 0.0 or low > high:
-        limits = f'effort {effort:g}, range [{low:g}, {high:g}]'
+    if effort < 0.0 or velocity < 0.0 or low > high:
+        limits = f'effort {effort:g}, velocity {velocity:g}, range [{low:g}, {high:g}]'
         raise ModelError(where, f'limits make no sense: {limits}')
-    return effort, (low, high)
+    return effort, velocity, (low, high)
 
 
 def _parse_axis(element: ElementTree.Element | None, where: str) -> Vector3:

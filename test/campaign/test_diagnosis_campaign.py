@@ -17,7 +17,7 @@ from spacerobot_ros.campaign.diagnosis_campaign_tables import CONFUSION, ROC
 from spacerobot_ros.campaign.diagnosis_draw import drawn, places
 from spacerobot_ros.campaign.diagnosis_judge import EQUIVALENTS, is_equivalent, outcome
 from spacerobot_ros.campaign.diagnosis_limits import physical_limits
-from spacerobot_ros.campaign.diagnosis_scenario import ROBOTS, robot_file, simulated
+from spacerobot_ros.campaign.diagnosis_scenario import EXCITATIONS, ROBOTS, robot_file, simulated
 from spacerobot_ros.campaign.diagnosis_score import score
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.main import main
@@ -261,6 +261,18 @@ def test_cases_are_the_same_every_time_and_all_different():
         assert {len(set(case['effects'])) for case in some} == {size}
     trees = [robot_file(robot).robot.bodies[1:] for robot in {case['robot'] for case in cases}]
     assert {sum(body.parent == 0 for body in tree) for tree in trees} == {1, 2}  # arms
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_motions_rest_at_their_ends_and_leave_the_controller_its_limits(robot):
+    """The largest angle is as said; the controller follows and does not saturate."""
+    file = robot_file(robot)
+    for name, (largest, *_) in EXCITATIONS.items():
+        record = simulated(robot, name, 3)
+        assert np.max(np.abs(record.q - record.q[0])) < 1.02 * largest
+        assert np.max(np.abs(record.qd[[0, -1]])) < 1e-2
+        assert (np.max(np.abs(record.effort), axis=0) < file.robot.effort_limits).all()
+        assert (np.max(np.abs(record.qd), axis=0) < file.robot.velocity_limits).all()
 
 
 def test_every_effect_that_a_robot_can_have_is_hidden_at_all_strengths_and_left_out():

@@ -62,6 +62,13 @@ def test_effort_limits_leave_room_for_feedback():
     np.testing.assert_allclose(limits.torque, [150.0, 90.0, 150.0], rtol=1e-15, atol=0)
 
 
+def test_velocity_limits_hold_beside_those_of_the_settings():
+    file = robot_file()
+    robot = replace(file.robot, velocity_limits=np.array([0.2, np.inf, 2.0]))
+    settings = with_excitation(file, joint_rate=(0.5,)).settings.excitation
+    np.testing.assert_array_equal(Limits(robot, settings).rate, [0.2, 0.5, 0.5])
+
+
 def test_tells_more_than_table_two_within_175_degrees(wide):
     problem, design = wide
     assert max(use.fraction for use in finest_uses(problem, design)) <= 1.0 + 1e-6

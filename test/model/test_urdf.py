@@ -140,6 +140,11 @@ REFUSALS = [
         "joint 'j1': limits make no sense: effort -5",
     ),
     (
+        'negative velocity',
+        _with('effort="5"', 'velocity="-5"'),
+        "joint 'j1': limits make no sense: effort inf, velocity -5",
+    ),
+    (
         'NaN limit',
         _with('effort="5"', 'effort="nan"'),
         "joint 'j1' effort limit: expected 1 finite",
@@ -203,7 +208,9 @@ def test_continuous_joint_has_no_range_and_absent_limits_are_infinite():
     tree = parse_urdf(_with('type="revolute"', 'type="continuous"'))
     assert tree.joints['j1'].position_limit == (-np.inf, np.inf)
     tree = parse_urdf(_with('<limit effort="5" lower="-1" upper="2"/>', ''))
-    assert tree.joints['j1'].effort_limit == np.inf
+    assert tree.joints['j1'].effort_limit == tree.joints['j1'].velocity_limit == np.inf
+    fast = parse_urdf(_with('effort="5"', 'effort="5" velocity="0.7"'))
+    assert fast.joints['j1'].velocity_limit == 0.7
 
 
 def test_half_a_range_ends_at_zero_as_urdf_has_it():
