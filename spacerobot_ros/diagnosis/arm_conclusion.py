@@ -26,8 +26,8 @@ from .answer.result import (
     Ranked,
     RecordingMisfit,
     Residual,
-    in_recordings,
 )
+from .answer.words import cause_in_words, first_few, verdict_of
 from .arm_evidence import rivals_of
 from .arm_found import WORSE, ArmFound, rms
 from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
@@ -37,14 +37,6 @@ from .friction_law import friction_laws
 from .limits import RELEVANT
 from .ratios import ratios, scale_notes
 from .selection import Selection
-
-_UNTESTED = Evidence(
-    log_likelihood_gain=math.nan,
-    bic_gain=math.nan,
-    p_value=math.nan,
-    held_out_gain=math.nan,
-    placebo_gain=math.nan,
-)
 
 
 def conclude_arm(
@@ -82,8 +74,6 @@ def conclude_arm(
             rms_before=float(b),
             rms_after=float(a),
             noise_floor=s.noise_floor,
-            whiteness_p=math.nan,
-            whiteness_p_before=math.nan,
         )
         for s, b, a in zip(channels, before, after, strict=True)
     )
@@ -97,9 +87,6 @@ def conclude_arm(
         series=channels,
         gain=_gain(found),
         ranking=tuple(_ranked(found.first)),
-        fit_p=None,
-        null_p=None,
-        next_motion=(),
         notes=(*notes, *scale_notes(found), *_worse_words(recordings)),
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=recordings,
@@ -161,8 +148,7 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
             )
             for p in effect.parameters
         },
-        evidence=_UNTESTED,
-        rivals=(),
+        evidence=Evidence(),
         thresholds={p.name: replace(p, relevant=0.0) for p in effect.parameters},
         relevant=True,
         constant_p=chi_square_tail(scatter / birge, dof),
@@ -187,9 +173,7 @@ def _verdict(found: ArmFound, is_named: bool, after: Array) -> str:
     gain = torque_tolerance(found.robot) * rows.scale
     usual = np.hypot(rows.torque_of(deviations), gain)
     is_small = bool(np.all((after <= usual) | np.isnan(after)))
-    if is_named:
-        return 'explained' if is_small else 'partly_explained'
-    return 'consistent' if is_small else 'unexplained'
+    return verdict_of(is_small, is_named)
 
 
 def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelError]:
@@ -210,7 +194,7 @@ def _gain(found: ArmFound) -> Gain:
     count = selection.whole.rows
     before = sum(fold.part.square for fold in selection.folds())
     after = selection.held_out_misfit(found.fit.chosen)
-    return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count), placebo=math.nan)
+    return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count))
 
 
 def _ranked(first: Selection) -> list[Ranked]:
@@ -268,10 +252,9 @@ def _sentence(verdict: str, named: Sequence[Cause], before: float, after: float)
         return f'The model explains the data up to {after:.3g} N m (rms).'
     if not named:
         return f'The model does not explain the data ({left} is left), and no known effect does.'
-    what = '; '.join(_in_words(cause) for cause in named[:3])
-    more = f'; and {len(named) - 3} more' if len(named) > 3 else ''
+    what = first_few([cause_in_words(cause, 1) for cause in named])
     rest = 'is left, no more than usual' if verdict == 'explained' else 'remains unexplained'
-    return f'The data differ from the model by {what}{more}. {left} {rest}.'
+    return f'The data differ from the model by {what}. {left} {rest}.'
 
 
 def _law_words(laws: Sequence[Leftover]) -> str:
@@ -281,11 +264,3 @@ def _law_words(laws: Sequence[Leftover]) -> str:
         f'{law.resembles}.'
         for law in laws
     )
-
-
-def _in_words(cause: Cause) -> str:
-    where = f' at {cause.applied.where}' if cause.applied.where else ''
-    where += in_recordings(cause.applied)
-    name, first = next(iter(cause.parameters.items()))
-    unit = f' {first.unit}' if first.unit else ''
-    return f'{cause.applied.title}{where} ({name} {first.value:.4g} +- {first.std:.2g}{unit})'

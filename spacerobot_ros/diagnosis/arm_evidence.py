@@ -73,7 +73,5 @@ def rivals_of(selection: Selection, i: int) -> tuple[Rival, ...]:
         c = selection.rows.candidates[k]
         is_other = c.key != which.key and not c.repeats([which])
         if is_other and margin > 0.0 and abs(gap) < EQUIVALENT:
-            out.append(
-                Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0), motion='')
-            )
+            out.append(Rival(effect=c.kind.id, where=c.where, bic_gap=2.0 * max(gap, 0.0)))
     return tuple(out)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..estimation.arm_priors import torque_tolerance
 from .answer.result import Estimated
+from .answer.words import at, first_few, value_in_words
 from .changes import Changes
 
 
@@ -136,13 +137,9 @@ def _detectable(found: Changes, i: int) -> Detectable:
 def _sentence(changes: tuple[Change, ...]) -> str:
     if not changes:
         return 'Nothing changed by more than would have been seen (detectable).'
-    what = '; '.join(_in_words(change) for change in changes[:3])
-    more = f'; and {len(changes) - 3} more' if len(changes) > 3 else ''
-    return f'What changed: {what}{more}.'
+    return f'What changed: {first_few([_in_words(change) for change in changes])}.'
 
 
 def _in_words(change: Change) -> str:
-    where = f' at {change.where}' if change.where else ''
-    name, first = next(iter(change.parameters.items()))
-    unit = f' {first.unit}' if first.unit else ''
-    return f'{change.title}{where} ({name} {first.value:+.4g} +- {first.std:.2g}{unit})'
+    first = value_in_words(*next(iter(change.parameters.items())), sign='+')
+    return f'{change.title}{at(change.where)} ({first})'

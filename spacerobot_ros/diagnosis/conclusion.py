@@ -18,6 +18,7 @@ from .answer.result import (
     Ranked,
     Rival,
 )
+from .answer.words import cause_in_words, verdict_of
 from .found import Found
 from .limits import MISFIT
 
@@ -39,7 +40,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     fit_p, white_left = found.sound.rows.whiteness()
     # what is shown is the model that is written
     extended = found.only([i for i, c in sound.items() if c.relevant]) if minor else found.sound
-    verdict = _verdict(fit_p, bool(named))
+    verdict = verdict_of(fit_p is not None and fit_p >= MISFIT, bool(named))
     channels = series(null.rows.channels(), extended.rows.channels())
     joints = null.run.robot.joints
     return Diagnosis(
@@ -65,12 +66,6 @@ def _unfinished(fits: Sequence[ChannelFit]) -> str:
     return f'{_UNFINISHED}: {listed}' if left else _UNFINISHED
 
 
-def _verdict(fit_p: float | None, named: bool) -> str:
-    if fit_p is not None and fit_p >= MISFIT:
-        return 'explained' if named else 'consistent'
-    return 'partly_explained' if named else 'unexplained'
-
-
 def _cause(found: Found, index: int) -> Cause:
     """A cause with what speaks for it beside all others."""
     fit, choice, check = found.fit, found.choices[index], found.checks[index]
@@ -91,7 +86,7 @@ def _cause(found: Found, index: int) -> Cause:
             placebo_gain=check.placebo_gain,
         ),
         rivals=tuple(
-            Rival(effect=effect, where=where, bic_gap=2.0 * gap, motion='')
+            Rival(effect=effect, where=where, bic_gap=2.0 * gap)
             for effect, where, gap in choice.rivals
         ),
         thresholds={p.name: p for p in own},
@@ -147,13 +142,3 @@ def _stands_out(fit: ChannelFit) -> str:
     is_line = fit.question == 'line'
     kind = f'a spectral line at {fit.frequency:.3g} Hz' if is_line else 'a slow error'
     return f'{kind} in {fit.channel.replace("_", " ")} {fit.axis + 1}'
-
-
-def cause_in_words(cause: Cause) -> str:
-    """A cause with its place and values."""
-    where = f' at {cause.applied.where}' if cause.applied.where else ''
-    values = ', '.join(
-        f'{name} {e.value:.4g} +- {e.std:.2g}{f" {e.unit}" if e.unit else ""}'
-        for name, e in cause.parameters.items()
-    )
-    return f'{cause.applied.title}{where} ({values})'

@@ -34,7 +34,7 @@ from .answer.result import (
     Rival,
     Series,
 )
-from .conclusion import cause_in_words
+from .answer.words import cause_in_words, verdict_of
 from .events.event import Events
 from .limits import FALSE_ALARMS, MISFIT
 
@@ -74,14 +74,12 @@ def combined(
         verdict=verdict,
         sentence=_sentence(verdict, ' and '.join(words)),
         causes=causes,
-        minor=(),
         residuals=tuple(map(_residual, _common(answers, 'residuals'))),
         series=tuple(map(_joined, _common(answers, 'series'))),
         gain=_gain([answer.gain for answer in answers]),
         ranking=_ranking(answers),
         fit_p=_smallest([answer.fit_p for answer in answers]),
         null_p=_smallest([answer.null_p for answer in answers]),
-        next_motion=(),
         notes=(*notes, *where, *others),
         recordings=tuple(_misfits(answers, spans)),
         events=events,
@@ -101,9 +99,7 @@ def _verdict(answers: Sequence[Diagnosis], is_named: bool) -> str:
         is_good = all(answer.verdict in _GOOD for answer in answers)
     else:
         is_good = fit_p >= MISFIT
-    if is_good:
-        return 'explained' if is_named else 'consistent'
-    return 'partly_explained' if is_named else 'unexplained'
+    return verdict_of(is_good, is_named)
 
 
 def _sentence(verdict: str, what: str) -> str:

@@ -20,6 +20,7 @@ from ..estimation.scaling import is_relevant
 from ..estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
 from ..model.robot import Robot
 from ..recording.record import Record
+from .answer.residuals import residuals
 from .answer.result import (
     Cause,
     Diagnosis,
@@ -27,10 +28,10 @@ from .answer.result import (
     Evidence,
     Gain,
     Ranked,
-    Residual,
     Rival,
     Series,
 )
+from .answer.words import cause_in_words
 from .limits import EQUIVALENT, FALSE_ALARMS
 from .spin_axis import Tilt, tilt_of
 from .spin_means import KINDS, MeanFit, SpinMeans
@@ -81,12 +82,10 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
         sentence=_sentence(named, tilt),
         causes=named,
         minor=tuple(c for c in causes if not c.relevant),
-        residuals=tuple(_residual(s) for s in channels),
+        residuals=residuals(channels, (), (), ()),
         series=channels,
-        gain=Gain(before=before, after=after, placebo=math.nan),
+        gain=Gain(before=before, after=after),
         ranking=tuple(_ranked(means, null, means.fit((kind,)), rows) for kind in KINDS),
-        fit_p=None,
-        null_p=None,
         next_motion=(_NEXT,) if tilt is not None and tilt.is_tilted else (),
         notes=(*notes, f'judged by the spin that the magnetometer sees: {spans}', *said),
     )
@@ -104,7 +103,7 @@ def _chosen(means: SpinMeans) -> tuple[MeanFit, dict[str, tuple[Rival, ...]]]:
         if not (is_better and means.held_out(ahead.kinds) < means.held_out(best.kinds)):
             break
         rivals[ahead.kinds[-1]] = tuple(
-            Rival(effect=t.kinds[-1], where=None, bic_gap=t.bic(rows) - least, motion='')
+            Rival(effect=t.kinds[-1], where=None, bic_gap=t.bic(rows) - least)
             for t in trials[1:]
             if t.bic(rows) - least < 2.0 * EQUIVALENT
         )
@@ -113,9 +112,7 @@ def _chosen(means: SpinMeans) -> tuple[MeanFit, dict[str, tuple[Rival, ...]]]:
     for kind in best.kinds:  # at one rate of one sense a bias, a scale and a tilt are alike
         if any(name not in told for name in best.names if name[0] == kind):
             others = (k for k in KINDS if k != kind)
-            rivals[kind] = tuple(
-                Rival(effect=k, where=None, bic_gap=0.0, motion='') for k in others
-            )
+            rivals[kind] = tuple(Rival(effect=k, where=None, bic_gap=0.0) for k in others)
     return best, rivals
 
 
@@ -153,12 +150,10 @@ def _cause(means: SpinMeans, fit: MeanFit, kind: str, rivals: tuple[Rival, ...])
             bic_gain=without.bic(rows) - fit.bic(rows),
             p_value=chi_square_tail(without.misfit - fit.misfit, max(len(own), 1)),
             held_out_gain=(held_without - held) / max(held_without - rows, 1.0),
-            placebo_gain=math.nan,
         ),
         rivals=rivals,
         thresholds=thresholds,
         relevant=any(is_relevant(thresholds[n], values[n]) for n in fitted),
-        constant_p=math.nan,
     )
 
 
@@ -174,21 +169,16 @@ def _tilt_cause(tilt: Tilt, robot: Robot) -> Cause:
         effect='gyro_misalignment',
         where='gyro and magnetometer on one board',
         bic_gap=0.0,
-        motion='',
     )
-    nan = math.nan
     return Cause(
         applied=_applied(kind, values, base),
         parameters={
             n: Estimated(value=v, std=tilt.stds[n], unit='kg m^2') for n, v in tilt.change.items()
         },
-        evidence=Evidence(
-            log_likelihood_gain=nan, bic_gain=nan, p_value=nan, held_out_gain=nan, placebo_gain=nan
-        ),
+        evidence=Evidence(),
         rivals=(board,) if tilt.is_tilted else (),
         thresholds=thresholds,
         relevant=True,
-        constant_p=nan,
     )
 
 
@@ -219,31 +209,10 @@ def _series(means: SpinMeans, null: MeanFit, best: MeanFit) -> tuple[Series, ...
     )  # fmt: skip
 
 
-def _residual(series: Series) -> Residual:
-    before, after = (float(np.sqrt(np.mean(e**2))) for e in (series.before, series.after))
-    return Residual(
-        channel=series.channel,
-        unit=series.unit,
-        rms_before=before,
-        rms_after=after,
-        noise_floor=series.noise_floor,
-        whiteness_p=math.nan,
-        whiteness_p_before=math.nan,
-    )
-
-
 def _sentence(named: Sequence[Cause], tilt: Tilt | None) -> str:
     gyro = [c for c in named if c.applied.group == 'sensor']
-    what = ' and '.join(_in_words(c) for c in gyro)
+    what = ' and '.join(cause_in_words(c) for c in gyro)
     parts = [f'The data differ from the model by {what}' * bool(gyro)]
     parts += [tilt.likely] if tilt is not None else []
     said = '; '.join(part for part in parts if part)
     return f'{said}.' if said else 'The model explains the mean rates of the gyro.'
-
-
-def _in_words(cause: Cause) -> str:
-    values = ', '.join(
-        f'{name} {e.value:.4g} +- {e.std:.2g}{f" {e.unit}" if e.unit else ""}'
-        for name, e in cause.parameters.items()
-    )
-    return f'{cause.applied.title} ({values})'

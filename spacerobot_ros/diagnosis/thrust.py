@@ -24,12 +24,12 @@ from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array, IntArray
 from .answer.result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Residual
+from .answer.words import cause_in_words
 from .limits import FALSE_ALARMS
 
 _DELAYS = np.linspace(0.0, 0.5, 26)  # s; tried
 _PARTS = 10
 _FEWEST = 20  # windows: two a part
-_NAN = math.nan
 
 
 def has_pose_and_thrust(records: Sequence[Record], robot: Robot) -> bool:
@@ -170,16 +170,11 @@ def diagnose_thrust(records: Sequence[Record], robot: Robot, notes: Sequence[str
         causes=named,
         minor=minor,
         residuals=tuple(_residuals(null, best)),
-        series=(),
         gain=Gain(
             before=math.sqrt(float(np.sum(null.misfit)) / rows),
             after=math.sqrt(after / rows),
-            placebo=_NAN,
         ),
         ranking=tuple(_ranked(c) for c in causes),
-        fit_p=None,
-        null_p=None,
-        next_motion=(),
         notes=(
             *notes,
             f'judged by {search.count} windows of pose, start and rate of each free; thrust is '
@@ -242,12 +237,9 @@ def _made(
             bic_gain=square - math.log(search.count),
             p_value=chi_square_tail(square, 1),
             held_out_gain=held_out,
-            placebo_gain=_NAN,
         ),
-        rivals=(),
         thresholds=thresholds,
         relevant=is_relevant(thresholds[parameter], value),
-        constant_p=_NAN,
     )
 
 
@@ -270,9 +262,6 @@ def _residuals(null: _Solution, best: _Solution) -> list[Residual]:
             unit=unit,
             rms_before=float(null.levels[i]),
             rms_after=float(best.levels[i]),
-            noise_floor=_NAN,
-            whiteness_p=_NAN,
-            whiteness_p_before=_NAN,
         )
         for i, (channel, unit) in enumerate(channels)
     ]
@@ -291,13 +280,10 @@ def _gains_in_words(names: Sequence[Name], best: _Solution) -> str:
 def _sentence(named: Sequence[Cause]) -> str:
     if not named:
         return 'The model explains the motion under the commands, within what windows scatter by.'
-    parts = []
-    for cause in named:
-        ((name, e),) = cause.parameters.items()
-        where = f' at {cause.applied.where}' if cause.applied.where else ''
-        dead = ' (it gives no force)' if name == 'gain' and e.value < 2.0 * e.std else ''
-        unit = f' {e.unit}' if e.unit else ''
-        parts.append(
-            f'{cause.applied.title}{where}{dead} ({name} {e.value:.3g} +- {e.std:.2g}{unit})'
-        )
-    return f'The data differ from the model by {" and ".join(parts)}.'
+    return f'The data differ from the model by {" and ".join(map(_in_words, named))}.'
+
+
+def _in_words(cause: Cause) -> str:
+    (found,) = cause.parameters.values()
+    is_dead = cause.applied.id == 'thruster_gain' and found.value < 2.0 * found.std
+    return cause_in_words(cause) + ' (it gives no force)' * is_dead

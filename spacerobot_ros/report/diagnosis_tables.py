@@ -9,8 +9,9 @@ from ..diagnosis.answer.appearance import Appearance
 from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
 from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.output import relevance
-from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual, in_recordings
+from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
+from ..diagnosis.answer.words import in_recordings
 from ..diagnosis.events.event import Events
 from ..display import Section, Table, table
 from .event_tables import event_table, limit_table, possible_lines

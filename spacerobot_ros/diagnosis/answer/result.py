@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -24,7 +25,7 @@ class Estimated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """How surely a cause is one.
+    """How surely a cause is one; nan is what was not computed.
 
     Args:
         log_likelihood_gain: On the first part of the record.
@@ -34,11 +35,11 @@ class Evidence:
         placebo_gain: Largest held-out share among placebo extensions of the same size.
     """
 
-    log_likelihood_gain: float
-    bic_gain: float
-    p_value: float
-    held_out_gain: float
-    placebo_gain: float
+    log_likelihood_gain: float = math.nan
+    bic_gain: float = math.nan
+    p_value: float = math.nan
+    held_out_gain: float = math.nan
+    placebo_gain: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +54,7 @@ class Rival:
     effect: str
     where: str | None
     bic_gap: float
-    motion: str
+    motion: str = ''
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,11 +65,12 @@ class Cause:
         applied: The effect with its estimated values.
         parameters: Its parameters.
         evidence: How surely.
-        rivals: What it can't be told from.
         thresholds: The effect's parameters by name, with thresholds of relevance for this robot.
         relevant: Whether any parameter is beyond its threshold of relevance; if not it is fitted
             and printed, but not named.
-        constant_p: Probability that its parameters are the same all along the record.
+        rivals: What it can't be told from.
+        constant_p: Probability that its parameters are the same all along the record; nan: not
+            tested.
         held_out_recordings: Log evidence that it adds to the prediction of every recording from
             the others; None where there is one recording, or where that was not computed.
     """
@@ -76,19 +78,11 @@ class Cause:
     applied: Effect
     parameters: Mapping[str, Estimated]
     evidence: Evidence
-    rivals: tuple[Rival, ...]
     thresholds: Mapping[str, Parameter]
     relevant: bool
-    constant_p: float
+    rivals: tuple[Rival, ...] = ()
+    constant_p: float = math.nan
     held_out_recordings: tuple[float, ...] | None = None
-
-
-def in_recordings(effect: Effect) -> str:
-    """The recordings that it is of alone, from 1, in words; empty for all."""
-    if effect.recordings is None:
-        return ''
-    numbers = ', '.join(str(1 + run) for run in effect.recordings)
-    return f' in recording{"s" * (len(effect.recordings) > 1)} {numbers}'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +95,7 @@ class Residual:
         rms_before: Of the one-step prediction error of the model as it stands.
         rms_after: Of the extended model's.
         noise_floor: What a right model has, from the sensors' noise.
-        whiteness_p: Probability that the extended model's errors are white.
+        whiteness_p: Probability that the extended model's errors are white; nan: not tested.
         whiteness_p_before: The same for the model as it stands.
     """
 
@@ -109,9 +103,9 @@ class Residual:
     unit: str
     rms_before: float
     rms_after: float
-    noise_floor: float
-    whiteness_p: float
-    whiteness_p_before: float
+    noise_floor: float = math.nan
+    whiteness_p: float = math.nan
+    whiteness_p_before: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -233,9 +227,9 @@ class Gain:
         placebo: Of the best placebo extension of the same size.
     """
 
-    before: float
-    after: float
-    placebo: float
+    before: float = math.nan
+    after: float = math.nan
+    placebo: float = math.nan
 
     @property
     def ratio(self) -> float:
@@ -335,16 +329,16 @@ class Diagnosis:
 
     verdict: str
     sentence: str
-    causes: tuple[Cause, ...]
-    minor: tuple[Cause, ...]
-    residuals: tuple[Residual, ...]
-    series: tuple[Series, ...]
-    gain: Gain
-    ranking: tuple[Ranked, ...]
-    fit_p: float | None
-    null_p: float | None
-    next_motion: tuple[str, ...]
-    notes: tuple[str, ...]
+    causes: tuple[Cause, ...] = ()
+    minor: tuple[Cause, ...] = ()
+    residuals: tuple[Residual, ...] = ()
+    series: tuple[Series, ...] = ()
+    gain: Gain = Gain()
+    ranking: tuple[Ranked, ...] = ()
+    fit_p: float | None = None
+    null_p: float | None = None
+    next_motion: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     calibration: tuple[Effect, ...] = ()
     recordings: tuple[RecordingMisfit, ...] = ()
     friction: tuple[FrictionLaw, ...] = ()

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 from ...estimation.balance import Balance
 from ..answer.residuals import series
-from ..answer.result import Diagnosis, Gain
+from ..answer.result import Diagnosis
+from ..answer.words import at, first_few
 from .event import Event, Events
 
 _WITH = {'consistent': 'explained', 'unexplained': 'partly_explained'}
 """Verdict by that of all other times, where an event is named."""
-_SAID = 3
 
 
 def with_events(diagnosis: Diagnosis, events: Events) -> Diagnosis:
@@ -32,29 +31,17 @@ def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
     answer = Diagnosis(
         verdict='consistent' if events.named else 'unexplained',
         sentence='no joint moves: at rest friction holds any torque, and nothing else is told.',
-        causes=(),
-        minor=(),
-        residuals=(),
         series=series(channels, channels),
-        gain=Gain(before=math.nan, after=math.nan, placebo=math.nan),
-        ranking=(),
-        fit_p=None,
-        null_p=None,
-        next_motion=(),
-        notes=(),
     )
     return with_events(answer, events)
 
 
 def _in_words(named: Sequence[Event]) -> str:
-    what = '; '.join(_event(e) for e in named[:_SAID])
-    more = f'; and {len(named) - _SAID} more' if len(named) > _SAID else ''
     count = 'one event' if len(named) == 1 else f'{len(named)} events'
-    return f'Something from outside acts, {count}: {what}{more}.'
+    return f'Something from outside acts, {count}: {first_few([_event(e) for e in named])}.'
 
 
 def _event(event: Event) -> str:
-    place = f' at {event.where}' if event.where else ''
     name, peak = max(event.peak.items(), key=lambda item: abs(item[1]))
     said = f'{name} {peak:.3g} +- {event.peak_std[name]:.2g} {event.unit}'
-    return f'{event.effect}{place} from {event.start:.2f} to {event.end:.2f} s ({said})'
+    return f'{event.effect}{at(event.where)} from {event.start:.2f} to {event.end:.2f} s ({said})'

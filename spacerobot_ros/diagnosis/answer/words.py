@@ -1,0 +1,51 @@
+"""Verdicts and causes in words, the same in every answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...effects.effect import Effect
+from .result import Cause, Estimated
+
+_SHOWN = 3  # causes in one sentence; the others stand in the table
+
+
+def verdict_of(is_good: bool, is_named: bool) -> str:
+    """One of `VERDICTS`: by whether what is left is what a right model leaves."""
+    if is_good:
+        return 'explained' if is_named else 'consistent'
+    return 'partly_explained' if is_named else 'unexplained'
+
+
+def value_in_words(name: str, found: Estimated, sign: str = '') -> str:
+    """A parameter with its standard deviation; `sign` is `+` where it is a change."""
+    unit = f' {found.unit}' if found.unit else ''
+    return f'{name} {found.value:{sign}.4g} +- {found.std:.2g}{unit}'
+
+
+def cause_in_words(cause: Cause, most: int | None = None) -> str:
+    """A cause with its place and its values, all or so many."""
+    values = [value_in_words(*item) for item in cause.parameters.items()]
+    applied = cause.applied
+    return (
+        f'{applied.title}{at(applied.where)}{in_recordings(applied)} ({", ".join(values[:most])})'
+    )
+
+
+def at(where: str | None) -> str:
+    """The place of an effect, if it has one."""
+    return f' at {where}' if where else ''
+
+
+def in_recordings(effect: Effect) -> str:
+    """The recordings that an effect is of alone, from 1; empty for all."""
+    if effect.recordings is None:
+        return ''
+    numbers = ', '.join(str(1 + run) for run in effect.recordings)
+    return f' in recording{"s" * (len(effect.recordings) > 1)} {numbers}'
+
+
+def first_few(names: Sequence[str]) -> str:
+    """What matters most, and how many more there are."""
+    more = f'; and {len(names) - _SHOWN} more' if len(names) > _SHOWN else ''
+    return '; '.join(names[:_SHOWN]) + more
