@@ -186,7 +186,19 @@ class Replay:
     caption: str = ''
 
 
-Item = str | KeyFigures | Table | Plot | Replay
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A plot or a replay as a page has it.
+
+    Args:
+        markup: HTML.
+    """
+
+    markup: str
+
+
+Figure = Plot | Replay | Drawn
+Item = str | KeyFigures | Table | Figure
 """A text is a paragraph."""
 
 

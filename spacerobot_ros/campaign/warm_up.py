@@ -31,6 +31,7 @@ from ..effects.hidden import driven_states
 from ..effects.hysteresis import followed
 from ..errors import IdentificationError
 from ..estimation.kalman import StateSpace, correlate, gains_of, whiten
+from ..excitation.base_response import BaseResponse, BaseStart
 from ..identification.batch import identify_robot
 from ..model.robot import Robot
 from .diagnosis_scenario import robot_file, simulated
@@ -69,7 +70,7 @@ def _show(line: str) -> None:
 
 
 def call_fits(robot: Robot) -> None:
-    """Call what linearizes and filters, with zeros of the right shapes."""
+    """Call what linearizes, filters and follows a motion, with zeros of the right shapes."""
     tree, n = tree_of(robot), robot.n_joints
     places, motions = np.zeros((1, n + 1, 3)), np.zeros((1, n + 1, 6))
     kinematics = BodyKinematics(np.zeros((1, n + 1, 3, 3)), places, motions, motions)
@@ -81,6 +82,8 @@ def call_fits(robot: Robot) -> None:
     mean, rates, measured = np.zeros((2, 1)), np.zeros((2, 1, 1)), np.zeros((1, 1))
     whiten(model, gains, mean, rates, np.zeros((0, 0)), measured)
     correlate(model, gains, np.zeros(1), 1)
+    start = BaseStart(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3))
+    BaseResponse(robot).move(np.arange(5.0), *np.zeros((3, 1, 5, n)), start)
     driven_states(lambda x: -x, np.arange(2.0), 1)
     followed(np.zeros(2), 1.0, is_dahl=True)
     constant_pass(*[np.zeros((1, 1)) for _ in range(4)])

@@ -9,19 +9,22 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .options import Subparsers, add_command, check_folder, seed
 from .terminal import Stage, print_sections, progress
 
 if TYPE_CHECKING:
+    from ..demo.page import RunPictures
     from ..demo.results import DemoRun, Results
     from ..effects.robot_file import RobotFile
-    from ..simulation.replay.scene import Scene
+    from ..types import Array
+
+    Submit = Callable[..., Future[Any]]
 
 _DESCRIPTION = """\
 Run simulator, identifier and controller as ROS 2 nodes in one process, in lockstep:
@@ -70,31 +73,22 @@ def run(args: argparse.Namespace) -> int:
     for name in _BAGS:
         check_target(out / name, overwrite=True)
     with written_whole(out) as work:  # an interrupted run leaves the results before it
-        results = _results(args, work)
+        results, pictures = _results(args, work)
         from ..demo.page import demo_report, demo_summary
         from ..json_values import json_text
         from ..model.files import write_text
         from ..report.html import write_report
 
         write_text(work / 'summary.json', json_text(results.summary()))
-        scene = partial(_scene, args, work / _BAGS[0])
-        write_report(demo_report(results, scene), work / 'report.html')
+        write_report(demo_report(results, pictures), work / 'report.html')
     print_sections(demo_summary(results, out))
     return 0 if results.reached else 1
 
 
-def _scene(args: argparse.Namespace, bag: Path) -> Scene:
-    """The first run as it was recorded."""
-    from ..recording.read import read_record
-    from ..simulation.replay.scene import scene_of
-
-    file = _robot_file(args)
-    return scene_of(read_record(bag, file.robot), file)
-
-
-def _results(args: argparse.Namespace, work: Path) -> Results:
+def _results(args: argparse.Namespace, work: Path) -> tuple[Results, RunPictures]:
+    """All runs, and pictures of the first, which are drawn while another goes on."""
     from ..demo.results import Results, truth_of
-    from ..demo.run import check_file, identify, track, unseen
+    from ..demo.run import check_file, identify, track
     from ..simulation.truth import true_robot
 
     started = time.perf_counter()
@@ -103,40 +97,63 @@ def _results(args: argparse.Namespace, work: Path) -> Results:
     settings = file.settings
     bags = [work / name for name in _BAGS]
     passes, length = 1 if args.quick else 2, settings.reference.duration
-    with progress() as bars:
-        stage = partial(_stage, bars)
-        exciting = stage('exciting and identifying', passes * length)
-        # another process that sees these topics would mix with them
-        beside = None if args.live else partial(track, file, None, bags[1], unseen)
-        with _in_a_process(beside) as no_aam_beside:
-            found = identify(file, passes, bags[0], exciting)
-            tracking = stage('tracking without the wheels', length)
-            no_aam = no_aam_beside() or track(file, None, bags[1], tracking)
-        tracking(length)
-        estimate = found.estimates[-1]
-        identified = track(file, estimate, bags[2], stage('tracking with them', length))
-    plant = true_robot(file.robot, settings)
-    return Results(
-        robot=file.robot.name,
-        seed=settings.simulator.seed,
-        identification=found,
-        no_aam=no_aam,
-        identified=identified,
-        truth=truth_of(file.robot, plant, settings.identifier.structure),
-        bags=tuple(str(Path(args.out) / name) for name in _BAGS),
-        wall=time.perf_counter() - started,
-    )
+    truth = truth_of(file.robot, true_robot(file.robot, settings), settings.identifier.structure)
+    # another process that sees these topics would mix with them
+    with progress() as bars, _here() if args.live else _beside() as submit:
+        exciting = _stage(bars, 'exciting and identifying', passes * length)
+        no_aam = submit(track, file, None, bags[1])
+        found = identify(file, passes, bags[0], exciting)
+        tracking = _stage(bars, 'tracking without the wheels, and with them', 2 * length)
+        identified = submit(track, file, found.estimates[-1], bags[2])
+        pictures = _pictures(file, found, truth, bags[0])
+        results = Results(
+            robot=file.robot.name,
+            seed=settings.simulator.seed,
+            identification=found,
+            no_aam=no_aam.result(),
+            identified=identified.result(),
+            truth=truth,
+            bags=tuple(str(Path(args.out) / name) for name in _BAGS),
+            wall=time.perf_counter() - started,
+        )
+        tracking(2 * length)
+    return results, pictures
+
+
+def _pictures(file: RobotFile, found: DemoRun, truth: Array, bag: Path) -> RunPictures:
+    from ..demo.page import pictures_of
+    from ..recording.read import read_record
+    from ..report.html import drawn
+    from ..simulation.replay.scene import scene_of
+
+    pictures = pictures_of(found, truth, lambda: scene_of(read_record(bag, file.robot), file))
+    return {name: drawn(picture) for name, picture in pictures.items()}
 
 
 @contextmanager
-def _in_a_process(task: Callable[[], DemoRun] | None) -> Iterator[Callable[[], DemoRun | None]]:
-    """Run a task in another process, which ends with the block; gives what waits for it."""
-    if task is None:
-        yield lambda: None
-        return
+def _beside() -> Iterator[Submit]:
+    """Another process, which ends with the block; gives what has it call a function."""
+    ignored = (signal.SIGINT, signal.SIG_IGN)
     spawn = multiprocessing.get_context('spawn')
-    with spawn.Pool(1, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
-        yield pool.apply_async(task).get
+    with ProcessPoolExecutor(1, spawn, signal.signal, ignored) as pool:
+        try:
+            yield pool.submit
+        except BaseException:  # nothing waits for it any more
+            for child in multiprocessing.active_children():
+                child.kill()
+            raise
+
+
+@contextmanager
+def _here() -> Iterator[Submit]:
+    """This process in place of another."""
+
+    def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        done.set_result(function(*arguments))
+        return done
+
+    yield submit
 
 
 def _robot_file(args: argparse.Namespace) -> RobotFile:

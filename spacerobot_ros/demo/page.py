@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..display import (
     Curve,
+    Figure,
     Item,
     KeyFigure,
     KeyFigures,
@@ -22,18 +23,22 @@ from ..display import (
     Status,
     Table,
 )
+from ..identification.estimate import Estimate
 from ..types import Array
 from .results import AIM_AAM_PERCENT, AIM_DRIFT, AIM_RATIO, DemoRun, Results
 
 AXES = 'xyz'
+RunPictures = Mapping[str, Figure]
+"""Pictures by what they show."""
 
 
-def demo_report(results: Results, scene: Callable[[], Any]) -> Report:
-    """The page.
+def pictures_of(run: DemoRun, truth: Array, scene: Callable[[], Any]) -> RunPictures:
+    """Pictures of the run that identifies, by what they show.
 
     Args:
-        results: Of the demonstration.
-        scene: Makes the `simulation.replay.scene.Scene` of the first run.
+        run: The run.
+        truth: As of `Results`.
+        scene: Makes its `simulation.replay.scene.Scene`.
     """
     replay = Replay(
         scene,
@@ -41,21 +46,32 @@ def demo_report(results: Results, scene: Callable[[], Any]) -> Report:
         'measured efforts while it knows nothing of the captured wheels, beginning again from the '
         'measured state every two seconds.',
     )
+    kept = 'What a closed system keeps, and what the simulated one did while it was identified.'
+    return {
+        'motion': replay,
+        **_convergence(run, truth),
+        'ledger': Plot(partial(_ledger, run), kept),
+    }
+
+
+def demo_report(results: Results, pictures: RunPictures) -> Report:
+    """The page.
+
+    Args:
+        results: Of the demonstration.
+        pictures: Of its first run, as `pictures_of`.
+    """
     tracking = Plot(partial(_tracking, results), 'Reference minus true joint position.')
-    ledger = Plot(
-        partial(_ledger, results.identification),
-        'What a closed system keeps, and what the simulated one did while it was identified.',
-    )
     return Report(
         title='Wheel momentum of a captured satellite: identified and used',
         subtitle=f'robot {results.robot}, seed {results.seed}, simulated on ROS 2 nodes',
         sections=(
             Section('Result', _figures(results)),
-            Section('In motion', [replay]),
+            Section('In motion', [pictures['motion']]),
             Section('Joint error with and without the wheel momentum', [tracking]),
-            Section('Convergence of the estimates', _convergence(results)),
+            Section('Convergence of the estimates', [pictures['error'], pictures['band']]),
             Section('Estimated parameters', [_parameters(results)]),
-            Section('Momentum ledger', [ledger]),
+            Section('Momentum ledger', [pictures['ledger']]),
         ),
     )
 
@@ -65,7 +81,7 @@ def demo_summary(results: Results, out: Path) -> list[Section]:
     estimate = results.estimate
     rows = []
     for place, value, std, true in zip(
-        _places(results), estimate.aam, estimate.std, results.truth, strict=False
+        _places(estimate), estimate.aam, estimate.std, results.truth, strict=False
     ):
         percent = f'{100.0 * (value - true) / abs(true):+.3f}' if true else '-'
         rows.append((place, f'{value:.4f}', f'{3.0 * std:.4f}', f'{true:.4f}', percent))
@@ -85,8 +101,8 @@ def demo_summary(results: Results, out: Path) -> list[Section]:
     ]
 
 
-def _places(results: Results) -> list[str]:
-    return [f'{link}, {axis}' for link in results.estimate.aam_links for axis in AXES]
+def _places(estimate: Estimate) -> list[str]:
+    return [f'{link}, {axis}' for link in estimate.aam_links for axis in AXES]
 
 
 def _figures(results: Results) -> list[Item]:
@@ -141,15 +157,15 @@ def _largest(error: Array) -> Array:
     return np.take_along_axis(error, at, axis=1)[:, 0]
 
 
-def _convergence(results: Results) -> list[Item]:
-    estimates = [e for e in results.identification.estimates if e.samples > 0]
+def _convergence(run: DemoRun, truth: Array) -> RunPictures:
+    estimates = [e for e in run.estimates if e.samples > 0]
     time = np.array([e.stamp_ns * 1e-9 for e in estimates])
     first = next((t for t, e in zip(time, estimates, strict=True) if e.valid), None)
     when = 'never' if first is None else f'{first:.1f} s after the start'
     values = np.array([e.aam for e in estimates])
     std = np.array([e.std[: e.aam.size] for e in estimates])
-    places = _places(results)
-    truth = results.truth[: len(places)]
+    places = _places(run.estimates[-1])
+    truth = truth[: len(places)]
 
     def sizes() -> list[Panel]:
         relative = 100.0 * np.abs(values - truth) / np.abs(truth)
@@ -165,10 +181,10 @@ def _convergence(results: Results) -> list[Item]:
             panels.append(Panel(title, 'N m s', [errors], levels=[(0.0, 'truth')]))
         return panels
 
-    return [
-        Plot(sizes, f'The estimate is first given out as valid {when}.'),
-        Plot(late, 'The last four fifths, on a scale that shows the bands.'),
-    ]
+    return {
+        'error': Plot(sizes, f'The estimate is first given out as valid {when}.'),
+        'band': Plot(late, 'The last four fifths, on a scale that shows the bands.'),
+    }
 
 
 def _parameters(results: Results) -> Table:

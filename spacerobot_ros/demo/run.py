@@ -29,10 +29,6 @@ Progress = Callable[[float], None]
 """Called with the simulated time done [s]."""
 
 
-def unseen(time: float) -> None:
-    """Progress that nobody looks at."""
-
-
 TOPICS = {
     '/clock': 'rosgraph_msgs/msg/Clock',
     '/joint_states': 'sensor_msgs/msg/JointState',
@@ -117,17 +113,16 @@ def identify(file: RobotFile, passes: int, bag: Path, progress: Progress) -> Dem
     return run
 
 
-def track(file: RobotFile, estimate: Estimate | None, bag: Path, progress: Progress) -> DemoRun:
+def track(file: RobotFile, estimate: Estimate | None, bag: Path) -> DemoRun:
     """Track the motion once, from the initial state.
 
     Args:
         file: The robot file.
         estimate: What the controller knows; None: nothing of the wheels.
         bag: Folder of the bag.
-        progress: Shown the simulated time.
     """
     law = 'computed_torque_no_aam' if estimate is None else 'computed_torque'
-    return _run(file, _settings(file, law), 1, bag, progress, estimate)
+    return _run(file, _settings(file, law), 1, bag, None, estimate)
 
 
 def _settings(file: RobotFile, law: str, passes: int = 1) -> Settings:
@@ -146,7 +141,7 @@ def _run(
     settings: Settings,
     passes: int,
     bag: Path,
-    progress: Progress,
+    progress: Progress | None,
     estimate: Estimate | None = None,
     identifies: bool = False,
 ) -> DemoRun:
@@ -169,7 +164,8 @@ def _run(
         simulator = session.add(SimulatorNode, settings, urdf, owns_time=True)
         simulator.stop_at = round(passes * settings.reference.duration / settings.simulator.period)
         simulator.observers.append(log.see)
-        simulator.observers.append(lambda plant: progress(plant.time_ns * 1e-9))
+        if progress is not None:
+            simulator.observers.append(lambda plant: progress(plant.time_ns * 1e-9))
         end_ns = simulator.stop_at * simulator.plant.period_ns
         session.until(
             lambda: len(log.references) > simulator.stop_at and recorder.has_reached(end_ns, LAST),

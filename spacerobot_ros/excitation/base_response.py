@@ -20,6 +20,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from ..dynamics.blocks import BlockTree
+from ..dynamics.compiling import Triple, compiled, inner
 from ..dynamics.crba import crba
 from ..dynamics.equations import joint_torques, without_translation
 from ..dynamics.forward_kinematics import forward_kinematics
@@ -181,25 +182,48 @@ def noise_free_record(robot: Robot, motion: BaseMotion, rates: SimulatorSettings
 def _propagate_momentum(time: Array, inverse: Array, own: Array, h_B: Array) -> Array:
     """(B, T, 3) h_B along the motion: classical Runge-Kutta, maps interpolated in between."""
     middle = 0.5 * (time[1:] + time[:-1])
-    mid_inverse = CubicSpline(time, inverse, axis=1)(middle)
-    mid_own = CubicSpline(time, own, axis=1)(middle)
+    between = [np.ascontiguousarray(CubicSpline(time, x, axis=1)(middle)) for x in (inverse, own)]
     out = np.empty_like(own)
     out[:, 0] = h_B
-    size = np.linalg.norm(h_B, axis=1)  # constant; kept, so that no candidate is too fast to judge
-    dt = time[1] - time[0]
-
-    def rate(h: Array, maps: Array, offset: Array) -> Array:
-        return cross_rows(h, _apply(maps, h) - offset)
-
-    for k in range(len(time) - 1):
-        h = out[:, k]
-        k1 = rate(h, inverse[:, k], own[:, k])
-        k2 = rate(h + 0.5 * dt * k1, mid_inverse[:, k], mid_own[:, k])
-        k3 = rate(h + 0.5 * dt * k2, mid_inverse[:, k], mid_own[:, k])
-        k4 = rate(h + dt * k3, inverse[:, k + 1], own[:, k + 1])
-        moved = h + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-        out[:, k + 1] = moved * (size / np.maximum(np.linalg.norm(moved, axis=1), 1e-300))[:, None]
+    _runge_kutta(float(time[1] - time[0]), inverse, own, *between, out)
     return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def _slope(h: Triple, maps: Array, offset: Array) -> Triple:
+    """Rate of h: h x (maps h - offset)."""
+    x, y, z = h
+    a = maps[0, 0] * x + maps[0, 1] * y + maps[0, 2] * z - offset[0]
+    b = maps[1, 0] * x + maps[1, 1] * y + maps[1, 2] * z - offset[1]
+    c = maps[2, 0] * x + maps[2, 1] * y + maps[2, 2] * z - offset[2]
+    return y * c - z * b, z * a - x * c, x * b - y * a
+
+
+@inner  # type: ignore[untyped-decorator]
+def _ahead(h: Triple, dt: float, slope: Triple) -> Triple:
+    return h[0] + dt * slope[0], h[1] + dt * slope[1], h[2] + dt * slope[2]
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _runge_kutta(
+    dt: float, maps: Array, offsets: Array, mid_maps: Array, mid_offsets: Array, out: Array
+) -> None:
+    """(B, T, 3) momenta from the first of each; NumPy takes 9 times as long for 5 candidates."""
+    for b in range(len(out)):
+        h = (out[b, 0, 0], out[b, 0, 1], out[b, 0, 2])
+        # constant; kept, so that no candidate is too fast to judge
+        size = np.sqrt(h[0] ** 2 + h[1] ** 2 + h[2] ** 2)
+        for k in range(out.shape[1] - 1):
+            k1 = _slope(h, maps[b, k], offsets[b, k])
+            k2 = _slope(_ahead(h, 0.5 * dt, k1), mid_maps[b, k], mid_offsets[b, k])
+            k3 = _slope(_ahead(h, 0.5 * dt, k2), mid_maps[b, k], mid_offsets[b, k])
+            k4 = _slope(_ahead(h, dt, k3), maps[b, k + 1], offsets[b, k + 1])
+            for slope, share in ((k1, 1.0), (k2, 2.0), (k3, 2.0), (k4, 1.0)):
+                h = _ahead(h, share * dt / 6.0, slope)
+            moved = np.sqrt(h[0] ** 2 + h[1] ** 2 + h[2] ** 2)
+            scale = size / max(moved, 1e-300)
+            h = (scale * h[0], scale * h[1], scale * h[2])
+            out[b, k + 1, 0], out[b, k + 1, 1], out[b, k + 1, 2] = h
 
 
 def _integrate_attitude(time: Array, omega: Array, first: Matrix3) -> Array:

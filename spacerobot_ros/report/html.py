@@ -13,7 +13,19 @@ from importlib import resources
 from pathlib import Path
 from urllib.parse import quote
 
-from ..display import Item, KeyFigure, KeyFigures, PageLink, Plot, Replay, Report, Section, Table
+from ..display import (
+    Drawn,
+    Figure,
+    Item,
+    KeyFigure,
+    KeyFigures,
+    PageLink,
+    Plot,
+    Replay,
+    Report,
+    Section,
+    Table,
+)
 from ..model.files import write_text
 from .formats import is_number
 from .inline import inline_json
@@ -72,7 +84,14 @@ def _item(item: Item) -> str:
     return _figure(item)
 
 
-def _figure(item: Plot | Replay) -> str:
+def drawn(item: Figure) -> Drawn:
+    """A picture that a page need not draw any more."""
+    return Drawn(_figure(item))
+
+
+def _figure(item: Figure) -> str:
+    if isinstance(item, Drawn):
+        return item.markup
     caption = f'<figcaption>{escape(item.caption)}</figcaption>' if item.caption else ''
     try:
         return _replay(item, caption) if isinstance(item, Replay) else _plot(item, caption)

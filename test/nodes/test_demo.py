@@ -101,7 +101,7 @@ def test_nodes_in_lockstep_cost_little_beside_what_they_compute(tmp_path, monkey
     monkeypatch.setattr(Session, 'until', timed)
     alone = []
     for k in range(5):  # the first loads kernels
-        steps = len(track(file, None, tmp_path / f'{k}', lambda seconds: None).time)
+        steps = len(track(file, None, tmp_path / f'{k}').time)
         begun = time.process_time()
         assert sum(1 for _ in ClosedLoop(file.robot, file.settings).run(300)) == steps == 301
         alone.append(time.process_time() - begun)

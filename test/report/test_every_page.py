@@ -16,7 +16,7 @@ from support.diagnosis import hand_made
 
 from spacerobot_ros.campaign import workers
 from spacerobot_ros.cli.main import main
-from spacerobot_ros.demo.page import demo_report
+from spacerobot_ros.demo.page import demo_report, pictures_of
 from spacerobot_ros.demo.results import DemoRun, Results
 from spacerobot_ros.diagnosis.answer.findings import Findings
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -111,7 +111,8 @@ def demonstration(folder, robot, recording):
     results = Results(HOSTILE, 1, run, run, run, truth, ('bag',), 1.0)
     file = load_robot_file(robot)
     (record,) = read_records([recording], file.robot)
-    report = demo_report(results, lambda: scene_of(record, file, [(JOINT, HOSTILE)]))
+    pictures = pictures_of(run, truth, lambda: scene_of(record, file, [(JOINT, HOSTILE)]))
+    report = demo_report(results, pictures)
     write_report(report, folder / 'demo.html')
 
 
