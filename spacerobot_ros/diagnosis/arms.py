@@ -100,10 +100,13 @@ def _found(
         rows = rows.with_own(loaded)
         refuse_rest(rows.balances, records)
     report('finding the level of what no cause explains', 0.2)
-    parts = rows.parts(rows.levels(rows.sizes, rows.friction))
+    zeros = rows.own_zeros
+    usual = [i for i in range(len(rows.candidates)) if i not in zeros]
+    parts = rows.parts(rows.levels(rows.deviations(usual), rows.friction))
     first, rough = (Selection(rows, parts, rows.recording, rows.held) for _ in range(2))
     report('choosing causes', 0.4)
     rough.run()
+    rough = _with_zeros(rough, zeros)
     rows = rows.linearized(ArmFit(rows, rough.whole, tuple(rough.chosen)).posterior.mean)
     levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
@@ -128,8 +131,25 @@ def _found(
     return _applicable(found)
 
 
-def levels_of(rows: ArmRows, chosen: Selection) -> list[Array]:
-    """(6,) variances of each joint, with what is chosen beside the tolerances."""
+def _with_zeros(rough: Selection, zeros: Sequence[int]) -> Selection:
+    """The choice with zeros of single recordings, where it wants any.
+
+    They are judged at the level that is left beside all of them: they would pass for its slow part
+    otherwise, and it for them where none is wanted.
+    """
+    if not zeros:
+        return rough
+    rows = rough.rows
+    beside = Selection(rows, rows.parts(levels_of(rows, rough, zeros)), rows.recording, rows.held)
+    beside.chosen = list(rough.chosen)
+    if not any(margin > 0.0 and i in zeros for i, margin in beside.ranking()):
+        return rough
+    beside.run()
+    return beside
+
+
+def levels_of(rows: ArmRows, chosen: Selection, more: Sequence[int] = ()) -> list[Array]:
+    """(6,) variances of each joint, with what is chosen, and more, beside the tolerances."""
     fit = ArmFit(rows, chosen.whole, tuple(chosen.chosen))
     friction = rows.friction.copy()
     for i in chosen.chosen:
@@ -137,7 +157,7 @@ def levels_of(rows: ArmRows, chosen: Selection) -> list[Array]:
         if is_kind_of(candidate.kind, DRY):
             value = abs(float(fit.posterior.mean[rows.places[i][0]]))
             friction[rows.robot.joints.index(str(candidate.where))] += value
-    return rows.levels(fit.deviations, friction)
+    return rows.levels(rows.deviations([*chosen.chosen, *more]), friction)
 
 
 def plain_of(selection: Selection, levels: Sequence[Array], weights: Array) -> Selection:

@@ -122,11 +122,15 @@ class Selection:
         return self._kept[id(gram)][1]
 
     def need(self, i: int) -> float:
-        """Log evidence from which a cause is worth a name."""
-        candidate = self.rows.candidates[i]
+        """Log evidence from which a cause is worth a name.
+
+        What the machine has does not become less likely by what recordings may have of their own.
+        """
+        candidate, every = self.rows.candidates[i], self.rows.candidates
+        others = [k for k in self.live if candidate.recordings or not every[k].recordings]
         size = min(len(candidate.sizes), 4)
         extra = SPECIAL.get(candidate.kind.id, 0.0)
-        return math.log(len(self.live)) + FAMILYWISE + 0.5 * (size - 1) + extra
+        return math.log(len(others)) + FAMILYWISE + 0.5 * (size - 1) + extra
 
     def gain(self, i: int) -> float:
         """Log evidence for a cause beside the chosen ones."""

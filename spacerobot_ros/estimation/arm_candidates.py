@@ -22,8 +22,8 @@ _BY_PATH = ('joint_presliding_friction',)
 """Effects with a state of their own that the path of a joint gives."""
 _DISPLACEMENTS = (1e-3, 3e-3, 1e-2, 3e-2)  # rad, over which dry friction builds up
 _TOGETHER = 0.05  # of a recording, in which two joints must move to show what couples them
-_ANEW = ('torque_sensor_bias', 'current_offset')
-"""Zeros of sensors, which may be set anew before each recording."""
+ZEROS = ('torque_sensor_bias', 'current_offset')
+"""Of sensors, which may be set anew before each recording."""
 _REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back
 
 
@@ -63,7 +63,7 @@ def candidates_of_recordings(
         count: Number of recordings.
         loaded: Those with the same load at the last link.
     """
-    zeros = [c for c in shared if c.kind.id in _ANEW]
+    zeros = [c for c in shared if c.kind.id in ZEROS]
     if count > 1 and count * len(zeros) <= sum(len(c.sizes) for c in shared):
         for run in range(count):
             yield from (replace(c, recordings=(run,)) for c in zeros)

@@ -14,7 +14,7 @@ from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..types import Array, BoolArray, IntArray
 from .anchor import HELD, scale_columns, unanchored
-from .arm_candidates import arm_candidates, candidates_of_recordings
+from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings
 from .arm_priors import DRY, NOTHING, Machine, with_prior
 from .balance import Balance
 from .columns import Candidate
@@ -68,6 +68,12 @@ class ArmRows:
         return replace(
             self, candidates=(*self.candidates, *own), tolerances=np.concatenate(tolerances)
         )
+
+    @property
+    def own_zeros(self) -> list[int]:
+        """Candidates that are zeros of single recordings."""
+        every = enumerate(self.candidates)
+        return [i for i, c in every if c.recordings and c.kind.id in ZEROS]
 
     @cached_property
     def sizes(self) -> Array:
