@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from ..dynamics.compiling import compiled
 from ..recording.record import Record
 from ..types import Array
 from .splines import Samples, SplineFit, fit_spline
@@ -227,10 +228,27 @@ def integrated_rotation(rate: Callable[[Array], Array], times: Array, start: Rot
 
 
 def accumulated_rotation(start: Rotation, turns: Array) -> Rotation:
-    """start, start exp(turns[0]), start exp(turns[0]) exp(turns[1]), ... by pairwise doubling."""
-    product = Rotation.concatenate([start, Rotation.from_rotvec(turns)])
-    step = 1
-    while step < len(product):
-        product = Rotation.concatenate([product[:step], product[:-step] * product[step:]])
-        step *= 2
-    return product
+    """start, start exp(turns[0]), start exp(turns[0]) exp(turns[1]), ..."""
+    steps = Rotation.from_rotvec(turns).as_quat()
+    out = np.empty((len(steps) + 1, 4))
+    out[0] = start.as_quat()
+    _multiply(steps, out)
+    return Rotation.from_quat(out)
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _multiply(steps: Array, out: Array) -> None:
+    """Products (N + 1, 4) of the first quaternion with ever more of the others (N, 4), xyzw.
+
+    SciPy's products of stacks, by pairwise doubling, take 100 times as long for 6000.
+    """
+    x, y, z, w = out[0, 0], out[0, 1], out[0, 2], out[0, 3]
+    for k in range(len(steps)):
+        a, b, c, d = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
+        x, y, z, w = (
+            w * a + x * d + y * c - z * b,
+            w * b + y * d + z * a - x * c,
+            w * c + z * d + x * b - y * a,
+            w * d - x * a - y * b - z * c,
+        )
+        out[k + 1, 0], out[k + 1, 1], out[k + 1, 2], out[k + 1, 3] = x, y, z, w
