@@ -109,6 +109,21 @@ def test_outliers_are_no_alarm_and_counted(nominal, size):
         assert count - 3 <= monitor.left_out[sensor] <= count + 15, sensor
 
 
+@pytest.mark.parametrize('size', [1e155, 1e308])
+@pytest.mark.parametrize('at', [2.0, 8.0], ids=['learning', 'judging'])
+@pytest.mark.filterwarnings('ignore:(overflow|invalid value|divide by zero):RuntimeWarning')
+def test_efforts_near_the_largest_number_end_nothing_where_no_limit_is_known(nominal, size, at):
+    flight = Flight(seed=4)
+    monitor = monitor_of(flight, **SHORT)
+    monitor._largest_efforts = np.full(3, np.inf)  # as of a URDF without limits
+    k = next(k for k, s in enumerate(nominal) if s.stamp_ns * 1e-9 >= at and s.measured.joints)
+    joints = replace(nominal[k].measured.joints, effort=np.array([0.0, size, 0.0]))
+    odd = replace(nominal[k], measured=replace(nominal[k].measured, joints=joints))
+    alarms(monitor, [*nominal[:k], odd, *nominal[k + 1 : 2000]])
+    assert monitor.state.level == 'ok', monitor.state.reason
+    assert np.all(np.isfinite(monitor.state.momentum))
+
+
 def test_gaps_and_absent_sensors_are_no_alarm(nominal):
     def without(step, **sensors):
         return replace(step, measured=replace(step.measured, **sensors))
@@ -177,6 +192,8 @@ def test_order_within_what_is_not_yet_judged_does_not_matter(nominal):
         (lambda m: m.add_attitude(5, np.array([0, 0, 0, 1.1])), 'norm 1.1'),
         (lambda m: m.add_joints(5, np.zeros(2), np.zeros(3), None), 'position has 2 entries'),
         (lambda m: m.add_joints(5, np.zeros(3), np.zeros(3), np.full(3, np.inf)), 'effort is not'),
+        (lambda m: m.add_joints(5, np.zeros(3), np.zeros(3), np.zeros(2)), 'effort has 2 entries'),
+        (lambda m: m.add_joints(5, *np.zeros((2, 3)), np.array([0, 0, -3e4 - 1])), '10 times its'),
     ],
 )
 def test_bad_samples_are_refused(give, reason):

@@ -13,13 +13,14 @@ from dataclasses import replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...errors import MessageRejectedError
+from ...errors import MessageRejectedError, SpaceRobotError
 from ...estimation.torque_process import TorqueDriven
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
 from ...recording.buffer import SampleBuffer
 from ...recording.mapped_inputs import INPUTS
+from ...recording.messages import vector
 from ...recording.record import Record
 from ...types import Array
 from .alarms import Alarms
@@ -35,6 +36,8 @@ from .wheel_momentum import Momentum
 _LATENESS_NS = 100_000_000  # by which a sample may come behind newer ones
 _GAP_NS = 2_000_000_000  # without joints, after which the state is found anew
 _FEWEST_TO_LEARN = 50
+_NO_TORQUE = 10.0  # effort limits; neither a collision nor a current at its peak goes so far
+_UNUSABLE = (SpaceRobotError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 _PART, _WATCHED = 0.25, 5  # s between looks for events, and newest parts in which one may begin
 
 
@@ -58,6 +61,7 @@ class Monitor:
     ) -> None:
         self.robot = robot
         self.probes = probes_of(robot)
+        self._largest_efforts = _NO_TORQUE * robot.effort_limits[: len(robot.arm)]
         self._settings = settings
         self._believed = tuple(believed)
         known = settings.target_momentum == 'believed'
@@ -87,7 +91,7 @@ class Monitor:
         self._edge_ns: int | None = None
         self._is_continued = False
         self._parts: list[Block] = []
-        self._begun_ns = self._block_begin_ns = 0
+        self._begun_ns = self._block_begin_ns = self._tried_ns = 0
         self._alarms.begin_segment()
         if self._filter is not None:
             self._filter.restart()
@@ -117,9 +121,13 @@ class Monitor:
             effort: (n,) measured motor torques [N m], or None.
 
         Raises:
-            MessageRejectedError: wrong lengths, not finite, a second sample with its stamp, or one
-                that is too late.
+            MessageRejectedError: wrong lengths, not finite, a second sample with its stamp, one
+                that is too late, or efforts that no motor of the robot gives.
         """
+        if effort is not None:
+            sizes = np.abs(vector(effort, len(self._largest_efforts), 'effort'))
+            if (sizes > self._largest_efforts).any():
+                raise MessageRejectedError(f'effort is over {_NO_TORQUE:g} times its limit')
         self.samples.add_joints(stamp_ns, q, qd, effort)
 
     def add_rate(self, stamp_ns: int, omega: Array) -> None:
@@ -176,6 +184,13 @@ class Monitor:
 
     def _advance(self, now_ns: int | None) -> bool:
         """Judge or skip one block; False where none is complete."""
+        try:
+            return self._judge(now_ns)
+        except _UNUSABLE as error:
+            self._skip(self._tried_ns, f'nothing can be made of the samples: {error}')
+            return True
+
+    def _judge(self, now_ns: int | None) -> bool:
         newest, stamps = self.samples.settled_ns(now_ns), self.samples.streams['joints'].stamps
         if newest is None or not stamps:
             return False
@@ -196,7 +211,7 @@ class Monitor:
         inside = [s for s in ahead if s <= edge_ns + part_ns]
         if not self._parts:
             self._take_estimate(edge_ns)
-        end_ns = inside[-1] if inside else ahead[0]
+        self._tried_ns = end_ns = inside[-1] if inside else ahead[0]
         if not self._is_continued:
             self._begun_ns = edge_ns
         first_ns = max(end_ns - self._block_ns - CONTEXT_NS, self._begun_ns)
@@ -217,6 +232,7 @@ class Monitor:
             reason = f'learning: {done:.0f} of {self._settings.learn:g} s'
             self.state = MonitorState(reason=reason)
             return False
+        self._tried_ns = end_ns
         record = self._observe(first_ns, end_ns)
         if record is None or len(record.joint_time) < _FEWEST_TO_LEARN:
             begun_ns = self.samples.streams['joints'].after(end_ns)
