@@ -256,15 +256,15 @@ without joints (docs/events.md): which are named, when and how large; what is na
 FAULTS = Campaign(
     name='faults',
     help="""\
-odd messages, streams that go astray, damaged bags, malformed files (docs/faults.md): what ends a
-node, what passes for data. Needs ROS 2""",
+odd messages, floods of them, streams that go astray, damaged bags, malformed files, processes that
+are killed (docs/faults.md): what ends a node, what passes for data. Needs ROS 2""",
     module='.nodes.fault_campaign',
     title='Faults: what ends a node, and what passes for data',
     subtitle='Seeded; the servicer, all nodes',
     runs=20,
     quick_runs=1,
     headlines='raised',
-    alone=('["kills"', '["starved"'),
+    alone=('["kills"', '["starved"', '["floods"'),
     is_kept=True,
 )
 EXPERIMENTS = {

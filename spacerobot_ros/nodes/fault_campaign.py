@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -15,8 +13,10 @@ from ..campaign.description import Check, Record, Results, grouped, key, kinds
 from ..display import Table, table_of
 from ..ros.convert import estimate_message
 from ..ros.session import Session
-from .kills import KILLED, RELEASED, STOPPED, broken_in_the_loop
+from .floods import FLOODED, flooded
+from .kills import RELEASED, STOPPED, broken_in_the_loop
 from .message_fuzz import interleaved
+from .process_loop import PROCESSES, resident
 from .wrong_streams import (
     NODES,
     STREAMS,
@@ -32,6 +32,7 @@ _MESSAGES = 5000  # odd ones of a trial, among 4200 good ones
 _FEW = 400  # one odd message in ten, among which the identifier must do as well
 _FILES = 50  # of a trial
 _KILLS = 5  # of a trial
+_FLOOD = 60.0  # s
 _HARMLESS = {'refused', 'whole', 'in part', 'loaded'}
 _WORSE, _OFF = 1.2, 5.0  # largest ratio of standard deviations; estimate's error in them
 _GROWN = 0.05  # share by which memory may change
@@ -48,16 +49,18 @@ _VALID, _ERROR = 2.0, 0.5  # s until an estimate is valid again; deg off after a
 
 def trials(runs: int, is_quick: bool) -> list[str]:
     """Odd messages and kills for each node, streams that go wrong, damaged, malformed files."""
-    share = 10 if is_quick else 1
-    return list(_trials(runs, _MESSAGES // share, max(1, _KILLS // share)))
+    return list(_trials(runs, 10 if is_quick else 1))
 
 
-def _trials(runs: int, messages: int, kills: int) -> Iterator[str]:
+def _trials(runs: int, part: int) -> Iterator[str]:
+    messages, kills, flood = _MESSAGES // part, max(1, _KILLS // part), _FLOOD / part
     for seed in range(1, runs + 1):
-        for node in KILLED:
+        for node in PROCESSES:
             yield key('kills', node, seed, kills)
             yield key('starved', node, seed, kills)
         yield key('kills', 'controller in real time', seed, kills)
+        for node in FLOODED if seed == 1 else ():
+            yield key('floods', node, seed, flood)
         for node in NODES:
             yield key('messages', node, seed, messages)
         yield key('messages', 'identifier', seed, _FEW)
@@ -77,6 +80,8 @@ def run(key: str) -> Record:
         return {'what': what + few, **odd_messages(what, *arguments)}
     if kind in ('kills', 'starved'):
         return {'what': what, **broken_in_the_loop(kind, what, *arguments)}
+    if kind == 'floods':
+        return {'what': what, **flooded(what, *arguments)}
     if kind == 'streams':
         return {'what': what, **wrong_stream(what, *arguments)}
     judge = damaged_bag if kind == 'bags' else malformed_file
@@ -97,7 +102,7 @@ def odd_messages(node: str, seed: int, count: int) -> Record:
         before = np.nan
         for k, (topic, message, is_odd) in enumerate(interleaved(stream, count, rng)):
             if k == half:
-                before = _resident()
+                before = resident('self')
             give(patient, topic, message, raised, is_good=not is_odd)
             if node == 'simulator' and k % 10 == 0:
                 patient.node.step()
@@ -108,18 +113,12 @@ def odd_messages(node: str, seed: int, count: int) -> Record:
             'raised': dict(raised),
             'not_finite': dict(Counter(patient.not_finite)),
             'rejected': patient.node.health.count(),
-            'grown': _resident() / before - 1.0,
+            'grown': resident('self') / before - 1.0,
         }
         if node == 'identifier':
             patient.node.flush()
             record |= compared(patient.node.estimate)
         return record
-
-
-def _resident() -> float:
-    """Memory that this process has now [bytes]."""
-    pages = Path('/proc/self/statm').read_text(encoding='ascii').split()[1]
-    return int(pages) * float(os.sysconf('SC_PAGE_SIZE'))
 
 
 def results(records: Sequence[Record]) -> Results:
@@ -163,10 +162,11 @@ def judge(results: Results) -> list[Check]:
         limits = {'known': _VALID, 'error': _ERROR}
         if row['fault'] == 'kills':
             limits['zero'] = STOPPED if row['of'] == 'simulator' else RELEASED
-        if row['fault'] == 'messages':
+        if row['fault'] in ('messages', 'floods'):
             limits['grown'] = _GROWN
         if row['of'].endswith(', few'):
             limits |= {'spread': _WORSE, 'off': _OFF}
+        if row['of'].endswith(', few') or row['fault'] == 'floods':
             out.append(Check(f'{name}: estimates not valid', row['invalid'], 0, 0))
         out.append(Check(f'{name}: raised', sum(row['raised'].values()), 0, 0))
         out.append(Check(f'{name}: numbers not finite', row['not_finite'], 0, 0))

@@ -19,6 +19,7 @@ OK, WARN, ERROR, STALE = (
     DiagnosticStatus.ERROR,
     DiagnosticStatus.STALE,
 )
+_LONGEST = 200  # characters of a reason, which may quote what came
 MOST_KINDS = 100  # of rejections that are counted apart: what comes from outside has no bound
 
 
@@ -63,7 +64,7 @@ class NodeHealth:
 
     def reject(self, topic: str, reason: object) -> None:
         """Count a message that must not be used, and say so once in a while."""
-        text = str(reason)
+        text = str(reason)[:_LONGEST]
         kind = (topic, kind_of(text))
         if kind not in self.rejected and len(self.rejected) >= MOST_KINDS:
             kind = (topic, 'other reasons')

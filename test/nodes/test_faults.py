@@ -5,17 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, JointState
 from support.bench import MS, NAMES, Bench
 
 from spacerobot_ros.campaign import damage
 from spacerobot_ros.campaign.packaged_robots import packaged
 from spacerobot_ros.nodes import fault_campaign as campaign
-from spacerobot_ros.nodes import wrong_streams
+from spacerobot_ros.nodes import floods, wrong_streams
 from spacerobot_ros.nodes.message_fuzz import Patient, is_finite, spoilt
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording.clock_jumps import JumpDetector, Sample
-from spacerobot_ros.ros.convert import compose
+from spacerobot_ros.recording.message_types import CanonicalMessages
+from spacerobot_ros.ros.convert import compose, type_name
 from spacerobot_ros.ros.session import Session
 
 pytestmark = [
@@ -191,3 +193,34 @@ def test_a_loop_that_harms_is_seen():
         'kills, simulator: time until there is no effort [s]',
     ]
     assert '9' in str(campaign.tables(rows)[1].rows)
+
+
+@pytest.mark.parametrize('node', sorted(floods.FLOODED))
+def test_half_of_a_flood_is_odd(node):
+    topic = floods.FLOODED[node]
+    kind, messages = floods._messages(topic, 1)
+    clean = CanonicalMessages(type_name(kind))  # what is in the gaps is chance
+    good = {clean(serialize_message(m)) for name, m in campaign.flight() if name == topic}
+    share = sum(clean(message) in good for message in messages) / len(messages)
+    assert 0.45 < share < 0.6  # what a type's field can't hold stays as it was
+
+
+def test_a_flood_that_harms_is_seen():
+    record = {'what': 'monitor', 'odd': 600_000, 'raised': {'ended': 1}, 'grown': 0.2}
+    record |= {'valid': False, 'case': '["floods", "monitor", 1, 60.0]'}
+    rows = campaign.results([record])
+    missed = [check.what for check in campaign.judge(rows) if not check.is_met]
+    assert missed == [
+        'floods, monitor: estimates not valid',
+        'floods, monitor: raised',
+        'floods, monitor: share by which memory grew',
+    ]
+
+
+def test_what_came_does_not_fill_the_log(rig, servicer):
+    bench = Bench(rig, servicer)
+    bench.gyro(5, frame='j' * 10_000)
+    rig.drain()
+    ((_, reason),) = bench.node.health.rejected
+    assert reason.startswith("frame_id is 'jjj")
+    assert len(reason) <= 200

@@ -1,0 +1,88 @@
+"""Nodes of the closed loop under ten thousand odd messages a second."""
+
+from __future__ import annotations
+
+import time
+from itertools import cycle, islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.serialization import serialize_message
+
+from ..campaign.description import Record
+from ..ros.qos import SAMPLES
+from ..ros.session import Session, SessionError
+from .message_fuzz import spoilt
+from .process_loop import PATIENCE, Loop, own_domain
+from .wrong_streams import flight
+
+FLOODED = {
+    'simulator': '/joint_commands',
+    'identifier': '/imu/data',
+    'controller': '/joint_states',
+    'monitor': '/joint_states',
+}
+"""Topic on which a node is flooded."""
+_RATE = 10_000.0  # messages a second
+_POOL = 500  # odd messages, sent again and again
+_FILLED = 0.25  # share of the time after which queues are full
+
+
+def _messages(topic: str, seed: int) -> tuple[Any, list[bytes]]:
+    """Type and content of what floods a topic: every second one is good, but of another time."""
+    rng = np.random.default_rng(seed)
+    good = [message for name, message in flight() if name == topic]
+    drawn = (good[k] for k in rng.integers(len(good), size=_POOL))
+    odd = (spoilt(message, rng) if k % 2 else message for k, message in enumerate(drawn))
+    return type(good[0]), [serialize_message(message) for message in odd]
+
+
+def send_flood(kind: Any, topic: str, messages: list[bytes], count: int) -> None:
+    """Publish messages over and over, at the rate of a flood."""
+    with rclpy.init(args=[]):
+        publisher = rclpy.create_node('flood').create_publisher(kind, topic, SAMPLES)
+        begin, sent, endless = time.monotonic(), 0, cycle(messages)
+        while sent < count:
+            due = min(count, round((time.monotonic() - begin) * _RATE))
+            for message in islice(endless, due - sent):
+                publisher.publish(message)
+            sent = due
+            time.sleep(0.001)
+
+
+def flooded(node: str, seed: int, seconds: float) -> Record:
+    """Flood a node of a closed loop in real time.
+
+    Args:
+        node: The node.
+        seed: Of the messages.
+        seconds: Duration.
+
+    Returns:
+        How many messages it was, by which share memory grew once queues were full, whether there
+        is a valid estimate when the joints follow again, what went wrong.
+    """
+    topic, count = FLOODED[node], round(seconds * _RATE)
+    kind, messages = _messages(topic, seed)
+    record: Record = {'odd': count, 'grown': None, 'valid': False}
+    listening = Session(PATIENCE, by_events=False)
+    with TemporaryDirectory() as folder, own_domain() as domain, listening as session:
+        loop = Loop(session, Path(folder), domain, is_lockstep=False)
+        try:
+            loop.start_all()
+            flood = loop.run_beside(send_flood, kind, topic, messages, count)
+            filled = time.monotonic() + _FILLED * seconds
+            loop.until(lambda: time.monotonic() > filled, seconds)
+            before = loop.memory(node)
+            loop.until(lambda: not flood.is_alive(), seconds)
+            record['grown'] = loop.memory(node) / before - 1.0
+            loop.settle()
+            record['valid'] = bool(loop.estimate and loop.estimate.valid)
+        except SessionError as error:
+            loop.count(str(error))
+        finally:
+            loop.end()
+    return {**record, 'raised': loop.faults}
