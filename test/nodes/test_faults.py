@@ -202,7 +202,7 @@ def test_half_of_a_flood_is_odd(node):
     clean = CanonicalMessages(type_name(kind))  # what is in the gaps is chance
     good = {clean(serialize_message(m)) for name, m in campaign.flight() if name == topic}
     share = sum(clean(message) in good for message in messages) / len(messages)
-    assert 0.45 < share < 0.6  # what a type's field can't hold stays as it was
+    assert 0.45 < share < 0.75  # shuffled zeros, and what a field can not hold, stay as they were
 
 
 def test_a_flood_that_harms_is_seen():
