@@ -32,11 +32,11 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'simulator = spacerobot_ros.nodes.simulator:main',
-            'identifier = spacerobot_ros.nodes.identifier:main',
-            'monitor = spacerobot_ros.nodes.monitor:main',
-            'controller = spacerobot_ros.nodes.controller:main',
-            'composed = spacerobot_ros.nodes.composed:main',
+            'simulator = spacerobot_ros.nodes.entry:simulator',
+            'identifier = spacerobot_ros.nodes.entry:identifier',
+            'monitor = spacerobot_ros.nodes.entry:monitor',
+            'controller = spacerobot_ros.nodes.entry:controller',
+            'composed = spacerobot_ros.nodes.entry:composed',
             'spacerobot = spacerobot_ros.cli.main:main',
         ],
     },

@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from spacerobot_ros.errors import ConfigurationError, ModelError
+from spacerobot_ros.nodes import entry
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
@@ -136,3 +137,40 @@ def test_a_node_stopped_while_it_is_made_exits_with_0(rig):
         return node
 
     assert run_node(stopped_while_made, []) == 0
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('node', ['simulator', 'identifier', 'controller', 'monitor', 'composed'])
+def test_a_signal_ends_a_node_whose_modules_load(monkeypatch, node, number):
+    def load(name, package):
+        assert name == f'.{node}'
+        signal.raise_signal(number)
+
+    def end(status):
+        raise SystemExit(status)
+
+    monkeypatch.setattr(entry, 'import_module', load)
+    monkeypatch.setattr(entry.os, '_exit', end)
+    before = {k: signal.getsignal(k) for k in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(SystemExit) as ended:
+            getattr(entry, node)()
+    finally:
+        for k, handler in before.items():
+            signal.signal(k, handler)
+    assert ended.value.code == 0
+
+
+def test_a_node_itself_gets_signals_as_processes_do(monkeypatch):
+    before = [signal.getsignal(k) for k in (signal.SIGINT, signal.SIGTERM)]
+    seen = []
+
+    class Module:
+        @staticmethod
+        def main():
+            seen.extend(signal.getsignal(k) for k in (signal.SIGINT, signal.SIGTERM))
+            return 2
+
+    monkeypatch.setattr(entry, 'import_module', lambda *_: Module)
+    assert entry.controller() == 2
+    assert seen == before
