@@ -36,7 +36,8 @@ class MovingBodyEffect(Effect):
 
     def row(self, robot: Robot) -> Array:
         """(10,) inertial parameters of the body."""
-        return np.asarray(robot.inertial_parameters[body_index(robot, self.where)])
+        body = robot.bodies[body_index(robot, self.where)]
+        return np.asarray(body.spatial_inertia.toDynamicParameters())
 
     def with_addition(self, robot: Robot, addition: Array) -> Robot:
         """The robot with inertial parameters (10,), in the order of `NAMES`, added to the body.
@@ -44,18 +45,19 @@ class MovingBodyEffect(Effect):
         Raises:
             ConfigurationError: the mass or the inertia would not be positive.
         """
-        parameters = robot.inertial_parameters.copy()
-        row = parameters[body_index(robot, self.where)]
-        largest = float(np.trace(_central_inertia(row)))
-        row += addition
+        index = body_index(robot, self.where)
+        largest = float(np.trace(robot.bodies[index].inertia))
+        row = self.row(robot) + addition
         mass = float(row[0])
         if mass < 0.0 or (mass == 0.0 and row.any()):
             raise self.refusal(f'leaves {self.where} with a mass of {mass:g} kg')
-        least = float(np.linalg.eigvalsh(_central_inertia(row))[0])
+        # a massless frame stays one: its centre of mass would be 0/0
+        left = pin.Inertia.FromDynamicParameters(row) if mass else pin.Inertia.Zero()
+        least = float(np.linalg.eigvalsh(left.inertia)[0])
         if least < -_ROUNDING * largest:
             why = f'leaves {self.where} with a moment of inertia of {least:.4g} kg m^2'
             raise self.refusal(why)
-        return robot.with_inertial_parameters(parameters)
+        return robot.with_body(index, robot.bodies[index].with_spatial_inertia(left))
 
 
 class InertialParameters(MovingBodyEffect):
@@ -112,10 +114,3 @@ def _scales(robot: Robot, where: str | None) -> Array:
     second = float(row[4] + row[6] + row[9])
     radius = max(float(np.sqrt(second / mass)), _LEAST_RADIUS)
     return np.array([mass, *[mass * radius] * 3, *[mass * radius**2] * 6])
-
-
-def _central_inertia(row: Array) -> Array:
-    """(3, 3) about the centre of mass."""
-    if row[0] <= 0.0:
-        return np.zeros((3, 3))
-    return np.asarray(pin.Inertia.FromDynamicParameters(row).inertia)

@@ -77,9 +77,8 @@ class Gram:
 
     def part(self, chosen: IntArray) -> Gram:
         """The same with only the chosen columns."""
-        return Gram(
-            self.matrix[np.ix_(chosen, chosen)], self.vector[chosen], self.square, self.rows
-        )
+        matrix = self.matrix[chosen[:, None], chosen]
+        return Gram(matrix, self.vector[chosen], self.square, self.rows)
 
     def without(self, nuisance: int, precision: Array) -> Gram:
         """The rest, the first `nuisance` columns of given prior precision marginalised."""
