@@ -2,7 +2,7 @@
 
 Every machine is recorded in quiet first. What is named there is false, and its limits give the
 standard deviation by which the pulses of a second recording are sized. A push of an arm that
-stands is sized by its friction instead, which takes any share of it up to its bound.
+stands is sized by the limit itself: its friction takes as much of each as it can.
 """
 
 from __future__ import annotations

@@ -15,8 +15,7 @@ from .description import Check, Record, Results, grouped
 from .shares import share_of
 
 # figures to reach
-_NAMED = {'still': (1.0, 1.0)}
-_MOST = (0.95, 1.0)  # of the others
+_NAMED = (0.95, 1.0)
 _FROM = 20.0  # snr
 _OFF = (0.0, 0.1)  # s, 95 % of middles
 _ERROR = (0.0, 0.15)  # of the size, median
@@ -24,7 +23,7 @@ _FALSE = (0.0, 1.0)  # an hour
 
 _WORDS = {
     'moving': ('arms that move', 'snr'),
-    'still': ('arms that stand', 'frictions'),
+    'still': ('joints that stand', 'limits'),
     'base': ('free bases, wheels unknown', 'snr'),
     'lone': ('bodies without joints', 'snr'),
 }
@@ -74,9 +73,8 @@ def judge(results: Results) -> list[Check]:
     """From a ratio of 20 on names, times and sizes; few false events."""
     out = []
     for g in results['events']['groups']:
-        limits = _NAMED.get(g['kind'], _MOST)
         if g['kind'] == 'still' or g['ratio'] >= _FROM:
-            out.append(Check(f'{g["what"]}: named', g['named'].value, *limits))
+            out.append(Check(f'{g["what"]}: named', g['named'].value, *_NAMED))
         if g['kind'] != 'still' and g['ratio'] >= _FROM and g['named'].hits:
             out.append(Check(f'{g["what"]}: middle, 95 % within', g['off_95'], *_OFF, 's'))
             out.append(Check(f'{g["what"]}: size, median error', g['error_50'], *_ERROR))
@@ -91,9 +89,8 @@ def tables(results: Results) -> list[Table]:
     return [
         table_of(
             'Pulses',
-            'of 0.3 to 2 s, by the standard deviation of the same machine in quiet; of arms that '
-            'stand by the friction, which takes up to one of it; shares with their 95 % '
-            'intervals (Wilson)',
+            'of 0.3 to 2 s, by the standard deviation of the same machine in quiet; of joints '
+            'that stand by the limit that is printed; shares with their 95 % intervals (Wilson)',
             results['events']['groups'],
             'machines, size | named | why not | middle off, median, 95 % [s] | '
             'size off, median, 95 %',

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from .real_arm import COULOMB, JOINTS, arm_file
 
 AXES = 'xyz'
 SNRS = (12.0, 20.0, 40.0)
-_FRICTIONS = (3.0, 5.0, 10.0)  # sizes of pushes of an arm that stands, by the Coulomb torque
+_LIMITS = (1.0, 1.5, 3.0)  # sizes of pushes of joints that stand, by the limit that is printed
 _EDGE = 0.5
 
 
@@ -92,49 +93,46 @@ class DrawnMachine:
 def _moving(seed: int) -> DrawnMachine:
     """An arm of which some joints move, what is left of its model of any colour."""
     rng = np.random.default_rng([seed, 3])
-    moves = rng.choice(JOINTS, rng.integers(1, len(JOINTS) + 1), replace=False)
+    moves = rng.choice(JOINTS, rng.integers(1, len(JOINTS) + 1), replace=False).tolist()
     colour = COLOURS[seed // 10 % len(COLOURS)]
     arm = LawArm(seed, leftover=float(rng.uniform(0.3, 1.0)), colour=colour)
-    quiet = arm.record(0, moves.tolist(), 40.0)
-
-    def unit(rng: np.random.Generator, events: Events, duration: float) -> tuple[str, Array]:
-        limits = {name: limit for name, limit in events.limits.items() if limit is not None}
-        name = str(rng.choice(list(limits)))
-        return name, rng.choice([-1.0, 1.0]) * _std(limits[name], duration)
-
     words = f'{colour}, {len(moves)} move'
-    return DrawnMachine(words, 40.0, lambda pulses: _of_arm(_pushed(quiet, pulses)), unit)
+    found = _held(arm.record(0, moves, 40.0), moves, rng)
+    return DrawnMachine(words, 40.0, found, _torque(moves))
 
 
 def _still(seed: int) -> DrawnMachine:
-    """An arm that stands; friction takes up to its bound of a push."""
+    """An arm of which a joint or more stand, or all, and are pushed."""
     rng = np.random.default_rng([seed, 3])
-    quiet = LawArm(seed, leftover=1.0).record(0, (), 30.0)
-    taken = dict(zip(JOINTS, rng.uniform(0.0, 1.0, len(JOINTS)) * COULOMB, strict=True))
-
-    def unit(rng: np.random.Generator, events: Events, duration: float) -> tuple[str, Array]:
-        j = int(rng.integers(len(JOINTS)))
-        return JOINTS[j], rng.choice([-1.0, 1.0]) * COULOMB[j]
-
-    def found(pulses: Sequence[HiddenPulse]) -> Events:
-        return _of_arm(_pushed(quiet, pulses, taken))
-
-    return DrawnMachine('six joints', 30.0, found, unit, _FRICTIONS)
+    moves = rng.choice(JOINTS, rng.choice([0, 0, 2, 4, 5]), replace=False).tolist()
+    arm = LawArm(seed, leftover=float(rng.uniform(0.3, 1.0)))
+    stand = [name for name in JOINTS if name not in moves]
+    found = _held(arm.record(0, moves, 30.0), moves, rng)
+    return DrawnMachine(f'{len(moves)} move', 30.0, found, _torque(stand, is_limit=True), _LIMITS)
 
 
-def _pushed(
-    quiet: Record, pulses: Sequence[HiddenPulse], taken: Mapping[str, float] | None = None
-) -> Record:
-    """The recording of motors that hold against pushes, less what friction takes of each."""
+def _held(quiet: Record, moves: Sequence[str], rng: np.random.Generator) -> Found:
+    """Events of the recording with pushes, whose motors hold against them.
+
+    Where a joint stands its friction takes the load's changes as far as it goes, a share of its
+    bound in each machine; motor torques follow what is beyond.
+    """
     series = quiet.joints
     if series is None or series.effort is None:
         raise ValueError('an arm without efforts')
-    effort = series.effort.copy()
-    for p in pulses:
-        torque = p.torque(quiet.joint_time)
-        held = np.maximum(np.abs(torque) - (taken or {}).get(str(p.where), 0.0), 0.0)
-        effort[:, JOINTS.index(str(p.where))] -= np.sign(torque) * held
-    return replace(quiet, joints=replace(series, effort=effort))
+    shares, effort = rng.uniform(0.0, 1.0, len(JOINTS)) * COULOMB, series.effort
+
+    def found(pulses: Sequence[HiddenPulse]) -> Events:
+        torque = effort.copy()
+        for p in pulses:
+            torque[:, JOINTS.index(str(p.where))] -= p.torque(quiet.joint_time)
+        for j in (j for j, name in enumerate(JOINTS) if name not in moves):
+            ends = zip(torque[1:, j] - shares[j], torque[1:, j] + shares[j], strict=True)
+            follow = accumulate(ends, lambda x, e: min(max(x, e[0]), e[1]), initial=torque[0, j])
+            torque[:, j] = list(follow)
+        return _of_arm(replace(quiet, joints=replace(series, effort=torque)))
+
+    return found
 
 
 def _of_arm(record: Record) -> Events:
@@ -145,12 +143,28 @@ def _of_arm(record: Record) -> Events:
     return arm_events([balance], rows).events
 
 
-def _std(limit: EventLimit, duration: float) -> float:
-    """Of a bell of a duration, in proportion between those of which the limit tells."""
+def _torque(names: Sequence[str], *, is_limit: bool = False) -> Unit:
+    """A torque on any of some joints of the size of its deviation, or of its limit."""
+
+    def unit(
+        rng: np.random.Generator, events: Events, duration: float
+    ) -> tuple[str, Array] | None:
+        name, sign = str(rng.choice(names)), rng.choice([-1.0, 1.0])
+        limit = events.limits[name]
+        if limit is None:
+            return None
+        peak = _peak(limit, duration)
+        return name, np.asarray(sign * (peak if is_limit else peak / limit.snr))
+
+    return unit
+
+
+def _peak(limit: EventLimit, duration: float) -> float:
+    """Limit of a bell of a duration, in proportion between those of which it tells."""
     peaks = np.array(limit.peaks)
     seen = np.isfinite(peaks)
     ends = np.log(np.array(limit.durations)[seen]), np.log(peaks[seen])
-    return float(np.exp(np.interp(np.log(duration), *ends))) / limit.snr
+    return float(np.exp(np.interp(np.log(duration), *ends)))
 
 
 def _base(seed: int) -> DrawnMachine:
@@ -211,7 +225,8 @@ def _impulse(
     limits = [limit for limit in events.limits.values() if limit is not None]
     if len(limits) < len(AXES):
         return None
-    way, stds = rng.standard_normal(3), np.array([_std(limit, duration) for limit in limits])
+    way = rng.standard_normal(3)
+    stds = np.array([_peak(limit, duration) / limit.snr for limit in limits])
     return None, way / float(np.linalg.norm(way / stds))
 
 

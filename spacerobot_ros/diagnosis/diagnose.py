@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
@@ -14,7 +15,7 @@ from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed, refuse_unbalanced
 from ..estimation.prediction import TIMINGS
 from ..estimation.reference import NoiseLevels
-from ..estimation.refit import refine
+from ..estimation.refit import Fit, refine
 from ..estimation.runs import Run
 from ..model.robot import Robot
 from ..recording.faults.check import check_data
@@ -28,7 +29,7 @@ from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
 from .events.answer import still_answer, with_events
 from .events.arm_events import arm_events
-from .events.event import Events
+from .events.event import Event, Events
 from .events.impulses import impulse_events, spans_of, steps_beside_wheels
 from .found import Found
 from .limits import LIKE_NOISE, MISFIT, MOST
@@ -179,6 +180,12 @@ def _may_fit(found: ArmFound, noise: NoiseLevels, kinds: Sequence[type[Effect]])
     return any(judged.score.gain > MOST * left for judged in hidden.judge(fit))
 
 
+def _cost(fit: Fit, named: Sequence[Event]) -> float:
+    """Minus twice the log evidence of causes and events for a whole record (Schwarz 1978)."""
+    both = Fit(fit.run.without(()), [*fit.causes, *(e for event in named for e in event.applied)])
+    return both.misfit + len(both.free) * math.log(len(both.data))
+
+
 def _searched(
     run: Run, kinds: Sequence[type[Effect]], report: Callable[[str, float], None]
 ) -> Found:
@@ -210,8 +217,9 @@ def _predicted(
     """The answer of rows by prediction.
 
     Events of an arm on the ground are those of its balance. Where on a free base more is wrong
-    than wheels, or may be (the inertia of a lone body, thrusters each time they fire), causes are
-    found first and steps of the momentum beside them.
+    than wheels, or may be (thrusters each time they fire), causes are found first and steps of the
+    momentum beside them. Of a lone body, whose inertia makes steps as well, they are where that
+    explains more.
     """
     report('looking for events', 0.05)
     if balances:
@@ -220,9 +228,12 @@ def _predicted(
         return with_events(_concluded(found, notes, report), events.events)
     if not run.robot.is_free:
         return _concluded(_searched(run, kinds, report), notes, report)
-    is_uncertain = bool(run.record.inputs) or not run.robot.joints
-    steps = Events() if is_uncertain else steps_beside_wheels(run)
+    steps = Events() if run.record.inputs else steps_beside_wheels(run)
     found = _searched(run.without(spans_of(steps)), kinds, report)
+    if steps.named and not run.robot.joints:
+        causes = _searched(run, kinds, report)
+        if _cost(causes.sound, ()) < _cost(found.sound, steps.named):
+            found, steps = causes, Events()
     if not any(steps.limits.values()):
         steps = impulse_events(found.sound)
         if steps.named:

@@ -39,15 +39,15 @@ def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
     machine = Machine(robot, balances)
     known = [machine.friction(DRY, joint) for joint in robot.joints]
     friction = np.array(known)
-    found = Events()
+    found, scan = Events(), None
     if rows is not None:
-        naming = Naming(PulseSearch(rows))
+        search = PulseSearch(rows)
+        naming, scan = Naming(search), search.scan
         found = naming.events()
         friction = np.array([naming.coulomb(j) for j in range(robot.n_joints)])
     friction = np.where(friction > 0.0, friction, np.nan)
     for run, balance in enumerate(balances):
-        named, possible = rest_events(balance, run, friction)
-        found = found.with_more(Events(named=tuple(named), possible=tuple(possible)))
+        found = found.with_more(rest_events(balance, run, friction, scan))
     spans = [
         tuple((e.start - SPREAD, e.end + SPREAD) for e in found.named if e.recording == run)
         for run in range(len(balances))

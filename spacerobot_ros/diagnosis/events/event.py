@@ -103,7 +103,10 @@ class Events:
         return Events(
             named=tuple(sorted((*self.named, *other.named), key=_time)),
             possible=tuple(sorted((*self.possible, *other.possible), key=_time)),
-            limits={**other.limits, **self.limits},
+            limits={
+                name: self.limits.get(name) or other.limits.get(name)
+                for name in {**self.limits, **other.limits}
+            },
             notes=(*self.notes, *other.notes),
         )
 

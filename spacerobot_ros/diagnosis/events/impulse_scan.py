@@ -33,7 +33,7 @@ _QUANTILE, _OF_NOISE = 0.3, 1.19
 """A quantile of the norm of three axes, and its value in white noise."""
 _SETTLED = 1.5  # s in which the filter still finds its state
 EDGE = 0.5  # share of a bell in which it rises and falls
-_ROUNDS = 3
+_ROUNDS = 4
 _LONGEST = 6.0  # s: twice the longest bell; what lasts longer is a lasting cause
 _SHARE = 0.3  # of a record that events may take, as their level is that of all other times
 _NEARBY = (-0.5, -0.25, 0.0, 0.25, 0.5)  # durations
@@ -90,13 +90,6 @@ class ImpulseScan:
 
     def _search(self) -> Array:
         """What all impulses leave: the large ones first, then those that others hide."""
-        spans: list[tuple[float, float]] = []
-        left = self._data
-        while len(spans) < _MOST and (window := self._largest(left, ())):
-            spans.append(self._own_times(left, *window))
-            left = self._fitted(spans)
-            if not self.is_transient:
-                return left
         for _ in range(_ROUNDS):
             left = self._refined(_apart(self.found))
             spans = [(i.start, i.end) for i in self.found]

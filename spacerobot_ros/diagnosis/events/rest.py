@@ -1,24 +1,25 @@
-r"""Pushes of an arm that is held still.
+r"""Pushes on joints that are held still, alone or while others move.
 
 At rest friction holds any torque between minus and plus its bound T, so that motor torques say
-nothing of gravity, springs or biases, and wander. What goes farther than that is held against
-something from outside: an event is where the torque of any joint is more than `REST_SHARE` T off
-its usual value, and its size is known within T.
+nothing of gravity, springs or biases, and wander. What goes farther than that, and than the model
+may be wrong while others move, is held against something from outside: an event is where the
+torque of a joint is more than `REST_SHARE` T off its usual value, and its size is known within T.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import binary_closing, binary_opening, label
 
 from ...estimation.balance import Balance
 from ...types import Array, BoolArray
-from .contact import Pulse, event_of
-from .event import Event, PossibleEvent
-from .event_limits import FRICTION_SHARE, REST_SHARE, SNR
+from .contact import Pulse, event_of, overlap
+from .event import EventLimit, Events, PossibleEvent
+from .event_limits import FRICTION_SHARE, LISTED, REST_SHARE, SNR
+from .scan import PulseScan
 
 _SHORTEST = 0.15  # s beyond the bound
 _GAP = 0.3  # s below it that do not end an event
@@ -30,30 +31,32 @@ _FELT = 1.0  # Coulomb torques that a joint must change by to feel it
 _EDGE = 0.25  # of its duration: a push that is held
 _LAG = 0.1  # s between samples whose differences are noise
 _LARGE = 0.4  # of the largest deviation: what is listed where nobody knows the friction
+_DURATIONS = (0.3, 0.6, 1.2, 2.4, 4.8)  # s, of which limits tell
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rest:
-    """A stretch in which no joint moves.
+    """A stretch in which a joint does not move.
 
     Args:
-        run: Number of the recording.
+        joint: Its number. run: Number of the recording.
         time: (N,) [s].
-        torque: (N, n) what the model misses, less its usual value [N m].
-        noise: (n,) its fast scatter [N m].
-        last: End of the recording [s].
+        torque: (N,) what the model misses, less its usual value [N m].
+        bound: (N,) what friction holds, and how wrong the model may be [N m].
+        noise: Its fast scatter [N m].
     """
 
+    joint: int
     run: int
     time: Array
     torque: Array
-    noise: Array
-    last: float
+    bound: Array
+    noise: float
 
-    def cores(self, bound: Array) -> Iterator[slice]:
-        """Where any joint is beyond a bound (n,) for a while."""
+    def cores(self, share: float, least: float = 0.0) -> Iterator[slice]:
+        """Where it is beyond a share of the bound, and a torque [N m], for a while."""
         step = float(self.time[1] - self.time[0])
-        beyond = np.any(np.abs(self.torque) > bound, axis=1)
+        beyond = np.abs(self.torque) > np.maximum(share * self.bound, least)
         beyond = binary_opening(beyond, np.ones(max(1, round(_SHORTEST / step))))
         gap = round(_GAP / step)
         beyond = binary_closing(np.pad(beyond, gap), np.ones(gap + 1))[gap:-gap]
@@ -62,64 +65,115 @@ class Rest:
             at = np.flatnonzero(labels == k)
             yield slice(int(at[0]), int(at[-1]) + 1)
 
+    def span(self, core: slice) -> slice:
+        """From where the torque leaves its level before, to its return to the one after."""
+        x = self.torque
+        peak = x[core][np.argmax(np.abs(x[core]))]
+        before, after = self._levels(core)
+        first, last = core.start, core.stop - 1
+        while first > 0 and (x[first] - before) / (peak - before) > _FOOT:
+            first -= 1
+        while last < len(x) - 1 and (x[last] - after) / (peak - after) > _FOOT:
+            last += 1
+        return slice(first, last + 1)
 
-def rests(balance: Balance, run: int, bound: Array) -> Iterator[Rest]:
-    """All stretches of rest of a recording.
+    def pulse(self, span: slice) -> Pulse:
+        """Largest change from the level before."""
+        change = self.torque[span] - self._levels(span)[0]
+        at = int(np.argmax(np.abs(change)))
+        peak, std = float(change[at]), float(self.bound[span][at])
+        start, end = self.time[span][[0, -1]].tolist()
+        return Pulse(self.joint, self.run, start, end, _EDGE, peak, std, peak / std)
 
-    Args:
-        balance: The model along it.
-        run: Its number.
-        bound: (n,) Coulomb torques [N m].
-    """
-    arm = balance.arm
-    known = arm.is_known
-    still = ~arm.is_moving.any(axis=1) & known
-    settled = round(_SETTLED / arm.step)
-    labels, count = label(still)
-    missed = arm.in_band(balance.missed)
-    for k in range(1, count + 1):
-        at = np.flatnonzero(labels == k)
-        first = at[0] + (settled if at[0] > 0 and known[at[0] - 1] else 0)
-        last = at[-1] - (settled if at[-1] + 1 < len(known) and known[at[-1] + 1] else 0)
-        own = slice(int(first), int(last) + 1)
-        if (last - first) * arm.step < _STRETCH:
-            continue
-        torque = missed[own] - [_usual(*x) for x in zip(missed[own].T, bound, strict=True)]
-        lag = max(1, round(_LAG / arm.step))
-        noise = 1.5 * np.median(np.abs(torque[lag:] - torque[:-lag]), axis=0)
-        yield Rest(run, arm.times[own], torque, noise, float(arm.times[-1]))
+    def _levels(self, core: slice) -> tuple[float, float]:
+        """Medians before and after; zero, the usual value, where the stretch ends."""
+        step = float(self.time[1] - self.time[0])
+        near, far = (round(t / step) for t in _LEVEL)
+        before = self.torque[max(core.start - far, 0) : max(core.start - near, 0)]
+        after = self.torque[core.stop + near : core.stop + far]
+        return tuple(float(np.median(part)) if len(part) else 0.0 for part in (before, after))  # type: ignore[return-value]
 
 
 def rest_events(
-    balance: Balance, run: int, friction: Array
-) -> tuple[list[Event], list[PossibleEvent]]:
-    """Named and possible events of one recording where no joint moves.
+    balance: Balance, run: int, friction: Array, scan: PulseScan | None = None
+) -> Events:
+    """Events of one recording at joints that do not move.
 
     Args:
         balance: The model along it.
         run: Its number.
         friction: (n,) Coulomb torques; nan where nobody knows [N m].
+        scan: What joints that move tell of the model; None: none does.
     """
     robot = balance.robot
     unknown = np.isnan(friction)
     bound = np.where(unknown, FRICTION_SHARE * robot.effort_limits, friction)
-    bound[_unmeasured(balance)] = np.inf
-    named: list[Event] = []
-    possible: list[PossibleEvent] = []
-    for rest in rests(balance, run, bound):
-        taken = np.zeros(len(rest.time), dtype=bool)
-        for core in rest.cores(REST_SHARE * bound):
-            span = _span(rest, core, bound)
-            taken[span] = True
-            named.append(_event(balance, rest, core, span, bound))
-        large = np.maximum(_LARGE * np.max(np.abs(rest.torque), axis=0), SNR * rest.noise)
-        large = np.where(unknown & ~_unmeasured(balance), large, np.inf)
-        possible += [
-            _possible(balance, rest, core, large)
-            for core in rest.cores(large)
-            if not taken[core].any()
-        ]
-    return named, possible
+    measured = np.flatnonzero(~_unmeasured(balance)).tolist()
+    stretches = [rest for j in measured for rest in rests(balance, run, j, bound[j], scan)]
+    found = [rest.pulse(rest.span(core)) for rest in stretches for core in rest.cores(REST_SHARE)]
+    last = float(balance.arm.times[-1])
+    groups = [_felt(group, stretches) for group in _apart(found)]
+    named = [event_of(robot, group, None, last) for group in groups]
+    possible = [
+        _possible(balance, rest, core)
+        for rest in stretches
+        if unknown[rest.joint]
+        for core in rest.cores(0.0, max(_LARGE * np.max(np.abs(rest.torque)), SNR * rest.noise))
+        if not any(e.start < rest.time[core][-1] and rest.time[core][0] < e.end for e in named)
+    ]
+    limits: dict[str, EventLimit | None] = {
+        robot.joints[rest.joint]: _limit(rest) for rest in stretches if not unknown[rest.joint]
+    }
+    return Events(named=tuple(named), possible=tuple(possible), limits=limits)
+
+
+def rests(
+    balance: Balance, run: int, j: int, friction: float, scan: PulseScan | None
+) -> Iterator[Rest]:
+    """All stretches of rest of a joint.
+
+    Args:
+        balance: The model along a recording.
+        run: Its number.
+        j: Number of the joint.
+        friction: Its Coulomb torque [N m].
+        scan: See `rest_events`.
+    """
+    arm = balance.arm
+    known = arm.is_known
+    settled = round(_SETTLED / arm.step)
+    labels, count = label(~arm.is_moving[:, j] & known & arm.powered[:, j])
+    missed = arm.in_band(balance.missed[:, j])
+    for k in range(1, count + 1):
+        at = np.flatnonzero(labels == k)
+        first = at[0] + (settled if at[0] > 0 and known[at[0] - 1] else 0)
+        last = at[-1] - (settled if at[-1] + 1 < len(known) and known[at[-1] + 1] else 0)
+        if (last - first) * arm.step < _STRETCH:
+            continue
+        time = arm.times[first : last + 1]
+        wrong, std = _of_model(balance, scan, run, j, time)
+        x = missed[first : last + 1] - wrong
+        bound = friction + LISTED / REST_SHARE * std
+        x = x - _usual(x, friction)
+        lag = max(1, round(_LAG / arm.step))
+        noise = 1.5 * float(np.median(np.abs(x[lag:] - x[:-lag])))
+        yield Rest(j, run, time, x, bound, noise)
+
+
+def _of_model(
+    balance: Balance, scan: PulseScan | None, run: int, j: int, time: Array
+) -> tuple[Array, Array]:
+    """(N,) torque that the model is wrong by, as far as other joints tell, and its deviation.
+
+    Both but for a constant.
+    """
+    if scan is None:
+        return np.zeros(len(time)), np.zeros(len(time))
+    columns, rows = scan.rows.columns[run][:, j], balance.row_times
+    inside = (rows >= time[0]) & (rows <= time[-1])
+    columns = columns - np.mean(columns[inside], axis=0)
+    wrong = columns @ scan.coefficients
+    return np.interp(time, rows, wrong), np.interp(time, rows, scan.spread(columns))
 
 
 def _unmeasured(balance: Balance) -> BoolArray:
@@ -128,62 +182,54 @@ def _unmeasured(balance: Balance) -> BoolArray:
     return np.isnan(effort[0]) if effort is not None else np.ones(balance.robot.n_joints, bool)
 
 
-def _span(rest: Rest, core: slice, bound: Array) -> slice:
-    """From where the torque that is farthest beyond its bound leaves its level, to its return."""
-    most = np.max(np.abs(rest.torque[core]), axis=0) / bound
-    x = rest.torque[:, int(np.argmax(most))]
-    peak = x[core][np.argmax(np.abs(x[core]))]
-    before, after = _levels(rest, core, x[:, None])
-    first, last = core.start, core.stop - 1
-    while first > 0 and (x[first] - before[0]) / (peak - before[0]) > _FOOT:
-        first -= 1
-    while last < len(x) - 1 and (x[last] - after[0]) / (peak - after[0]) > _FOOT:
-        last += 1
-    return slice(first, last + 1)
+def _apart(found: Sequence[Pulse]) -> list[list[Pulse]]:
+    """Pulses at one time, the largest first."""
+    out: list[list[Pulse]] = []
+    for p in sorted(found, key=lambda p: -abs(p.z)):
+        group = next((g for g in out if overlap(p, g[0])), None)
+        if group is None:
+            out.append([p])
+        elif all(p.joint != q.joint for q in group):
+            group.append(p)
+    return out
 
 
-def _levels(rest: Rest, core: slice, x: Array) -> tuple[Array, Array]:
-    """(n,) medians before and after; zero, the usual value, where a recording ends."""
-    step = float(rest.time[1] - rest.time[0])
-    near, far = (round(t / step) for t in _LEVEL)
-    before = x[max(core.start - far, 0) : max(core.start - near, 0)]
-    after = x[core.stop + near : core.stop + far]
-    none = np.zeros(x.shape[1])
-    return tuple(np.median(part, axis=0) if len(part) else none for part in (before, after))  # type: ignore[return-value]
+def _felt(group: Sequence[Pulse], stretches: Sequence[Rest]) -> list[Pulse]:
+    """The largest pulse, and the change of every other joint at rest that feels it."""
+    first = group[0]
+    out = [first]
+    for rest in stretches:
+        if rest.joint == first.joint or rest.time[0] > first.start or rest.time[-1] < first.end:
+            continue
+        own = slice(*np.searchsorted(rest.time, [first.start, first.end]).tolist())
+        pulse = rest.pulse(own)
+        if abs(pulse.z) > _FELT:
+            out.append(replace(pulse, start=first.start, end=first.end))
+    return out
 
 
-def _event(balance: Balance, rest: Rest, core: slice, span: slice, bound: Array) -> Event:
-    before, _ = _levels(rest, span, rest.torque)
-    change = rest.torque[span] - before
-    peaks = change[np.argmax(np.abs(change), axis=0), np.arange(change.shape[1])]
-    start, end = float(rest.time[span][0]), float(rest.time[span][-1])
-    felt = np.flatnonzero(np.abs(peaks) > _FELT * bound)
-    if not len(felt):
-        felt = np.array([int(np.argmax(np.abs(peaks) / bound))])
-    pulses = [
-        Pulse(
-            int(j),
-            rest.run,
-            start,
-            end,
-            _EDGE,
-            float(peaks[j]),
-            float(bound[j]),
-            float(peaks[j] / bound[j]),
-        )
-        for j in felt
-    ]
-    return event_of(balance.robot, pulses, None, rest.last)
+def _limit(rest: Rest) -> EventLimit:
+    """From where on friction, which may turn from -T to T, leaves enough of a push long enough."""
+    needed = (2.0 + REST_SHARE) * float(np.median(rest.bound))
+    shares = np.cos(0.5 * np.pi * _SHORTEST / np.array(_DURATIONS)) ** 2
+    peaks = (needed / shares).tolist()
+    snr = peaks[0] / float(np.median(rest.bound))
+    return EventLimit(
+        duration=_DURATIONS[0],
+        peak=peaks[0],
+        unit='N m',
+        snr=snr,
+        durations=_DURATIONS,
+        peaks=tuple(peaks),
+    )
 
 
-def _possible(balance: Balance, rest: Rest, core: slice, large: Array) -> PossibleEvent:
-    sizes = np.max(np.abs(rest.torque[core]), axis=0)
-    joints = np.flatnonzero(sizes > large)
+def _possible(balance: Balance, rest: Rest, core: slice) -> PossibleEvent:
     return PossibleEvent(
         start=float(rest.time[core][0]),
         end=float(rest.time[core][-1]),
-        joints=tuple(balance.robot.joints[j] for j in joints),
-        z=float(np.max(sizes[joints] / np.maximum(rest.noise[joints], 1e-12))),
+        joints=(balance.robot.joints[rest.joint],),
+        z=float(np.max(np.abs(rest.torque[core]))) / max(rest.noise, 1e-12),
         reason='friction',
         recording=rest.run,
     )
@@ -193,7 +239,7 @@ def _usual(values: Array, bound: float) -> float:
     """Middle of the most values that friction can make of one load.
 
     Args:
-        values: (N,) torques of one joint at rest [N m].
+        values: (N,) torques of a joint at rest [N m].
         bound: Its Coulomb torque [N m]; infinite where nobody knows.
     """
     x = np.sort(values)

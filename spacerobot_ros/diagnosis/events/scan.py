@@ -155,6 +155,13 @@ class PulseScan:
         lower, y, scale = self._whole
         return np.asarray(scale * solve_triangular(lower, y, lower=True, trans=1))
 
+    def spread(self, columns: Array) -> Array:
+        """(M,) standard deviation of what rows of columns (M, K) take by all coefficients."""
+        lower, _, scale = self._whole
+        return np.asarray(
+            np.sqrt(np.sum(solve_triangular(lower, (columns * scale).T, lower=True) ** 2, axis=0))
+        )
+
     def left(self, j: int) -> Array:
         """(M,) whitened rows of a joint, of those that are kept, less what the columns take."""
         torque, columns = self._white_kept[j]
