@@ -10,9 +10,13 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.events.impulses import steps_beside_wheels
 from spacerobot_ros.diagnosis.flight.monitor import Monitor
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import ConfigurationError, RecordingError
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.identification.lone_body import identify_lone_body
 from spacerobot_ros.recording.faults.check import check_data
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record
@@ -32,9 +36,7 @@ SENSORS_AND_TORQUES = [
 ]
 
 
-def tumbled(
-    rng, inertia, *, bias=STILL, late=0.0, torque=STILL, drag=0.0, impulse=STILL, duration=12.0
-):
+def tumbled(rng, inertia, *, bias=STILL, late=0.0, torque=STILL, drag=0.0, hits=(), duration=12.0):
     """A record of Euler's equations, integrated by SciPy: no code shared with the simulator."""
 
     def rate(t, x):
@@ -43,13 +45,14 @@ def tumbled(
         spin = -0.5 * q.as_quat()[:3] @ w
         momentum = inertia @ w
         push = np.array(torque) - drag * w - np.cross(w, momentum)
-        if any(impulse) and 6.0 < t < 6.4:  # sin^2 of 0.4 s has an area of 0.2 s
-            push += q.inv().apply(impulse) * np.sin(np.pi * (t - 6.0) / 0.4) ** 2 / 0.2
+        for start, impulse in hits:
+            if start < t < start + 0.4:  # sin^2 of 0.4 s has an area of 0.2 s
+                push += q.inv().apply(impulse) * np.sin(np.pi * (t - start) / 0.4) ** 2 / 0.2
         return np.concatenate([turn, [spin], np.linalg.solve(inertia, push)])
 
     motion = solve_ivp(
         rate, (0.0, duration), [0, 0, 0, 1, 0.4, 0.8, 0.2], rtol=1e-11, atol=1e-12,
-        dense_output=True, max_step=0.05 if any(impulse) else np.inf,
+        dense_output=True, max_step=0.05 if hits else np.inf,
     ).sol  # fmt: skip
     gyro = np.arange(0.5, duration, 0.02)
     tracker = np.arange(0.5, duration, 0.1)
@@ -79,7 +82,7 @@ def test_a_right_model_of_a_tumbling_body_is_consistent(box, rng):
 
 def test_a_hit_is_an_event_and_no_cause(box, rng):
     impulse = np.array([0.004, -0.002, 0.003])
-    record = in_robot_order(tumbled(rng, BOX, impulse=impulse), box.robot)
+    record = in_robot_order(tumbled(rng, BOX, hits=[(6.0, impulse)]), box.robot)
 
     found = diagnose(record, box.robot, catalogue=SENSORS_AND_TORQUES)
 
@@ -90,6 +93,19 @@ def test_a_hit_is_an_event_and_no_cause(box, rng):
     value = np.array([event.peak[axis] for axis in 'xyz'])
     std = np.array([event.peak_std[axis] for axis in 'xyz'])
     assert np.all(np.abs(value - impulse) < 4.0 * std + 0.03 * np.linalg.norm(impulse))
+
+
+def test_hits_whose_traces_lie_over_each_other_are_told_apart(box, rng):
+    """Without a torque that nobody knows, a step of the momentum is seen until the end."""
+    impulse = 6e-5 * np.array([1.0, -0.5, 0.5])
+    hits = [(start, impulse) for start in (6.0, 9.0, 12.0)]
+    record = in_robot_order(tumbled(rng, BOX, hits=hits, duration=20.0), box.robot)
+    record = observed(record, box.robot)
+    noise, _ = noise_levels(box.robot.sensors, record)
+
+    named = steps_beside_wheels(Run(record, box.robot, (), noise, 'held_before')).named
+
+    assert [round(0.5 * (e.start + e.end) + 0.3) for e in named] == [6, 9, 12]
 
 
 def test_bias_and_delay_are_named_with_their_size(box, rng):
