@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 
 from .options import Subparsers, add_command, add_recording_options, check_folder
 from .terminal import print_json, print_sections, progress
 
-JSON_NAME = 'comparison.json'
+JSON_NAME, REPORT_NAME = 'comparison.json', 'report.html'
 
 _DESCRIPTION = """\
 Say what changed on an arm between two recordings, or two groups of them: a payload, a joint that
@@ -15,6 +16,7 @@ got stiffer, a sensor that was remounted. What both share is cancelled, so that 
 explains neither of them well does for this. ROS is not needed.
 
 writes: DIR/comparison.json      what changed, and what change would have been seen
+        DIR/report.html          one page for a review
 
 verdicts: unchanged   nothing changed by more than a machine that nobody touched does
           changed     with what, where and by how much
@@ -52,7 +54,9 @@ def run(args: argparse.Namespace) -> int:
     from ..json_values import json_text
     from ..model.files import write_text
     from ..recording.read import read_groups
+    from ..report.comparison_page import comparison_page
     from ..report.comparison_tables import summary
+    from ..report.html import write_report
 
     out = check_folder(args.out, (JSON_NAME, 'a comparison'), args.force)
     file = load_robot_file(args.robot)
@@ -65,9 +69,21 @@ def run(args: argparse.Namespace) -> int:
         )
     comparison = conclude_changes(found)
     write_text(out / JSON_NAME, json_text(comparison))
+    write_report(comparison_page(comparison, _command(args)), out / REPORT_NAME)
     if args.json:
         print_json(comparison)
     else:
         print_sections(summary(comparison))
-        print(f'written: {out}: {JSON_NAME}')
+        print(f'written: {out}: {JSON_NAME}, {REPORT_NAME}')
     return 0 if comparison.verdict == 'unchanged' else 1
+
+
+def _command(args: argparse.Namespace) -> str:
+    """The command line again."""
+    words = ['spacerobot', 'compare', args.first, args.second]
+    for name in ('before', 'after'):
+        given = getattr(args, name)
+        words += [f'--{name}', *given] * bool(given)
+    words += ['--map', args.map] * bool(args.map)
+    words += ['--split-gaps'] * args.split_gaps
+    return shlex.join([*words, '--robot', args.robot, '--out', args.out])

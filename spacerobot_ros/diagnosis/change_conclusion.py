@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..estimation.arm_priors import torque_tolerance
-from .answer.result import Estimated
+from ..types import Array
+from .answer.result import Estimated, Rival, Series
 from .answer.words import at, first_few, value_in_words
+from .arm_evidence import rivals_of
 from .changes import Changes
 
 
@@ -24,6 +26,7 @@ class Change:
         parameters: What was added to each parameter.
         log_evidence: For it over what any machine changes by itself.
         held_out_gain: The same for each part of the second group, predicted from the others.
+        indistinguishable_from: What these motions can not tell from it.
     """
 
     effect: str
@@ -32,6 +35,7 @@ class Change:
     parameters: Mapping[str, Estimated]
     log_evidence: float
     held_out_gain: tuple[float, ...]
+    indistinguishable_from: tuple[Rival, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +61,8 @@ class Comparison:
         left: Rms of what no cause explains of each joint's torque [N m].
         is_repeated: Whether all recordings are of one motion, judged by the scatter between
             the reference runs.
+        series: What is missed of the torques of the first recording afterwards, with what both
+            groups share and with the changes, too: for plots.
     """
 
     verdict: str
@@ -65,6 +71,7 @@ class Comparison:
     detectable: tuple[Detectable, ...]
     left: Mapping[str, float]
     is_repeated: bool
+    series: tuple[Series, ...]
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; `causes` as in diagnosis.json."""
@@ -93,6 +100,40 @@ def conclude_changes(found: Changes) -> Comparison:
         detectable=tuple(_detectable(found, i) for i in selection.live),
         left=dict(zip(found.robot.joints, levels.tolist(), strict=False)),
         is_repeated=found.is_repeated,
+        series=_series(found, levels),
+    )
+
+
+def _series(found: Changes, levels: Array) -> tuple[Series, ...]:
+    """Of every joint where it moves.
+
+    Args:
+        found: The comparison.
+        levels: Rms of what no cause explains, of every joint first [N m].
+    """
+    rows, run = found.fit.rows, found.after
+    columns, mean = rows.columns[run], found.fit.posterior.mean
+    count = columns.shape[2]
+    chosen = np.zeros(len(mean), dtype=bool)
+    for i in found.fit.chosen:
+        chosen[rows.places[i]] = True
+    shared = mean[:-count] if len(mean) > count else np.zeros(count)
+    before = rows.torque(run) - columns @ shared
+    after = before - columns @ np.where(chosen, mean, 0.0)[-count:]
+    balance = rows.balances[run]
+    seen = [(j, rows.rows_at(balance, j)) for j in range(len(found.robot.joints))]
+    return tuple(
+        Series(
+            channel=f'joint_torque/{found.robot.joints[j]}',
+            unit='N m',
+            time=balance.row_times[at],
+            measured=np.zeros(0),
+            before=before[at, j],
+            after=after[at, j],
+            noise_floor=float(levels[j]),
+        )
+        for j, at in seen
+        if len(at)
     )
 
 
@@ -118,6 +159,7 @@ def _change(found: Changes, i: int) -> Change:
         },
         log_evidence=selection.gain(i),
         held_out_gain=tuple(selection.held_out(i).tolist()),
+        indistinguishable_from=rivals_of(selection, i),
     )
 
 
@@ -142,4 +184,5 @@ def _sentence(changes: tuple[Change, ...]) -> str:
 
 def _in_words(change: Change) -> str:
     first = value_in_words(*next(iter(change.parameters.items())), sign='+')
-    return f'{change.title}{at(change.where)} ({first})'
+    rivals = [f', or {r.effect}{at(r.where)}' for r in change.indistinguishable_from]
+    return f'{change.title}{at(change.where)} ({first}){"".join(rivals)}'

@@ -29,6 +29,7 @@ class Changes:
         selection: The choice among changes.
         fit: The chosen ones with values.
         levels: (n, 6) variances of every joint's leftover [N^2 m^2].
+        after: Number, among those of the fit, of the first recording of the second group.
         is_repeated: Whether all recordings are of one motion, what is usual from run to run known.
     """
 
@@ -36,6 +37,7 @@ class Changes:
     selection: Selection
     fit: ArmFit
     levels: Array
+    after: int
     is_repeated: bool = False
 
 

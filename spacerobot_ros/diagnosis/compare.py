@@ -150,7 +150,7 @@ def find_changes(
     selection.run()
     selection.check_held_out()
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
-    return Changes(robot, selection, fit, np.array(levels))
+    return Changes(robot, selection, fit, np.array(levels), len(before))
 
 
 def _level_of_both(before: Array, after: Array) -> Array:

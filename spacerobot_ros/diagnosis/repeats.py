@@ -111,7 +111,7 @@ def find_changes_of_repeats(
     selection.run()
     selection.check_held_out()
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
-    return Changes(robot, selection, fit, np.array(levels), is_repeated=True)
+    return Changes(robot, selection, fit, np.array(levels), 0, is_repeated=True)
 
 
 def _levels(every: ArmRows, reference: Sequence[Array], count: int) -> list[Array]:

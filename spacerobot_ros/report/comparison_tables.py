@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from ..diagnosis.answer.words import at
 from ..diagnosis.change_conclusion import Change, Comparison
 from ..display import Section, Table, table
 from .formats import number, value_with
@@ -14,8 +15,11 @@ def summary(comparison: Comparison) -> Iterator[Section]:
     """What is printed for people."""
     yield Section('', [f'verdict: {comparison.verdict}', comparison.sentence])
     if comparison.changes:
-        yield Section('changes', [_change_table(comparison.changes)])
-    yield Section('change of one parameter that would have been named', [_detectable(comparison)])
+        lines = rival_lines(comparison.changes)
+        yield Section('changes', [change_table(comparison.changes), *lines])
+    yield Section(
+        'change of one parameter that would have been named', [detectable_table(comparison)]
+    )
     left = ', '.join(f'{joint} {number(rms, 3)}' for joint, rms in comparison.left.items())
     yield Section('', [f'left unexplained, rms [N m]: {left}'])
     if comparison.is_repeated:
@@ -23,7 +27,18 @@ def summary(comparison: Comparison) -> Iterator[Section]:
         yield Section('', [line])
 
 
-def _change_table(changes: tuple[Change, ...]) -> Table:
+def rival_lines(changes: tuple[Change, ...]) -> list[str]:
+    """What these motions can't tell from the changes."""
+    return [
+        f'{change.effect}{at(change.where)} can not be told from {rival.effect}{at(rival.where)} '
+        f'with these motions (BIC gap {number(rival.bic_gap, 2)})'
+        for change in changes
+        for rival in change.indistinguishable_from
+    ]
+
+
+def change_table(changes: tuple[Change, ...]) -> Table:
+    """One row a parameter of each change."""
     rows: list[tuple[str, ...]] = []
     for change in changes:
         place = change.title, change.where or '', number(change.log_evidence, 3)
@@ -36,7 +51,8 @@ def _change_table(changes: tuple[Change, ...]) -> Table:
     return Table(head, rows)
 
 
-def _detectable(comparison: Comparison) -> Table:
+def detectable_table(comparison: Comparison, caption: str = '') -> Table:
+    """The change of each parameter that would have been named."""
     columns = {
         'effect': lambda d: d.effect,
         'where': lambda d: d.where or '',
@@ -44,4 +60,4 @@ def _detectable(comparison: Comparison) -> Table:
         'from': lambda d: number(d.value, 2) if math.isfinite(d.value) else 'not seen',
         'unit': lambda d: d.unit or '1',
     }
-    return table(comparison.detectable, columns)
+    return table(comparison.detectable, columns, caption)

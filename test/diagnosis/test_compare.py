@@ -5,6 +5,7 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.contracts import keeps
 
@@ -15,7 +16,11 @@ from spacerobot_ros.diagnosis.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.compare import compare
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.record import JointSeries, Record
+from spacerobot_ros.model.loader import build_robot
+from spacerobot_ros.model.settings import parse_settings
+from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+from spacerobot_ros.report.comparison_page import comparison_page
+from spacerobot_ros.report.html import write_report
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get('SPACEROBOT_DATA', ROOT.parent / 'shared' / 'data'))
@@ -135,6 +140,51 @@ def test_runs_of_other_motions_are_no_repeats(repeats):
     file = arm_file()
     found = compare(repeats[:3], [EMPTY.record(9, duration=4.0)], file.robot, file.effects)
     assert not found.is_repeated
+
+
+PENDULUM = """<robot name="pendulum"><link name="base_link"/>
+<link name="rod"><inertial><origin xyz="0 0 -0.5"/><mass value="4"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="pivot" type="revolute"><parent link="base_link"/><child link="rod"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="99" velocity="9"/></joint></robot>"""
+
+
+def swings(rng, spring, amplitude):
+    """30 s of a pendulum of 4 kg at half a metre, hanging, with a spring: its torque by hand."""
+    time = np.arange(0.0, 30.0, 0.01)
+    rate, phase = rng.uniform(0.5, 4.0, (6, 1)), rng.uniform(0.0, 6.3, (6, 1))
+    size = 0.5 * amplitude
+    q = np.sum(size * np.sin(rate * time + phase), axis=0)
+    bend = -np.sum(size * rate**2 * np.sin(rate * time + phase), axis=0)
+    torque = 1.1 * bend + 4.0 * 9.81 * 0.5 * np.sin(q) + spring * q
+    memory = np.exp(-np.arange(200) / 100.0)  # 1 s
+    wander = 0.02 * np.convolve(rng.normal(size=len(time) + 199), memory, 'valid')
+    torque += wander + 0.05 * rng.normal(size=len(time))
+    q += 1e-5 * rng.normal(size=len(time))
+    return Record(
+        JointSeries(('pivot',), to_stamps(time), q[:, None], effort=torque[:, None]), source='run'
+    )
+
+
+@pytest.mark.parametrize(('amplitude', 'told_apart'), [(0.2, False), (1.0, True)])
+def test_what_small_swings_can_not_tell_is_listed(rng, amplitude, told_apart, tmp_path):
+    """Where sin q is q, a spring is a heavier weight, or less of a motor: the page says so."""
+    own = {'base': 'fixed', 'gravity': [0.0, 0.0, -9.81], 'joints': ['pivot']}
+    robot = build_robot(parse_settings({'robot': own}), PENDULUM)
+    records = [swings(rng, spring, amplitude) for spring in (0.0, 3.0)]
+    comparison = conclude_changes(compare(records[:1], records[1:], robot))
+    (change,) = comparison.changes
+    names = [change.effect, *(r.effect for r in change.indistinguishable_from)]
+    assert 'joint_stiffness' in names
+    assert (len(names) == 1) == told_apart
+    write_report(comparison_page(comparison, 'spacerobot compare'), tmp_path / 'report.html')
+    page = (tmp_path / 'report.html').read_text()
+    assert comparison.sentence in page
+    assert ('can not be told from' in page) == (not told_apart)
+    (series,) = comparison.series
+    before, after = (np.std(x) for x in (series.before, series.after))
+    if told_apart:  # 3 N m/rad over swings of 1 rad; what is left is noise in the band
+        assert before > 1.0 > 0.2 > after
 
 
 def data_set(name, tmp_path):
