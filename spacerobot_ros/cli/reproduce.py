@@ -71,7 +71,8 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
         '--minutes',
         type=positive_float,
         metavar='M',
-        help='diagnosis, monitor, coverage: begin nothing new after that time (default: none)',
+        help='of campaigns that go on where they stopped: begin nothing new after that time '
+        '(default: none)',
     )
     add('--quick', action='store_true', help='a fifth of the work')
     add(

@@ -59,8 +59,8 @@ def _trials(runs: int, part: int) -> Iterator[str]:
             yield key('kills', node, seed, kills)
             yield key('starved', node, seed, kills)
         yield key('kills', 'controller in real time', seed, kills)
-        for node in FLOODED if seed == 1 else ():
-            yield key('floods', node, seed, flood)
+        for topic in FLOODED if seed == 1 else ():
+            yield key('floods', topic, seed, flood)
         for node in NODES:
             yield key('messages', node, seed, messages)
         yield key('messages', 'identifier', seed, _FEW)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from itertools import cycle, islice
 from pathlib import Path
@@ -20,24 +21,25 @@ from .process_loop import PATIENCE, Loop, own_domain
 from .wrong_streams import flight
 
 FLOODED = {
-    'simulator': '/joint_commands',
-    'identifier': '/imu/data',
-    'controller': '/joint_states',
-    'monitor': '/joint_states',
+    '/imu/data': ('identifier', 'controller', 'monitor'),
+    '/base_torque': ('simulator', 'monitor'),
 }
-"""Topic on which a node is flooded."""
+"""Topics that are flooded, and who takes them."""
 _RATE = 10_000.0  # messages a second
 _POOL = 500  # odd messages, sent again and again
 _FILLED = 0.25  # share of the time after which queues are full
 
 
 def _messages(topic: str, seed: int) -> tuple[Any, list[bytes]]:
-    """Type and content of what floods a topic: every second one is good, but of another time."""
+    """Type and content of what floods a topic: odd ones, and good ones that are not of now."""
     rng = np.random.default_rng(seed)
-    good = [message for name, message in flight() if name == topic]
+    good = [copy.deepcopy(message) for name, message in flight() if name == topic]
     drawn = (good[k] for k in rng.integers(len(good), size=_POOL))
-    odd = (spoilt(message, rng) if k % 2 else message for k, message in enumerate(drawn))
-    return type(good[0]), [serialize_message(message) for message in odd]
+    sent = [spoilt(message, rng) if k % 2 else message for k, message in enumerate(drawn)]
+    if topic == '/base_torque':
+        for message in sent:
+            message.header.frame_id = 'nowhere'  # the plant would turn under torques on its base
+    return type(good[0]), [serialize_message(message) for message in sent]
 
 
 def send_flood(kind: Any, topic: str, messages: list[bytes], count: int) -> None:
@@ -53,19 +55,20 @@ def send_flood(kind: Any, topic: str, messages: list[bytes], count: int) -> None
             time.sleep(0.001)
 
 
-def flooded(node: str, seed: int, seconds: float) -> Record:
-    """Flood a node of a closed loop in real time.
+def flooded(topic: str, seed: int, seconds: float) -> Record:
+    """Flood nodes of a closed loop in real time.
 
     Args:
-        node: The node.
+        topic: One of `FLOODED`.
         seed: Of the messages.
         seconds: Duration.
 
     Returns:
-        How many messages it was, by which share memory grew once queues were full, whether there
-        is a valid estimate when the joints follow again, what went wrong.
+        How many messages it was, by which share the memory of those who take them grew once
+        queues were full, whether there is a valid estimate when the joints follow again, what
+        went wrong.
     """
-    topic, count = FLOODED[node], round(seconds * _RATE)
+    nodes, count = FLOODED[topic], round(seconds * _RATE)
     kind, messages = _messages(topic, seed)
     record: Record = {'odd': count, 'grown': None, 'valid': False}
     listening = Session(PATIENCE, by_events=False)
@@ -75,10 +78,11 @@ def flooded(node: str, seed: int, seconds: float) -> Record:
             loop.start_all()
             flood = loop.run_beside(send_flood, kind, topic, messages, count)
             filled = time.monotonic() + _FILLED * seconds
-            loop.until(lambda: time.monotonic() > filled, seconds)
-            before = loop.memory(node)
-            loop.until(lambda: not flood.is_alive(), seconds)
-            record['grown'] = loop.memory(node) / before - 1.0
+            loop.until(lambda: time.monotonic() > filled)
+            before = [loop.memory(node) for node in nodes]
+            loop.until(lambda: not flood.is_alive())
+            after = [loop.memory(node) for node in nodes]
+            record['grown'] = max(np.divide(after, before)) - 1.0
             loop.settle()
             record['valid'] = bool(loop.estimate and loop.estimate.valid)
         except SessionError as error:

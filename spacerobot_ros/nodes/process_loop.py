@@ -34,8 +34,10 @@ _SETTINGS = {
 SETTLED = 1.0
 """s of stamps without a larger error, after which the loop has recovered."""
 _FINE = np.radians(0.5)  # rad; the largest error that counts as recovered
-PATIENCE = 120.0
-"""s of wall time, after which what is waited for does not come."""
+PATIENCE = 240.0
+"""s of wall time for the nodes to start, or to do anything; a busy machine takes a minute."""
+LONGEST = 60.0
+"""s of stamps, after which what is waited for does not come; an estimate takes 10."""
 _ENDS_WITH_PARENT = 1  # PR_SET_PDEATHSIG of sys/prctl.h
 _DOMAINS = range(60, 100)  # of ROS, for loops that run side by side
 
@@ -159,11 +161,16 @@ class Loop:
         """Memory that a process has now [bytes]."""
         return resident(self._processes[node].pid)
 
-    def until(self, is_there: Callable[[], object], at_least: float = 0.0) -> float:
-        """Listen until something is there, which takes `at_least` [s]; the time that it took."""
-        begun = time.monotonic()
-        late = begun + at_least + PATIENCE
-        self._session.until(lambda: is_there() or time.monotonic() > late, time.monotonic)
+    def until(self, is_there: Callable[[], object]) -> float:
+        """Listen until something is there; the time that it took [s].
+
+        Raises:
+            SessionError: the nodes stand still, or have gone on for long without it.
+        """
+        begun, late = time.monotonic(), self.stamp + LONGEST
+        self._session.until(
+            lambda: is_there() or self.stamp > late, lambda: (self.stamp, self.commanded)
+        )
         if not is_there():
             raise SessionError('what was waited for does not come')
         return time.monotonic() - begun

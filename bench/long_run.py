@@ -1,0 +1,75 @@
+"""Memory of the closed loop against hours of stamps: all four nodes in one process, in lockstep.
+
+    python bench/long_run.py [--hours 24] [--rate 10]
+
+Stamps go as fast as the machine computes, and further where the loop is slow and is solved and
+judged seldom. What is kept of the past is bounded in stamps, in messages or not at all, and the
+last would show.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import time
+from pathlib import Path
+
+from spacerobot_ros.campaign.packaged_robots import packaged
+from spacerobot_ros.nodes.controller import ControllerNode
+from spacerobot_ros.nodes.identifier import IdentifierNode
+from spacerobot_ros.nodes.monitor import MonitorNode
+from spacerobot_ros.nodes.simulator import SimulatorNode
+from spacerobot_ros.ros.session import Session
+
+
+def resident() -> float:
+    """Memory of this process [MB]."""
+    pages = int(Path('/proc/self/statm').read_text(encoding='ascii').split()[1])
+    return pages * os.sysconf('SC_PAGE_SIZE') / 2**20
+
+
+def main() -> None:
+    """Run, and print a line for every 10 minutes of stamps."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--hours', type=float, default=24.0)
+    parser.add_argument('--rate', type=float, default=10.0, help='of control and sensors [Hz]')
+    options = parser.parse_args()
+    file = packaged('servicer')
+    rates = dict.fromkeys(('joint_rate', 'imu_rate'), options.rate)
+    given = {'period': 1.0 / options.rate, 'attitude_rate': options.rate / 10.0, **rates}
+    settings = file.settings.changed(
+        {
+            **{f'simulator.{name}': value for name, value in given.items()},
+            'controller.state_timeout': 3.0 / options.rate,
+            'identifier.solve_period': 10.0,
+            'monitor.block': 4.0,
+            'reference.repeat': True,
+            'simulator.lockstep': True,
+        }
+    )
+    with Session() as session:
+        nodes = [
+            session.add(kind, settings, file.robot.urdf)
+            for kind in (IdentifierNode, MonitorNode, ControllerNode)
+        ]
+        simulator = session.add(SimulatorNode, settings, file.robot.urdf, owns_time=True)
+        identifier, monitor, _ = nodes
+        for part in range(1, round(6.0 * options.hours) + 1):
+            simulator.stop_at = round(600.0 * part * options.rate)
+            simulator.pause(False)
+            session.until(
+                lambda: simulator.step_index >= simulator.stop_at, lambda: simulator.step_index
+            )
+            gc.collect()
+            found = identifier.estimate
+            said = 'valid' if found and found.valid else 'not valid'
+            print(
+                f'{part / 6:5.2f} h of stamps, {time.process_time():6.0f} s of the processor: '
+                f'{resident():6.1f} MB; {said}, {monitor.monitor.state.alarms} alarms',
+                flush=True,
+            )
+
+
+if __name__ == '__main__':
+    main()
