@@ -99,7 +99,7 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[Results, RunPictures
     passes, length = 1 if args.quick else 2, settings.reference.duration
     truth = truth_of(file.robot, true_robot(file.robot, settings), settings.identifier.structure)
     # another process that sees these topics would mix with them
-    with progress() as bars, _here() if args.live else _beside() as submit:
+    with progress() as bars, _here() if args.live else beside() as submit:
         exciting = _stage(bars, 'exciting and identifying', passes * length)
         no_aam = submit(track, file, None, bags[1])
         found = identify(file, passes, bags[0], exciting)
@@ -131,7 +131,7 @@ def _pictures(file: RobotFile, found: DemoRun, truth: Array, bag: Path) -> RunPi
 
 
 @contextmanager
-def _beside() -> Iterator[Submit]:
+def beside() -> Iterator[Submit]:
     """Another process, which ends with the block; gives what has it call a function."""
     ignored = (signal.SIGINT, signal.SIG_IGN)
     spawn = multiprocessing.get_context('spawn')

@@ -1,7 +1,11 @@
 """`spacerobot demo` from end to end."""
 
 import json
+import multiprocessing
+import os
+import signal
 import time
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +13,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from spacerobot_ros.cli.demo import beside
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.message_types import typestore
@@ -78,6 +83,20 @@ def test_a_robot_with_nothing_to_show_is_refused(tmp_path, capsys, change, messa
     error = capsys.readouterr().err.strip()
     assert message in error
     assert '\n' not in error
+
+
+def test_nothing_waits_for_a_process_that_is_gone():
+    with pytest.raises(BrokenProcessPool), beside() as submit:
+        submit(os._exit, 1).result()
+
+
+def test_an_interrupt_ends_the_process_beside():
+    def interrupted(waiting):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), beside() as submit:
+        interrupted(submit(signal.pause))
+    assert not multiprocessing.active_children()
 
 
 def test_nodes_in_lockstep_cost_little_beside_what_they_compute(tmp_path, monkeypatch):
