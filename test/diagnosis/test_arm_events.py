@@ -5,12 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from spacerobot_ros.campaign.event_machines import MACHINES
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.events.arm_events import arm_events
+from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance import balance_of
 
 PULSES = ((1, 6.0, 1.0, 25.0), (3, 12.0, 0.6, -4.0), (0, 17.0, 1.5, 30.0))
 """Joint, start [s], duration [s], torque on the joint [N m]: 0.8 to 1.5 times its friction."""
@@ -121,3 +126,25 @@ def test_noise_that_grows_with_the_speed_is_no_event(seed):
     machine = MACHINES['moving'](seed)
     assert machine.words.startswith('speed')
     assert not machine.found(()).named
+
+
+def test_a_contact_at_the_last_link_is_a_wrench():
+    """Torques J' w by Pinocchio; forces and torques within their deviations."""
+    arm, file = RealArm(35), arm_file()
+    record = arm.record(0)
+    wrench = np.array([60.0, -80.0, 50.0, 4.0, -3.0, 5.0])
+    model, efforts, time = arm.model, record.effort.copy(), record.effort_time
+    data = model.createData()
+    for i in np.flatnonzero((time > 8.0) & (time < 9.0)):
+        pin.computeJointJacobians(model, data, record.q[i])
+        jacobian = pin.getJointJacobian(model, data, 6, pin.LOCAL)
+        efforts[i] -= np.sin(np.pi * (time[i] - 8.0)) ** 2 * (jacobian.T @ wrench)
+    held = replace(record, joints=replace(record.joints, effort=efforts))
+    rows = ArmRows.of([balance_of(held, file.robot, file.effects)], list(CATALOGUE.values()))
+    (event,) = arm_events(rows.balances, rows).events.named
+    assert (event.effect, event.where) == ('external_wrench', 'link_6 or beyond')
+    values, stds = np.array(list(event.wrench.values())).T
+    assert np.all(np.abs(values - wrench) < 4.0 * stds + 0.05 * np.abs(wrench))
+    assert np.all(stds[:3] < 30.0)
+    (applied,) = event.applied
+    assert applied.where == 'link_6'

@@ -28,6 +28,7 @@ class Event:
         rivals: What it can not be told from, in words.
         recording: Number of the recording.
         applied: The same as effects of the extended model.
+        wrench: Force and torque at the link's origin in its frame, with deviations; None: unknown.
     """
 
     effect: str
@@ -45,6 +46,7 @@ class Event:
     rivals: tuple[str, ...] = ()
     recording: int = 0
     applied: tuple[Effect, ...] = ()
+    wrench: Mapping[str, tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +139,16 @@ _LIMIT = ('duration', 'peak', 'unit', 'snr', 'durations', 'peaks')
 
 def _event(event: Event) -> dict[str, Any]:
     impulse = dict(event.peak) if event.effect == 'angular_impulse' else None
-    return {**_plain(event, _SAID), 'impulse': impulse, **_plain(event, _WEIGHT)}
+    wrench = (
+        None
+        if event.wrench is None
+        else {
+            name: {'value': value, 'std': std, 'unit': 'N' if name.startswith('force') else 'N m'}
+            for name, (value, std) in event.wrench.items()
+        }
+    )
+    own = {'impulse': impulse, 'wrench': wrench}
+    return {**_plain(event, _SAID), **own, **_plain(event, _WEIGHT)}
 
 
 def _plain(item: Event | PossibleEvent | EventLimit, names: Sequence[str]) -> dict[str, Any]:

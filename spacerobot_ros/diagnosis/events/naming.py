@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +17,7 @@ from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import EXPLAINED, MIXED, NAMED, RECURS, ROOM, SNR, chance, named_from
 from .moving import DURATIONS, PulseSearch
 from .states import States
+from .wrench import applied_wrench, wrench_of
 
 _TOUCHING = 0.3  # s between two pulses that may be one
 _TOGETHER = 0.4  # of the time of both that pulses of one event share
@@ -135,7 +137,13 @@ class Naming:
     def _event(self, own: Sequence[Pulse]) -> Event:
         cells = sum(2.0 / d for d in DURATIONS) * self._seconds * len(self._joints)
         last = float(self._rows.balances[own[0].run].arm.times[-1])
-        return event_of(self._rows.robot, _felt(own), chance(own[0].z, cells), last)
+        felt = _felt(own)
+        event = event_of(self._rows.robot, felt, chance(own[0].z, cells), last)
+        link = self._rows.robot.bodies[1 + felt[-1].joint].name
+        wrench = wrench_of(self._search, own[0], link) if len(felt) > 1 else None
+        if wrench is None:
+            return event
+        return replace(event, wrench=wrench, applied=(applied_wrench(own[0], link, wrench),))
 
     def _possible(self, own: Sequence[Pulse], reason: str) -> PossibleEvent:
         joints = tuple(self._joints[p.joint] for p in _felt(own))
