@@ -17,6 +17,7 @@ from ..recording.record import Record
 from ..types import Array
 from .answer.result import Evidence
 from .events.arm_events import ArmEvents, Spans
+from .limits import CLEAR
 from .selection import Selection
 
 WORSE = 1.02
@@ -80,6 +81,15 @@ def balances_of(
         balance_of(record, robot, [e for e in effects if e.is_of(run)], spans)
         for run, (record, spans) in enumerate(zip(records, left_out, strict=True))
     ]
+
+
+def is_clear(fit: ArmFit, i: int) -> bool:
+    """Whether any coefficient of a cause or a law is clear of its own spread.
+
+    The others predict, too, and stay in the model without a name.
+    """
+    values = fit.values[fit.rows.places[i]]
+    return bool(np.max(np.abs(values) / fit.spread(i)) > CLEAR)
 
 
 def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:

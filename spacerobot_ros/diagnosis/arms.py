@@ -20,9 +20,8 @@ from ..recording.record import Record
 from ..types import Array
 from .answer.result import Evidence
 from .arm_evidence import evidence_of
-from .arm_found import WORSE, ArmFound, balances_of, refuse_rest, rms
+from .arm_found import WORSE, ArmFound, balances_of, is_clear, refuse_rest, rms
 from .events.arm_events import arm_events
-from .limits import CLEAR
 from .selection import Selection
 
 _ROUNDS = 4
@@ -202,7 +201,7 @@ def _applicable(found: ArmFound) -> ArmFound:
     while True:
         plain = plain_of(selection, [*found.levels], weights)
         fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
-        clear = _clear(fit)
+        clear = tuple(i for i in fit.chosen if is_clear(fit, i))
         out = replace(
             found, fit=fit, clear=clear, named=tuple(fit.effects(clear)), weights=weights
         )
@@ -220,18 +219,6 @@ def _applicable(found: ArmFound) -> ArmFound:
         else:
             selection.drop(_weakest(selection, before, after))
             weights = np.ones_like(weights)
-
-
-def _clear(fit: ArmFit) -> tuple[int, ...]:
-    """Causes any of whose coefficients is clear of its own spread.
-
-    The others predict, too, and stay in the model without a name.
-    """
-    return tuple(
-        i
-        for i in fit.chosen
-        if np.max(np.abs(fit.values[fit.rows.places[i]]) / fit.spread(i)) > CLEAR
-    )
 
 
 def _extended_rms(found: ArmFound) -> Array | None:

@@ -13,8 +13,7 @@ from ...effects.learned_torque import LearnedTorque
 from ...effects.motion import Motion
 from ...estimation.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
-from ..arm_found import ArmFound, rms
-from ..limits import CLEAR
+from ..arm_found import ArmFound, is_clear, rms
 from .arm_channels import ArmMotions, JointChannel
 from .channel_laws import HeldLaw, has_one_speed, laws_of, said_of, said_without
 from .discovery_limits import FED_IN
@@ -82,7 +81,7 @@ def _applied(
             law is None
             or (law.form.has_history and it.place in named)
             or joints.index(it.place) in worse
-            or not _is_clear(fitted, i)
+            or not is_clear(fitted.fit, i)
             for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]
         said = [
@@ -100,12 +99,6 @@ def _applied(
             return fitted, [*said, *refused]
         refused += [entry for entry, out in zip(said, is_out, strict=True) if out]
         pairs = [pair for pair, out in zip(pairs, is_out, strict=True) if not out]
-
-
-def _is_clear(found: ArmFound, i: int) -> bool:
-    """Whether any coefficient of a law is clear of its own spread, as a cause's must be."""
-    values = found.fit.values[found.fit.rows.places[i]]
-    return bool(np.max(np.abs(values) / found.fit.spread(i)) > CLEAR)
 
 
 def _frictions(found: ArmFound) -> dict[str, list[Effect]]:
