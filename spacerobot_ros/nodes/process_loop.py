@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
+from multiprocessing import forkserver
 from pathlib import Path
 from tempfile import gettempdir
 from typing import Any
@@ -43,8 +44,13 @@ _DOMAINS = range(60, 100)  # of ROS, for loops that run side by side
 
 
 def _begin(domain: int, work: Callable[..., object], arguments: tuple[Any, ...]) -> None:
-    """What a process does; it ends with the one that started it (Linux)."""
+    """What a process does; it ends with the one that started it (Linux).
+
+    Its parent is the fork server, which ends when nobody holds its pipe any more: as it shall with
+    the campaign, however that ends, children let go of it.
+    """
     ctypes.CDLL(None).prctl(_ENDS_WITH_PARENT, signal.SIGKILL)
+    os.close(forkserver._forkserver._forkserver_alive_fd)  # type: ignore[attr-defined]
     os.environ.update(_alone(domain))
     work(*arguments)
 

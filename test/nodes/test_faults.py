@@ -1,6 +1,12 @@
 """The campaign of faults finds what ends a node; what it found stays mended."""
 
+import contextlib
 import math
+import os
+import select
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -227,3 +233,31 @@ def test_what_came_does_not_fill_the_log(rig, servicer):
     ((_, reason),) = bench.node.health.rejected
     assert reason.startswith("frame_id is 'jjj")
     assert len(reason) <= 200
+
+
+_STARTS_ONE = """
+import multiprocessing, time
+from spacerobot_ros.nodes.process_loop import _begin
+if __name__ == '__main__':
+    context = multiprocessing.get_context('forkserver')
+    process = context.Process(target=_begin, args=(99, time.sleep, (600,)), daemon=True)
+    process.start()
+    print(process.pid, flush=True)
+    time.sleep(600)
+"""
+
+
+def test_processes_of_a_campaign_that_is_killed_end_with_it(tmp_path):
+    path = tmp_path / 'campaign.py'
+    path.write_text(_STARTS_ONE, encoding='utf-8')
+    with subprocess.Popen([sys.executable, path], stdout=subprocess.PIPE, text=True) as campaign:
+        child = os.pidfd_open(int(campaign.stdout.readline()))
+        campaign.kill()
+    poll = select.poll()
+    poll.register(child, select.POLLIN)
+    try:
+        assert poll.poll(60_000), 'the process goes on'  # a hang guard
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(child, signal.SIGKILL)
+        os.close(child)
