@@ -79,7 +79,7 @@ def places(robot: Robot) -> list[tuple[str, str | None]]:
         (effect.id, where)
         for effect in CATALOGUE.values()
         if effect.is_fitted and (robot.is_free or not effect.needs_free_base)
-        for where in effect.places(robot)
+        for where in effect.fitted_places(robot)
     ]
 
 

@@ -218,8 +218,8 @@ def _predicted(
 
     Events of an arm on the ground are those of its balance. Where on a free base more is wrong
     than wheels, or may be (thrusters each time they fire), causes are found first and steps of the
-    momentum beside them. Of a lone body, whose inertia makes steps as well, they are where that
-    explains more.
+    momentum beside them. What lasts may make steps as well (clocks that are late, a lone body's
+    inertia): steps are named where they explain more.
     """
     report('looking for events', 0.05)
     if balances:
@@ -230,7 +230,7 @@ def _predicted(
         return _concluded(_searched(run, kinds, report), notes, report)
     steps = Events() if run.record.inputs else steps_beside_wheels(run)
     found = _searched(run.without(spans_of(steps)), kinds, report)
-    if steps.named and not run.robot.joints:
+    if steps.named:
         causes = _searched(run, kinds, report)
         if _cost(causes.sound, ()) < _cost(found.sound, steps.named):
             found, steps = causes, Events()

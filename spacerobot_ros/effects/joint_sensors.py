@@ -128,7 +128,7 @@ class JointSensorDelay(JointEffect):
     """q, q', tau_measured(t) of one joint are those of t - delay, the other joints' of t.
 
     Only relative timing is observable. The diagnosis looks for it where a joint has electronics of
-    its own kind: at wheels of which only the rate is measured.
+    its own kind, at wheels of which only the rate is measured, and at the joints of a free base.
 
     Typical: half the window over which pulses are counted and a bus, 5 to 50 ms.
     Signature: a position error in proportion to the rate of one joint.
@@ -145,7 +145,12 @@ class JointSensorDelay(JointEffect):
 
     @classmethod
     def fitted_places(cls, robot: Robot) -> tuple[str | None, ...]:
-        """Joints of which only the rate is measured, unless all are such."""
+        """Joints of which only the rate is measured, unless all are such; any beside a free base.
+
+        On a fixed base friction at reversals passes for it.
+        """
+        if robot.is_free and not robot.rate_only and robot.n_joints > 1:
+            return cls.places(robot)
         return robot.rate_only if len(robot.rate_only) < robot.n_joints else ()
 
     def joint_delays(self, robot: Robot) -> Array:

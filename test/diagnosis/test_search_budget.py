@@ -48,3 +48,20 @@ def test_wheels_that_run_down_beside_dry_friction_cost_few_models(monkeypatch):
         for name, truth in values.items():
             estimated = found[id_].parameters[name]
             assert abs(estimated.value - truth) <= 4.0 * estimated.std  # two numbers, one draw
+
+
+@pytest.mark.parametrize(
+    ('effect', 'where', 'delay'),
+    [('joint_delay', None, 3.946e-4), ('joint_sensor_delay', 'joint_2', 5e-4)],
+)
+def test_late_clocks_are_no_steps_of_the_momentum_and_one_is_not_several(effect, where, delay):
+    """The clock of all joints, or of one; its misses are steep where the motion turns."""
+    robot = robot_file('minisat').robot
+    hidden = bind_effect('hidden', effect, where, {'delay': delay}, robot)
+    kinds = [CATALOGUE[e] for e in ('joint_delay', 'joint_sensor_delay', 'gyro_bias')]
+    said = diagnose(simulated('minisat', 'slow', 902, [hidden]), robot, catalogue=kinds)
+    assert not said.events.named
+    (cause,) = (*said.causes, *said.minor)
+    assert (cause.applied.id, cause.applied.where) == (effect, where)
+    found = cause.parameters['delay']
+    assert abs(found.value - delay) <= 4.0 * found.std
