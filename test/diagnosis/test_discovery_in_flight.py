@@ -86,7 +86,7 @@ def test_drag_of_a_joint_is_found_there_alone(joint, dragged):
 def tracking_errors(hidden, added):
     """(n,) rms of reference less true angle, of a machine with drag, on a motion of its own."""
     file = robot_file(ROBOT)
-    settings = replace(file.settings, reference=motion_of(file.robot.n_joints, 'fast', 6, SECONDS))
+    settings = replace(file.settings, reference=motion_of(file, 'fast', 6, SECONDS))
     true = bind_effects({'hidden': hidden}, file.robot)
     loop = ClosedLoop(file.robot, replace(settings, effects=effects_section(true)))
     believed = replace(settings, effects=effects_section(added))
@@ -145,10 +145,10 @@ def test_a_moment_in_a_field_is_found_and_holds_on_another_flight():
             'kind': 'external',
         }
     hidden = bind_effects(section, robot)
-    found = laws(asked(flown(hidden, 'slow', 5, 12.0)))
+    found = laws(asked(flown(hidden, 'fast', 5, 12.0)))
     assert set(found) == {f'base_torque/{axis}' for axis in 'xyz'}
     assert all(entry.depends_on == ('attitude',) for entry in found.values())
-    motion = flown(hidden, 'slow', 9, 6.0).rows.motion
+    motion = flown(hidden, 'fast', 9, 6.0).rows.motion
     true = np.array([np.cross(moment, R.T @ field) for R in motion.rotation])
     none = np.zeros((len(motion), 0))
     learned = sum(entry.applied.force(motion, none)[:, 3:6] for entry in found.values())

@@ -18,7 +18,7 @@ from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.recording.series import InputSeries
 
 ROBOT, SECONDS = 'minisat', 8.0
-SHIFT, BEND, SCALE, TURN = 1e-4, 8e-4, 1e-3, 1e-4
+SHIFT, BEND, SCALE, TURN = 1e-4, 8e-3, 1e-3, 2e-4
 """rad/s by degC, s/rad, by degC, rad: three to ten times the sensors' noise."""
 
 

@@ -43,7 +43,7 @@ def test_a_late_joint_clock_beside_held_torques_is_fitted_right(delay):
     """A sample that is late shows the same hold: the torque is no later than it was."""
     robot = robot_file('servicer').robot
     late = applied('joint_delay', None, delay=delay)
-    record = observed(simulated('servicer', 'fast', 2, [late], 8.0), robot)
+    record = observed(simulated('servicer', 'fast', 2, [late], 20.0), robot)
     run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
     fit = refine(run, [applied('joint_delay', None, delay=0.0)])
     std = fit.standard_deviations()[0]['delay']
