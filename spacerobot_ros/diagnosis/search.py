@@ -265,18 +265,6 @@ class Search:
                     fit, choices = other, [*kept, choice]
                 elif choice.key == choices[i].key:
                     choices = [*choices[:i], choice, *choices[i + 1 :]]
-        return self._one_for_alike(fit, choices)
-
-    def _one_for_alike(self, fit: Fit, choices: list[Choice]) -> tuple[Fit, list[Choice]]:
-        """One cause for all of the latest's kind, such as one clock for that of each joint."""
-        others = [k for k, choice in enumerate(choices) if choice.key[0] != choices[-1].key[0]]
-        if len(choices) - len(others) < 2 or self._is_spent:
-            return fit, choices
-        rest = self._only(fit, others)
-        if wanted := wanted_of(self.judge(rest)):
-            other, choice = self._choose(rest, wanted)
-            if other.evidence > fit.evidence:
-                return other, [*(choices[k] for k in others), choice]
         return fit, choices
 
 

@@ -145,12 +145,13 @@ class JointSensorDelay(JointEffect):
 
     @classmethod
     def fitted_places(cls, robot: Robot) -> tuple[str | None, ...]:
-        """Joints of which only the rate is measured, unless all are such; any beside a free base.
+        """Joints of a free base; of an arm on the ground those whose rate alone is measured.
 
-        On a fixed base friction at reversals passes for it.
+        None where there is no other joint to be late by. In balances of torques, delays of single
+        joints would be ghosts of poor excitation.
         """
-        if robot.is_free and not robot.rate_only and robot.n_joints > 1:
-            return cls.places(robot)
+        if robot.is_free:
+            return cls.places(robot) if robot.n_joints > 1 else ()
         return robot.rate_only if len(robot.rate_only) < robot.n_joints else ()
 
     def joint_delays(self, robot: Robot) -> Array:

@@ -54,7 +54,7 @@ def test_wheels_that_run_down_beside_dry_friction_cost_few_models(monkeypatch):
     ('effect', 'where', 'delay'),
     [('joint_delay', None, 3.946e-4), ('joint_sensor_delay', 'joint_2', 5e-4)],
 )
-def test_late_clocks_are_no_steps_of_the_momentum_and_one_is_not_several(effect, where, delay):
+def test_late_clocks_are_no_steps_of_the_momentum(effect, where, delay):
     """The clock of all joints, or of one; its misses are steep where the motion turns."""
     robot = robot_file('minisat').robot
     hidden = bind_effect('hidden', effect, where, {'delay': delay}, robot)
