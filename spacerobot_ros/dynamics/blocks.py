@@ -64,7 +64,7 @@ class BlockTree:
         self.n = robot.n_joints
         self.bodies = robot.bodies
         self.pairs = tuple(itertools.combinations(range(self.n + 1), 2))
-        self.moves = _ancestry(robot.bodies)
+        self.moves = robot.moves
         self._tree = tree_of(robot)
         self._links = _link_vectors(robot.bodies)
         self._pair_indices = np.array(self.pairs, dtype=np.int64).reshape(-1, 2)
@@ -224,17 +224,6 @@ class BlockTree:
             g, 2, 3
         )
         return out
-
-
-def _ancestry(bodies: tuple[Body, ...]) -> np.ndarray:
-    """(n, n+1) whether joint j moves body k."""
-    moves = np.zeros((len(bodies) - 1, len(bodies)), dtype=bool)
-    for k in range(1, len(bodies)):
-        ancestor = k
-        while ancestor:
-            moves[ancestor - 1, k] = True
-            ancestor = bodies[ancestor].parent
-    return moves
 
 
 def _link_vectors(bodies: tuple[Body, ...]) -> Array:

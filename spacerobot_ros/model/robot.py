@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError
-from ..types import Array, Vector3
+from ..types import Array, BoolArray, Vector3
 from .body import Body, Gyrostat, Rotor, tree_order
 from .inputs import Inputs, MountedThruster
 from .robot_settings import SensorSettings
@@ -168,6 +168,17 @@ class Robot:
     def inertial_parameters(self) -> Array:
         """(n + 1, 10) of every body about its own frame, in the order of `toDynamicParameters`."""
         return np.array([b.spatial_inertia.toDynamicParameters() for b in self.bodies])
+
+    @cached_property
+    def moves(self) -> BoolArray:
+        """(n, n + 1) whether joint j moves body k."""
+        moves = np.zeros((self.n_joints, len(self.bodies)), dtype=bool)
+        for k in range(1, len(self.bodies)):
+            ancestor = k
+            while ancestor:
+                moves[ancestor - 1, k] = True
+                ancestor = self.bodies[ancestor].parent
+        return moves
 
     def with_target_momentum(self, momentum: Array, place: str = 'target wheel momentum') -> Robot:
         """The same robot believing another wheel momentum of the captured body.

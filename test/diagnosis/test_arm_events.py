@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -12,10 +13,15 @@ from spacerobot_ros.campaign.event_machines import MACHINES
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.events.arm_events import arm_events
+from spacerobot_ros.diagnosis.events.contact import Pulse, place_of
+from spacerobot_ros.diagnosis.events.naming import together
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance import balance_of
+from spacerobot_ros.model.loader import build_robot
+from spacerobot_ros.model.settings import parse_settings
+from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 PULSES = ((1, 6.0, 1.0, 25.0), (3, 12.0, 0.6, -4.0), (0, 17.0, 1.5, 30.0))
 """Joint, start [s], duration [s], torque on the joint [N m]: 0.8 to 1.5 times its friction."""
@@ -148,3 +154,39 @@ def test_a_contact_at_the_last_link_is_a_wrench():
     assert np.all(stds[:3] < 30.0)
     (applied,) = event.applied
     assert applied.where == 'link_6'
+
+
+@pytest.fixture(scope='module')
+def twin():
+    """Two arms on the ground, their joints in no order."""
+    urdf = (Path(__file__).parents[2] / 'config/twin.urdf').read_text()
+    joints = ['right_joint_3', 'left_joint_1', 'right_joint_1', 'left_joint_3', 'left_joint_2']
+    own = {'base': 'fixed', 'joints': [*joints, 'right_joint_2']}
+    settings = parse_settings({'robot': own})
+    return build_robot(settings, urdf)
+
+
+def test_a_contact_is_on_one_branch_however_joints_are_numbered(twin):
+    right, left = [2, 5, 0], [1, 4, 3]
+    assert place_of(twin, right)[1] == 'right_3 or beyond'
+    assert place_of(twin, [1, 4])[1] == 'left_2 or beyond'
+    assert place_of(twin, [2, 4])[1] == 'right_1 and left_2 or beyond'
+    pulses = [Pulse(j, 0, 1.0, 2.0, 0.5, 1.0, 0.1, 20.0 - j) for j in range(6)]
+    assert [{p.joint for p in own} for own in together(twin, pulses)] == [set(right), set(left)]
+
+
+def test_two_arms_that_are_held_feel_two_pushes_at_one_time(twin, rng):
+    time = np.arange(900) / 100.0
+    q, effort = np.array([[[2e-5]], [[0.01]]]) * rng.standard_normal((2, len(time), 6))
+    series = JointSeries(twin.joints, to_stamps(time), q, None, effort)
+    pushes = [(0, 4.0, 1.0, 30.0), (5, 4.0, 1.0, 40.0), (2, 4.0, 1.0, 50.0), (4, 4.1, 1.0, 60.0)]
+    friction = [
+        CATALOGUE['joint_coulomb_friction'](name=j, where=j, values={'torque': 5.0})
+        for j in twin.joints
+    ]
+    found = diagnose(pushed(Record(joints=series), pushes), twin, friction)
+    felt = {e.where: set(e.joints) for e in found.events.named}
+    assert felt == {
+        'left_joint_2': {'left_joint_2'},
+        'right_3 or beyond': {'right_joint_1', 'right_joint_2', 'right_joint_3'},
+    }

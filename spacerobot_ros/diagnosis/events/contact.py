@@ -1,8 +1,8 @@
 """Pulses on joints at one time as an event: whom they act on, and how far out.
 
 A contact on a link is felt by the joints between it and the base, as far as its lever reaches, so
-the last joint that feels it moves that link or one nearer the base. What a single joint feels may
-be its own drive or brake as well.
+the last joint that feels it moves that link or one nearer the base. Joints of two branches feel
+two. What a single joint feels may be its own drive or brake as well.
 """
 
 from __future__ import annotations
@@ -42,6 +42,11 @@ def overlap(p: Pulse, q: Pulse) -> bool:
     return p.run == q.run and p.start < q.end and q.start < p.end
 
 
+def are_in_line(robot: Robot, j: int, k: int) -> bool:
+    """Whether one of two joints moves the other, so that one contact may be felt by both."""
+    return bool(robot.moves[j, 1 + k] or robot.moves[k, 1 + j])
+
+
 def place_of(robot: Robot, joints: Sequence[int]) -> tuple[str, str]:
     """Effect and place of what some joints feel: of one joint alone, that joint."""
     if len(joints) > 1:
@@ -49,8 +54,14 @@ def place_of(robot: Robot, joints: Sequence[int]) -> tuple[str, str]:
     return ExternalJointTorque.id, robot.joints[joints[0]]
 
 
+def last_links(robot: Robot, joints: Sequence[int]) -> list[str]:
+    """The link of the last joint that feels something; one a branch."""
+    last = [j for j in joints if not any(robot.moves[j, 1 + k] for k in joints if k != j)]
+    return [robot.bodies[1 + j].name for j in last]
+
+
 def _beyond(robot: Robot, joints: Sequence[int]) -> str:
-    return f'{robot.bodies[1 + max(joints)].name} or beyond'
+    return f'{" and ".join(last_links(robot, joints))} or beyond'
 
 
 def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last: float) -> Event:

@@ -12,7 +12,8 @@ from scipy.ndimage import binary_dilation
 
 from ...effects.external import pulse_shape
 from ...estimation.arm_priors import DRY, is_kind_of
-from .contact import Pulse, event_of, overlap
+from ...model.robot import Robot
+from .contact import Pulse, are_in_line, event_of, last_links, overlap
 from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import EXPLAINED, MIXED, NAMED, RECURS, ROOM, SNR, chance, named_from
 from .moving import DURATIONS, PulseSearch
@@ -49,7 +50,7 @@ class Naming:
         possible: list[PossibleEvent] = []
         for group in _touching(self._search.found):
             spoiled = self._spoiled(group)
-            for own in _together(group):
+            for own in together(self._rows.robot, group):
                 first = own[0]
                 reason = spoiled or self._why[id(first)]
                 if not reason and abs(first.z) < self.limit:
@@ -139,7 +140,7 @@ class Naming:
         last = float(self._rows.balances[own[0].run].arm.times[-1])
         felt = _felt(own)
         event = event_of(self._rows.robot, felt, chance(own[0].z, cells), last)
-        link = self._rows.robot.bodies[1 + felt[-1].joint].name
+        (link,) = last_links(self._rows.robot, [p.joint for p in felt])
         wrench = wrench_of(self._search, own[0], link) if len(felt) > 1 else None
         if wrench is None:
             return event
@@ -196,12 +197,13 @@ def _touching(pulses: Sequence[Pulse]) -> list[list[Pulse]]:
     return groups
 
 
-def _together(group: Sequence[Pulse]) -> list[list[Pulse]]:
-    """Pulses at the same time, the largest first: one event each."""
+def together(robot: Robot, group: Sequence[Pulse]) -> list[list[Pulse]]:
+    """Pulses at the same time on one branch, the largest first: one event each."""
     out: list[list[Pulse]] = []
     for p in sorted(group, key=lambda p: -abs(p.z)):
         for own in out:
-            if _shared(p, own[0]) > _TOGETHER:
+            in_line = all(are_in_line(robot, p.joint, q.joint) for q in own)
+            if in_line and _shared(p, own[0]) > _TOGETHER:
                 own.append(p)
                 break
         else:

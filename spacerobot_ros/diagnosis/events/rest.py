@@ -15,8 +15,9 @@ import numpy as np
 from scipy.ndimage import binary_closing, binary_opening, label
 
 from ...estimation.balance import Balance
+from ...model.robot import Robot
 from ...types import Array, BoolArray
-from .contact import Pulse, event_of, overlap
+from .contact import Pulse, are_in_line, event_of, overlap
 from .event import EventLimit, Events, PossibleEvent
 from .event_limits import FRICTION_SHARE, LISTED, REST_SHARE, SNR
 from .scan import PulseScan
@@ -112,7 +113,7 @@ def rest_events(
     stretches = [rest for j in measured for rest in rests(balance, run, j, bound[j], scan)]
     found = [rest.pulse(rest.span(core)) for rest in stretches for core in rest.cores(REST_SHARE)]
     last = float(balance.arm.times[-1])
-    groups = [_felt(group, stretches) for group in _apart(found)]
+    groups = [_felt(robot, first, stretches) for first in _apart(robot, found)]
     named = [event_of(robot, group, None, last) for group in groups]
     possible = [
         _possible(balance, rest, core)
@@ -182,29 +183,29 @@ def _unmeasured(balance: Balance) -> BoolArray:
     return np.isnan(effort[0]) if effort is not None else np.ones(balance.robot.n_joints, bool)
 
 
-def _apart(found: Sequence[Pulse]) -> list[list[Pulse]]:
-    """Pulses at one time, the largest first."""
-    out: list[list[Pulse]] = []
+def _apart(robot: Robot, found: Sequence[Pulse]) -> list[Pulse]:
+    """The largest pulses at their times and branches."""
+    out: list[Pulse] = []
     for p in sorted(found, key=lambda p: -abs(p.z)):
-        group = next((g for g in out if overlap(p, g[0])), None)
-        if group is None:
-            out.append([p])
-        elif all(p.joint != q.joint for q in group):
-            group.append(p)
+        if not any(overlap(p, q) and are_in_line(robot, p.joint, q.joint) for q in out):
+            out.append(p)
     return out
 
 
-def _felt(group: Sequence[Pulse], stretches: Sequence[Rest]) -> list[Pulse]:
-    """The largest pulse, and the change of every other joint at rest that feels it."""
-    first = group[0]
-    out = [first]
+def _felt(robot: Robot, first: Pulse, stretches: Sequence[Rest]) -> list[Pulse]:
+    """A pulse, and the change of every other joint at rest that feels the same."""
+    others = []
     for rest in stretches:
         if rest.joint == first.joint or rest.time[0] > first.start or rest.time[-1] < first.end:
             continue
         own = slice(*np.searchsorted(rest.time, [first.start, first.end]).tolist())
         pulse = rest.pulse(own)
         if abs(pulse.z) > _FELT:
-            out.append(replace(pulse, start=first.start, end=first.end))
+            others.append(replace(pulse, start=first.start, end=first.end))
+    out = [first]
+    for p in sorted(others, key=lambda p: -abs(p.z)):
+        if all(are_in_line(robot, p.joint, q.joint) for q in out):
+            out.append(p)
     return out
 
 
