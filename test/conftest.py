@@ -8,7 +8,8 @@ import os
 import tempfile
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
-os.environ['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='spacerobot-test-log-')
+_LOGS = tempfile.TemporaryDirectory(prefix='spacerobot-test-log-')
+os.environ['ROS_LOG_DIR'] = _LOGS.name
 os.environ['MPLBACKEND'] = 'Agg'
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # as the package does
 
@@ -31,6 +32,11 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.get_closest_marker('ros'):
             item.add_marker(skip)
+
+
+def pytest_unconfigure():
+    """Nothing is left of a session, nor of a process that shares one."""
+    _LOGS.cleanup()
 
 
 @pytest.fixture

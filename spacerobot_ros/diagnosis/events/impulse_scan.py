@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.external import AngularImpulse, pulse_shape
+from ...effects.external import pulse_shape
 from ...estimation.refit import Fit
-from ...estimation.response import Response
 from ...types import Array
 from .event_limits import LISTED_STEP
 
@@ -56,6 +55,14 @@ class Impulse:
     z: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Columns:
+    """(R, K) columns and (K, G, 3) what they want of the torque, see `_wanted`."""
+
+    whitened: Array
+    wanted: Array
+
+
 class ImpulseScan:
     """All steps of the angular momentum beside a fit.
 
@@ -65,7 +72,6 @@ class ImpulseScan:
 
     def __init__(self, fit: Fit) -> None:
         self._rows = fit.rows
-        self._response = Response(fit.rows.robot, fit.rows.motion)
         self._time = fit.rows.motion.time
         self._rotation = fit.rows.motion.rotation
         self.seconds = float(self._time[-1] - self._time[0])
@@ -77,8 +83,8 @@ class ImpulseScan:
         self._squares = {d: self._square(d) for d in self.durations}
         self.colours = dict.fromkeys(self.durations, 1.0)
         self.found: list[Impulse] = []
-        self._data, self._lasting = fit.data, fit.tangents
-        self._columns = self._lasting
+        self._data, self._lasting = fit.data, self._with_wanted(fit.tangents)
+        self._steps: dict[tuple[float, float], _Columns] = {}
         left = self._search()
         self._colour(left)
         if any(i.z / self.colour(i) < LISTED_STEP for i in self.found):
@@ -94,7 +100,7 @@ class ImpulseScan:
             left = self._refined(_apart(self.found))
             spans = [(i.start, i.end) for i in self.found]
             count = len(spans)
-            while len(spans) < _MOST and (window := self._largest(left, self._taken())):
+            while len(spans) < _MOST and (window := self._largest(left)):
                 spans.append(window)
                 left = self._fitted(spans)
             if len(spans) == count:
@@ -118,23 +124,14 @@ class ImpulseScan:
 
     def _of(self, spans: Sequence[tuple[float, float]]) -> Array:
         """(R, 3 M) whitened columns of unit impulses along the axes between M times."""
-        effects = [
-            AngularImpulse(
-                name='it',
-                where=None,
-                values={'start': a, 'end': b, 'edge': EDGE, **dict.fromkeys(AXES, 0.0), x: 1.0},
-            )
-            for a, b in spans
-            for x in AXES
-        ]
-        forces = np.stack([self._response.force(e) * self._share(e) for e in effects], axis=2)
-        return self._rows.whitened(forces, {})
-
-    def _share(self, effect: AngularImpulse) -> float:
-        """What sampled times make of a unit impulse that is shorter than they are apart."""
-        weights = effect.shape(self._time) * np.gradient(self._time)
-        area = (1.0 - effect['edge']) * (effect['end'] - effect['start'])
-        return area / float(np.sum(weights)) if np.any(weights) else 0.0
+        start, end = np.asarray(spans).T
+        bells = pulse_shape((self._time[:, None] - start) / (end - start), EDGE)
+        area = np.gradient(self._time) @ bells
+        bells /= np.where(area > 0.0, area, 1.0)
+        forces = np.zeros((len(bells), 6 + len(self._rows.robot.joints), len(spans), 3))
+        into_base = np.swapaxes(self._rotation, 1, 2)
+        forces[:, 3:6] = into_base[:, :, None, :] * bells[:, None, :, None]
+        return self._rows.whitened(forces.reshape(*forces.shape[:2], -1), {})
 
     def _square(self, duration: float, beside: Array | None = None) -> Array:
         """(S, 3, 3) den of bells at some times, beside columns (R, K) that take their share."""
@@ -142,8 +139,7 @@ class ImpulseScan:
         if beside is not None:
             basis = np.linalg.qr(beside)[0]
             columns -= basis @ (basis.T @ columns)
-        blocks = columns.reshape(len(columns), -1, 3)
-        return np.einsum('rsa,rsb->sab', blocks, blocks)
+        return _squares(_blocks(columns))
 
     @property
     def _sampled(self) -> Array:
@@ -151,12 +147,12 @@ class ImpulseScan:
         last = self._time[-1] - _SETTLED - max(self.durations)
         return np.linspace(first, max(first, last), _SAMPLES)
 
-    def _largest(self, left: Array, taken: Sequence[Array]) -> tuple[float, float] | None:
+    def _largest(self, left: Array) -> tuple[float, float] | None:
         """Start and end of the bell that stands out most, beside what columns take of it."""
         wanted = self._wanted(left)
         best, window = LISTED_STEP, None
         for duration in self.durations:
-            z = self._norms(wanted, taken, duration)
+            z = self._norms(wanted, duration)
             k = int(np.argmax(z))
             if z[k] > best:
                 best, middle = float(z[k]), float(self._grid[k])
@@ -172,15 +168,15 @@ class ImpulseScan:
         np.add.at(binned, np.clip(which, 0, len(self._grid) - 1), wanted)
         return binned
 
-    def _taken(self) -> list[Array]:
-        """The same of an orthonormal basis of all columns, whose share no template keeps."""
-        return [self._wanted(column) for column in np.linalg.qr(self._columns)[0].T]
+    def _with_wanted(self, columns: Array) -> _Columns:
+        wanted = [self._wanted(column) for column in columns.T]
+        return _Columns(columns, np.array(wanted).reshape(-1, len(self._grid), 3))
 
     def _colour(self, left: Array) -> None:
         """Set by how much z scatters more than in white noise, where nothing was found."""
-        wanted, taken = self._wanted(left), self._taken()
+        wanted = self._wanted(left)
         for duration in self.durations:
-            z = self._norms(wanted, taken, duration)
+            z = self._norms(wanted, duration)
             seen = z[z > 0.0]
             if len(seen):
                 own = float(np.quantile(seen, _QUANTILE)) / _OF_NOISE
@@ -191,7 +187,7 @@ class ImpulseScan:
         length = found.end - found.start
         return self.colours[min(self.durations, key=lambda d: abs(np.log(d / length)))]
 
-    def _norms(self, wanted: Array, taken: Sequence[Array], duration: float) -> Array:
+    def _norms(self, wanted: Array, duration: float) -> Array:
         """(G,) z of bells centred on the times of the grid."""
         step = self._grid[1] - self._grid[0]
         count = max(1, round(duration / step))
@@ -207,7 +203,7 @@ class ImpulseScan:
             [np.interp(self._grid, self._sampled + 0.5 * duration, x) for x in squares.T]
         )
         left = den.reshape(-1, 3, 3).copy()
-        for share in map(smooth, taken):
+        for share in map(smooth, self._taken):
             left -= share[:, :, None] * share[:, None, :]
         seen = (
             np.linalg.eigvalsh(left)[:, 0]
@@ -233,9 +229,8 @@ class ImpulseScan:
                 for f in _NEARBY
             ]
             own = [(max(m - 0.5 * d, 0.0), m + 0.5 * d) for m, d in spans]
-            columns = self._of(own).reshape(len(left), -1, 3)
-            num = np.einsum('rsa,r->sa', columns, left)
-            den = np.einsum('rsa,rsb->sab', columns, columns)
+            blocks = _blocks(self._of(own))
+            num, den = blocks @ left, _squares(blocks)
             seen = np.linalg.det(den) > 0.0
             den[~seen] = np.eye(3)
             gain = np.einsum('sa,sa->s', np.linalg.solve(den, num[:, :, None])[:, :, 0], num)
@@ -244,15 +239,21 @@ class ImpulseScan:
 
     def _fitted(self, spans: Sequence[tuple[float, float]]) -> Array:
         """What impulses and what lasts leave, fitted together; sets the impulses."""
-        columns = np.column_stack([self._lasting, *(self._of([span]) for span in spans)])
-        self._columns = columns
+        self._steps = {
+            span: self._steps.get(span) or self._with_wanted(self._of([span])) for span in spans
+        }
+        every = [self._lasting, *(self._steps[span] for span in spans)]
+        columns = np.column_stack([each.whitened for each in every])
         scale = 1.0 / np.maximum(np.sqrt(np.sum(columns**2, axis=0)), 1e-300)
-        inverse = np.linalg.pinv((columns * scale).T @ (columns * scale), hermitian=True)
-        inverse *= np.outer(scale, scale)
+        squares, basis = np.linalg.eigh((columns * scale).T @ (columns * scale))
+        is_seen = squares > squares[-1:] * len(squares) * np.finfo(float).eps
+        basis = scale[:, None] * basis[:, is_seen] / np.sqrt(squares[is_seen])
+        self._taken = np.tensordot(basis.T, np.concatenate([e.wanted for e in every]), 1)
+        inverse = basis @ basis.T
         values = inverse @ (columns.T @ self._data)
         self.found = []
         for k, (start, end) in enumerate(spans):
-            own = slice(self._lasting.shape[1] + 3 * k, self._lasting.shape[1] + 3 * k + 3)
+            own = slice(-3 * (len(spans) - k), columns.shape[1] - 3 * (len(spans) - k - 1))
             value, covariance = values[own], inverse[own, own]
             z2 = float(value @ np.linalg.solve(covariance, value))
             std = np.sqrt(np.diag(covariance))
@@ -261,9 +262,19 @@ class ImpulseScan:
 
     def usual_std(self, duration: float) -> Array:
         """(3,) usual standard deviation of an impulse by axis, beside what lasts [N m s]."""
-        inverse = np.linalg.inv(self._square(duration, self._lasting))
+        inverse = np.linalg.inv(self._square(duration, self._lasting.whitened))
         usual = np.sqrt(np.median(np.diagonal(inverse, 0, 1, 2), axis=0))
         return np.asarray(self.colours[duration] * usual)
+
+
+def _blocks(columns: Array) -> Array:
+    """(S, 3, R) of columns (R, 3 S)."""
+    return np.ascontiguousarray(columns.T).reshape(-1, 3, len(columns))
+
+
+def _squares(blocks: Array) -> Array:
+    """(S, 3, 3) products of the columns of each block."""
+    return np.asarray(blocks @ np.swapaxes(blocks, 1, 2))
 
 
 def _apart(found: Sequence[Impulse]) -> list[tuple[float, float]]:
