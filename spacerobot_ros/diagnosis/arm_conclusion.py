@@ -77,7 +77,6 @@ def conclude_arm(
         )
         for s, b, a in zip(channels, before, after, strict=True)
     )
-    recordings = _recordings(found)
     diagnosis = Diagnosis(
         verdict=verdict,
         sentence=_sentence(verdict, named, _overall(before), _overall(after)) + _law_words(laws),
@@ -87,9 +86,9 @@ def conclude_arm(
         series=channels,
         gain=_gain(found),
         ranking=tuple(_ranked(found.first)),
-        notes=(*notes, *scale_notes(found), *_worse_words(recordings)),
+        notes=(*notes, *scale_notes(found)),
         calibration=(*(c.applied for c in minor), *found.calibration),
-        recordings=recordings,
+        recordings=_recordings(found),
         friction=friction_laws(found),
         leftover=leftover,
         orders=None if leftover is None else find_orders(found.records, found.robot.joints),
@@ -218,31 +217,20 @@ def _ranked(first: Selection) -> list[Ranked]:
 
 def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:
     """What is left of every recording, before and after."""
-    out = []
-    joints = found.robot.joints
-    every = zip(found.records, found.fit.rows.balances, found.extended, strict=True)
-    for record, *balances in every:
-        before, after = (rms([balance]) for balance in balances)
-        ratios = zip(joints, (after / before).tolist(), strict=True)
-        out.append(
-            RecordingMisfit(
-                source=record.source,
-                rms_before=_overall(before),
-                rms_after=_overall(after),
-                worse={joint: ratio for joint, ratio in ratios if ratio > WORSE},
-            )
+    every = zip(found.records, found.fit.rows.balances, found.extended, found.ratios, strict=True)
+    return tuple(
+        RecordingMisfit(
+            source=record.source,
+            rms_before=_overall(rms([before])),
+            rms_after=_overall(rms([after])),
+            worse={
+                joint: float(ratio)
+                for joint, ratio in zip(found.robot.joints, ratios, strict=True)
+                if ratio > WORSE
+            },
         )
-    return tuple(out)
-
-
-def _worse_words(recordings: Sequence[RecordingMisfit]) -> list[str]:
-    """What the extended model makes worse, where all recordings together get better."""
-    return [
-        f'the extended model leaves more of some joints of {misfit.source}: '
-        + ', '.join(f'{joint} {ratio - 1.0:.1%}' for joint, ratio in misfit.worse.items())
-        for misfit in recordings
-        if misfit.worse
-    ]
+        for record, before, after, ratios in every
+    )
 
 
 def _sentence(verdict: str, named: Sequence[Cause], before: float, after: float) -> str:

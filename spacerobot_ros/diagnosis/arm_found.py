@@ -21,7 +21,7 @@ from .limits import CLEAR
 from .selection import Selection
 
 WORSE = 1.02
-"""Of a joint's rms as it is: the most that an extended model may leave of it."""
+"""Of a joint's rms in a recording as it is: the most that an extended model may leave of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class ArmFound:
         fit: The chosen causes with values.
         evidence: Of every chosen cause.
         levels: (2 n, 6) variances of every joint's leftover, see `ArmRows.joints` [N^2 m^2].
-        weights: (n,) how many times as much each joint's rows say of the values.
+        weights: (R, n) how many times as much rows say of the values, see `ArmRows.parts`.
         constants: Motor constants of currents that nobody made torques, estimated beside all.
         clear: Numbers of the causes that are named. named: The same as they are applied.
         calibration: What is applied beside them without a name: causes that are not clear of
@@ -68,6 +68,12 @@ class ArmFound:
         effects = (*self.believed, *self.constants, *self.named, *self.calibration)
         effects += self.learned
         return tuple(balances_of(self.records, self.robot, effects, self.events.left_out))
+
+    @cached_property
+    def ratios(self) -> Array:
+        """(R, n) rms that the extended model leaves by that of the model; NaN at rest."""
+        pairs = zip(self.fit.rows.balances, self.extended, strict=True)
+        return np.array([rms([after]) / rms([before]) for before, after in pairs])
 
 
 def balances_of(

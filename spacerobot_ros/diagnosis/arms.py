@@ -17,10 +17,10 @@ from ..estimation.evidence import sum_of
 from ..estimation.motor_constants import first_constants, scaled_constant
 from ..model.robot import Robot
 from ..recording.record import Record
-from ..types import Array
+from ..types import Array, BoolArray
 from .answer.result import Evidence
 from .arm_evidence import evidence_of
-from .arm_found import WORSE, ArmFound, balances_of, is_clear, refuse_rest, rms
+from .arm_found import WORSE, ArmFound, balances_of, is_clear, refuse_rest
 from .events.arm_events import arm_events
 from .selection import Selection
 
@@ -109,10 +109,11 @@ def _found(
     rows = rows.linearized(ArmFit(rows, rough.whole, tuple(rough.chosen)).posterior.mean)
     levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
-    selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)
+    selection = Selection.of(rows, levels)
     selection.run()
     selection.check_held_out()
-    selection.check_plain(plain_of(selection, levels, np.ones(rows.robot.n_joints)))
+    equal = np.ones((len(records), robot.n_joints))
+    selection.check_plain(plain_of(selection, levels, equal))
     evidence = _beyond_placebos(selection, levels)
     report('fitting all causes together', 0.8)
     found = ArmFound(
@@ -124,7 +125,7 @@ def _found(
         ArmFit(rows, selection.whole, ()),
         evidence,
         np.array(levels),
-        np.ones(rows.robot.n_joints),
+        equal,
         events=events,
     )
     return _applicable(found)
@@ -139,7 +140,7 @@ def _with_zeros(rough: Selection, zeros: Sequence[int]) -> Selection:
     if not zeros:
         return rough
     rows = rough.rows
-    beside = Selection(rows, rows.parts(levels_of(rows, rough, zeros)), rows.recording, rows.held)
+    beside = Selection.of(rows, levels_of(rows, rough, zeros))
     beside.chosen = list(rough.chosen)
     if not any(margin > 0.0 and i in zeros for i, margin in beside.ranking()):
         return rough
@@ -165,10 +166,9 @@ def plain_of(selection: Selection, levels: Sequence[Array], weights: Array) -> S
     Args:
         selection: The choice.
         levels: (6,) variances of every set of `ArmRows.joints`.
-        weights: (n,) how many times as much each joint's rows say.
+        weights: (R, n), see `ArmRows.parts`.
     """
-    scaled = [v / w**2 for v, w in zip(levels, np.tile(weights, 2), strict=True)]
-    parts = selection.rows.parts(scaled, is_white=False)
+    parts = selection.rows.parts(levels, weights)
     chosen = [selection.rows.places[i] for i in selection.chosen or selection.live]
     own = np.concatenate(chosen) if chosen else np.zeros(0, dtype=int)
     white, plain = (np.diag(g.matrix)[own] for g in (selection.whole, sum_of(parts)))
@@ -190,14 +190,13 @@ def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int,
 
 
 def _applicable(found: ArmFound) -> ArmFound:
-    """The causes as they are applied: no joint may be worse with them than without.
+    """The causes as they are applied: no joint of a recording may be worse with them than without.
 
-    Where one is, its rows count more: values that suit all joints together may cost one of them
-    a little. Where that does not help, the cause at that joint with the least evidence goes; what
-    of the file is corrected within its tolerance goes before any.
+    Where one is, its rows count more: values that suit all together may cost one of them a little.
+    Where that does not help, the cause at that joint with the least evidence goes; what of the
+    file is corrected within its tolerance goes before any.
     """
     selection, rows, weights = found.selection, found.selection.rows, found.weights
-    before = rms(rows.balances)
     while True:
         plain = plain_of(selection, [*found.levels], weights)
         fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
@@ -208,33 +207,30 @@ def _applicable(found: ArmFound) -> ArmFound:
         unclear = [i for i in fit.chosen if i not in clear]
         for more in ([*unclear, *fit.calibration], unclear):
             out = replace(out, calibration=tuple(fit.effects(more)))
-            after = _extended_rms(out)
-            if after is not None and np.all(after <= WORSE * before, where=np.isfinite(before)):
+            worse = _worse(out)
+            if worse is not None and not worse.any():
                 return out
         if not selection.chosen:
             return replace(out, calibration=())
-        worse = np.zeros_like(weights) if after is None else after > WORSE * before
-        if np.any(worse) and np.max(weights) < _HEAVIEST:
+        if worse is not None and np.max(weights) < _HEAVIEST:
             weights = np.where(worse, 2.0 * weights, weights)
         else:
-            selection.drop(_weakest(selection, before, after))
+            selection.drop(_weakest(selection, worse))
             weights = np.ones_like(weights)
 
 
-def _extended_rms(found: ArmFound) -> Array | None:
-    """(n,) rms that the extended model leaves; None where there is no such robot."""
+def _worse(found: ArmFound) -> BoolArray | None:
+    """(R, n) where the extended model leaves more; None where there is no such robot."""
     try:
-        return rms(found.extended)
+        return found.ratios > WORSE
     except ConfigurationError:
         return None
 
 
-def _weakest(selection: Selection, before: Array, after: Array | None) -> int:
+def _weakest(selection: Selection, worse: BoolArray | None) -> int:
     """The chosen cause of least evidence, of those at joints that got worse if there are any."""
     rows = selection.rows
-    worse = set()
-    if after is not None:
-        worse = {j for j, b, a in zip(rows.robot.joints, before, after, strict=True) if a > b}
+    joints = () if worse is None else np.array(rows.robot.joints)[worse.any(axis=0)]
     gains = {i: selection.gain(i) for i in selection.chosen}
-    there = {i: gain for i, gain in gains.items() if rows.candidates[i].where in worse}
+    there = {i: gain for i, gain in gains.items() if rows.candidates[i].where in joints}
     return min(there or gains, key=gains.__getitem__)

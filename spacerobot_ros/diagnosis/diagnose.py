@@ -88,6 +88,8 @@ def _diagnosed(
     loaded: Sequence[int],
 ) -> Diagnosis:
     """What `diagnose` says of records that fit into memory."""
+    if loaded:
+        refuse_unbalanced(every, robot)
     measured = []
     for record in every:
         check_data(record, robot)

@@ -107,7 +107,7 @@ def find_changes_of_repeats(
         tuple(reference[count:]),
         count,
     )
-    selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)
+    selection = Selection.of(rows, levels)
     selection.run()
     selection.check_held_out()
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))

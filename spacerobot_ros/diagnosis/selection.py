@@ -29,7 +29,7 @@ _AFTER_FRICTION = (
     'joint_coupled_friction',
 )
 
-
+_ROUNDING = 1e-9  # of sums over all rows, from which others were taken
 _LAST = ('joint_torque_ripple',)
 """Chosen where nothing else is wanted: a few periods follow any smooth curve of the angle. What
 stands in its place until then is pruned."""
@@ -64,16 +64,26 @@ class Selection:
         self._folds: dict[bytes, list[Fold]] = {}
         self._kept: dict[int, tuple[Gram, Posterior]] = {}
         self._kept_of: frozenset[int] = frozenset()
+        self._told = np.diag(self.whole.matrix)
+        self._is_own = np.zeros(len(self._told), dtype=bool)
+        for candidate, at in zip(rows.candidates, rows.places, strict=True):
+            self._is_own[at] = candidate.recordings is not None
         seen = np.diag(sum_of(parts).matrix) > 0.0
         self.live = [
             i for i, at in enumerate(rows.places) if seen[at].any() and rows.may_be_chosen(i)
         ]
 
+    @classmethod
+    def of(cls, rows: ArmRows, levels: Sequence[Array]) -> Selection:
+        """Of whitened rows, by (6,) variances of the leftover of every set of `ArmRows.joints`."""
+        return cls(rows, rows.parts(levels), rows.recording, rows.held)
+
     def labels(self, i: int | None = None) -> IntArray:
         """(B,) the part that each block belongs to; -1: to none that judges.
 
         Parts are recordings where two or more say something of a cause, else the blocks of the
-        one that does.
+        one that does. Where a load is declared they are the first, second, ... block of each: a
+        loaded recording alone does not tell the load from the links.
 
         Args:
             i: The cause; None: all that is chosen.
@@ -83,14 +93,19 @@ class Selection:
         told = np.array(
             [np.diag(r.matrix)[own] @ self.rows.sizes[own] ** 2 for r in self.recordings]
         )
-        if np.sum(told > TELLING * told.sum()) > 1:
-            return np.searchsorted(numbers, self._recording)
-        inside = self._recording == numbers[np.argmax(told)]
-        return np.where(inside, np.cumsum(inside) - 1, -1)
+        which = np.searchsorted(numbers, self._recording)
+        judges = np.flatnonzero(told > TELLING * told.sum())
+        if len(judges) < 2:
+            judges = np.array([np.argmax(told)])
+        elif not self.rows.has_load:
+            return which
+        place = np.arange(len(which)) - np.searchsorted(which, which)
+        return np.where(np.isin(which, judges), place, -1)
 
     def is_told_by_recordings(self, i: int) -> bool:
-        """Whether two recordings or more say something of a cause."""
-        return len(self.recordings) > 1 and bool(np.all(self.labels(i) >= 0))
+        """Whether each of two recordings or more judges a cause."""
+        several = len(self.recordings) > 1 and bool(np.all(self.labels(i) >= 0))
+        return several and not self.rows.has_load
 
     def folds(self, i: int | None = None) -> list[Fold]:
         """Each part of the data beside all others, see `labels`."""
@@ -282,6 +297,9 @@ class Selection:
     def held_out_misfit(self, chosen: Sequence[int], i: int | None = None) -> float:
         """Squared rows of every part with the coefficients that all others give.
 
+        What is of a part alone, such as its load, is not held against it: its most probable value
+        there is.
+
         Args:
             chosen: What is beside the tolerances.
             i: The cause that the parts judge; None: all of them. It is not there at all where it
@@ -293,8 +311,19 @@ class Selection:
                 found = self.posterior(chosen, fold.rest)
             else:
                 found = self.without(i, [*chosen, i], fold.rest)
-            out += fold.part.misfit(found.mean)
+            out += fold.part.misfit(self._with_own(found, fold))
         return out
+
+    def _with_own(self, found: Posterior, fold: Fold) -> Array:
+        """(K,) most probable coefficients, those of recordings of which only the part knows."""
+        mean, told = found.mean.copy(), np.diag(fold.rest.matrix) > _ROUNDING * self._told
+        own = np.flatnonzero(self._is_own & ~told)
+        if len(own):
+            mean[own] = 0.0
+            part = fold.part.part(own)
+            left = part.vector - fold.part.matrix[own] @ mean
+            mean[own] = np.linalg.solve(part.matrix + np.diag(found.precision[own]), left)
+        return mean
 
     def without(self, i: int, chosen: Iterable[int], gram: Gram | None = None) -> Posterior:
         """Of causes, one of which is not there at all; see `posterior`."""

@@ -63,17 +63,31 @@ class ArmRows:
     def with_own(self, loaded: Sequence[int]) -> ArmRows:
         """With what recordings may have of their own; see `candidates_of_recordings`."""
         count = len(self.balances)
-        own = [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
-        tolerances = [self.tolerances, *(NOTHING * c.sizes for c in own)]
-        return replace(
-            self, candidates=(*self.candidates, *own), tolerances=np.concatenate(tolerances)
+        return self.with_more(
+            [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
         )
+
+    def with_more(self, more: Sequence[Candidate]) -> ArmRows:
+        """With further candidates, which no machine has unless they are chosen."""
+        tolerances = [self.tolerances, *(NOTHING * c.sizes for c in more)]
+        out = replace(
+            self, candidates=(*self.candidates, *more), tolerances=np.concatenate(tolerances)
+        )
+        if 'columns' in self.__dict__:
+            both = zip(self.columns, self._columns_of(more), strict=True)
+            out.__dict__['columns'] = [np.concatenate(pair, axis=2) for pair in both]
+        return out
 
     @property
     def own_zeros(self) -> list[int]:
         """Candidates that are zeros of single recordings."""
         every = enumerate(self.candidates)
         return [i for i, c in every if c.recordings and c.kind.id in ZEROS]
+
+    @property
+    def has_load(self) -> bool:
+        """Whether a load is declared in some recordings."""
+        return any(c.recordings and c.kind.id not in ZEROS for c in self.candidates)
 
     @cached_property
     def sizes(self) -> Array:
@@ -165,7 +179,10 @@ class ArmRows:
     @cached_property
     def columns(self) -> list[Array]:
         """(M, n, K) of every recording [N m by coefficient]."""
-        steps = [step for c in self.candidates for step in c.small_steps]
+        return self._columns_of(self.candidates)
+
+    def _columns_of(self, candidates: Iterable[Candidate]) -> list[Array]:
+        steps = [step for c in candidates for step in c.small_steps]
         out = []
         for run, balance in enumerate(self.balances):
             at = [k for k, (effect, _) in enumerate(steps) if effect.is_of(run)]
@@ -288,22 +305,25 @@ class ArmRows:
             for rows, s, drift in zip(joints or self.joints, scale.tolist(), drifts, strict=True)
         ]
 
-    def parts(self, levels: Sequence[Array], *, is_white: bool = True) -> list[Gram]:
+    def parts(self, levels: Sequence[Array], weights: Array | None = None) -> list[Gram]:
         """Gram matrices of every block.
 
         Args:
             levels: (6,) variances of the leftover of every set of `joints`, or of the first n.
-            is_white: Whether rows are whitened, which trusts what is fast; else each joint's are
-                divided by the rms of its leftover, which trusts all frequencies alike.
+            weights: (R, n) how many times as much the rows of each joint say in each recording,
+                divided by the rms of the joint's leftover, which trusts all frequencies alike.
+                None: rows are whitened, which trusts what is fast.
         """
         k = len(self.tolerances)
         out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in self.recording]
-        for rows, variances in zip(self.joints, levels, strict=False):
+        for j, (rows, variances) in enumerate(zip(self.joints, levels, strict=False)):
             if len(rows.torque):
-                scale = np.sqrt(np.sum(variances))
-                torque, columns = rows.torque / scale, rows.columns / scale
-                if is_white:
+                if weights is None:
                     torque, columns, _ = rows.whitened(variances)
+                else:
+                    own = weights[self.recording[rows.block], j % weights.shape[1]]
+                    scale = own / np.sqrt(np.sum(variances))
+                    torque, columns = rows.torque * scale, rows.columns * scale[:, None]
                 for block in np.unique(rows.block):
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])

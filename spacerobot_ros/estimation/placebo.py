@@ -1,7 +1,8 @@
 """Placebo extensions: as many columns of the same size and color, without any meaning.
 
-A candidate's whitened columns are cut into pieces of a second, which are shuffled and reversed in
-time. What such columns explain of data they were not fitted to, any extension of that size would.
+A candidate's whitened columns are cut into pieces of a second, which are shuffled, and half of
+them reversed in time, half in sign: a column that hardly changes, a bias's, would stay what it is.
+What such columns explain of data they were not fitted to, any extension of that size would.
 """
 
 from __future__ import annotations
@@ -28,22 +29,26 @@ def held_out_gain(
         data: (R,) whitened innovations of the model without it.
         sizes: (K,) plausible sizes.
         blocks: Rows of each part, which is predicted from the others.
-        times: (R,) time of every row [s].
+        times: (R,) time of every row, each of its recording [s].
     """
     rng = np.random.default_rng(_SEED)
     unbounded = (np.full(len(sizes), -np.inf), np.full(len(sizes), np.inf))
     best = 0.0
     for _ in range(DRAWS):
-        shuffled = columns[_shuffle(times, rng)]
+        order, signs = _shuffle(times, rng)
+        shuffled = signs[:, None] * columns[order]
         parts = [Gram.of(shuffled[rows], data[rows]) for rows in blocks]
         best = max(best, cross_validated(folds(parts, 0, np.zeros(0)), sizes, unbounded))
     return best
 
 
-def _shuffle(times: Array, rng: np.random.Generator) -> IntArray:
-    """Rows in another order: pieces of a second shuffled, half of them reversed."""
-    count = max(2, round(float(times[-1] - times[0]) / _PIECE))
+def _shuffle(times: Array, rng: np.random.Generator) -> tuple[IntArray, Array]:
+    """Rows in another order, with signs: pieces of a second shuffled, half of them turned."""
+    length = float(np.sum(np.clip(np.diff(times), 0.0, _PIECE)))  # without what lies between parts
+    count = max(2, round(length / _PIECE))
     pieces = np.array_split(np.arange(len(times)), count)
     order = rng.permutation(count)
     turned = rng.random(count) < 0.5
-    return np.concatenate([pieces[k][::-1] if turned[k] else pieces[k] for k in order])
+    rows = [pieces[k][::-1] if turned[k] else pieces[k] for k in order]
+    signs = np.repeat(rng.choice((-1.0, 1.0), count), [len(piece) for piece in rows])
+    return np.concatenate(rows), signs

@@ -1,18 +1,25 @@
 """Arms whose noise nobody knows: right names at the right joints, nothing where none is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from spacerobot_ros.campaign.packaged_robots import packaged
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, VISCOUS, RealArm, arm_file, arm_urdf
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.answer.output import to_dict
+from spacerobot_ros.diagnosis.arm_found import rms
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance import balance_of
+from spacerobot_ros.estimation.evidence import Gram
+from spacerobot_ros.recording.record import Record
 
 PAYLOAD = {'mass': 3.0, 'mx': 0.0, 'my': 0.45, 'mz': 0.0}
 PAYLOAD |= {'ixx': 0.07, 'ixy': 0.0, 'iyy': 0.004, 'ixz': 0.0, 'iyz': 0.0, 'izz': 0.07}
@@ -139,6 +146,39 @@ def test_a_payload_of_one_recording_beside_what_both_share():
     assert [c['name'] for c in to_dict(found)['causes']] == [None, friction.applied.name]
 
 
+def test_no_joint_of_any_recording_gets_worse():
+    """Friction of one recording alone: half of it would suit both, and spoil the other by half."""
+    more = bound('joint_coulomb_friction', 'joint_2', torque=10.0)
+    machines = enumerate((RealArm(4), RealArm(4, [more])))
+    records = [arm.record(run, duration=12.0) for run, arm in machines]
+    file = arm_file()
+    found = diagnose(records, file.robot, file.effects)
+    robot = [balance_of(r, file.robot, file.effects) for r in records]
+    effects = (*file.effects, *(c.applied for c in found.causes), *found.calibration)
+    extended = [balance_of(r, file.robot, effects) for r in records]
+    for before, after in zip(robot, extended, strict=True):
+        assert np.all(rms([after]) <= 1.02 * rms([before]))
+
+
+def test_a_load_is_of_arms_alone():
+    record = Record(joints=None, source='flight')
+    with pytest.raises(RecordingError, match='flight: has a free base'):
+        diagnose([record, record], packaged('servicer').robot, loaded=[1])
+
+
+def test_beside_a_load_quarters_of_all_recordings_are_held_out():
+    """A loaded recording alone does not tell the load from the links."""
+    file, arm = arm_file(), RealArm(4)
+    balances = [balance_of(arm.record(run), file.robot, file.effects) for run in range(2)]
+    kinds = [CATALOGUE['inertial_parameters'], CATALOGUE['joint_viscous_friction']]
+    rows = ArmRows.of(balances, kinds).with_own([1])
+    selection = Selection.of(rows, rows.levels(rows.tolerances, rows.friction))
+    labels = {(*c.key, c.recordings): selection.labels(i) for i, c in enumerate(rows.candidates)}
+    quarters = [0, 1, 2, 3]
+    assert labels['joint_viscous_friction', 'joint_1', None].tolist() == quarters * 2
+    assert labels['inertial_parameters', 'link_6', (1,)].tolist() == [-1] * 4 + quarters
+
+
 def test_an_offset_of_one_recording():
     file, offset = arm_file(), bound('torque_sensor_bias', 'joint_3', bias=4.0)
     records = [RealArm(3).record(0), RealArm(3, [offset]).record(1)]
@@ -200,3 +240,21 @@ def test_bodies_named_twice_compose():
     heavier = replace(file, effects=(*file.effects, *twice)).believed
     gained = heavier.inertial_parameters[-1] - file.robot.inertial_parameters[-1]
     np.testing.assert_allclose(gained, 2.0 * np.array(list(PAYLOAD.values())), atol=1e-12)
+
+
+def test_what_a_held_out_recording_has_of_its_own_is_not_held_against_it(rng):
+    """Exact data of two recordings, the second with an offset that the first knows nothing of."""
+    columns = rng.normal(size=(2, 200, 2))
+    columns[0, :, 1] = 0.0
+    rows = SimpleNamespace(
+        candidates=[SimpleNamespace(recordings=None), SimpleNamespace(recordings=(1,))],
+        places=[np.array([0]), np.array([1])],
+        sizes=np.full(2, 10.0),
+        has_load=False,
+        may_be_chosen=lambda i: True,
+        deviations=lambda chosen: np.full(2, 10.0),
+    )
+    parts = [Gram.of(part, part @ [2.0, 5.0]) for part in columns]
+    selection = Selection(rows, parts, np.arange(2))
+    # priors of 10 pull 2 and 5 by 1e-2 / 200 of themselves; the offset alone is 25 a row
+    assert selection.held_out_misfit([0, 1]) < 1e-4

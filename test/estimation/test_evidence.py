@@ -6,6 +6,7 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 from spacerobot_ros.estimation.evidence import Gram, cross_validated, folds, score, sum_of
+from spacerobot_ros.estimation.placebo import held_out_gain
 
 UNBOUNDED = (np.full(2, -np.inf), np.full(2, np.inf))
 
@@ -87,3 +88,11 @@ def test_every_part_is_predicted_from_the_others(rng: np.random.Generator) -> No
         expected += data[inside] @ weight @ data[inside] - left @ weight @ left
     found = cross_validated(folds(parts, 1, precision), sizes, UNBOUNDED)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
+
+
+def test_a_constant_is_not_its_own_placebo(rng: np.random.Generator) -> None:
+    """Of 2 in noise of 1 it takes 4 a row; 20 random signs of 40 pieces 4 (2.5^2) / 40 at most."""
+    data, times = 2.0 + rng.normal(size=400), np.tile(np.arange(200) * 0.1, 2)  # two recordings
+    halves = [slice(0, 200), slice(200, 400)]
+    gain = held_out_gain(np.ones((400, 1)), data, np.array([1.0]), halves, times)
+    assert gain < 0.25 * (400 * 4)

@@ -13,7 +13,7 @@ from ...effects.learned_torque import LearnedTorque
 from ...effects.motion import Motion
 from ...estimation.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
-from ..arm_found import ArmFound, is_clear, rms
+from ..arm_found import WORSE, ArmFound, is_clear, rms
 from .arm_channels import ArmMotions, JointChannel
 from .channel_laws import HeldLaw, has_one_speed, laws_of, said_of, said_without
 from .discovery_limits import FED_IN
@@ -76,11 +76,13 @@ def _applied(
             for (it, _), free in zip(pairs, frees, strict=True)
         ]
         fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
-        worse = np.flatnonzero(rms(fitted.extended) > before).tolist()
+        worse = rms(fitted.extended) > before
+        is_refused = (fitted.ratios > WORSE).any()
         is_out = [
             law is None
             or (law.form.has_history and it.place in named)
-            or joints.index(it.place) in worse
+            or worse[joints.index(it.place)]
+            or is_refused
             or not is_clear(fitted.fit, i)
             for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]

@@ -11,8 +11,6 @@ import numpy as np
 from ...effects.effect import Effect
 from ...effects.learned_torque import LearnedTorque, law_at
 from ...estimation.arm_fit import ArmFit
-from ...estimation.arm_priors import NOTHING
-from ...estimation.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...types import Array
 from ..arm_found import ArmFound
@@ -83,20 +81,6 @@ def candidate_of(law: Law, j: int, motions: ArmMotions, react: str = '') -> LawC
     )
 
 
-def rows_with(rows: ArmRows, laws: Sequence[LawCandidate]) -> ArmRows:
-    """The same recordings with further candidates, which no machine has unless they are chosen."""
-    tolerances = [rows.tolerances, *(NOTHING * law.sizes for law in laws)]
-    out = replace(
-        rows, candidates=(*rows.candidates, *laws), tolerances=np.concatenate(tolerances)
-    )
-    steps = [step for law in laws for step in law.small_steps]
-    columns = zip(rows.balances, rows.columns, strict=True)
-    out.__dict__['columns'] = [
-        np.concatenate([own, balance.columns(steps)], axis=2) for balance, own in columns
-    ]
-    return out
-
-
 def applied_law(law: Law, free: LearnedTorque, motions: ArmMotions) -> LearnedTorque:
     """The law as it is simulated: limited, and without what friction can not do."""
     largest = 0.0
@@ -113,12 +97,12 @@ def with_laws(found: ArmFound, laws: Sequence[LawCandidate]) -> tuple[ArmFound, 
     """All causes and laws fitted together, and the laws' numbers among the candidates."""
     if not laws:
         return found, []
-    rows = rows_with(found.fit.rows, laws)
+    rows = found.fit.rows.with_more(laws)
     numbers = list(range(len(rows.candidates) - len(laws), len(rows.candidates)))
-    rough = Selection(rows, rows.parts(list(found.levels)), rows.recording, rows.held)
+    rough = Selection.of(rows, [*found.levels])
     rough.chosen = [*found.fit.chosen, *numbers]
     levels = levels_of(rows, rough)
-    selection = Selection(rows, rows.parts(levels), rows.recording, rows.held)
+    selection = Selection.of(rows, levels)
     selection.chosen = list(rough.chosen)
     plain = plain_of(selection, levels, found.weights)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
