@@ -18,23 +18,9 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..types import Array
+from .dimensions import PURE, Dimension, dimension, in_words
 
-Dimension = tuple[float, ...]
-"""Powers of kg, m, s, A, K, T."""
 Values = Mapping[str, Any]
-_BASE = ('kg', 'm', 's', 'A', 'K', 'T')
-_NONE: Dimension = (0.0,) * len(_BASE)
-_UNITS: Mapping[str, Dimension] = {
-    **{name: tuple(float(name == base) for base in _BASE) for name in _BASE},
-    **dict.fromkeys(('rad', '1', '%'), _NONE),
-    'degC': (0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-    'N': (1.0, 1.0, -2.0, 0.0, 0.0, 0.0),
-    'J': (1.0, 2.0, -2.0, 0.0, 0.0, 0.0),
-    'W': (1.0, 2.0, -3.0, 0.0, 0.0, 0.0),
-    'Pa': (1.0, -1.0, -2.0, 0.0, 0.0, 0.0),
-    'Hz': (0.0, 0.0, -1.0, 0.0, 0.0, 0.0),
-    'V': (1.0, 2.0, -3.0, -1.0, 0.0, 0.0),
-}
 FUNCTIONS: Mapping[str, tuple[Callable[..., Any], int, str]] = MappingProxyType(
     {
         **{
@@ -111,36 +97,6 @@ class Expression:
         if found != dimension(wanted, place):
             why = f'{self.text!r} is in {in_words(found)}, expected {wanted or "a pure number"}'
             raise ConfigurationError(place, why)
-
-
-def dimension(unit: str, place: str) -> Dimension:
-    """Powers of the base units of a unit such as `N m s/rad` or `kg m^2`.
-
-    Raises:
-        ConfigurationError: a unit that is not SI.
-    """
-    total = np.zeros(len(_BASE))
-    for k, part in enumerate(unit.replace('(', ' ').replace(')', ' ').split('/')):
-        for word in part.split():
-            name, _, power = word.partition('^')
-            try:
-                own = np.array(_UNITS[name]) * float(power or 1.0)
-            except (KeyError, ValueError):
-                known = ', '.join(_UNITS)
-                why = f'{unit!r} is no SI unit (of {known}, with / and ^)'
-                raise ConfigurationError(place, why) from None
-            total += own if k == 0 else -own
-    return tuple(total.tolist())
-
-
-def in_words(powers: Dimension) -> str:
-    """Base units with their powers."""
-    words = [
-        f'{base}^{power:g}' if power != 1.0 else base
-        for base, power in zip(_BASE, powers, strict=True)
-        if power
-    ]
-    return ' '.join(words) or 'pure numbers'
 
 
 def _name(node: ast.AST) -> str:
@@ -245,7 +201,7 @@ def _children(node: ast.AST, place: str) -> Iterator[ast.AST]:
 def _dimension(node: ast.AST, units: Mapping[str, Dimension], place: str) -> Dimension:
     """Dimension of a node whose grammar is known to be right."""
     if isinstance(node, ast.Constant):
-        return _NONE
+        return PURE
     if isinstance(node, ast.Name | ast.Subscript):
         return units[_name(node)]
     if isinstance(node, ast.UnaryOp):
@@ -260,14 +216,14 @@ def _dimension(node: ast.AST, units: Mapping[str, Dimension], place: str) -> Dim
 def _of_call(node: ast.Call, name: str, units: Mapping[str, Dimension], place: str) -> Dimension:
     first, *others = (_dimension(part, units, place) for part in node.args)
     rule = FUNCTIONS[name][2]
-    if rule == 'pure' and first != _NONE:
+    if rule == 'pure' and first != PURE:
         why = f'{ast.unparse(node)!r}: {name} takes a pure number, got {in_words(first)}'
         raise ConfigurationError(place, why)
     if any(other != first for other in others):
         raise ConfigurationError(place, f'{ast.unparse(node)!r}: the units do not fit')
     if rule == 'root':
         return tuple(0.5 * power for power in first)
-    return first if rule == 'same' else _NONE
+    return first if rule == 'same' else PURE
 
 
 def _of_operation(node: ast.BinOp, units: Mapping[str, Dimension], place: str) -> Dimension:
@@ -285,11 +241,11 @@ def _of_operation(node: ast.BinOp, units: Mapping[str, Dimension], place: str) -
 
 
 def _of_power(node: ast.BinOp, base: Dimension, power: Dimension, place: str) -> Dimension:
-    if power != _NONE:
+    if power != PURE:
         why = f'{ast.unparse(node)!r}: an exponent is a pure number, got {in_words(power)}'
         raise ConfigurationError(place, why)
-    if base == _NONE:
-        return _NONE
+    if base == PURE:
+        return PURE
     try:
         exponent = float(ast.literal_eval(node.right))
     except (ValueError, TypeError):

@@ -15,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..types import Array
+from .dimensions import powers_of, unit_text
 from .hysteresis import followed
 from .joint import direction
 
@@ -191,23 +192,9 @@ def unit_of(powers: Sequence[float], inputs: Sequence[str], unit: str = 'N m') -
         inputs: Their names.
         unit: Of the sum.
     """
-    total: dict[str, float] = _powers_of(unit)
+    total = powers_of(unit)
     for power, name in zip(powers, inputs, strict=True):
         what, whose = quantity(name)
         for base, own in QUANTITIES.get(what, {whose: 1}).items():
             total[base] = total.get(base, 0) - power * own
-    up, down = (
-        ' '.join(_power(base, abs(p)) for base, p in total.items() if sign * p > 0)
-        for sign in (1, -1)
-    )
-    return f'{up or 1}/{down}' if down else up or '1'
-
-
-def _power(base: str, power: float) -> str:
-    return base if power == 1 else f'{base}^{power:g}'
-
-
-def _powers_of(unit: str) -> dict[str, float]:
-    """Powers of base units of a unit without any in its denominator but single ones."""
-    up, _, down = unit.partition('/')
-    return {**dict.fromkeys(up.split(), 1), **dict.fromkeys(down.split(), -1)}
+    return unit_text(total) or '1'
