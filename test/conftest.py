@@ -5,11 +5,11 @@ The environment is set before anything imports rclpy or numba, which read it onc
 
 import importlib.util
 import os
+import shutil
 import tempfile
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
-_LOGS = tempfile.TemporaryDirectory(prefix='spacerobot-test-log-')
-os.environ['ROS_LOG_DIR'] = _LOGS.name
+os.environ['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='spacerobot-test-log-')
 os.environ['MPLBACKEND'] = 'Agg'
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # as the package does
 
@@ -36,7 +36,7 @@ def pytest_collection_modifyitems(items):
 
 def pytest_unconfigure():
     """Nothing is left of a session, nor of a process that shares one."""
-    _LOGS.cleanup()
+    shutil.rmtree(os.environ['ROS_LOG_DIR'], ignore_errors=True)
 
 
 @pytest.fixture

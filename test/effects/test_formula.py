@@ -352,7 +352,7 @@ def test_quantities_that_are_not_there_are_refused(where, entry, why):
         ({'torque': '(lambda: c * rate)()'}, 'is not part of a formula'),
         ({'torque': '-c * rate if rate else 0'}, 'is not part of a formula'),
         ({'torque': '-c * position'}, r'is in kg m\^2/s, expected N m'),
-        ({'torque': '-c * (rate + po1/s and pure numbers do not add up'),
+        ({'torque': '-c * (rate + position)'}, '1/s and pure numbers do not add up'),
         ({'torque': '-c * sin(rate)'}, 'sin takes a pure number, got 1/s'),
         ({'torque': '-c * rate / position'}, r'is not finite at position 0, rate 0'),
         ({'torque': '-c * rate ** 2 / rate'}, 'is not finite at rate 0'),
