@@ -312,5 +312,5 @@ def _elsewhere(best: Judged, wanted: Sequence[Judged]) -> list[Judged]:
 
 def _is_rival(other: Fit, top: Fit) -> bool:
     """Whether a fit can not be told from the best, or is as good by more freedom."""
-    gap = top.evidence - other.evidence
-    return gap < EQUIVALENT or (gap < FREEDOM * EQUIVALENT and other.cost - top.cost < EQUIVALENT)
+    gap, more = top.evidence - other.evidence, other.misfit - top.misfit
+    return gap < EQUIVALENT or (gap < FREEDOM * EQUIVALENT and more < EQUIVALENT)

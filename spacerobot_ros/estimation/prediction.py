@@ -158,14 +158,6 @@ class Innovations:
         rates = np.zeros((len(self.time_base.times), self.m, 1))
         return self._whiten(rates, self._defects(), self.deviations[:, None])[:, 0]
 
-    @cached_property
-    def log_determinant(self) -> float:
-        """Sum of ln of the innovations' variances, each by that of its sensor's noise.
-
-        So models under which other samples are in time, first and last ones, can be compared.
-        """
-        return float(np.sum(np.log(self.stds**2 / self._measured.row_variance)))
-
     def columns(self, columns: Columns) -> Array:
         """(R, K) whitened innovations that each column leaves in the data of a model without it.
 

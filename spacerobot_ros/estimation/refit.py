@@ -69,8 +69,15 @@ class Fit:
 
     @cached_property
     def misfit(self) -> float:
-        """Squared whitened residuals, and what the priors of the values add."""
-        return float(self.data @ self.data + self.offsets @ (self.precision * self.offsets))
+        """Squared whitened residuals beyond their number, and what the priors of values add.
+
+        Twice what is lost in log posterior density. Clocks that put a sample out of the record
+        win nothing by it. Errors of efforts are fitted, not integrated out: the determinant of
+        the innovations' covariance would be the errors' spread as accelerations, and speak for
+        whatever makes a light link heavier.
+        """
+        squares = float(self.data @ self.data) - len(self.data)
+        return squares + float(self.offsets @ (self.precision * self.offsets))
 
     @property
     def offsets(self) -> Array:
@@ -81,11 +88,6 @@ class Fit:
     def own(self, index: int) -> IntArray:
         """Places of a cause's numbers among all fitted ones."""
         return np.array([k for k, (i, _) in enumerate(self.free) if i == index])
-
-    @property
-    def cost(self) -> float:
-        """Minus twice the log posterior, but for a constant."""
-        return self.misfit + self.rows.log_determinant
 
     @cached_property
     def signatures(self) -> Signatures:
@@ -116,12 +118,12 @@ class Fit:
 
         Minus infinity where the model can not be followed.
         """
-        if not (math.isfinite(self.cost) and self._is_followed):
+        if not (math.isfinite(self.misfit) and self._is_followed):
             return -math.inf
         sizes = np.array([spread_of(p) for _, p in self.free])
         scaled = sizes[:, None] * (self.tangents.T @ self.tangents) * sizes
         values = np.linalg.eigvalsh(scaled) if len(sizes) else np.zeros(0)
-        return -0.5 * self.cost - price(values, len(self.data))
+        return -0.5 * self.misfit - price(values, len(self.data))
 
     @cached_property
     def _is_followed(self) -> bool:
@@ -333,7 +335,7 @@ def _descend(fit: Fit, ahead: list[Effect]) -> Fit | None:
         ]
         try:
             trial = Fit(fit.run, causes)
-            if math.isfinite(trial.cost) and trial.cost < fit.cost:
+            if math.isfinite(trial.misfit) and trial.misfit < fit.misfit:
                 return trial
         except (ConfigurationError, np.linalg.LinAlgError):
             continue  # a step too far: no physical robot there

@@ -119,11 +119,6 @@ class Rows(MotionModel, Protocol):
         """(R,) number of the scalar that each row measures."""
         ...
 
-    @property
-    def log_determinant(self) -> float:
-        """Sum of ln of the residuals' variances, but for a constant of the record."""
-        ...
-
     def force_correlation(self, weights: Array) -> Array:
         """(N, 6 + n) whose product with a force is `weights` times its whitened column."""
         ...
