@@ -173,15 +173,18 @@ class Selection:
         return math.sqrt(2.0 * cost / power) if power > 0.0 else math.inf
 
     def _score(self, beside: Posterior, i: int) -> Score:
+        return self._scored(beside.group(self.rows.places[i]), i)
+
+    def _scored(self, gram: Gram, i: int) -> Score:
         candidate = self.rows.candidates[i]
-        gram = beside.group(self.rows.places[i])
         return score(gram, candidate.sizes, (candidate.lower, candidate.upper), None)
 
     def _gain(self, beside: Posterior, i: int) -> float:
         own = self.rows.places[i]
         free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
-        tolerated = score(beside.group(own), self.rows.tolerances[own], free, None)
-        gain = self._score(beside, i).evidence - tolerated.evidence
+        gram = beside.group(own)
+        tolerated = score(gram, self.rows.tolerances[own], free, None)
+        gain = self._scored(gram, i).evidence - tolerated.evidence
         freedom = self.rows.freedom(i)
         if gain <= 0.0 or math.isinf(freedom):
             return gain

@@ -78,19 +78,19 @@ def is_empty(tree: Records) -> bool:
 
 def _records(robot: Robot) -> Records:
     order = [0, *tree_order(robot.bodies)]
+    bodies = [robot.bodies[index] for index in order]
     records = np.zeros(len(order), dtype=BODY)
-    inertial = inertial_rows(robot)
-    for record, index in zip(records, order, strict=True):
-        body = robot.bodies[index]
-        k = np.zeros((3, 3)) if body.is_prismatic else skew(body.axis)
-        record['number'], record['parent'] = index, body.parent
-        record['kind'] = PRISMATIC if body.is_prismatic else REVOLUTE
-        record['turn'] = body.rotation, body.rotation @ k, body.rotation @ k @ k
-        record['translation'], record['axis'] = body.translation, body.axis
-        record['inertial'], record['motor'] = inertial[index], body.motor_inertia
-        for g in robot.gyrostats:
-            if g.body == index:
-                record['wheels'] += g.body_momentum
+    is_prismatic = np.array([body.is_prismatic for body in bodies])
+    rotation, axis = np.array([b.rotation for b in bodies]), np.array([b.axis for b in bodies])
+    k = np.where(is_prismatic[:, None, None], 0.0, skew(axis))
+    records['number'], records['parent'] = order, [body.parent for body in bodies]
+    records['kind'] = np.where(is_prismatic, PRISMATIC, REVOLUTE)
+    records['turn'] = np.stack([rotation, rotation @ k, rotation @ k @ k], axis=1)
+    records['translation'], records['axis'] = [body.translation for body in bodies], axis
+    records['inertial'] = inertial_rows(robot)[order]
+    records['motor'] = [body.motor_inertia for body in bodies]
+    for g in robot.gyrostats:
+        records['wheels'][order.index(g.body)] += g.body_momentum
     records[0]['kind'], records[0]['gravity'] = FREE if robot.is_free else FIXED, robot.gravity
     if not robot.is_free:
         records[0]['inertial'], records[0]['wheels'] = 0.0, 0.0
@@ -99,12 +99,11 @@ def _records(robot: Robot) -> Records:
 
 def inertial_rows(robot: Robot) -> Array:
     """(n + 1, 10) as `Robot.inertial_parameters`, also of bodies that are not physical."""
-    rows = np.zeros((len(robot.bodies), 10))
-    for row, body in zip(rows, robot.bodies, strict=True):
-        c = body.com
-        about_origin = body.inertia + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
-        row[0], row[1:4], row[4:] = body.mass, body.mass * c, about_origin[_LOWER]
-    return rows
+    mass = np.array([body.mass for body in robot.bodies])
+    c = np.array([body.com for body in robot.bodies])
+    across = np.sum(c * c, axis=1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
+    moments = np.array([b.inertia for b in robot.bodies]) + mass[:, None, None] * across
+    return np.column_stack([mass, mass[:, None] * c, moments[:, _LOWER[0], _LOWER[1]]])
 
 
 _LOWER = (np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2]))  # Ixx Ixy Iyy Ixz Iyz Izz

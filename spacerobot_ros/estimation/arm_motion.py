@@ -8,7 +8,7 @@ that all that a torque balance is made of is smooth alike.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -182,8 +182,14 @@ class ArmMotion:
 
 def _low_passed(values: Array, cut: float, step: float) -> Array:
     """Third-order Butterworth, forwards and backwards: no delay."""
-    sections = butter(3, cut, fs=1.0 / step, output='sos')
+    sections = _butterworth(cut * step)
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(values) - 1, 100)))
+
+
+@cache
+def _butterworth(cut: float) -> Array:
+    """Sections of the filter; `cut` by the rate of samples."""
+    return np.asarray(butter(3, cut, fs=1.0, output='sos'))
 
 
 def _widened(where: BoolArray, margin: int) -> BoolArray:

@@ -164,7 +164,12 @@ class Balance:
         required = self._required(
             self.process.motion(read, self.motion.effort, unpowered=self.motion.unpowered)
         )
-        return np.asarray((required - self._required(self.motion)) / scale)
+        return np.asarray((required - self._as_read) / scale)
+
+    @cached_property
+    def _as_read(self) -> Array:
+        """(N, n) of the motion itself."""
+        return self._required(self.motion)
 
 
 def balance_of(
