@@ -39,7 +39,8 @@ def pushed(record, pulses):
 @pytest.fixture(scope='module')
 def moving():
     file = arm_file()
-    return diagnose(pushed(RealArm(31).record(0), PULSES), file.robot, file.effects)
+    record = RealArm(31).record(0, duration=20.0)
+    return diagnose(pushed(record, PULSES), file.robot, file.effects)
 
 
 def test_pulses_are_named_with_time_joint_and_size(moving):

@@ -19,7 +19,7 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.read import read_record
 
-DURATION = 12.0  # s
+DURATION = 9.0  # s
 SIGMA = 4.0  # of eleven numbers, one is beyond it by chance in one of 1400 sets of seeds
 LINE = ('wheel_imbalance', 'base_link', {'amplitude': 2.0, 'frequency': 45.9, 'phase': 0.7})
 NUMBERS = {

@@ -17,7 +17,7 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.read import read_record
 
-DURATION = 10.0  # s
+DURATION = 8.0  # s
 SIGMA = 4.0  # of a dozen numbers, one is beyond it by chance in one of 1300 sets of seeds
 
 

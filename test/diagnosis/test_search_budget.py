@@ -20,7 +20,7 @@ def test_a_search_ends_with_its_budget_and_says_so(monkeypatch, most, is_named):
     monkeypatch.setattr(search, 'MOST_MODELS', most)
     robot = robot_file('servicer').robot
     hidden = bind_effect('hidden', FRICTION, robot.joints[0], {'coefficient': 5.0}, robot)
-    record = simulated('servicer', 'default', 3, [hidden], 6.0)
+    record = simulated('servicer', 'default', 3, [hidden], 4.0)
     said = diagnose(record, robot, catalogue=[CATALOGUE[FRICTION]])
     assert bool(said.causes) == is_named
     (note,) = [note for note in said.notes if UNFINISHED in note] or ['']
