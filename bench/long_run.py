@@ -1,10 +1,13 @@
 """Memory of the closed loop against hours of stamps: all four nodes in one process, in lockstep.
 
-    python bench/long_run.py [--hours 24] [--rate 10]
+    python bench/long_run.py [--hours 24] [--rate 50]
 
 Stamps go as fast as the machine computes, and further where the loop is slow and is solved and
 judged seldom. What is kept of the past is bounded in stamps, in messages or not at all, and the
-last would show.
+last would show. Status 1: an estimate that was not valid, or an alarm of the monitor's.
+
+Not much below 50 Hz: where joints 1 and 3 of the servicer are parallel, a torque that is held for
+0.1 s swings them out and back by 3 mrad between two samples, which no sample shows.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from __future__ import annotations
 import argparse
 import gc
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -29,11 +33,11 @@ def resident() -> float:
     return pages * os.sysconf('SC_PAGE_SIZE') / 2**20
 
 
-def main() -> None:
-    """Run, and print a line for every 10 minutes of stamps."""
+def main() -> int:
+    """Run, and print a line for every 10 minutes of stamps; 1 where something was wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--hours', type=float, default=24.0)
-    parser.add_argument('--rate', type=float, default=10.0, help='of control and sensors [Hz]')
+    parser.add_argument('--rate', type=float, default=50.0, help='of control and sensors [Hz]')
     options = parser.parse_args()
     file = packaged('servicer')
     rates = dict.fromkeys(('joint_rate', 'imu_rate'), options.rate)
@@ -43,7 +47,7 @@ def main() -> None:
             **{f'simulator.{name}': value for name, value in given.items()},
             'controller.state_timeout': 3.0 / options.rate,
             'identifier.solve_period': 10.0,
-            'monitor.block': 4.0,
+            'monitor.block': 2.0,
             'reference.repeat': True,
             'simulator.lockstep': True,
         }
@@ -55,6 +59,7 @@ def main() -> None:
         ]
         simulator = session.add(SimulatorNode, settings, file.robot.urdf, owns_time=True)
         identifier, monitor, _ = nodes
+        is_right = True
         for part in range(1, round(6.0 * options.hours) + 1):
             simulator.stop_at = round(600.0 * part * options.rate)
             simulator.pause(False)
@@ -64,12 +69,15 @@ def main() -> None:
             gc.collect()
             found = identifier.estimate
             said = 'valid' if found and found.valid else 'not valid'
+            alarms = monitor.monitor.state.alarms
+            is_right = is_right and said == 'valid' and not alarms
             print(
                 f'{part / 6:5.2f} h of stamps, {time.process_time():6.0f} s of the processor: '
-                f'{resident():6.1f} MB; {said}, {monitor.monitor.state.alarms} alarms',
+                f'{resident():6.1f} MB; {said}, {alarms} alarms',
                 flush=True,
             )
+    return 0 if is_right else 1
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

@@ -30,6 +30,7 @@ the variance by 0.01 x 36, standard deviations by 17 %; noise alone goes beyond 
 _STENCILS = ((-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6), (-3, -2, -1), (1, 2, 3))
 _STRETCHED = 2.0  # usual intervals between neighbours, beyond which they predict nothing
 _HALF_WINDOW = 25  # samples; a burst of as many is found
+_HUGE = 1e150  # whose sums and ratios are finite
 _NORMAL = 1.4826  # standard deviation of normal numbers by their median magnitude
 
 
@@ -77,7 +78,9 @@ def _outlying_joints(record: Record, noise: NoiseLevels) -> np.ndarray:
     if qd is None or not qd.size:
         return _outlying_rates(time, q, noise.joint_position)
     bad = _outlying_rates(time, qd, noise.joint_velocity) | _stuck(time, q, qd, noise)
-    return bad | _off_median(time, q - _integral(time, qd, bad), noise.joint_position)
+    rates = _bridged(time, qd, bad)
+    drift = q - cumulative_trapezoid(rates, time, axis=0, initial=0.0)
+    return bad | _off_median(time, drift, noise.joint_position)
 
 
 def _stuck(time: Array, q: Array, qd: Array, noise: NoiseLevels) -> np.ndarray:
@@ -115,16 +118,35 @@ def _outlying_rates(time: Array, values: Array, std: float) -> np.ndarray:
     """(N,) where values (N, m) are far from what their neighbours predict."""
     if len(time) < 2 * len(_STENCILS):
         return np.zeros(len(time), dtype=bool)
+    values = np.clip(values, -_HUGE, _HUGE)
+    far = np.any(_far(_off_neighbours(time, values, values)[0], std), axis=1)
+    if not far.any():
+        return far
+    good = _bridged(time, values, far)  # bad neighbours would disagree with each other
+    errors, still_open = _off_neighbours(time, values, good)
+    return far & np.any(_far(errors, std, still_open), axis=1)
+
+
+def _off_neighbours(time: Array, values: Array, good: Array) -> tuple[Array, Array]:
+    """(N, m) errors as of one sample, and by how much predictions differ, likewise."""
     usual = float(np.median(np.diff(time)))
-    errors = np.stack([_prediction_error(time, values, s, usual) for s in _STENCILS])
-    known = np.isfinite(errors).any(axis=0)
-    errors[:, ~known] = 0.0  # alone on either side of a gap
-    return _far(np.nanmedian(errors, axis=0), std)
+    errors, spreads = zip(*(_errors(time, values, good, s, usual) for s in _STENCILS), strict=True)
+    error, spread = np.stack(errors), np.stack(spreads)[..., None]
+    known = np.isfinite(error).any(axis=0)
+    error[:, ~known] = 0.0  # alone on either side of a gap
+    differences = (error - np.nanmedian(error, axis=0)) / spread
+    return (
+        np.nanmedian(error / spread, axis=0),
+        _NORMAL * np.nanmedian(np.abs(differences), axis=0),
+    )
 
 
-def _prediction_error(time: Array, values: Array, stencil: tuple[int, ...], usual: float) -> Array:
-    """(N, m) error of a polynomial through neighbours, as of one sample; NaN where it has none."""
+def _errors(
+    time: Array, values: Array, good: Array, stencil: tuple[int, ...], usual: float
+) -> tuple[Array, Array]:
+    """Of a polynomial through good neighbours: (N, m) error, NaN where none, (N,) spread."""
     offsets, out = np.array(stencil), np.full(values.shape, np.nan)
+    spread = np.ones(len(time))
     low, high = max(0, -offsets.min()), len(time) - max(0, offsets.max())
     at = np.arange(low, high)
     nodes = time[at[:, None] + offsets] - time[at, None]
@@ -135,30 +157,38 @@ def _prediction_error(time: Array, values: Array, stencil: tuple[int, ...], usua
         for j in range(len(offsets)):
             if i != j:
                 weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
-    predicted = np.einsum('ns,nsm->nm', weights, values[at[:, None] + offsets])
-    spread = np.sqrt(1.0 + np.sum(weights**2, axis=1))[:, None]
-    out[at] = (values[at] - predicted) / spread
-    return out
+    predicted = np.einsum('ns,nsm->nm', weights, good[at[:, None] + offsets])
+    spread[at] = np.sqrt(1.0 + np.sum(weights**2, axis=1))
+    out[at] = values[at] - predicted
+    return out, spread
 
 
 def _off_median(time: Array, drift: Array, std: float) -> np.ndarray:
-    """(N,) where a slow drift (N, m) leaves its running median, a steady slope aside."""
+    """(N,) where a slow drift (N, m) jumps off its running median, a steady slope aside."""
     if len(time) < 3:
         return np.zeros(len(time), dtype=bool)
     slope = np.median(np.diff(drift, axis=0) / np.diff(time)[:, None], axis=0)
     level = drift - slope * (time - time[0])[:, None]
     width = 2 * min(_HALF_WINDOW, (len(time) - 1) // 2) + 1
-    return _far(level - median_filter(level, size=(width, 1), mode='reflect'), std)
+    errors = level - median_filter(level, size=(width, 1), mode='reflect')
+    far, jumps = _far(errors, std), _far(np.diff(level, axis=0), std)
+    return np.any([_burst(*each) for each in zip(far.T, jumps.T, strict=True)], axis=0)
 
 
-def _far(errors: Array, std: float) -> np.ndarray:
+def _burst(far: np.ndarray, jumps: np.ndarray) -> np.ndarray:
+    """(N,) all samples between two jumps (N - 1,), or a jump and an end, of which most are far."""
+    part = np.concatenate([[0], np.cumsum(jumps)])
+    return np.asarray(2 * np.bincount(part, far)[part] > np.bincount(part)[part])
+
+
+def _far(errors: Array, std: float, still_open: Array | float = 0.0) -> np.ndarray:
+    """(N, m) which errors are beyond what noise explains, or beyond what is open of them."""
     scale = np.maximum(std, _NORMAL * np.median(np.abs(errors), axis=0))
-    return np.asarray(~np.all(np.abs(errors) <= FURTHEST * scale, axis=1))
+    return np.asarray(~(np.abs(errors) <= FURTHEST * np.maximum(scale, still_open)))
 
 
-def _integral(time: Array, rates: Array, bad: np.ndarray) -> Array:
-    """(N, m) integral of rates, those that are bad bridged."""
+def _bridged(time: Array, rates: Array, bad: np.ndarray) -> Array:
+    """(N, m) rates, those that are bad replaced by a line between their neighbours."""
     if np.count_nonzero(~bad) < 2 or not rates.size:
         return np.zeros_like(rates)
-    bridged = np.column_stack([np.interp(time, time[~bad], x[~bad]) for x in rates.T])
-    return np.asarray(cumulative_trapezoid(bridged, time, axis=0, initial=0.0))
+    return np.column_stack([np.interp(time, time[~bad], x[~bad]) for x in rates.T])
