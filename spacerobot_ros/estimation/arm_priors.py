@@ -166,16 +166,16 @@ class Machine:
     def _body(self, where: str) -> tuple[Array, Array]:
         names = [body.name for body in self.robot.bodies]
         row = self.robot.inertial_parameters[names.index(where)]
-        if where == names[-1]:
-            arm = 0.3 * self.length
-            scales = 0.1 * self.mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
-            return scales, NOTHING * scales
         mass = max(float(row[0]), 1e-3 * self.mass)
         com = float(np.linalg.norm(row[1:4])) / mass
         gyration = float(np.sqrt(max(row[4] + row[6] + row[9], 0.0) / mass))
-        arm = max(com, gyration, 0.2 * self.length)
-        scales = mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
-        return _BODY_SIZE * scales, _BODY_TOLERANCE * scales
+        own = _scales(mass, max(com, gyration, 0.2 * self.length))
+        if where != names[-1]:
+            return _BODY_SIZE * own, _BODY_TOLERANCE * own
+        sizes = _scales(0.1 * self.mass, 0.3 * self.length)
+        if self.robot.n_joints > 1:  # about one axis it is a rotor's inertia, an encoder's zero
+            sizes = np.maximum(sizes, _BODY_SIZE * own)
+        return sizes, NOTHING * sizes  # a load is there or not
 
     def _rms(self, every: Sequence[Array], state: str = '') -> Array:
         """(n,) of (N, n) values of every recording where joints move, motors on or off."""
@@ -185,6 +185,11 @@ class Machine:
             total += np.sum(values**2 * moving, axis=0)
             count += np.sum(moving, axis=0)
         return np.sqrt(total / np.maximum(count, 1))
+
+
+def _scales(mass: float, arm: float) -> Array:
+    """(10,) of the inertial parameters of a body of a mass [kg] and an extent [m]."""
+    return mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
 
 
 def is_kind_of(effect: Effect | type[Effect], law: str) -> bool:

@@ -22,7 +22,7 @@ from .evidence import Gram
 from .leftover import JointRows, level_of
 
 _BLOCKS, _FEW = 4, 2
-_LEAST_BLOCK = 4.0  # s
+_LEAST_BLOCK = 4.0  # s of motion
 _DRIFT = 0.03
 """Of a torque's rms: how far the level of friction and a gain may drift unnamed. More would be the
 friction or the gain themselves (docs/real_machines.md)."""
@@ -204,15 +204,18 @@ class ArmRows:
 
     @cached_property
     def blocks(self) -> list[IntArray]:
-        """(M,) number of the block of each row, recording by recording."""
+        """(M,) number of the block of each row, recording by recording.
+
+        Blocks of a recording have as many rows in which anything moves: others say nothing.
+        """
         out, first = [], 0
         for balance in self.balances:
-            times = balance.row_times
-            length = times[-1] - times[0]
+            arm = balance.arm
+            moved = np.cumsum(np.any(arm.is_moving[:: arm.stride], axis=1))
+            length = moved[-1] * arm.stride * arm.step
             count = _BLOCKS if length >= _BLOCKS * _LEAST_BLOCK else _FEW
-            own = np.minimum((count * (times - times[0]) / length).astype(int), count - 1)
-            out.append(first + own)
-            first += count
+            out.append(first + count * np.maximum(moved - 1, 0) // max(moved[-1], 1))
+            first = int(out[-1][-1]) + 1
         return out
 
     @cached_property

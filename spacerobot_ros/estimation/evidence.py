@@ -191,7 +191,7 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
         gain=gain,
         dof=dof,
         p_value=chi_square_tail(gain, dof),
-        bic_gain=gain - dof * float(np.log(gram.rows)),
+        bic_gain=gain - dof * float(np.log(max(gram.rows, 1))),
         held_out=held_out,
         estimate=estimate,
     )

@@ -19,7 +19,7 @@ from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance import balance_of
 from spacerobot_ros.estimation.evidence import Gram
-from spacerobot_ros.recording.record import Record
+from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 PAYLOAD = {'mass': 3.0, 'mx': 0.0, 'my': 0.45, 'mz': 0.0}
 PAYLOAD |= {'ixx': 0.07, 'ixy': 0.0, 'iyy': 0.004, 'ixz': 0.0, 'iyz': 0.0, 'izz': 0.07}
@@ -177,6 +177,22 @@ def test_beside_a_load_quarters_of_all_recordings_are_held_out():
     quarters = [0, 1, 2, 3]
     assert labels['joint_viscous_friction', 'joint_1', None].tolist() == quarters * 2
     assert labels['inertial_parameters', 'link_6', (1,)].tolist() == [-1] * 4 + quarters
+
+
+def test_blocks_have_as_much_motion_each():
+    """Of 24 s of motion and 24 s of rest after it no quarter is without."""
+    record, file = RealArm(3).record(0), arm_file()
+    time = record.joint_time
+    still = [np.concatenate([x, np.tile(x[-1:], (len(x), 1))]) for x in (record.q, record.effort)]
+    stamps = to_stamps(np.concatenate([time, time + time[-1] + time[1]]))
+    longer = replace(record, joints=JointSeries(JOINTS, stamps, still[0], None, still[1]))
+    balance = balance_of(longer, file.robot, file.effects)
+    rows = ArmRows.of([balance], [CATALOGUE['torque_sensor_bias']])
+    (blocks,) = rows.blocks
+    moving = balance.arm.is_moving[:: balance.arm.stride].any(axis=1)
+    counts = np.bincount(blocks[moving], minlength=4)
+    assert len(counts) == len(rows.recording) == 4
+    assert np.ptp(counts) <= 1
 
 
 def test_an_offset_of_one_recording():

@@ -185,6 +185,45 @@ def test_xl330_pendulum_names_nothing_that_it_can_not_carry(tmp_path, capsys):
     assert not {c['effect'] for c in found['causes']} & {'fuel_slosh', 'flexible_appendage'}
 
 
+DFKI_MAP = """
+time: {columns: time, unit: s}
+joints:
+  names: [Joint1, Joint2]
+  position: {columns: [pos_meas1, pos_meas2], unit: rad}
+  effort: {columns: [tau_meas1, tau_meas2], unit: N m}
+"""
+DFKI_ROBOT = """
+/**:
+  ros__parameters:
+    robot:
+      urdf: arm.urdf
+      base: fixed
+      base_link: world
+      gravity: [0.0, 0.0, -9.81]
+      joints: [Joint1, Joint2]
+"""
+
+
+def test_a_last_link_whose_file_is_wrong(tmp_path, capsys):
+    """Its URDF has the identified inertia about the joint, 0.0509 kg m^2, for the one about the
+    centre of mass: m r^2 = 0.0409 too much, which two gains of 2 once passed for.
+    """
+    folder = data_set('dfki_double_pendulum')
+    urdf = (folder / 'design_C1_acrobot.urdf').read_text()
+    (tmp_path / 'arm.urdf').write_text(urdf.replace('<link', '<link name="world"/><link', 1))
+    (tmp_path / 'arm.yaml').write_text(DFKI_ROBOT)
+    (tmp_path / 'map.yaml').write_text(DFKI_MAP)
+    files = {'--map': 'map.yaml', '--robot': 'arm.yaml', '--out': 'out'}
+    words = [word for flag, name in files.items() for word in (flag, tmp_path / name)]
+    _, found = diagnosed(capsys, folder / 'sysid_C1_a.csv.gz', *words)
+    causes = {(c['effect'], c['where']): c['parameters'] for c in found['causes']}
+    assert 'joint_torque_constant' not in {effect for effect, _ in causes}
+    off = causes['inertial_parameters', 'Link2']['ixx']
+    assert abs(off['value'] + 0.6256 * 0.2557**2) < 3.0 * off['std'] < 0.04
+    laws = {law['joint']: law['coulomb'] for law in found['friction']}
+    assert laws == pytest.approx({'Joint1': 0.16, 'Joint2': 0.12}, abs=0.08)  # published
+
+
 def test_pushes_of_a_ur10e_held_still_with_the_friction_of_another_recording(tmp_path):
     """Four pushes by hand (docs/data.md), and none in the recording in which the arm moves."""
     folder = data_set('ur10e')
