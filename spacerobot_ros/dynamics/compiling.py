@@ -8,73 +8,70 @@ it, and in the user's cache, where other checkouts of the same source find it.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
+import pickle
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
-from itertools import count
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numba
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
-    IndexDataCacheFile,
     InTreeCacheLocator,
+    dumps,
 )
 from numba.core.dispatcher import Dispatcher
 
-_DIGITS = 16  # of a digest, in the name of a file
+_BYTES = hashlib.sha256().digest_size
 
 
-class _CacheFile(IndexDataCacheFile):  # type: ignore[misc]  # numba is untyped
-    """What is kept of a function in a folder, for several processes at a time.
+class _Files:
+    """What is kept of a function: in several folders a file for each types of its arguments.
 
-    Numba's own numbers the files without a lock, and names one in the index before it is there:
-    two processes that compile for different types could be given each other's code.
-    """
-
-    def save(self, key: Any, data: Any) -> None:
-        """Keep the code for the types of a key."""
-        os.makedirs(self._cache_path, exist_ok=True)
-        folder = os.open(self._cache_path, os.O_RDONLY)
-        try:
-            fcntl.flock(folder, fcntl.LOCK_EX)
-            names = self._load_index()
-            fresh = (self._data_name(i) for i in count(1))
-            name = names.get(key) or next(n for n in fresh if n not in names.values())
-            self._save_data(name, data)
-            self._save_index({**names, key: name})
-        finally:
-            os.close(folder)
-
-
-class _CacheFiles:
-    """What is kept of a function in the first of some folders that has it, written to all.
+    A file begins with a digest of what it was made from and of all that follows: what is stale,
+    cut short or damaged is not there. It is put in place whole, so no process waits for another.
 
     Args:
-        files: Of each folder.
+        stamp: What the code was made from.
+        places: Folders, and what names of files begin with there.
     """
 
-    def __init__(self, *files: _CacheFile) -> None:
-        self._files = files
+    def __init__(self, stamp: str, *places: tuple[Path, str]) -> None:
+        self._stamp, self._places = stamp.encode(), places
 
     def load(self, key: Any) -> Any:
         """The code for the types of a key; None where there is none."""
-        for file in self._files:
+        for path in self._paths(key):
             with suppress(OSError):
-                if (found := file.load(key)) is not None:
-                    return found
+                whole = path.read_bytes()
+                if whole[:_BYTES] == self._digest(whole[_BYTES:]):
+                    return pickle.loads(whole[_BYTES:])
         return None
 
     def save(self, key: Any, data: Any) -> None:
         """Keep the code for the types of a key wherever one may write."""
-        for file in self._files:
+        content = dumps(data)
+        for path in self._paths(key):
             with suppress(OSError):
-                file.save(key, data)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                part = path.with_name(f'{path.name}.{uuid4().hex}')
+                try:
+                    part.write_bytes(self._digest(content) + content)
+                    part.replace(path)
+                finally:
+                    part.unlink(missing_ok=True)
+
+    def _paths(self, key: Any) -> Iterator[Path]:
+        types = _short(repr(key).encode())
+        return (folder / f'{name}-{types}.nbc' for folder, name in self._places)
+
+    def _digest(self, content: bytes) -> bytes:
+        return hashlib.sha256(self._stamp + content).digest()
 
 
 class _Beside(InTreeCacheLocator):  # type: ignore[misc]
@@ -96,19 +93,23 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         sources = sorted(set(_sources(function, set())))
-        stamp = hashlib.sha256(repr(sources).encode()).hexdigest()
-        name = self._impl.filename_base
-        self._cache_file = _CacheFiles(
-            _CacheFile(self.cache_path, name, stamp),
-            _CacheFile(_users_cache(), f'{name}-{stamp[:_DIGITS]}', stamp),
-        )
+        stamp, name = repr((numba.__version__, sources)), self._impl.filename_base
+        places = [(Path(self.cache_path), name)]
+        if kept := _users_cache():
+            places.append((kept, f'{name}-{_short(stamp.encode())}'))
+        self._cache_file = _Files(stamp, *places)
 
 
-def _users_cache() -> str:
-    """Folder that any checkout looks into, and that may be deleted at any time."""
+def _users_cache() -> Path | None:
+    """Folder that any checkout looks into, and that may be deleted; None without a home."""
     user = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
     folder = os.environ.get('NUMBA_CACHE_DIR') or os.path.join(user, 'spacerobot_ros', 'kernels')
-    return os.path.join(folder, f'numba-{numba.__version__}')
+    return None if folder.startswith('~') else Path(folder, f'numba-{numba.__version__}')
+
+
+def _short(content: bytes) -> str:
+    """Digest in the name of a file."""
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def _keeping(**options: Any) -> Any:

@@ -86,19 +86,42 @@ def test_a_change_anywhere_below_is_compiled_anew(made, monkeypatch, file, befor
     assert run(made, monkeypatch) == (2.0, 1)  # each is kept
 
 
+@pytest.mark.parametrize('damage', [b'', b'junk' * 1000, None])
+def test_what_is_damaged_is_compiled_anew(made, monkeypatch, damage):
+    files = list(made.parent.rglob('*.nbc'))
+    assert len(files) == 2  # beside the source, and the user's
+    for file in files:
+        whole = file.read_bytes()
+        flipped = bytes([*whole[:-9], whole[-9] ^ 1, *whole[-8:]])
+        file.write_bytes(flipped if damage is None else damage)
+    assert run(made, monkeypatch) == (2.0, 0)
+    assert run(made, monkeypatch) == (2.0, 1)
+
+
+def test_without_a_home_nothing_is_kept_in_the_working_folder(made, monkeypatch):
+    monkeypatch.delenv('NUMBA_CACHE_DIR')
+    monkeypatch.delenv('XDG_CACHE_HOME', raising=False)
+    monkeypatch.setattr('os.path.expanduser', lambda path: path)  # a user without an entry
+    monkeypatch.chdir(made)
+    shutil.rmtree('__pycache__')
+    assert run(made, monkeypatch) == (2.0, 0)
+    assert not (made / '~').exists()
+
+
 def test_processes_that_compile_at_one_time_keep_each_its_own(tmp_path):
-    cache_file = type(crba._cache._cache_file._files[0])
+    files = type(crba._cache._cache_file)
     n, start = 8, Barrier(8)
 
     def keep(k):
-        mine = cache_file(str(tmp_path), 'kernel', 'stamp')
+        mine = files('stamp', (tmp_path, 'kernel'))
         start.wait()
         mine.save(k, f'code {k}')
 
     with ThreadPoolExecutor(n) as threads:
         list(threads.map(keep, range(n)))
-    found = cache_file(str(tmp_path), 'kernel', 'stamp')
+    found = files('stamp', (tmp_path, 'kernel'))
     assert [found.load(k) for k in range(n)] == [f'code {k}' for k in range(n)]
     found.save(3, 'again')
     assert [found.load(k) for k in (2, 3)] == ['code 2', 'again']
-    assert cache_file(str(tmp_path), 'kernel', 'other').load(3) is None
+    assert len(list(tmp_path.iterdir())) == n  # no parts are left
+    assert files('other', (tmp_path, 'kernel')).load(3) is None
