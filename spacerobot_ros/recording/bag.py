@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ _TYPES = {
     'base_wrench': 'geometry_msgs/msg/WrenchStamped',
 }
 _INPUTS = ('thrusters', 'base_wrench')
+_DESCRIPTION = '/robot_description'
 _OPTIONAL = ('wheels', *_INPUTS)
 
 
@@ -114,7 +115,8 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
             how = 'in A' if robot.without_constant else 'times robot.motor_constant'
             joints.remarks[f'efforts are currents, {how}'] = None
     kinds = {channel.topic: kind for kind, channel in channels.items()}
-    stored = read_messages(path, kinds)
+    stored = read_messages(path, [*kinds, _DESCRIPTION])
+    description = _described(stored)
     _check_topics(path, stored, channels)
     for topic, msgtype, data in stored.messages:
         kind = kinds[topic]
@@ -126,7 +128,18 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
             channel.rows.append(row)
         except MessageRejectedError as error:
             channel.reject(error)
-    return _build(path, channels, stored.notes)
+    return replace(_build(path, channels, stored.notes), description=description)
+
+
+def _described(stored: StoredMessages) -> str:
+    """Take the robot's description out of the messages; empty where there is none."""
+    said = [m for m in stored.messages if m[0] == _DESCRIPTION]
+    stored.messages[:] = [m for m in stored.messages if m[0] != _DESCRIPTION]
+    texts = [data for _, msgtype, data in said if msgtype == 'std_msgs/msg/String']
+    try:
+        return str(decoded('std_msgs/msg/String', texts[-1]).data) if texts else ''
+    except MessageRejectedError:
+        return ''
 
 
 def _check_topics(path: Path, stored: StoredMessages, channels: dict[str, _Channel]) -> None:

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RecordingError
+from ..errors import ConfigurationError, RecordingError
 from ..model.robot import Robot
+from ..model.urdf import parse_urdf
 from .bag import Topics, read_bag
 from .faults.kinematics import unlike_positions
 from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
@@ -111,8 +112,32 @@ def read_groups(
                 record = read_record(path, robot, map_path, is_joined=split_gaps)
             _refuse_short(record, path)
             records += map(with_gaps_noted, split_at_gaps(record)) if split_gaps else (record,)
+        _refuse_other_bodies(records)
         out.append(tuple(records))
     return out
+
+
+def _refuse_other_bodies(records: Sequence[Record]) -> None:
+    """Refuse recordings whose own descriptions have other bodies, such as another tool."""
+    declared = [(record, own) for record in records if (own := _bodies(record.description))]
+    for record, own in declared[1:]:
+        first, others = declared[0]
+        if differing := sorted(own.items() ^ others.items()):
+            link = differing[0][0]
+            raise RecordingError(
+                record.source,
+                f'{link} is another body here than in {first.source} (/robot_description): '
+                'recordings of one machine with one tool are judged together',
+            )
+
+
+def _bodies(description: str) -> dict[str, tuple[float, ...]]:
+    """Mass, centre of mass and inertia of every link; none where the text is no URDF."""
+    try:
+        links = parse_urdf(description).links.values() if description else ()
+    except ConfigurationError:
+        return {}
+    return {x.name: (x.mass, *x.com.tolist(), *x.inertia.ravel().tolist()) for x in links}
 
 
 def _refuse_short(record: Record, path: str | Path) -> None:

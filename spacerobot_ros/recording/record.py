@@ -183,6 +183,7 @@ class Record:
         zero_ns: Stamp that seconds count from [ns]; None: the first of any sensor.
         inputs: What else was measured or commanded, under free names or known ones
             (`thrusters`, and those of `mapped_inputs.INPUTS`).
+        description: URDF that was published beside; empty where there was none.
     """
 
     joints: JointSeries | None = None
@@ -193,6 +194,7 @@ class Record:
     notes: tuple[str, ...] = ()
     zero_ns: int | None = None
     inputs: Mapping[str, InputSeries] = field(default_factory=dict)
+    description: str = ''
 
     @property
     def span_ns(self) -> tuple[int, int]:

@@ -252,6 +252,23 @@ def test_a_bag_of_an_arm_that_measures_some_joints_in_amperes(tmp_path):
     assert any('60 of 60 messages have no effort of j_link_1' in note for note in record.notes)
 
 
+def test_recordings_with_another_tool_declared_are_refused(tmp_path):
+    """By the descriptions in them, of which one may lack or be no URDF; groups may differ."""
+    tool = '<robot name="r"><link name="flange"><inertial><mass value="{}"/>'
+    tool += '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+    texts = {'bare': tool.format(1.0), 'same': tool.format('1.00'), 'loaded': tool.format(3.0)}
+    for name, text in {**texts, 'none': '', 'odd': '<robot'}.items():
+        with BagWriter(tmp_path / name) as bag:
+            bag.text('/robot_description', 0, text)
+            for k in range(60):
+                bag.add('/joint_states', bag.compose.joint_state(k * 10**8, JOINTS, *[Q[k]] * 3))
+    paths = {name: tmp_path / name for name in (*texts, 'none', 'odd')}
+    loaded = [paths['loaded']]
+    read_groups([[paths[n] for n in ('bare', 'same', 'none', 'odd')], loaded], ARM)
+    match = 'loaded: flange is another body here than in .*bare'
+    one_line(match, read_records, [paths['bare'], *loaded], ARM)
+
+
 def record_of(q=Q, qd=QD):
     return Record(JointSeries(tuple(JOINTS), to_stamps(TIME), q, qd, 100.0 * CURRENT), source='r')
 
