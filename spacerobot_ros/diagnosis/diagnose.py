@@ -177,15 +177,25 @@ def _may_fit(found: ArmFound, noise: NoiseLevels, kinds: Sequence[type[Effect]])
         fit = refine(run.timed(timing), found.named)
     if (fit.rows.whiteness()[0] or 0.0) >= MISFIT:
         return True
-    hidden = Search(fit.run, [kind for kind in kinds if kind.hidden], lambda what, share: None)
     left = float(fit.data @ fit.data) - len(fit.data)
-    return any(judged.score.gain > MOST * left for judged in hidden.judge(fit))
+    return _one_takes_most(fit, [kind for kind in kinds if kind.hidden], left)
 
 
-def _cost(fit: Fit, named: Sequence[Event]) -> float:
-    """Minus twice the log evidence of causes and events for a whole record (Schwarz 1978)."""
-    both = Fit(fit.run.without(()), [*fit.causes, *(e for event in named for e in event.applied)])
-    return both.misfit + len(both.free) * math.log(len(both.data))
+def _one_takes_most(fit: Fit, kinds: Sequence[type[Effect]], left: float) -> bool:
+    """Whether one more cause may take most of a misfit."""
+    judged = Search(fit.run, kinds, lambda what, share: None).judge(fit)
+    return any(it.score.gain > MOST * left for it in judged)
+
+
+def _with(fit: Fit, named: Sequence[Event]) -> Fit:
+    """Causes and events along a whole record."""
+    applied = (e for event in named for e in event.applied)
+    return Fit(fit.run.without(()), [*fit.causes, *applied])
+
+
+def _cost(fit: Fit) -> float:
+    """Minus twice the log evidence (Schwarz 1978)."""
+    return fit.misfit + len(fit.free) * math.log(len(fit.data))
 
 
 def _searched(
@@ -221,7 +231,8 @@ def _predicted(
     Events of an arm on the ground are those of its balance. Where on a free base more is wrong
     than wheels, or may be (thrusters each time they fire), causes are found first and steps of the
     momentum beside them. What lasts may make steps as well (clocks that are late, a lone body's
-    inertia): steps are named where they explain more.
+    inertia): where one cause may take most of what steps do, that is searched, too, and steps are
+    named where they explain more.
     """
     report('looking for events', 0.05)
     if balances:
@@ -233,9 +244,11 @@ def _predicted(
     steps = Events() if run.record.inputs else steps_beside_wheels(run)
     found = _searched(run.without(spans_of(steps)), kinds, report)
     if steps.named:
-        causes = _searched(run, kinds, report)
-        if _cost(causes.sound, ()) < _cost(found.sound, steps.named):
-            found, steps = causes, Events()
+        without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.named))
+        if _one_takes_most(without, kinds, _cost(without) - cost):
+            causes = _searched(run, kinds, report)
+            if _cost(_with(causes.sound, ())) < cost:
+                found, steps = causes, Events()
     if not any(steps.limits.values()):
         steps = impulse_events(found.sound)
         if steps.named:

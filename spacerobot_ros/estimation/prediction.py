@@ -174,7 +174,7 @@ class Innovations:
                 ),
                 [part for part in parts if len(part)],
             )
-        return np.concatenate(list(done), axis=1)
+        return np.concatenate([np.zeros((self.rows, 0)), *done], axis=1)
 
     def force_correlation(self, weights: Array) -> Array:
         """(N, 6 + n) correlation of a generalised force at each time with weights of the rows.

@@ -29,6 +29,7 @@ class Event:
         recording: Number of the recording.
         applied: The same as effects of the extended model.
         wrench: Force and torque at the link's origin in its frame, with deviations; None: unknown.
+        middle_std: Standard deviation of the middle of its time [s]; None where not computed.
     """
 
     effect: str
@@ -47,6 +48,7 @@ class Event:
     recording: int = 0
     applied: tuple[Effect, ...] = ()
     wrench: Mapping[str, tuple[float, float]] | None = None
+    middle_std: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +133,8 @@ def events_to_dict(events: Events | None) -> dict[str, Any]:
     }
 
 
-_SAID = ('effect', 'where', 'joints', 'start', 'end', 'ongoing', 'peak', 'peak_std', 'unit')
+_SAID = ('effect', 'where', 'joints', 'start', 'end', 'middle_std', 'ongoing')
+_SIZE = ('peak', 'peak_std', 'unit')
 _WEIGHT = ('z', 'p_value', 'false_per_hour', 'rivals', 'recording')
 _POSSIBLE = ('start', 'end', 'joints', 'z', 'reason', 'recording')
 _LIMIT = ('duration', 'peak', 'unit', 'snr', 'durations', 'peaks')
@@ -148,7 +151,7 @@ def _event(event: Event) -> dict[str, Any]:
         }
     )
     own = {'impulse': impulse, 'wrench': wrench}
-    return {**_plain(event, _SAID), **own, **_plain(event, _WEIGHT)}
+    return {**_plain(event, _SAID + _SIZE), **own, **_plain(event, _WEIGHT)}
 
 
 def _plain(item: Event | PossibleEvent | EventLimit, names: Sequence[str]) -> dict[str, Any]:

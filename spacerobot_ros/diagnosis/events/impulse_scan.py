@@ -13,7 +13,8 @@ would show in translations alone, which nobody measures.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,16 +29,19 @@ DURATIONS = (0.05, 0.3, 1.0, 3.0)
 _END = 0.3  # s before the end of a record in which no step is judged
 _SAMPLES = 16  # times at which den is taken
 _MOST = 20  # events
-_QUANTILE, _OF_NOISE = 0.3, 1.19
-"""A quantile of the norm of three axes, and its value in white noise."""
+_QUANTILE = 0.3  # of z of all times, which few events leave alone
+_DRAWS, _CLEAR = 12, 3.0  # of white noise; their deviations, beyond which a scatter is none of it
 _SETTLED = 1.5  # s in which the filter still finds its state
 EDGE = 0.5  # share of a bell in which it rises and falls
 _ROUNDS = 4
 _LONGEST = 6.0  # s: twice the longest bell; what lasts longer is a lasting cause
 _SHARE = 0.3  # of a record that events may take, as their level is that of all other times
-_NEARBY = (-0.5, -0.25, 0.0, 0.25, 0.5)  # durations
-_WIDER = 6.0
-_SHORTEST = 0.02  # s
+_USUAL, _WIDTH = 0.5, 1.3  # s, and deviation of its logarithm: most events last 0.04 to 6 s
+_PASSES, _HALVINGS = 8, 3
+_FARTHEST = 0.5  # durations that an event moves at once
+_STEP = 0.02  # of a duration, for derivatives
+_FEWEST = 3  # samples: a shorter bell is none to them
+_GAINED = 0.05  # less of the cost is settled
 AXES = 'xyz'
 _TOUCHING = 0.1  # s between two that are one
 _SEEN = 0.02  # of a template's square that columns must leave for it to say anything
@@ -46,21 +50,24 @@ TAIL = 0.05  # s after an event in which nothing is used
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Impulse:
-    """An impulse (3,) along inertial axes [N m s] between two times, its std and z."""
+    """An impulse (3,) along inertial axes [N m s] between two times.
+
+    Args:
+        start: [s]. end: [s]. value: (3,). std: (3,) its deviations. z: Size by these.
+        middle_std: Standard deviation of the middle of its times [s].
+    """
 
     start: float
     end: float
     value: Array
     std: Array
     z: float
+    middle_std: float = 0.0
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Columns:
-    """(R, K) columns and (K, G, 3) what they want of the torque, see `_wanted`."""
-
-    whitened: Array
-    wanted: Array
+    @property
+    def times(self) -> Array:
+        """(2,) its middle, and the logarithm of its duration."""
+        return np.array([0.5 * (self.start + self.end), np.log(self.end - self.start)])
 
 
 class ImpulseScan:
@@ -83,27 +90,35 @@ class ImpulseScan:
         self._squares = {d: self._square(d) for d in self.durations}
         self.colours = dict.fromkeys(self.durations, 1.0)
         self.found: list[Impulse] = []
-        self._data, self._lasting = fit.data, self._with_wanted(fit.tangents)
-        self._steps: dict[tuple[float, float], _Columns] = {}
+        self._data, self._lasting = fit.data, fit.tangents
         left = self._search()
         self._colour(left)
         if any(i.z / self.colour(i) < LISTED_STEP for i in self.found):
             kept = [i for i in self.found if i.z / self.colour(i) >= LISTED_STEP]
-            self._colour(self._fitted([(i.start, i.end) for i in kept]))
-        self.found = [
-            replace(i, std=i.std * self.colour(i), z=i.z / self.colour(i)) for i in self.found
-        ]
+            self._colour(self._fitted(_apart(kept)))
+        self.found = sorted(self._scaled(), key=lambda i: i.start)
+
+    def _scaled(self) -> Iterator[Impulse]:
+        """What was found by the scatter of its duration, with the deviation of its time."""
+        matrix = self._by_times(_times(self.found))[1]
+        stds = np.sqrt(np.diag(np.linalg.inv(matrix)))[: len(self.found)]
+        for i, std in zip(self.found, stds.tolist(), strict=True):
+            colour = self.colour(i)
+            middle_std = std * (i.end - i.start) * colour
+            yield replace(i, std=i.std * colour, z=i.z / colour, middle_std=middle_std)
 
     def _search(self) -> Array:
         """What all impulses leave: the large ones first, then those that others hide."""
         for _ in range(_ROUNDS):
-            left = self._refined(_apart(self.found))
-            spans = [(i.start, i.end) for i in self.found]
-            count = len(spans)
-            while len(spans) < _MOST and (window := self._largest(left)):
-                spans.append(window)
-                left = self._fitted(spans)
-            if len(spans) == count:
+            left = self._refined(_times(self.found))
+            if len(apart := _apart(self.found)) < len(self.found):
+                left = self._refined(apart)
+            times = [i.times for i in self.found]
+            count = len(times)
+            while len(times) < _MOST and (window := self._largest(left, self._taken())):
+                times.append(np.array(window))
+                left = self._fitted(np.array(times))
+            if len(times) == count:
                 return left
         return self._refined(_apart(self.found))
 
@@ -113,33 +128,78 @@ class ImpulseScan:
         lengths = [i.end - i.start for i in self.found]
         return max(lengths, default=0.0) < _LONGEST and sum(lengths) < _SHARE * self.seconds
 
-    def _refined(self, spans: list[tuple[float, float]]) -> Array:
-        """What is left with the times of every event fitted anew beside all others."""
-        left = self._fitted(spans)
-        for k, span in enumerate(spans):
-            own = left + self._of([span]) @ self.found[k].value
-            spans[k] = self._own_times(own, *span, (1.0, 0.35, 0.12))
-            left = self._fitted(spans)
+    def _refined(self, times: Array) -> Array:
+        """What is left with times and sizes of all events fitted together (Gauss and Newton)."""
+        left = self._fitted(times)
+        for _ in range(_PASSES if len(times) else 0):
+            cost, step = self._cost(left, times), self._step(left, times)
+            for k in range(_HALVINGS):
+                moved = times + 0.5**k * step
+                trial = self._fitted(moved)
+                gained = cost - self._cost(trial, moved)
+                if gained > 0.0:
+                    break
+            else:
+                return self._fitted(times)
+            left, times = trial, moved
+            if gained < _GAINED:
+                break
         return left
 
-    def _of(self, spans: Sequence[tuple[float, float]]) -> Array:
-        """(R, 3 M) whitened columns of unit impulses along the axes between M times."""
-        start, end = np.asarray(spans).T
-        bells = pulse_shape((self._time[:, None] - start) / (end - start), EDGE)
-        area = np.gradient(self._time) @ bells
-        bells /= np.where(area > 0.0, area, 1.0)
-        forces = np.zeros((len(bells), 6 + len(self._rows.robot.joints), len(spans), 3))
-        into_base = np.swapaxes(self._rotation, 1, 2)
-        forces[:, 3:6] = into_base[:, :, None, :] * bells[:, None, :, None]
-        return self._rows.whitened(forces.reshape(*forces.shape[:2], -1), {})
+    def _cost(self, left: Array, times: Array) -> float:
+        """Minus twice the log posterior."""
+        return float(left @ left + np.sum(((times[:, 1] - np.log(_USUAL)) / _WIDTH) ** 2))
+
+    def _step(self, left: Array, times: Array) -> Array:
+        """(M, 2) towards the best times, sizes free beside them."""
+        columns, matrix = self._by_times(times)
+        beyond = (times - np.log(_USUAL)) * np.array([0.0, _WIDTH**-2.0])
+        step = np.linalg.solve(matrix, columns.T @ left - beyond.T.ravel())
+        middle, longer = np.clip(step, -_FARTHEST, _FARTHEST).reshape(2, -1)
+        shortest = np.log(_FEWEST * (self._grid[1] - self._grid[0]))
+        longer = np.clip(times[:, 1] + longer, shortest, np.log(_LONGEST)) - times[:, 1]
+        return np.column_stack([middle * np.exp(times[:, 1]), longer])
+
+    def _by_times(self, times: Array) -> tuple[Array, Array]:
+        """(R, 2 M) rows by middles, in durations, and by logarithms of these; their information.
+
+        Sizes are free beside them.
+        """
+        changes, values = [], np.reshape([i.value for i in self.found], (-1, 3))
+        length = np.exp(times[:, 1:])
+        for one in (np.append(length, 0.0 * length, axis=1), np.array([0.0, 1.0])):
+            change = self._forces(times + _STEP * one) - self._forces(times - _STEP * one)
+            change = change.reshape(*change.shape[:2], 3, len(times)) / (2.0 * _STEP)
+            changes.append(np.einsum('nfak,ka->nfk', change, values))
+        columns = self._rows.whitened(np.concatenate(changes, axis=2), {})
+        columns -= self._basis @ (self._basis.T @ columns)
+        return columns, columns.T @ columns + np.diag(np.repeat([1.0, _WIDTH**-2.0], len(times)))
+
+    def _of(self, times: Array) -> Array:
+        """(R, 3 M) whitened columns of unit impulses along the axes at M times."""
+        return self._rows.whitened(self._forces(times), {})
+
+    def _forces(self, times: Array) -> Array:
+        """(N, 6 + n, 3 M) of unit impulses along inertial axes, at M times each.
+
+        Of the sampled bell, which may be hardly longer than the samples are apart.
+        """
+        shapes = pulse_shape((self._time[:, None] - times[:, 0]) / np.exp(times[:, 1]) + 0.5, EDGE)
+        shapes /= np.maximum(np.gradient(self._time) @ shapes, 1e-300)
+        out = np.zeros((len(shapes), 6 + self._rows.robot.n_joints, 3 * len(times)))
+        torque = np.einsum('nab,nk->nbak', self._rotation, shapes)
+        out[:, 3:6] = torque.reshape(len(shapes), 3, -1)
+        return out
 
     def _square(self, duration: float, beside: Array | None = None) -> Array:
         """(S, 3, 3) den of bells at some times, beside columns (R, K) that take their share."""
-        columns = self._of([(t, t + duration) for t in self._sampled])
+        middles = self._sampled + 0.5 * duration
+        columns = self._of(np.column_stack([middles, np.full(_SAMPLES, np.log(duration))]))
         if beside is not None:
             basis = np.linalg.qr(beside)[0]
             columns -= basis @ (basis.T @ columns)
-        return _squares(_blocks(columns))
+        blocks = columns.reshape(len(columns), 3, -1)
+        return np.einsum('ras,rbs->sab', blocks, blocks)
 
     @property
     def _sampled(self) -> Array:
@@ -147,16 +207,15 @@ class ImpulseScan:
         last = self._time[-1] - _SETTLED - max(self.durations)
         return np.linspace(first, max(first, last), _SAMPLES)
 
-    def _largest(self, left: Array) -> tuple[float, float] | None:
-        """Start and end of the bell that stands out most, beside what columns take of it."""
+    def _largest(self, left: Array, taken: Sequence[Array]) -> tuple[float, float] | None:
+        """Middle and log duration of the bell that stands out most, beside what columns take."""
         wanted = self._wanted(left)
         best, window = LISTED_STEP, None
         for duration in self.durations:
-            z = self._norms(wanted, duration)
+            z = self._norms(wanted, taken, duration)
             k = int(np.argmax(z))
             if z[k] > best:
-                best, middle = float(z[k]), float(self._grid[k])
-                window = middle - 0.5 * duration, middle + 0.5 * duration
+                best, window = float(z[k]), (float(self._grid[k]), float(np.log(duration)))
         return window
 
     def _wanted(self, left: Array) -> Array:
@@ -168,26 +227,32 @@ class ImpulseScan:
         np.add.at(binned, np.clip(which, 0, len(self._grid) - 1), wanted)
         return binned
 
-    def _with_wanted(self, columns: Array) -> _Columns:
-        wanted = [self._wanted(column) for column in columns.T]
-        return _Columns(columns, np.array(wanted).reshape(-1, len(self._grid), 3))
+    def _taken(self) -> list[Array]:
+        """The same of an orthonormal basis of all columns, whose share no template keeps."""
+        return [self._wanted(column) for column in self._basis.T]
 
     def _colour(self, left: Array) -> None:
-        """Set by how much z scatters more than in white noise, where nothing was found."""
-        wanted = self._wanted(left)
+        """Set by how much z scatters more than in white noise, where nothing was found.
+
+        Where little is noise z of one time is nearly that of the next, and its scatter one draw.
+        """
+        draws = np.random.default_rng(_DRAWS).standard_normal((len(left), _DRAWS))
+        draws -= self._basis @ (self._basis.T @ draws)
+        wanted, taken = [self._wanted(x) for x in (left, *draws.T)], self._taken()
         for duration in self.durations:
-            z = self._norms(wanted, duration)
-            seen = z[z > 0.0]
-            if len(seen):
-                own = float(np.quantile(seen, _QUANTILE)) / _OF_NOISE
-                self.colours[duration] = max(1.0, own)
+            sizes = [self._norms(w, taken, duration) for w in wanted]
+            if np.any(sizes[0]):
+                own, *white = (np.log(np.quantile(z[z > 0.0], _QUANTILE)) for z in sizes)
+                beyond = float(own - np.mean(white))
+                is_clear = beyond > _CLEAR * np.std(white)
+                self.colours[duration] = float(np.exp(max(0.0, beyond) * is_clear))
 
     def colour(self, found: Impulse) -> float:
         """That of the duration nearest to an impulse's."""
         length = found.end - found.start
         return self.colours[min(self.durations, key=lambda d: abs(np.log(d / length)))]
 
-    def _norms(self, wanted: Array, duration: float) -> Array:
+    def _norms(self, wanted: Array, taken: Sequence[Array], duration: float) -> Array:
         """(G,) z of bells centred on the times of the grid."""
         step = self._grid[1] - self._grid[0]
         count = max(1, round(duration / step))
@@ -203,7 +268,7 @@ class ImpulseScan:
             [np.interp(self._grid, self._sampled + 0.5 * duration, x) for x in squares.T]
         )
         left = den.reshape(-1, 3, 3).copy()
-        for share in map(smooth, self._taken):
+        for share in map(smooth, taken):
             left -= share[:, :, None] * share[:, None, :]
         seen = (
             np.linalg.eigvalsh(left)[:, 0]
@@ -217,70 +282,41 @@ class ImpulseScan:
             z[(self._grid > found.start - TAIL) & (self._grid < found.end + TAIL)] = 0.0
         return z
 
-    def _own_times(
-        self, left: Array, start: float, end: float, reaches: Sequence[float] = (1.0, 0.35)
-    ) -> tuple[float, float]:
-        """Start and end of the bell that fits best nearby, looked for in ever smaller steps."""
-        for reach in reaches:
-            length, middle = end - start, 0.5 * (start + end)
-            spans = [
-                (middle + s * reach * length, max(_WIDER ** (f * reach) * length, _SHORTEST))
-                for s in _NEARBY
-                for f in _NEARBY
-            ]
-            own = [(max(m - 0.5 * d, 0.0), m + 0.5 * d) for m, d in spans]
-            blocks = _blocks(self._of(own))
-            num, den = blocks @ left, _squares(blocks)
-            seen = np.linalg.det(den) > 0.0
-            den[~seen] = np.eye(3)
-            gain = np.einsum('sa,sa->s', np.linalg.solve(den, num[:, :, None])[:, :, 0], num)
-            start, end = own[int(np.argmax(np.where(seen, gain, 0.0)))]
-        return start, end
-
-    def _fitted(self, spans: Sequence[tuple[float, float]]) -> Array:
+    def _fitted(self, times: Array) -> Array:
         """What impulses and what lasts leave, fitted together; sets the impulses."""
-        self._steps = {
-            span: self._steps.get(span) or self._with_wanted(self._of([span])) for span in spans
-        }
-        every = [self._lasting, *(self._steps[span] for span in spans)]
-        columns = np.column_stack([each.whitened for each in every])
+        columns = np.column_stack([self._lasting, self._of(times)])
         scale = 1.0 / np.maximum(np.sqrt(np.sum(columns**2, axis=0)), 1e-300)
-        squares, basis = np.linalg.eigh((columns * scale).T @ (columns * scale))
+        squares, ways = np.linalg.eigh((columns * scale).T @ (columns * scale))
         is_seen = squares > squares[-1:] * len(squares) * np.finfo(float).eps
-        basis = scale[:, None] * basis[:, is_seen] / np.sqrt(squares[is_seen])
-        self._taken = np.tensordot(basis.T, np.concatenate([e.wanted for e in every]), 1)
-        inverse = basis @ basis.T
+        ways = scale[:, None] * ways[:, is_seen] / np.sqrt(squares[is_seen])
+        self._basis, inverse = columns @ ways, ways @ ways.T
         values = inverse @ (columns.T @ self._data)
         self.found = []
-        for k, (start, end) in enumerate(spans):
-            own = slice(-3 * (len(spans) - k), columns.shape[1] - 3 * (len(spans) - k - 1))
-            value, covariance = values[own], inverse[own, own]
+        for k, (middle, duration) in enumerate(times.tolist()):
+            own = self._lasting.shape[1] + k + len(times) * np.arange(3)
+            value, covariance = values[own], inverse[np.ix_(own, own)]
             z2 = float(value @ np.linalg.solve(covariance, value))
             std = np.sqrt(np.diag(covariance))
+            start, end = (middle + half * math.exp(duration) for half in (-0.5, 0.5))
             self.found.append(Impulse(start, end, value, std, float(np.sqrt(max(z2, 0.0)))))
         return np.asarray(self._data - columns @ values)
 
     def usual_std(self, duration: float) -> Array:
         """(3,) usual standard deviation of an impulse by axis, beside what lasts [N m s]."""
-        inverse = np.linalg.inv(self._square(duration, self._lasting.whitened))
+        inverse = np.linalg.inv(self._square(duration, self._lasting))
         usual = np.sqrt(np.median(np.diagonal(inverse, 0, 1, 2), axis=0))
         return np.asarray(self.colours[duration] * usual)
 
 
-def _blocks(columns: Array) -> Array:
-    """(S, 3, R) of columns (R, 3 S)."""
-    return np.ascontiguousarray(columns.T).reshape(-1, 3, len(columns))
-
-
-def _squares(blocks: Array) -> Array:
-    """(S, 3, 3) products of the columns of each block."""
-    return np.asarray(blocks @ np.swapaxes(blocks, 1, 2))
-
-
-def _apart(found: Sequence[Impulse]) -> list[tuple[float, float]]:
-    """Spans of the impulses that touch no larger one."""
-    out: list[tuple[float, float]] = []
+def _apart(found: Sequence[Impulse]) -> Array:
+    """(M, 2) times of the impulses that touch no larger one."""
+    out: list[Impulse] = []
     for i in sorted(found, key=lambda i: -i.z):
-        if all(i.end + _TOUCHING < a or i.start - _TOUCHING > b for a, b in out):
-            out.append((i.start, i.end))
-    return sorted(out)
+        if all(i.end + _TOUCHING < o.start or i.start - _TOUCHING > o.end for o in out):
+            out.append(i)
+    return _times(out)
+
+
+def _times(found: Sequence[Impulse]) -> Array:
+    """(M, 2) middles, and logarithms of durations."""
+    return np.array([i.times for i in found]).reshape(-1, 2)

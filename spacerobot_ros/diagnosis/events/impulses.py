@@ -76,6 +76,7 @@ def _event(found: Impulse, cells: float, last: float) -> Event:
         joints=(),
         start=values['start'],
         end=found.end,
+        middle_std=found.middle_std,
         ongoing=found.end >= last,
         peak=sizes,
         peak_std=dict(zip(AXES, found.std.tolist(), strict=True)),
