@@ -158,7 +158,8 @@ class ImpulseScan:
         middle, longer = np.clip(step, -_FARTHEST, _FARTHEST).reshape(2, -1)
         shortest = np.log(_FEWEST * (self._grid[1] - self._grid[0]))
         longer = np.clip(times[:, 1] + longer, shortest, np.log(_LONGEST)) - times[:, 1]
-        return np.column_stack([middle * np.exp(times[:, 1]), longer])
+        ahead = np.clip(times[:, 0] + middle * np.exp(times[:, 1]), *self._time[[0, -1]])
+        return np.column_stack([ahead - times[:, 0], longer])
 
     def _by_times(self, times: Array) -> tuple[Array, Array]:
         """(R, 2 M) rows by middles, in durations, and by logarithms of these; their information.
@@ -285,7 +286,8 @@ class ImpulseScan:
     def _fitted(self, times: Array) -> Array:
         """What impulses and what lasts leave, fitted together; sets the impulses."""
         columns = np.column_stack([self._lasting, self._of(times)])
-        scale = 1.0 / np.maximum(np.sqrt(np.sum(columns**2, axis=0)), 1e-300)
+        size = np.sqrt(np.sum(columns**2, axis=0))
+        scale = 1.0 / np.where(size > 0.0, size, 1.0)
         squares, ways = np.linalg.eigh((columns * scale).T @ (columns * scale))
         is_seen = squares > squares[-1:] * len(squares) * np.finfo(float).eps
         ways = scale[:, None] * ways[:, is_seen] / np.sqrt(squares[is_seen])
@@ -295,7 +297,7 @@ class ImpulseScan:
         for k, (middle, duration) in enumerate(times.tolist()):
             own = self._lasting.shape[1] + k + len(times) * np.arange(3)
             value, covariance = values[own], inverse[np.ix_(own, own)]
-            z2 = float(value @ np.linalg.solve(covariance, value))
+            z2 = float(value @ np.linalg.pinv(covariance, hermitian=True) @ value)
             std = np.sqrt(np.diag(covariance))
             start, end = (middle + half * math.exp(duration) for half in (-0.5, 0.5))
             self.found.append(Impulse(start, end, value, std, float(np.sqrt(max(z2, 0.0)))))
