@@ -300,8 +300,8 @@ class ControllerNode(SensorNode):
             lambda: control_status(self.is_active, self.last_command, law),
             lambda: estimate_status(self.loop, self._estimate_note),
         )
-        if self.loop.adaptive is not None:
-            self.health.watch(lambda: adaptation_status(self.loop, self.last_command))
+        if (law_in_force := self.loop.adaptive) is not None:
+            self.health.watch(lambda: adaptation_status(law_in_force.health, self.last_command))
 
     def _sensor_status(self) -> Status:
         stamp = self.latest['joints'][0] if 'joints' in self.latest else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..control.adaptive.law_signals import Health
 from ..control.command import Command
 from ..control.loop import ControlLoop
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
@@ -65,11 +66,8 @@ def estimate_status(loop: ControlLoop, note: str) -> Status:
     return Status('estimate', OK if is_used else WARN, f'running on {source}; {note}')
 
 
-def adaptation_status(loop: ControlLoop, command: Command | None) -> Status:
+def adaptation_status(health: Health, command: Command | None) -> Status:
     """State of the adaptation."""
-    if loop.adaptive is None:
-        return Status('adaptation', OK, 'not part of this law')
-    health = loop.adaptive.health
     values: dict[str, object] = {
         'excitation': health.excitation,
         '(kappa + Lambda) x period': health.sampling,

@@ -5,8 +5,6 @@ from __future__ import annotations
 import copy
 import time
 from itertools import cycle, islice
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,9 +13,8 @@ from rclpy.serialization import serialize_message
 
 from ..campaign.description import Record
 from ..ros.qos import SAMPLES
-from ..ros.session import Session, SessionError
 from .message_fuzz import spoilt
-from .process_loop import PATIENCE, Loop, own_domain
+from .process_loop import loop_of_processes
 from .wrong_streams import flight
 
 FLOODED = {
@@ -71,22 +68,15 @@ def flooded(topic: str, seed: int, seconds: float) -> Record:
     nodes, count = FLOODED[topic], round(seconds * _RATE)
     kind, messages = _messages(topic, seed)
     record: Record = {'odd': count, 'grown': None, 'valid': False}
-    listening = Session(PATIENCE, by_events=False)
-    with TemporaryDirectory() as folder, own_domain() as domain, listening as session:
-        loop = Loop(session, Path(folder), domain, is_lockstep=False)
-        try:
-            loop.start_all()
-            flood = loop.run_beside(send_flood, kind, topic, messages, count)
-            filled = time.monotonic() + _FILLED * seconds
-            loop.until(lambda: time.monotonic() > filled)
-            before = [loop.memory(node) for node in nodes]
-            loop.until(lambda: not flood.is_alive())
-            after = [loop.memory(node) for node in nodes]
-            record['grown'] = max(np.divide(after, before)) - 1.0
-            loop.settle()
-            record['valid'] = bool(loop.estimate and loop.estimate.valid)
-        except SessionError as error:
-            loop.count(str(error))
-        finally:
-            loop.end()
+    with loop_of_processes(is_lockstep=False) as loop:
+        loop.start_all()
+        flood = loop.run_beside(send_flood, kind, topic, messages, count)
+        filled = time.monotonic() + _FILLED * seconds
+        loop.until(lambda: time.monotonic() > filled)
+        before = [loop.memory(node) for node in nodes]
+        loop.until(lambda: not flood.is_alive())
+        after = [loop.memory(node) for node in nodes]
+        record['grown'] = max(np.divide(after, before)) - 1.0
+        loop.settle()
+        record['valid'] = bool(loop.estimate and loop.estimate.valid)
     return {**record, 'raised': loop.faults}

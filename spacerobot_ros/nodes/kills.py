@@ -7,14 +7,11 @@ free of the torque of a controller that is gone is seen in real time alone.
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from ..campaign.description import Record
-from ..ros.session import Session, SessionError
-from .process_loop import PATIENCE, SETTLED, Loop, own_domain
+from .process_loop import Loop, loop_of_processes
 
 STOPPED = 0.5 + 0.1 * 1.25 + 5.0 / 5.0
 """s: time-outs of lockstep and, with the watch's period, of joint states; 5 / damping."""
@@ -39,21 +36,9 @@ def broken_in_the_loop(kind: str, what: str, seed: int, count: int) -> Record:
     """
     rng = np.random.default_rng(seed)
     node, _, mode = what.partition(' ')
-    listening = Session(PATIENCE, by_events=False)
-    with TemporaryDirectory() as folder, own_domain() as domain, listening as session:
-        loop = Loop(session, Path(folder), domain, is_lockstep=not mode)
-        try:
-            return _broken(loop, node, rng, count, is_killed=kind == 'kills')
-        finally:
-            loop.end()
-
-
-def _broken(
-    loop: Loop, node: str, rng: np.random.Generator, count: int, *, is_killed: bool
-) -> Record:
+    is_killed, worst = kind == 'kills', 0.0
     took: dict[str, list[float]] = {'zero': [], 'known': [], 'following': []}
-    worst = 0.0
-    try:
+    with loop_of_processes(is_lockstep=not mode) as loop:
         loop.start_all()
         for _ in range(count):
             loop.until(partial(loop.is_past, loop.stamp + rng.uniform(0.05, 0.5)))
@@ -63,10 +48,7 @@ def _broken(
             else:
                 loop.starve(node, rng.uniform(*_STARVED))
             begun = 0.0 if is_killed and node == 'simulator' else loop.stamp
-            loop.settle()
-            took['following'].append(max(0.0, loop.stamp - begun - SETTLED))
-    except SessionError as error:
-        loop.count(str(error))
+            took['following'].append(max(0.0, loop.settle() - begun))
     return {
         'odd': count,
         **{name: max(times, default=None) for name, times in took.items()},

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rclpy.node import Node
 from spacerobot_msgs.msg import Parameters
-from std_srvs.srv import Trigger
 
 from ..control.loop import ControlLoop
 from ..errors import ConfigurationError
@@ -14,6 +12,7 @@ from ..model.settings import Settings
 from ..model.writer import parameters_of, write_robot
 from ..ros import convert
 from ..ros.qos import LATCHED
+from .base import RobotNode
 
 PERIOD_NS = 1_000_000_000
 
@@ -27,12 +26,12 @@ class ParameterPublisher:
         settings: All settings, written along with the robot.
     """
 
-    def __init__(self, node: Node, loop: ControlLoop, settings: Settings) -> None:
+    def __init__(self, node: RobotNode, loop: ControlLoop, settings: Settings) -> None:
         self._node, self._loop, self._settings = node, loop, settings
         self._path = settings.controller.save_parameters
         self._published_ns: int | None = None
         self._publisher = node.create_publisher(Parameters, '~/parameters_in_force', LATCHED)
-        node.create_service(Trigger, '~/save_parameters', self._on_save)
+        node.offer('~/save_parameters', self._on_save)
 
     def publish(self, stamp_ns: int) -> None:
         """Publish them if the last time is a second of stamps ago, or in another run."""
@@ -68,9 +67,8 @@ class ParameterPublisher:
             except ConfigurationError as error:
                 self._node.get_logger().error(f'parameters not saved: {error}')
 
-    def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_save(self) -> tuple[bool, str]:
         try:
-            response.message, response.success = f'written to {self.save()}', True
+            return True, f'written to {self.save()}'
         except ConfigurationError as error:
-            response.message, response.success = str(error), False
-        return response
+            return False, str(error)

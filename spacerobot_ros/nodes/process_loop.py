@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from multiprocessing import forkserver
 from pathlib import Path
-from tempfile import gettempdir
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
 
 import numpy as np
@@ -34,8 +34,11 @@ _SETTINGS = {
 }
 SETTLED = 1.0
 """s of stamps without a larger error, after which the loop has recovered."""
+_ROUND = 20.0
+"""s of stamps, of the motion: the loop that faults befall has followed it once, so that what is
+seen after them is not an estimate that was still poor."""
 _FINE = np.radians(0.5)  # rad; the largest error that counts as recovered
-PATIENCE = 240.0
+_PATIENCE = 240.0
 """s of wall time for the nodes to start, or to do anything; a busy machine takes a minute."""
 LONGEST = 300.0
 """s of stamps, after which what is waited for does not come; an estimate takes 10, and more where
@@ -98,6 +101,7 @@ class Loop:
         self.estimate: Estimate | None = None
         self.tracking: Tracking | None = None
         self.settled_since: float | None = None
+        self._lasting = SETTLED
         self.stamp = self.commanded = 0.0  # s, newest of joint states and of commands
         self.worst = 0.0  # rad, largest error since the loop has recovered
         self.faults: dict[str, int] = {}
@@ -120,7 +124,7 @@ class Loop:
         for node in PROCESSES:
             self.start(node)
         self.until(lambda: self.tracking is not None and self.tracking.uses_estimate)
-        self.settle()
+        self.settle(_ROUND)
 
     def run_beside(self, work: Callable[..., object], *arguments: Any) -> Any:
         """Do something in a process that hears the nodes."""
@@ -153,10 +157,11 @@ class Loop:
         finally:
             os.kill(pid, signal.SIGCONT)
 
-    def settle(self) -> None:
-        """Wait until the joints have followed closely for a while from now on."""
-        self.settled_since, self.worst = None, 0.0
+    def settle(self, lasting: float = SETTLED) -> float:
+        """Wait until the joints have followed closely for so long [s]; since which stamp [s]."""
+        self.settled_since, self.worst, self._lasting = None, 0.0, lasting
         self.until(self.is_settled)
+        return self.settled_since or 0.0
 
     def processor_time(self, node: str) -> float:
         """What a process has computed for [s]; on a machine that is not busy, since its start."""
@@ -188,7 +193,7 @@ class Loop:
 
     def is_settled(self) -> bool:
         """Whether the joints have followed closely for a while."""
-        return self.settled_since is not None and self.stamp > self.settled_since + SETTLED
+        return self.settled_since is not None and self.stamp > self.settled_since + self._lasting
 
     def count(self, what: str) -> None:
         """Note that something went wrong."""
@@ -225,7 +230,21 @@ def _alone(domain: int) -> dict[str, str]:
 
 
 @contextmanager
-def own_domain() -> Iterator[int]:
+def loop_of_processes(*, is_lockstep: bool) -> Iterator[Loop]:
+    """A loop that ends with the block; a SessionError there ends the block, and is counted."""
+    listening = Session(_PATIENCE, by_events=False)
+    with TemporaryDirectory() as folder, _own_domain() as domain, listening as session:
+        loop = Loop(session, Path(folder), domain, is_lockstep=is_lockstep)
+        try:
+            yield loop
+        except SessionError as error:
+            loop.count(str(error))
+        finally:
+            loop.end()
+
+
+@contextmanager
+def _own_domain() -> Iterator[int]:
     """A domain of ROS in which no other loop of this machine is, for this process, too."""
     before = dict(os.environ)
     with ExitStack() as stack:
@@ -241,8 +260,5 @@ def own_domain() -> Iterator[int]:
         try:
             yield domain
         finally:
-            for name in _alone(domain):
-                if name in before:
-                    os.environ[name] = before[name]
-                else:
-                    del os.environ[name]
+            os.environ.clear()
+            os.environ.update(before)

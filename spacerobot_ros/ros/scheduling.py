@@ -13,8 +13,11 @@ _BEHIND = 10  # of 19: a tenth of the processor where somebody else wants it all
 def answer_first() -> None:
     """Have all threads of this process run as soon as they can, where the system permits that.
 
-    It does for root, and within the limit `rtprio` of a user; the kernel keeps 5 % for others.
+    It does for root, and within the limit `rtprio` of a user. Not on a lone processor: a loop that
+    can not keep up would leave the kernel's 5 % to all others, its sensors among them.
     """
+    if len(os.sched_getaffinity(0)) < 2:
+        return
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     with suppress(OSError):
         for thread in Path('/proc/self/task').iterdir():

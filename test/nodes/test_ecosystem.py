@@ -230,6 +230,10 @@ def test_the_base_is_a_frame(rig, servicer):
 def test_all_threads_of_a_controller_answer_first_where_that_is_permitted(monkeypatch):
     asked = {}
     monkeypatch.setattr(os, 'sched_setscheduler', lambda *a: asked.update({a[0]: a[1:]}))
+    monkeypatch.setattr(os, 'sched_getaffinity', lambda _: {0})
+    answer_first()
+    assert not asked  # a lone processor is everybody's
+    monkeypatch.setattr(os, 'sched_getaffinity', lambda _: {0, 1})
     blocked = threading.Event()
     thread = threading.Thread(target=blocked.wait)
     thread.start()

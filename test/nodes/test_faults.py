@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, JointState
+from spacerobot_msgs.msg import Tracking
 from support.bench import MS, NAMES, Bench
 
 from spacerobot_ros.campaign import damage
 from spacerobot_ros.campaign.packaged_robots import packaged
 from spacerobot_ros.nodes import fault_campaign as campaign
-from spacerobot_ros.nodes import floods, wrong_streams
+from spacerobot_ros.nodes import floods, process_loop, wrong_streams
 from spacerobot_ros.nodes.message_fuzz import Patient, is_finite, spoilt
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording.clock_jumps import JumpDetector, Sample
@@ -261,3 +262,18 @@ def test_processes_of_a_campaign_that_is_killed_end_with_it(tmp_path):
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(child, signal.SIGKILL)
         os.close(child)
+
+
+def test_a_loop_has_settled_when_it_has_followed_for_as_long_as_asked(monkeypatch):
+    loop = object.__new__(process_loop.Loop)
+    loop.is_lockstep = True
+    monkeypatch.setattr(loop, 'until', lambda _: None, raising=False)
+    loop.settle(20.0)
+    seen = []
+    for loop.stamp in (1.0, 2.0, 12.0, 13.0, 32.0, 34.0):
+        error = 0.02 if loop.stamp in (1.0, 12.0) else 0.0
+        loop._on_tracking(Tracking(state='tracking', max_error=error))
+        seen.append(loop.is_settled())
+    assert seen == [False] * 5 + [True]
+    loop._on_tracking(Tracking(state='tracking', max_error=0.01))
+    assert loop.worst == 0.01
