@@ -26,9 +26,9 @@ def main() -> None:
     file = load_robot_file(HERE.parents[1] / 'config' / 'servicer.yaml')
     truth = true_robot(file.robot, file.settings).target_momentum
     with tempfile.TemporaryDirectory() as folder:
-        found = identify(file, 2, Path(folder, 'a'), _ignore)
-        no_aam = track(file, None, Path(folder, 'b'), _ignore)
-        known = track(file, found.estimates[-1], Path(folder, 'c'), _ignore)
+        found = identify(file, 2, [Path(folder, 'a')], _ignore)
+        known = track(file, found.estimates[-1], Path(folder, 'b'))
+    no_aam = found.until(file.settings.reference.duration)
     picture = plot([_tracking(no_aam, known), _convergence(found, truth)])
     (HERE / 'demo.svg').write_text(picture + '\n', encoding='utf-8')
 

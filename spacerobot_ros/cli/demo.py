@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import multiprocessing
 import os
 import signal
@@ -28,12 +29,12 @@ if TYPE_CHECKING:
 
 _DESCRIPTION = """\
 Run simulator, identifier and controller as ROS 2 nodes in one process, in lockstep:
-  1. excite the arm and identify, from noisy sensors, the momentum of the captured satellite's
-     wheels and the inertial parameters;
-  2. track the same motion knowing nothing of the wheels;
-  3. track it with what was identified.
+  1. excite the arm with a controller that knows nothing of the captured satellite's wheels, and
+     identify, from noisy sensors, their momentum and the inertial parameters;
+  2. track the same motion with what was identified.
 
-Writes report.html, summary.json and three bags: bag (1), bag_no_aam (2), bag_identified (3).
+Writes report.html, summary.json and three bags: bag (1), bag_no_aam (the first pass of 1, which
+tracks without the wheels), bag_identified (2).
 The same robot file and seed give the same bags to the last bit.
 """
 
@@ -100,23 +101,23 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[Results, RunPictures
     truth = truth_of(file.robot, true_robot(file.robot, settings), settings.identifier.structure)
     # another process that sees these topics would mix with them
     with progress() as bars, _here() if args.live else beside() as submit:
-        exciting = _stage(bars, 'exciting and identifying', passes * length)
-        no_aam = submit(track, file, None, bags[1])
-        found = identify(file, passes, bags[0], exciting)
-        tracking = _stage(bars, 'tracking without the wheels, and with them', 2 * length)
+        exciting = _stage(bars, 'tracking without the wheels, identifying them', passes * length)
+        submit(importlib.import_module, track.__module__)  # while this process computes
+        found = identify(file, passes, bags[:2], exciting)
+        tracking = _stage(bars, 'tracking with them', length)
         identified = submit(track, file, found.estimates[-1], bags[2])
         pictures = _pictures(file, found, truth, bags[0])
         results = Results(
             robot=file.robot.name,
             seed=settings.simulator.seed,
             identification=found,
-            no_aam=no_aam.result(),
+            no_aam=found.until(length),
             identified=identified.result(),
             truth=truth,
             bags=tuple(str(Path(args.out) / name) for name in _BAGS),
             wall=time.perf_counter() - started,
         )
-        tracking(2 * length)
+        tracking(length)
     return results, pictures
 
 

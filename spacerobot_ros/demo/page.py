@@ -128,8 +128,8 @@ def _figures(results: Results) -> list[Item]:
         (
             'A servicer has captured a satellite whose wheels still spin. First the arm moves '
             'under a controller that knows nothing of them, while the identifier listens to the '
-            'noisy sensors; then the same motion is tracked twice from the same start, without '
-            'and with what was identified.'
+            'noisy sensors; then the same motion is tracked from the same start with what was '
+            'identified.'
         ),
     ]
 

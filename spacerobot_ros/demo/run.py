@@ -1,8 +1,9 @@
-"""The three runs of the demonstration, each with fresh nodes in one process."""
+"""The runs of the demonstration, each with fresh nodes in one process."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -93,20 +94,20 @@ def check_file(file: RobotFile) -> None:
         raise ConfigurationError('simulator.joint_rate', 'must be the control rate here')
 
 
-def identify(file: RobotFile, passes: int, bag: Path, progress: Progress) -> DemoRun:
+def identify(file: RobotFile, passes: int, bags: Sequence[Path], progress: Progress) -> DemoRun:
     """Excite the robot with a controller that knows nothing of the wheels, and identify it.
 
     Args:
         file: The robot file.
         passes: How often the motion is run through.
-        bag: Folder of the bag.
+        bags: Folder of the bag, and of one of the first pass without estimates.
         progress: Shown the simulated time.
 
     Raises:
         IdentificationError: the last estimate is not valid.
     """
     settings = _settings(file, 'computed_torque_no_aam', passes)
-    run = _run(file, settings, passes, bag, progress, identifies=True)
+    run = _run(file, settings, passes, bags, progress, identifies=True)
     if not run.estimates or not run.estimates[-1].valid:
         reason = run.estimates[-1].reason if run.estimates else 'there is none'
         raise IdentificationError(f'the estimate is not valid: {reason}')
@@ -122,7 +123,7 @@ def track(file: RobotFile, estimate: Estimate | None, bag: Path) -> DemoRun:
         bag: Folder of the bag.
     """
     law = 'computed_torque_no_aam' if estimate is None else 'computed_torque'
-    return _run(file, _settings(file, law), 1, bag, None, estimate)
+    return _run(file, _settings(file, law), 1, [bag], None, estimate)
 
 
 def _settings(file: RobotFile, law: str, passes: int = 1) -> Settings:
@@ -140,20 +141,24 @@ def _run(
     file: RobotFile,
     settings: Settings,
     passes: int,
-    bag: Path,
+    bags: Sequence[Path],
     progress: Progress | None,
     estimate: Estimate | None = None,
     identifies: bool = False,
 ) -> DemoRun:
     urdf, log = file.robot.urdf, _Log()
-    writer = BagWriter(bag, overwrite=True)
-    with writer, Session() as session:
-        writer.text('/robot_description', 0, urdf)
+    pass_ns = round(1e9 * settings.reference.duration)
+    with ExitStack() as open_bags, Session() as session:
+        writers = [open_bags.enter_context(BagWriter(bag, overwrite=True)) for bag in bags]
+        for writer in writers:
+            writer.text('/robot_description', 0, urdf)
         ears = session.plain('demo')
         types = {topic: convert.message_type(kind) for topic, kind in TOPICS.items()}
 
         def keep(topic: str, kind: str, stamp_ns: int, cdr: bytes) -> None:
-            writer.message(topic, kind, stamp_ns, cdr)
+            is_tracking = stamp_ns <= pass_ns and topic != '/estimate'
+            for writer in writers[: 1 + is_tracking]:
+                writer.message(topic, kind, stamp_ns, cdr)
             log.read(topic, cdr)
 
         recorder = Recorder(ears, types, keep)

@@ -62,6 +62,27 @@ def test_the_demo_reaches_its_aims_and_leaves_what_it_promises(tmp_path, capsys)
     assert stamps == sorted(stamps)
 
 
+def test_the_first_pass_is_the_motion_tracked_without_the_wheels(tmp_path):
+    """To the last bit; the very last command is that of a motion that goes on."""
+    from spacerobot_ros.demo import run
+
+    file = load_robot_file('config/servicer.yaml')
+    file = replace(file, settings=file.settings.changed({'reference.duration': 1.0}))
+    settings = run._settings(file, 'computed_torque_no_aam', 2)
+    twice = run._run(file, settings, 2, [tmp_path / 'twice', tmp_path / 'first'], None)
+    once = run.track(file, None, tmp_path / 'once')
+    assert twice.time[-1] == 2.0
+    for name in ('time', 'error', 'ledger_time', 'angular', 'drift', 'energy_drift'):
+        np.testing.assert_array_equal(getattr(twice.until(1.0), name), getattr(once, name))
+    kept = []
+    for name in ('first', 'once'):
+        with AnyReader([tmp_path / name], default_typestore=typestore()) as bag:
+            assert {c.topic for c in bag.connections} == TOPICS - {'/estimate'}
+            kept.append([(c.topic, stamp, data) for c, stamp, data in bag.messages()])
+    differ = {(a[0], a[1]) for a, b in zip(*kept, strict=True) if a != b}
+    assert {stamp for _, stamp in differ} <= {1_000_000_000}, differ
+
+
 @pytest.mark.parametrize(
     ('change', 'message'),
     [
