@@ -94,6 +94,7 @@ def _judged(p: HiddenPulse, e: Event | None, found: Events) -> Record:
         'is_named': e is not None,
         'z': e and e.z,
         'off': e and _off(p, e),
+        'off_std': e and e.middle_std,
         'error': error,
         'reason': None if e else next(listed, 'unseen'),
     }

@@ -24,8 +24,12 @@ def record(*pulses, kind='moving', false=(), beside=()):
     }
 
 
-def pulse(ratio, *, is_named=True, off=0.01, error=0.02):
-    said = {'off': off, 'error': error, 'reason': None} if is_named else {'reason': 'weak'}
+def pulse(ratio, *, is_named=True, off=0.01, error=0.02, std=None):
+    said = (
+        {'off': off, 'off_std': std, 'error': error, 'reason': None}
+        if is_named
+        else {'reason': 'weak'}
+    )
     return {'ratio': ratio, 'is_named': is_named, **said}
 
 
@@ -74,3 +78,9 @@ def test_late_or_wrong_sizes_are_missed():
     bad = results([record(pulse(20.0, off=0.2, error=0.3), pulse(20.0, is_named=False))])
     missed = {check.what.rpartition(': ')[2] for check in judge(bad) if not check.is_met}
     assert missed == {'named', 'middle, 95 % within', 'size, median error'}
+
+
+def test_times_of_steps_count_by_their_deviation():
+    steps = [pulse(20.0, off=0.2, std=0.1), pulse(40.0, off=0.2, std=0.05)]
+    missed = [c.what for c in judge(results([record(*steps, kind='base')])) if not c.is_met]
+    assert missed == ['free bases, wheels unknown, snr 40: middle by its deviation, 95 % within']

@@ -95,6 +95,21 @@ def test_a_hit_is_an_event_and_no_cause(box, rng):
     assert np.all(np.abs(value - impulse) < 4.0 * std + 0.03 * np.linalg.norm(impulse))
 
 
+def test_a_weak_torque_that_lasts_is_no_hit(box):
+    """One step of the momentum in the middle explains most of it, but less."""
+    weak = tumbled(np.random.default_rng(3), BOX, torque=(0.0, 2e-6, 0.0), duration=20.0)
+    record = in_robot_order(weak, box.robot)
+    seen = observed(record, box.robot)
+    noise, _ = noise_levels(box.robot.sensors, seen)
+    assert steps_beside_wheels(Run(seen, box.robot, (), noise, 'held_before')).named
+
+    found = diagnose(record, box.robot, catalogue=SENSORS_AND_TORQUES)
+
+    assert not found.events.named
+    (cause,) = (*found.causes, *found.minor)
+    assert cause.applied.id.startswith('external_torque')
+
+
 def test_hits_whose_traces_lie_over_each_other_are_told_apart(box, rng):
     """Without a torque that nobody knows, a step of the momentum is seen until the end."""
     impulse = 6e-5 * np.array([1.0, -0.5, 0.5])
