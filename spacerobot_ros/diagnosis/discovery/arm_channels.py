@@ -33,16 +33,10 @@ class ArmMotions:
     @cached_property
     def extent(self) -> Extent:
         """What all recordings cover together."""
-        qd, q = (
-            np.concatenate([getattr(b.motion, name) for b in self.rows.balances])
-            for name in ('qd', 'q')
-        )
-        fast = np.maximum(np.quantile(np.abs(qd), 0.95, axis=0), 1e-3)
-        low, high = np.min(q, axis=0), np.max(q, axis=0)
-        duration = max(float(np.ptp(b.motion.time)) for b in self.rows.balances)
-        names = self.rows.robot.joints
-        ends = [dict(zip(names, x.tolist(), strict=True)) for x in (fast, low, high)]
-        return Extent(ends[0], ends[1], ends[2], duration)
+        motions = [b.motion for b in self.rows.balances]
+        q, qd = (np.concatenate(x) for x in zip(*((m.q, m.qd) for m in motions), strict=True))
+        duration = max(float(np.ptp(m.time)) for m in motions)
+        return Extent.of(self.rows.robot.joints, q, qd, duration)
 
     def inputs(self, law: Law, run: int) -> list[Array]:
         """(N,) inputs of a law along a recording."""

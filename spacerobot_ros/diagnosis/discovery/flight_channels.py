@@ -156,11 +156,8 @@ class FlightRows:
     @cached_property
     def extent(self) -> Extent:
         """What the motion covers."""
-        names = self.motion.robot.joints
-        fast = np.maximum(np.quantile(np.abs(self.motion.qd), 0.95, axis=0), 1e-3)
-        low, high = np.min(self.motion.q, axis=0), np.max(self.motion.q, axis=0)
-        ends = [dict(zip(names, x.tolist(), strict=True)) for x in (fast, low, high)]
-        return Extent(ends[0], ends[1], ends[2], float(np.ptp(self.motion.time)))
+        m = self.motion
+        return Extent.of(m.robot.joints, m.q, m.qd, float(np.ptp(m.time)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,6 +69,14 @@ class Extent:
     high: Mapping[str, float]
     duration: float
 
+    @classmethod
+    def of(cls, joints: Sequence[str], q: Array, qd: Array, duration: float) -> Extent:
+        """Of angles and rates (N, n)."""
+        fast = np.maximum(np.quantile(np.abs(qd), 0.95, axis=0), 1e-3)
+        ends = fast, np.min(q, axis=0), np.max(q, axis=0)
+        rates, low, high = (dict(zip(joints, x.tolist(), strict=True)) for x in ends)
+        return cls(rates, low, high, duration)
+
 
 _OWN_RATE = (
     ('x', 0.0, 'viscous friction'),

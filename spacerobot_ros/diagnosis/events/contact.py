@@ -36,6 +36,11 @@ class Pulse:
     std: float
     z: float
 
+    @property
+    def times(self) -> dict[str, float]:
+        """Parameters of an effect that acts meanwhile."""
+        return {'start': max(self.start, 0.0), 'end': self.end, 'edge': self.edge}
+
 
 def overlap(p: Pulse, q: Pulse) -> bool:
     """Whether two pulses of a recording share some time."""
@@ -96,12 +101,7 @@ def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last:
             ExternalJointTorque(
                 name=f'event_{robot.joints[p.joint]}',
                 where=robot.joints[p.joint],
-                values={
-                    'start': max(p.start, 0.0),
-                    'end': p.end,
-                    'edge': p.edge,
-                    'torque': p.torque,
-                },
+                values={**p.times, 'torque': p.torque},
             )
             for p in felt
         ),

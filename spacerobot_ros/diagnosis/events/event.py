@@ -74,17 +74,21 @@ class EventLimit:
     """From where on 95 % of events are named, on one joint.
 
     Args:
-        duration: Of an event [s]. peak: Its largest torque. unit: Of that.
-        snr: Peak by standard deviation.
-        durations: Others [s]. peaks: And theirs.
+        duration: Of an event, the one that is shown [s].
+        durations: All of which something is said [s]. peaks: Largest torque of each.
+        unit: Of these. snr: Peak by standard deviation.
     """
 
     duration: float
-    peak: float
+    durations: tuple[float, ...]
+    peaks: tuple[float, ...]
     unit: str
     snr: float
-    durations: tuple[float, ...] = ()
-    peaks: tuple[float, ...] = ()
+
+    @property
+    def peak(self) -> float:
+        """Of the duration that is shown."""
+        return self.peaks[self.durations.index(self.duration)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ...effects.catalogue import CATALOGUE
 from ...effects.external import AngularImpulse
 from ...estimation.refit import Fit, refine
@@ -35,17 +37,17 @@ def impulse_events(fit: Fit) -> Events:
         if i.z < limit
     ]
     snr = SNR if limit <= NAMED else SNR * limit / NAMED
-    limits = {}
-    for k, axis in enumerate(AXES):
-        peaks = [snr * float(scan.usual_std(d)[k]) for d in scan.durations]
-        limits[axis] = EventLimit(
+    stds = np.transpose([scan.usual_std(d) for d in scan.durations])
+    limits = {
+        axis: EventLimit(
             duration=_SHOWN,
-            peak=peaks[scan.durations.index(_SHOWN)],
+            durations=scan.durations,
+            peaks=tuple((snr * own).tolist()),
             unit='N m s',
             snr=snr,
-            durations=scan.durations,
-            peaks=tuple(peaks),
         )
+        for axis, own in zip(AXES, stds, strict=True)
+    }
     return Events(named=tuple(named), possible=tuple(possible), limits=limits)
 
 

@@ -16,7 +16,6 @@ from ...types import Array, BoolArray
 from .contact import Pulse, overlap
 from .event_limits import LISTED, NAMED, ROOM, SNR
 from .scan import SPREAD, Filtered, Pulses, PulseScan
-from .scatter import even
 from .scatter import scales as scatter_scales
 
 DURATIONS = (0.3, 0.6, 1.2, 2.4, 4.8)
@@ -40,7 +39,7 @@ class PulseSearch:
     def __init__(self, rows: ArmRows) -> None:
         self.rows = rows
         self._windows: list[Pulse] = []
-        scales = even(rows)
+        scales = [np.ones(len(joint.torque)) for joint in rows.joints]
         guess = [np.full(6, (_GUESS * scale) ** 2) for scale in (*rows.scale, *rows.scale)]
         self.scan = PulseScan(rows, self._left_out(), scales, guess)
         for _ in range(_PASSES):
@@ -114,8 +113,7 @@ class PulseSearch:
             if not found.z[at]:
                 return window
             colour = self.colour(best.joint, float(pulses.duration[at]))
-            one = slice(at, at + 1)
-            best = _pulse(best.joint, best.run, pulses[one], found[one], colour)
+            best = _pulse(best.joint, best.run, pulses, found, at, colour)
         return best
 
     def usual_std(self, j: int, duration: float) -> float:
@@ -143,19 +141,12 @@ def _colour(z: Sequence[Array]) -> float:
 
 def _pulses(j: int, run: int, bells: Pulses, found: Filtered, colour: float) -> list[Pulse]:
     return [
-        _pulse(j, run, bells[k : k + 1], found[k : k + 1], colour)
+        _pulse(j, run, bells, found, k, colour)
         for k in np.flatnonzero(np.abs(found.z) >= LISTED * colour).tolist()
     ]
 
 
-def _pulse(j: int, run: int, shape: Pulses, found: Filtered, colour: float) -> Pulse:
-    return Pulse(
-        j,
-        run,
-        float(shape.start[0]),
-        float(shape.end[0]),
-        float(shape.edge[0]),
-        float(found.torque[0]),
-        float(found.std[0]) * colour,
-        float(found.z[0]) / colour,
-    )
+def _pulse(j: int, run: int, shapes: Pulses, found: Filtered, k: int, colour: float) -> Pulse:
+    start, end, edge = (float(x[k]) for x in (shapes.start, shapes.end, shapes.edge))
+    torque, std, z = (float(x[k]) for x in (found.torque, found.std, found.z))
+    return Pulse(j, run, start, end, edge, torque, std * colour, z / colour)

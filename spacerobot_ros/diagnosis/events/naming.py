@@ -40,6 +40,7 @@ class Naming:
         self._joints = self._rows.robot.joints
         spans = [b.arm.times[-1] - b.arm.times[0] for b in self._rows.balances]
         self._seconds = float(sum(spans))
+        self._states: dict[int, States] = {}
         self._why = {id(p): self._reason(p) for p in search.found}
         free = [abs(p.z) for p in search.found if not self._why[id(p)]]
         self.limit = named_from(free, self._seconds / 3600.0)
@@ -65,8 +66,8 @@ class Naming:
             f'{EXPLAINED:.0%} of the torques there',
         )
         return Events(
-            named=tuple(sorted(named, key=lambda e: (e.recording, e.start))),
-            possible=tuple(sorted(possible, key=lambda e: (e.recording, e.start))),
+            named=tuple(named),
+            possible=tuple(possible),
             limits=self._limits(),
             notes=notes if unjudged else (),
         )
@@ -75,7 +76,9 @@ class Naming:
         """Why a pulse of any size is not named; empty where it may be."""
         if not self._explained[p.joint]:
             return 'unexplained'
-        share, distance = self._states(p.joint).visited(p)
+        if p.joint not in self._states:
+            self._states[p.joint] = States(self._search, p.joint)
+        share, distance = self._states[p.joint].visited(p)
         arm = self._rows.balances[p.run].arm
         known = arm.times[arm.is_known]
         if share > RECURS:
@@ -94,15 +97,6 @@ class Naming:
         wrong = [p for p in group if self._why[id(p)] in ('recurs', 'unvisited', 'edge')]
         worst = max(wrong, key=lambda p: abs(p.z), default=None)
         return self._why[id(worst)] if worst and abs(worst.z) > MIXED * largest else ''
-
-    def _states(self, j: int) -> States:
-        if j not in self._known_states:
-            self._known_states[j] = States(self._search, j)
-        return self._known_states[j]
-
-    @cached_property
-    def _known_states(self) -> dict[int, States]:
-        return {}
 
     @cached_property
     def _explained(self) -> list[bool]:
@@ -162,18 +156,11 @@ class Naming:
         snr = max(SNR, ROOM * self.limit)
         out: dict[str, EventLimit | None] = {}
         for j, name in enumerate(self._joints):
-            peaks = [snr * self._search.usual_std(j, d) for d in DURATIONS]
-            shown = DURATIONS.index(_SHOWN)
-            out[name] = None
-            if self._explained[j] and np.isfinite(peaks[shown]):
-                out[name] = EventLimit(
-                    duration=_SHOWN,
-                    peak=peaks[shown],
-                    unit='N m',
-                    snr=snr,
-                    durations=DURATIONS,
-                    peaks=tuple(peaks),
-                )
+            peaks = tuple(snr * self._search.usual_std(j, d) for d in DURATIONS)
+            limit = EventLimit(
+                duration=_SHOWN, durations=DURATIONS, peaks=peaks, unit='N m', snr=snr
+            )
+            out[name] = limit if self._explained[j] and math.isfinite(limit.peak) else None
         return out
 
 

@@ -213,15 +213,13 @@ def _limit(rest: Rest) -> EventLimit:
     """From where on friction, which may turn from -T to T, leaves enough of a push long enough."""
     needed = (2.0 + REST_SHARE) * float(np.median(rest.bound))
     shares = np.cos(0.5 * np.pi * _SHORTEST / np.array(_DURATIONS)) ** 2
-    peaks = (needed / shares).tolist()
-    snr = peaks[0] / float(np.median(rest.bound))
+    peaks = tuple((needed / shares).tolist())
     return EventLimit(
         duration=_DURATIONS[0],
-        peak=peaks[0],
-        unit='N m',
-        snr=snr,
         durations=_DURATIONS,
-        peaks=tuple(peaks),
+        peaks=peaks,
+        unit='N m',
+        snr=peaks[0] / float(np.median(rest.bound)),
     )
 
 

@@ -67,10 +67,6 @@ class Filtered:
     std: Array
     z: Array
 
-    def __getitem__(self, at: slice) -> Filtered:
-        """Some of them."""
-        return Filtered(self.torque[at], self.std[at], self.z[at])
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowSet:

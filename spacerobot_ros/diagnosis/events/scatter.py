@@ -23,11 +23,6 @@ _RIDGE = 10.0  # rows without any scatter
 _LEAST = 1.0  # of the median scale: where little is left of the model, it may be chance
 
 
-def even(rows: ArmRows) -> list[Array]:
-    """Scales of one for every joint."""
-    return [np.ones(len(joint.torque)) for joint in rows.joints]
-
-
 def scales(scan: PulseScan, before: Sequence[Array]) -> list[Array]:
     """(M,) scale of every joint's rows.
 

@@ -58,9 +58,8 @@ def wrench_of(search: PulseSearch, first: Pulse, link: str) -> Wrench | None:
 
 def applied_wrench(pulse: Pulse, link: str, wrench: Wrench) -> ExternalWrench:
     """As an effect, with the times of a pulse."""
-    values = {'start': max(pulse.start, 0.0), 'end': pulse.end, 'edge': pulse.edge}
     sizes = {name: value for name, (value, _) in wrench.items()}
-    return ExternalWrench(name=f'event_{link}', where=link, values=values | sizes)
+    return ExternalWrench(name=f'event_{link}', where=link, values=pulse.times | sizes)
 
 
 def _transposed_jacobian(balance: Balance, pulse: Pulse, link: str) -> Array:
