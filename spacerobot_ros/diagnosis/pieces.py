@@ -16,7 +16,7 @@ from .pieces_conclusion import combined
 
 _PER_SAMPLE = 2500.0
 """Bytes that a diagnosis needs a sample and joint squared: every joint adds rows and columns, each
-held a few times. `bench/scaling.py` measures 2400 to 3100, the more the shorter the record."""
+held a few times. `bench/scaling.py` measures 2300 to 2950 from point to point."""
 MOST_MEMORY = 4e9  # bytes; a record that needs more is taken in pieces
 PIECE_MEMORY = 1e9  # of each, so that all of it stays below 2 GB
 _SHORTEST = 20.0  # s, `limits.BUDGETED`: a shorter one tells too little
