@@ -53,7 +53,7 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
         metavar='DATA',
         nargs='+',
         default=[],
-        help='further recordings, with a load at the last link that the robot file lacks',
+        help='further recordings, with a load at the end of an arm that the robot file lacks',
     )
     add('--score', metavar='DATA2', help='another recording: what the extended model misses of it')
     add(

@@ -16,7 +16,7 @@ import numpy as np
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
 from ..estimation.arm_fit import ArmFit
-from ..estimation.arm_priors import NOTHING
+from ..estimation.arm_priors import NOTHING, last_links
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
 from ..estimation.evidence import Gram, sum_of
@@ -160,11 +160,11 @@ def _level_of_both(before: Array, after: Array) -> Array:
 
 
 def _changed_rows(both: ArmRows) -> ChangedRows:
-    last = both.robot.bodies[-1].name
+    last = last_links(both.robot)
     tolerances = []
     for c in both.candidates:
         share = _TOLERANCE.get(c.kind.id, _USUAL)
-        if c.where == last or not is_lasting(c):  # a payload does not change by itself
+        if c.where in last or not is_lasting(c):  # a payload does not change by itself
             share = NOTHING
         tolerances.append(share * c.sizes)
     candidates = tuple(

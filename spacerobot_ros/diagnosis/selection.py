@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..estimation.arm_fit import Posterior
-from ..estimation.arm_priors import DRY, NOTHING, VISCOUS, is_kind_of
+from ..estimation.arm_priors import DRY, NOTHING, VISCOUS, is_kind_of, last_links
 from ..estimation.arm_rows import ArmRows
 from ..estimation.evidence import Fold, Gram, Score, price, score, sum_of
 from ..types import Array, IntArray
@@ -221,14 +221,14 @@ class Selection:
         That is the cause of fewest numbers at the same place; of bodies, whose columns are much
         the same as their neighbours', what hangs on the last link.
         """
-        candidates, last = self.rows.candidates, self.rows.robot.bodies[-1].name
+        candidates, last = self.rows.candidates, last_links(self.rows.robot)
         usual = [pair for pair in wanted if candidates[pair[0]].kind.id not in _LAST]
         wanted = usual or wanted
         close = [(i, m) for i, m in wanted if m > SIMPLER_MARGIN * wanted[0][1]]
         best = candidates[wanted[0][0]]
         if best.kind.id == 'inertial_parameters':
             for i, _ in close:
-                if candidates[i].kind is best.kind and candidates[i].where == last:
+                if candidates[i].kind is best.kind and candidates[i].where in last:
                     return i
         near = [(i, margin) for i, margin in close if candidates[i].where == best.where]
         return min(near, key=lambda pair: (len(candidates[pair[0]].sizes), -pair[1]))[0]

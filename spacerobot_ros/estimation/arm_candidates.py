@@ -10,6 +10,7 @@ import numpy as np
 
 from ..effects.effect import Effect
 from ..model.robot import Robot
+from .arm_priors import last_links
 from .balance import Balance
 from .columns import Candidate, candidate_at
 
@@ -67,9 +68,9 @@ def candidates_of_recordings(
     if count > 1 and count * len(zeros) <= sum(len(c.sizes) for c in shared):
         for run in range(count):
             yield from (replace(c, recordings=(run,)) for c in zeros)
-    last = 'inertial_parameters', robot.bodies[-1].name
+    loads = [('inertial_parameters', link) for link in last_links(robot)]
     if 0 < len(loaded) < count:
-        yield from (replace(c, recordings=tuple(loaded)) for c in shared if c.key == last)
+        yield from (replace(c, recordings=tuple(loaded)) for c in shared if c.key in loads)
 
 
 def _excludes(kind: type[Effect], believed: Effect) -> bool:
