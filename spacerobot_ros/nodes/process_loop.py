@@ -33,7 +33,7 @@ _SETTINGS = {
     'simulator.real_time_factor': '0.25',  # four processes of a busy machine keep up with it
 }
 SETTLED = 1.0
-"""s of stamps without a larger error, after which the loop has recovered."""
+"""s of stamps without a larger error, by an estimate, after which the loop has recovered."""
 _ROUND = 20.0
 """s of stamps, of the motion: the loop that faults befall has followed it once, so that what is
 seen after them is not an estimate that was still poor."""
@@ -213,9 +213,10 @@ class Loop:
         self.tracking = message
         if self.is_lockstep and message.state == 'damping':
             return  # a guess for the time in which a busy machine stands still: no plant has it
+        follows = message.state == 'tracking' and message.uses_estimate
         if self.is_settled():
             self.worst = max(self.worst, message.max_error)
-        elif message.state != 'tracking' or message.max_error > _FINE:
+        elif not follows or message.max_error > _FINE:
             self.settled_since = None
         elif self.settled_since is None or self.settled_since > self.stamp:
             self.settled_since = self.stamp

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign.monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
+from spacerobot_ros.diagnosis.flight.observed import Observations
 from spacerobot_ros.errors import MessageRejectedError
 
 ONSET = 6.0
@@ -44,6 +45,31 @@ def test_silent_where_the_model_is_right_and_the_momentum_is_found(nominal):
     floors = [c.rms for c in state.channels if np.isfinite(c.rms)]
     assert min(floors) > 0.8  # few samples of the tracker
     assert max(floors) < 1.2
+
+
+def test_samples_that_are_left_out_at_an_end_are_a_gap(nominal):
+    # a reference beyond its samples is off by any amount, and so is all that is judged about it
+    robot = Flight(seed=4).file.robot
+    observed = Observations(robot, ())
+    observed.has_gyro = True
+    for k, sample in enumerate(nominal[:301]):
+        is_off = k > 288
+        sample.feed(observed.samples if not is_off else Moved(observed.samples, 0.01))
+    last_ns = nominal[300].stamp_ns
+    record = observed.record(0, last_ns, robot, None)
+    assert record.joint_time[-1] < 1e-9 * last_ns - 0.1
+    assert observed.gap_end is not None
+
+
+class Moved:
+    """Who takes samples, with joints moved by a little [rad]."""
+
+    def __init__(self, taker, by):
+        self._taker, self._by = taker, by
+        self.add_rate, self.add_attitude = taker.add_rate, taker.add_attitude
+
+    def add_joints(self, stamp_ns, q, qd, effort):
+        self._taker.add_joints(stamp_ns, q + self._by, qd, effort)
 
 
 @pytest.mark.parametrize(('name', 'size'), [('gyro_bias', 5e-5), ('star_turned', 1e-3)])

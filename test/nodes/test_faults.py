@@ -271,8 +271,8 @@ def test_a_loop_has_settled_when_it_has_followed_for_as_long_as_asked(monkeypatc
     loop.settle(20.0)
     seen = []
     for loop.stamp in (1.0, 2.0, 12.0, 13.0, 32.0, 34.0):
-        error = 0.02 if loop.stamp in (1.0, 12.0) else 0.0
-        loop._on_tracking(Tracking(state='tracking', max_error=error))
+        error, is_known = (0.02 if loop.stamp == 1.0 else 0.0), loop.stamp != 12.0
+        loop._on_tracking(Tracking(state='tracking', max_error=error, uses_estimate=is_known))
         seen.append(loop.is_settled())
     assert seen == [False] * 5 + [True]
     loop._on_tracking(Tracking(state='tracking', max_error=0.01))

@@ -77,13 +77,11 @@ class Observations:
         blind = robot.is_free and not len(seen.rate_time) and seen.attitude is None
         if blind or len(seen.joint_time) < _FEWEST_JOINTS:
             return None
-        # by what came, not by what is screened: what hits hard contradicts its neighbours, too
-        self.gap_end = self._gap_end(seen)
         kept = self._screened(corrected_record(seen, robot, self._believed), noise)
+        self.gap_end = self._gap_end(kept, _ends(seen))
         return None if len(kept.joint_time) < _FEWEST_JOINTS else kept
 
-    def _gap_end(self, record: Record) -> float | None:
-        span = _ends(record)
+    def _gap_end(self, record: Record, span: tuple[float, float]) -> float | None:
         times = [record.joint_time] if self._robot.joints else []
         if len(record.rate_time) or (self._robot.is_free and self.has_gyro):
             times.append(record.rate_time)
