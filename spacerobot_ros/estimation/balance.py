@@ -20,7 +20,7 @@ from ..dynamics.equations import Dynamics
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..model.robot import Robot
-from ..recording.faults.dynamics import COMPENSATED
+from ..model.robot_settings import COMPENSATED
 from ..recording.record import Record
 from ..sensing.correction import corrected_record
 from ..types import Array

@@ -17,7 +17,8 @@ from .schema import (
 ANCHORS = ('none', 'gravity', 'inertia')
 
 
-EFFORT_KINDS = ('motor', 'link', 'current', 'gravity_compensated', 'command')
+COMPENSATED = 'gravity_compensated'
+EFFORT_KINDS = ('motor', 'link', 'current', COMPENSATED, 'command')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

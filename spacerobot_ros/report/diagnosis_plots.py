@@ -9,6 +9,7 @@ import numpy as np
 from scipy.signal import welch
 
 from ..diagnosis.answer.result import Diagnosis, Series
+from ..diagnosis.answer.words import at
 from ..display import Bars, Curve, Panel
 from ..types import Array
 from .plots import thinned
@@ -83,7 +84,7 @@ def ranking_bars(diagnosis: Diagnosis) -> Bars:
     named = {(c.applied.id, c.applied.where) for c in diagnosis.causes}
     ranked = [r for r in diagnosis.ranking[:RANKED] if r.log_likelihood_gain > 0.0]
     return Bars(
-        [r.effect + (f' at {r.where}' if r.where else '') for r in ranked],
+        [f'{r.effect}{at(r.where)}' for r in ranked],
         [2.0 * r.log_likelihood_gain for r in ranked],
         [(r.effect, r.where) in named for r in ranked],
         'twice the gain in log likelihood',

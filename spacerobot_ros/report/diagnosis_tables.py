@@ -11,7 +11,7 @@ from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.output import relevance
 from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
-from ..diagnosis.answer.words import in_recordings
+from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events
 from ..display import Section, Table, table
 from .event_tables import event_table, limit_table, possible_lines
@@ -197,7 +197,7 @@ def closed_loop_table(closed: ClosedLoopGain) -> Table:
 def rival_lines(causes: Sequence[Cause]) -> list[str]:
     """What this motion can't tell from the named causes, and the motion that can."""
     return [
-        f'{label(cause)} can not be told from {_at(rival.effect, rival.where)} with this motion '
+        f'{label(cause)} can not be told from {rival.effect}{at(rival.where)} with this motion '
         f'(BIC gap {number(rival.bic_gap, 2)}); to separate them: {rival.motion}'
         for cause in causes
         for rival in cause.rivals
@@ -279,8 +279,4 @@ def _floors(residual: Residual) -> float:
 
 def label(cause: Cause) -> str:
     """A cause in a few words."""
-    return _at(cause.applied.id, cause.applied.where) + in_recordings(cause.applied)
-
-
-def _at(effect: str, where: str | None) -> str:
-    return f'{effect} at {where}' if where else effect
+    return f'{cause.applied.id}{at(cause.applied.where)}{in_recordings(cause.applied)}'

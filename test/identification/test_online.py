@@ -174,14 +174,14 @@ def test_reset_forgets_everything():
     online.reset()
     assert online.rejected == 0
     assert online.solve().reason == 'no joint states and no gyro and no attitude yet'
-    again = feed(online, data.between(-1.0, 9.0))  # the same stamps are new again
+    again = feed(online, data.between(-1.0, 9.0), 1.0)  # the same stamps are new again
     for a, b in zip(again[:-1], estimates, strict=False):
         same(a, b)
 
 
 def test_same_data_give_the_same_bits():
     _, data, estimates = half_minute()
-    again = feed(identifier(), data.between(-1.0, 14.0))  # valid from the tenth second on
+    again = feed(identifier(), data.between(-1.0, 14.0), 1.0)  # valid from the tenth second on
     assert again[-2].valid
     for a, b in zip(again[:-1], estimates, strict=False):
         same(a, b)

@@ -148,7 +148,7 @@ def test_a_sensor_that_starts_long_after_the_others(sensor):
 def test_a_sensor_that_stops_and_comes_back(sensor):
     run = simulate('zyx', 30.0)
     data = cut(measure(run, 7), sensor, 12.0, 17.0)
-    estimates = feed(identifier(), data)
+    estimates = feed(identifier(), data, 1.0)
     assert_never_confidently_wrong(estimates, run)
     first = next(i for i, e in enumerate(estimates) if e.valid)
     assert all(e.valid for e in estimates[first:])

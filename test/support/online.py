@@ -54,8 +54,8 @@ def seconds(event):
     return (event[0] - ORIGIN_NS) * 1e-9
 
 
-def feed(online, data, period=1.0):
-    """Feed all samples, solving once a period; the estimates in order."""
+def feed(online, data, period=2.0):
+    """Feed all samples, solving once a period [s]; the estimates in order."""
     estimates, due = [], period
     for stamp, method, values in events(data):
         while (stamp - ORIGIN_NS) * 1e-9 > due + 1e-9:
@@ -108,4 +108,4 @@ def half_minute() -> tuple[Run, Record, list[Estimate]]:
     """Run, data and estimates of a noisy half minute, solved once a second."""
     run = simulate('zyx', 30.0)
     data = measure(run, 0)
-    return run, data, feed(identifier(), data)
+    return run, data, feed(identifier(), data, period=1.0)

@@ -20,12 +20,11 @@ from scipy.signal import savgol_filter
 
 from ...dynamics.equations import joint_torques
 from ...model.robot import Robot
+from ...model.robot_settings import COMPENSATED
 from ...types import Array
 from ..record import Record
 from .kinematics import DEGREES
 from .thresholds import ALIKE, FEWEST_SAMPLES, GAIN, ROWS, SPAN, SPOILED, UNLIKE, DataFault
-
-COMPENSATED = 'gravity_compensated'  # of `robot.effort_kind`
 
 
 @dataclass(frozen=True, slots=True)

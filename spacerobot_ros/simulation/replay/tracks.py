@@ -16,7 +16,7 @@ from ...effects.motion import Motion
 from ...effects.robot_file import RobotFile
 from ...errors import ConfigurationError, SimulationDivergedError
 from ...model.robot import Robot
-from ...recording.faults.dynamics import COMPENSATED
+from ...model.robot_settings import COMPENSATED
 from ...recording.record import Record
 from ...types import Array
 from ..plant import Plant
