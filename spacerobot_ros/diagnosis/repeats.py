@@ -20,7 +20,7 @@ from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
 from ..estimation.evidence import sum_of
-from ..estimation.leftover import JointRows, level_of
+from ..estimation.leftover import level_of
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
@@ -120,14 +120,12 @@ def _levels(every: ArmRows, reference: Sequence[Array], count: int) -> list[Arra
         every.balances[:count], every.candidates, every.tolerances, tuple(reference), count
     )
     out = []
-    for rows, scale in zip(runs.joints, np.tile(runs.scale, 2), strict=True):
+    for rows, scale in zip(runs.joints, np.tile(runs.scale, 2).tolist(), strict=True):
         bare = replace(rows, columns=np.zeros((len(rows.torque), 0)))
-        out.append(_level(bare, float(scale)) if len(rows.torque) else np.full(6, np.nan))
+        drift = np.full(2, _DRIFT * scale)
+        level = level_of(bare, np.zeros(0), scale, drift) if len(rows.torque) else [np.nan] * 6
+        out.append(np.array(level))
     return out
-
-
-def _level(rows: JointRows, scale: float) -> Array:
-    return level_of(rows, np.zeros(0), scale, np.full(2, _DRIFT * scale))
 
 
 def _rates(record: Record) -> Array:

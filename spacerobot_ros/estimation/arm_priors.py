@@ -10,7 +10,7 @@ are those of measured arms, tried on simulated ones with a coloured leftover
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -215,8 +215,3 @@ def torque_tolerance(robot: Robot) -> Array:
     is_sensor = [kinds.get(joint) == 'link' for joint in robot.joints]
     known = np.where(is_sensor, _SENSOR_TOLERANCE, _GAIN_TOLERANCE)
     return np.where(np.isin(robot.joints, robot.passive_joints), 0.0, known)
-
-
-def with_prior(candidate: Candidate, sizes: Array) -> Candidate:
-    """The candidate with other plausible sizes."""
-    return replace(candidate, sizes=sizes)

@@ -15,7 +15,7 @@ from ..model.robot import Robot
 from ..types import Array, BoolArray, IntArray
 from .anchor import HELD, scale_columns, unanchored
 from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings
-from .arm_priors import DRY, NOTHING, Machine, with_prior
+from .arm_priors import DRY, NOTHING, Machine
 from .balance import Balance
 from .columns import Candidate
 from .evidence import Gram
@@ -56,7 +56,7 @@ class ArmRows:
         for candidate in arm_candidates(kinds, balances):
             prior = machine.prior(candidate)
             if prior is not None:
-                found.append(with_prior(candidate, prior[0]))
+                found.append(replace(candidate, sizes=prior[0]))
                 tolerances.append(prior[1])
         return cls(tuple(balances), tuple(found), np.concatenate(tolerances))
 

@@ -98,7 +98,7 @@ class Innovations:
         self.m, self.n = process.m, process.n
         self.time_base, self.reference = measured.time_base, measured.reference
         self.kinematics = measured.kinematics
-        self.at_samples = measured.at_samples
+        self.at_samples, self.deviations = measured.at_samples, measured.deviations
         self._measured = measured
         self.motion = process.motion(self.kinematics, self.reference.effort(self.time_base.times))
         self._linear = self.process.linearize(self.motion)
@@ -114,11 +114,6 @@ class Innovations:
     def stds(self) -> Array:
         """(R,) standard deviation of every innovation."""
         return self._gains.std
-
-    @property
-    def rows(self) -> int:
-        """Number of scalar measurements."""
-        return len(self.time_base.rows.state)
 
     @cached_property
     def row_times(self) -> Array:
@@ -141,11 +136,6 @@ class Innovations:
         if record.attitude is not None:
             values['attitude'] = (record.attitude[0].inv() * record.attitude).as_rotvec()
         return self.time_base.rows.of({c: v[..., None] for c, v in values.items()})[:, 0]
-
-    @property
-    def deviations(self) -> Array:
-        """(R,) measured less reference."""
-        return self._measured.deviations
 
     @property
     def rate_by_impulse(self) -> Array:
@@ -174,7 +164,7 @@ class Innovations:
                 ),
                 [part for part in parts if len(part)],
             )
-        return np.concatenate([np.zeros((self.rows, 0)), *done], axis=1)
+        return np.concatenate([np.zeros((len(self.row_times), 0)), *done], axis=1)
 
     def force_correlation(self, weights: Array) -> Array:
         """(N, 6 + n) correlation of a generalised force at each time with weights of the rows.

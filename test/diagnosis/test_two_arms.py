@@ -32,8 +32,8 @@ def urdf(load=0.0):
 
 
 def record(load, seed):
-    """20 s of friction of 1 N m, a torque that nobody knows, and encoders of 1e-5 rad."""
-    rng, time = np.random.default_rng(seed), np.arange(0.0, 20.0, 0.01)
+    """12 s of friction of 1 N m, a torque that nobody knows, and encoders of 1e-5 rad."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 12.0, 0.01)
     w, size = rng.uniform(1.0, 2.5, 4), rng.uniform(0.4, 0.7, 4)
     phase = w * time[:, None] + rng.uniform(0.0, 6.0, 4)
     q, qd, qdd = size * np.sin(phase), size * w * np.cos(phase), -size * w**2 * np.sin(phase)
