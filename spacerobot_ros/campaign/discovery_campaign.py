@@ -1,7 +1,7 @@
 """Campaign of laws that no catalogue knows: hidden in arms, asked for, held against the truth.
 
 Every law of `hidden_laws`, inside and outside the grammar, at three times and once the noise, in
-noise of all colours; and as many machines without any.
+noise of all colours, some of them on free bases; and as many machines without any.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ from ..diagnosis.diagnose import diagnose
 from ..effects.effect import Effect
 from ..estimation.balance import balance_of
 from ..estimation.observations import observed
+from ..recording.record import Record as Recording
 from ..types import Array
 from .description import Record, key
+from .discovery_tables import FLIGHT
 from .discovery_tables import judge as judge
 from .discovery_tables import results as results
 from .discovery_tables import tables as tables
-from .hidden_laws import COLOURS, INSIDE, LAWS, LawArm
+from .hidden_laws import COLOURS, INSIDE, LAWS, LawArm, variables_of
+from .law_flights import FLOWN, LawFlight
 from .real_arm import JOINTS, arm_file
 
 _RATIOS = (3.0, 1.0)
@@ -31,7 +34,7 @@ _CLEAN = 4  # machines without a law, for every one with
 
 
 def trials(runs: int, is_quick: bool) -> list[str]:
-    """Every law in turn, with as many machines without one in all colours."""
+    """Every law in turn, with as many machines without one in all colours; then free bases."""
     out = []
     for seed in range(runs):
         for n, law in enumerate(LAWS):
@@ -41,21 +44,21 @@ def trials(runs: int, is_quick: bool) -> list[str]:
         if not is_quick:
             clean = range(_CLEAN * len(LAWS) * seed, _CLEAN * len(LAWS) * (seed + 1))
             out += [key('clean', 10_000 + s, '', 0.0, COLOURS[s % len(COLOURS)]) for s in clean]
+        for n, law in enumerate(FLOWN):
+            own = len(FLOWN) * seed + n
+            out.append(key('law', own, law, _RATIOS[0], FLIGHT))
+            out.append(key('clean', 10_000 + own, '', 0.0, FLIGHT))
     return out
 
 
 def run(key: str) -> Record:
     """Hide a law, ask, and compare what was learned along another motion."""
     kind, seed, law, ratio, colour = json.loads(key)
-    rng = np.random.default_rng([seed, 7])
-    moving = sorted(rng.choice(len(JOINTS), _MOVING, replace=False).tolist())
-    j, k = rng.choice(moving, 2, replace=False).tolist()
-    file, names = arm_file(), [JOINTS[i] for i in moving]
-    arm = LawArm(seed, colour=colour, law=law, place=(j, k))
-    if law:
-        arm = arm.sized(ratio, names, _DURATION)
+    is_flown = colour == FLIGHT
+    machine = LawFlight(seed, law, ratio) if is_flown else HeldArm(seed, law, ratio, colour)
+    record = machine.record()
     started = time.perf_counter()
-    answer = diagnose(arm.record(0, names, _DURATION), file.robot, file.effects)
+    answer = diagnose(record, machine.file.robot, machine.file.effects)
     wall = time.perf_counter() - started
     learned = [e.applied for e in answer.leftover or () if e.applied is not None]
     added = [*(c.applied for c in answer.causes), *answer.calibration, *learned]
@@ -75,38 +78,51 @@ def run(key: str) -> Record:
         'law': law,
         'ratio': ratio,
         'colour': colour,
-        'where': JOINTS[j] if law else None,
-        'variables': _variables(law, JOINTS[j], JOINTS[k]) if law else [],
+        'where': machine.where if law else None,
+        'variables': machine.variables if law else [],
         'said': said,
         'named': [[c.applied.id, c.applied.where] for c in answer.causes],
-        'r2': _transferred(arm, j, names, added) if law else None,
+        'r2': machine.transferred(added) if law else None,
         'wall_s': wall,
     }
 
 
-def _variables(law: str, own: str, other: str) -> list[str]:
-    names = {
-        'v': f'rate/{own}',
-        'w': f'rate/{other}',
-        'q': f'angle/{own}',
-        'p': f'angle/{other}',
-        'T': f'load/{own}',
-        't': 'time',
-    }
-    return [names[letter] for letter in LAWS[law][1]]
+class HeldArm:
+    """An arm on the ground with a law, some of whose joints move.
 
+    Args:
+        seed: Of all. law: Empty: none. ratio: Rms of the law by that of the noise.
+        colour: Of the noise.
+    """
 
-def _transferred(arm: LawArm, j: int, moving: Sequence[str], added: Sequence[Effect]) -> float:
-    """Share of the law's variance on another motion that what was added explains there."""
-    file = arm_file()
-    balance = balance_of(
-        observed(arm.record(1, moving, _DURATION), file.robot), file.robot, file.effects
-    )
-    motion = balance.motion
-    true = arm.hidden_torque(motion.q, motion.qd, motion.effort)
-    own: Array = np.zeros(len(true))
-    for effect in added:
-        if effect.where == JOINTS[j]:
-            own = own + effect.force(motion, effect.driven(motion))[:, 6 + j]
-    at = balance.arm.is_moving[:, j]
-    return 1.0 - float(np.var(true[at] - own[at]) / np.var(true[at]))
+    def __init__(self, seed: int, law: str, ratio: float, colour: str) -> None:
+        rng = np.random.default_rng([seed, 7])
+        moving = sorted(rng.choice(len(JOINTS), _MOVING, replace=False).tolist())
+        self._j, self._k = rng.choice(moving, 2, replace=False).tolist()
+        self.file, self._names = arm_file(), [JOINTS[i] for i in moving]
+        self._arm = LawArm(seed, colour=colour, law=law, place=(self._j, self._k))
+        if law:
+            self._arm = self._arm.sized(ratio, self._names, _DURATION)
+        self.where = JOINTS[self._j]
+
+    def record(self) -> Recording:
+        """With the law."""
+        return self._arm.record(0, self._names, _DURATION)
+
+    @property
+    def variables(self) -> list[str]:
+        """That a right answer names."""
+        return variables_of(self._arm.law, self.where, JOINTS[self._k])
+
+    def transferred(self, added: Sequence[Effect]) -> float:
+        """Share of the law's variance on another motion that what was added explains there."""
+        record = observed(self._arm.record(1, self._names, _DURATION), self.file.robot)
+        balance = balance_of(record, self.file.robot, self.file.effects)
+        motion, j = balance.motion, self._j
+        true = self._arm.hidden_torque(motion.q, motion.qd, motion.effort)
+        own: Array = np.zeros(len(true))
+        for effect in added:
+            if effect.where == JOINTS[j]:
+                own = own + effect.force(motion, effect.driven(motion))[:, 6 + j]
+        at = balance.arm.is_moving[:, j]
+        return 1.0 - float(np.var(true[at] - own[at]) / np.var(true[at]))

@@ -13,6 +13,9 @@ from .description import Check, Record, Results, grouped
 from .hidden_laws import INSIDE
 from .shares import share_of
 
+FLIGHT = 'in flight'
+"""In place of the noise's colour: free bases, their sensors' noise white."""
+
 # figures to reach
 _RIGHT = {3.0: (0.95, 1.0), 1.0: (0.7, 1.0)}
 _OUTSIDE = (0.7, 1.0)
@@ -27,18 +30,22 @@ def results(records: Sequence[Record]) -> Results:
     """As `discovery`: shares by ratio, law and colour, and of machines without a law."""
     hidden = [r for r in records if r['kind'] == 'law']
     clean = [r for r in records if r['kind'] == 'clean']
-    inside = [r for r in hidden if r['law'] in INSIDE]
-    outside = [r for r in hidden if r['law'] not in INSIDE]
+    flown = [r for r in hidden if r['colour'] == FLIGHT]
+    held = [r for r in hidden if r['colour'] != FLIGHT]
+    inside = [r for r in held if r['law'] in INSIDE]
+    outside = [r for r in held if r['law'] not in INSIDE]
     groups = {
         **{f'inside, ratio {ratio:g}': own for ratio, own in grouped(inside, _RATIO).items()},
         **({'outside, ratio 3': outside} if outside else {}),
+        **({'free bases, ratio 3': flown} if flown else {}),
     }
     return {
         'discovery': {
             'groups': [{'group': name, **_score(own)} for name, own in groups.items()],
             'laws': [
-                {'law': law, 'ratio': ratio, **_score(own)}
-                for (law, ratio), own in grouped(hidden, itemgetter('law', 'ratio')).items()
+                {'law': law + where, 'ratio': ratio, **_score(own)}
+                for where, some in (('', held), (f', {FLIGHT}', flown))
+                for (law, ratio), own in grouped(some, itemgetter('law', 'ratio')).items()
             ],
             'false': share_of(any(s['form'] is not None for s in r['said']) for r in clean),
             'timed': share_of(any(s['depends_on'] == ['time'] for s in r['said']) for r in clean),

@@ -85,7 +85,15 @@ OUTSIDE: Mapping[str, tuple[Law, str]] = {
 """Laws that the grammar has not."""
 
 LAWS = {**INSIDE, **OUTSIDE}
+_NAMES = {'v': 'rate', 'w': 'rate', 'q': 'angle', 'p': 'angle', 'T': 'load'}
 COLOURS = ('white', 'slow', 'pink', 'line', 'speed')
+
+
+def variables_of(law: str, own: str, other: str) -> list[str]:
+    """Inputs of a law by their names."""
+    return [
+        'time' if a == 't' else f'{_NAMES[a]}/{other if a in "wp" else own}' for a in LAWS[law][1]
+    ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign import law_flights
 from spacerobot_ros.campaign.discovery_campaign import trials
-from spacerobot_ros.campaign.discovery_tables import judge, results, tables
+from spacerobot_ros.campaign.discovery_tables import FLIGHT, judge, results, tables
 from spacerobot_ros.campaign.hidden_laws import COLOURS, LAWS, NOISE, LawArm
+from spacerobot_ros.campaign.law_flights import FIELD, FLOWN, LawFlight
 from spacerobot_ros.campaign.real_arm import COULOMB
 
 MOVING = ('joint_1', 'joint_2')
@@ -39,8 +41,9 @@ def record(*claims, law='drag', ratio=3.0, named=(), r2=0.99):
 def test_trials_are_distinct_and_cover_all_laws_and_colours():
     keys = [json.loads(key) for key in trials(2, is_quick=False)]
     assert len({json.dumps(key) for key in keys}) == len(keys)
-    assert {key[2] for key in keys if key[0] == 'law'} == set(LAWS)
-    assert {key[4] for key in keys if key[0] == 'clean'} == set(COLOURS)
+    assert {key[2] for key in keys if key[0] == 'law'} == {*LAWS, FIELD}
+    assert {key[4] for key in keys if key[0] == 'clean'} == {*COLOURS, FLIGHT}
+    assert {key[2] for key in keys if key[4] == FLIGHT} == {*FLOWN, ''}
 
 
 @pytest.mark.parametrize('law', ['drag', 'sum of rates', 'Dahl'])
@@ -53,6 +56,23 @@ def test_a_law_has_the_size_that_was_asked_for(law):
     rms = np.sqrt(np.mean(hidden**2))
     assert rms == pytest.approx(3.0 * NOISE * COULOMB[0], rel=0.05)  # filtered before it is logged
     np.testing.assert_allclose(with_it[:, 1:], without[:, 1:], rtol=0, atol=1e-12)
+
+
+def test_a_flown_law_has_its_size_and_transfers_to_itself(monkeypatch):
+    monkeypatch.setattr(law_flights, '_DURATION', 3.0)
+    flight = LawFlight(2, 'drag', 3.0)
+    robot = flight.file.robot
+    motion, hidden = flight._motion(2), flight._hidden
+    j = robot.joints.index(flight.where)
+    torque = hidden.force(motion, hidden.driven(motion))[:, 6 + j]
+    # a table of straight lines, and the rate as a spline has it
+    drag = -motion.qd[:, j] * np.abs(motion.qd[:, j])
+    assert np.corrcoef(torque, drag)[0, 1] > 0.9999
+    noise = robot.sensors.std('joint_effort') * np.sqrt(8.0 / 100.0)
+    assert np.std(torque) == pytest.approx(3.0 * noise, rel=0.02)
+    assert flight.variables == [f'rate/{flight.where}']
+    assert flight.transferred(()) == pytest.approx(0.0, abs=1e-12)
+    assert flight.transferred([hidden]) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_scores_are_of_variables():

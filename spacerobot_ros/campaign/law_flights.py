@@ -1,0 +1,112 @@
+"""Free bases with a torque that no catalogue knows: at a joint, or on the base by its attitude.
+
+Laws are those of `hidden_laws` that one or two angles or rates tell, tables in the plant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..effects.catalogue import bind_effect
+from ..effects.effect import Effect
+from ..effects.motion import Motion
+from ..estimation.noise_levels import noise_levels
+from ..estimation.observations import observed
+from ..estimation.runs import Run
+from ..recording.record import Record
+from ..types import Array
+from .diagnosis_scenario import ROBOTS, robot_file, simulated
+from .hidden_laws import LAWS, variables_of
+
+FIELD = 'field'
+FLOWN = ('drag', 'square root', 'cubic spring', 'sum of rates', 'two angles', FIELD)
+"""Laws in flight; a field's torque about an axis of the base is b^T R_WB e."""
+_DURATION = 20.0  # s
+_BAND = 8.0  # numbers a second of what is slower than 4 Hz
+_KNOTS = {1: 801, 2: 161}  # of a table by its inputs, over twice the range of the motion
+_BOUNDS = {'limit': 1e6, 'kind': 'external'}
+
+
+class LawFlight:
+    """One robot, one law.
+
+    Args:
+        seed: Of robot, place and noise.
+        law: One of `FLOWN`; empty: none.
+        ratio: Rms of the law by that of a joint's torque noise in the band.
+    """
+
+    def __init__(self, seed: int, law: str, ratio: float) -> None:
+        rng = np.random.default_rng([seed, 7])
+        self._name, self._seed = str(rng.choice(ROBOTS)), seed
+        self._law, self._ratio = law, ratio
+        self.file = robot_file(self._name)
+        self._robot = self.file.robot
+        self._j, self._k = rng.choice(len(self._robot.arm), 2, replace=False).tolist()
+        self._way = rng.standard_normal(3)
+        self.where = 'x' if law == FIELD else self._robot.arm[self._j]
+
+    @property
+    def variables(self) -> list[str]:
+        """That a right answer names."""
+        own, other = (self._robot.arm[i] for i in (self._j, self._k))
+        return ['attitude'] if self._law == FIELD else variables_of(self._law, own, other)
+
+    def record(self) -> Record:
+        """With the law."""
+        hidden = [self._hidden] if self._law else []
+        return simulated(self._name, 'fast', self._seed, hidden, _DURATION)
+
+    @cached_property
+    def _hidden(self) -> Effect:
+        quiet = self._motion(self._seed)
+        noise = float(self._robot.sensors.std('joint_effort') or 0.0)
+        size = self._ratio * noise * np.sqrt(_BAND * float(np.median(np.diff(quiet.time))))
+        place, inputs, law = self.where, self.variables, self._table
+        if self._law == FIELD:
+            place, inputs = f'{self._robot.base_link}/x', [f'attitude/{i}x' for i in 'xyz']
+            law = self._by_attitude
+        values = {'inputs': inputs, 'range': {name: [-1e3, 1e3] for name in inputs}, **_BOUNDS}
+        values |= law(quiet, size)
+        return bind_effect('hidden', 'learned_torque', place, values, self._robot)
+
+    def _by_attitude(self, quiet: Motion, size: float) -> dict[str, Any]:
+        seen = quiet.rotation[:, :, 0] @ self._way
+        way = size / float(np.std(seen)) * self._way
+        return {'form': 'sum of 3', 'coefficients': way.tolist()}
+
+    def _table(self, quiet: Motion, size: float) -> dict[str, Any]:
+        j, k = self._j, self._k
+        series = {'v': quiet.qd[:, j], 'w': quiet.qd[:, k], 'q': quiet.q[:, j], 'p': quiet.q[:, k]}
+        own = [series[letter] for letter in LAWS[self._law][1]]
+        reach = np.linspace(-1.0, 1.0, _KNOTS[len(own)])
+        knots = [0.5 * (np.max(x) + np.min(x)) + np.ptp(x) * reach for x in own]
+        grid = [x.ravel() for x in np.meshgrid(*knots, indexing='ij')]
+        values = size / float(np.std(self._torque(own))) * self._torque(grid)
+        by_name = {name: x.tolist() for name, x in zip('xy', knots, strict=False)}
+        return {'form': 'table', 'knots': by_name, 'values': values.tolist()}
+
+    def _torque(self, inputs: Sequence[Array]) -> Array:
+        """(N,) of any size, against the motion where it is friction."""
+        law, letters = LAWS[self._law]
+        of = dict(zip(letters, inputs, strict=True))
+        none = np.zeros(len(inputs[0]))
+        q, v = (np.column_stack([of.get(a, none), of.get(b, none)]) for a, b in ('qp', 'vw'))
+        return -law(q, v, np.zeros_like(q), none, 0, 1)
+
+    def _motion(self, seed: int) -> Motion:
+        """Of a flight without the law."""
+        record = observed(simulated(self._name, 'fast', seed, (), _DURATION), self._robot)
+        noise, _ = noise_levels(self._robot.sensors, record)
+        return Run(record, self._robot, self.file.effects, noise).rows(()).motion
+
+    def transferred(self, added: Sequence[Effect]) -> float:
+        """Share of the law's variance along another motion that what was added explains there."""
+        motion, at = self._motion(self._seed + 1), 3 if self._law == FIELD else 6 + self._j
+        every = [e for e in added if e.where == self._hidden.where]
+        true, *own = (e.force(motion, e.driven(motion))[:, at] for e in (self._hidden, *every))
+        return 1.0 - float(np.var(true - np.sum(own, axis=0)) / np.var(true))
