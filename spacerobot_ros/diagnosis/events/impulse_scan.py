@@ -213,7 +213,7 @@ class ImpulseScan:
         wanted = self._wanted(left)
         best, window = LISTED_STEP, None
         for duration in self.durations:
-            z = self._norms(wanted, taken, duration)
+            (z,) = self._norms([wanted], taken, duration)
             k = int(np.argmax(z))
             if z[k] > best:
                 best, window = float(z[k]), (float(self._grid[k]), float(np.log(duration)))
@@ -241,7 +241,7 @@ class ImpulseScan:
         draws -= self._basis @ (self._basis.T @ draws)
         wanted, taken = [self._wanted(x) for x in (left, *draws.T)], self._taken()
         for duration in self.durations:
-            sizes = [self._norms(w, taken, duration) for w in wanted]
+            sizes = self._norms(wanted, taken, duration)
             if np.any(sizes[0]):
                 own, *white = (np.log(np.quantile(z[z > 0.0], _QUANTILE)) for z in sizes)
                 beyond = float(own - np.mean(white))
@@ -253,8 +253,8 @@ class ImpulseScan:
         length = found.end - found.start
         return self.colours[min(self.durations, key=lambda d: abs(np.log(d / length)))]
 
-    def _norms(self, wanted: Array, taken: Sequence[Array], duration: float) -> Array:
-        """(G,) z of bells centred on the times of the grid."""
+    def _norms(self, wanted: Sequence[Array], taken: Sequence[Array], duration: float) -> Array:
+        """(W, G) z of bells centred on the times of the grid, in W records."""
         step = self._grid[1] - self._grid[0]
         count = max(1, round(duration / step))
         bell = pulse_shape((np.arange(count) + 0.5) / count, EDGE)
@@ -263,7 +263,7 @@ class ImpulseScan:
         def smooth(binned: Array) -> Array:
             return np.column_stack([np.convolve(x, bell, 'same') for x in binned.T])
 
-        num = smooth(wanted)
+        num = np.stack([smooth(x) for x in wanted], axis=2)
         squares = self._squares[duration].reshape(_SAMPLES, 9)
         den = np.column_stack(
             [np.interp(self._grid, self._sampled + 0.5 * duration, x) for x in squares.T]
@@ -276,12 +276,11 @@ class ImpulseScan:
             > _SEEN * np.linalg.eigvalsh(den.reshape(-1, 3, 3))[:, 0]
         )
         left[~seen] = np.eye(3)
-        value = np.linalg.solve(left, num[:, :, None])[:, :, 0] * seen[:, None]
-        z = np.sqrt(np.maximum(np.sum(value * num, axis=1), 0.0))
-        z[(self._grid < self._time[0] + _SETTLED) | (self._grid > self._time[-1] - _END)] = 0.0
+        z = np.sqrt(np.maximum(np.sum(np.linalg.solve(left, num) * num, axis=1), 0.0)).T
+        unseen = (self._grid < self._time[0] + _SETTLED) | (self._grid > self._time[-1] - _END)
         for found in self.found:
-            z[(self._grid > found.start - TAIL) & (self._grid < found.end + TAIL)] = 0.0
-        return z
+            unseen |= (self._grid > found.start - TAIL) & (self._grid < found.end + TAIL)
+        return np.where(seen & ~unseen, z, 0.0)
 
     def _fitted(self, times: Array) -> Array:
         """What impulses and what lasts leave, fitted together; sets the impulses."""
