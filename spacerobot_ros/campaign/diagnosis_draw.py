@@ -16,7 +16,7 @@ import pinocchio as pin
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..errors import ConfigurationError
-from ..estimation.columns import is_possible
+from ..estimation.columns import is_physical
 from ..estimation.refit import Fit
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, size_of, value_of
 from ..model.robot import Robot
@@ -135,7 +135,7 @@ def _is_sound(applied: Effect, robot: Robot) -> bool:
         applied.check(robot)
     except ConfigurationError:
         return False
-    return is_possible(applied, robot)
+    return is_physical([applied], robot)
 
 
 def _direction(

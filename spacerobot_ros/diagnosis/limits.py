@@ -47,6 +47,10 @@ OBVIOUS = 0.1
 """Share of the largest cause's evidence from which another one is taken together with it, before
 either is fitted: twice what columns of effects at ten times their limit are wrong by."""
 
+OWN_SHARE = 0.5
+"""Of a cause's evidence that has to be left beside another one for both to be taken together: what
+two bodies in a row tell alike belongs to one of them, and only fits say to which."""
+
 MOST = 0.5
 """Most of a misfit: what one effect with states of its own must take of what the causes of a
 balance of torques leave, for a search to the noise of the sensors to be tried, whose own test of

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..effects.effect import Effect
-from ..estimation.columns import Candidate, is_possible
+from ..estimation.columns import Candidate, is_physical
 from ..estimation.evidence import Fold, Gram, Score, cross_validated, folds, score, sum_of
 from ..model.robot import Robot
 from ..types import Array, IntArray
+from .limits import OWN_SHARE
 
 _HALVINGS = 12
 
@@ -32,7 +33,7 @@ class Judged:
         """Its estimated values, drawn towards no effect until a physical robot has them."""
         for k in range(_HALVINGS):
             values = self.candidate.values(0.5**k * self.score.estimate)
-            if is_possible(applied := self.candidate.applied(values), robot):
+            if is_physical([applied := self.candidate.applied(values)], robot):
                 return applied
         return self.candidate.applied(self.candidate.directions[0])
 
@@ -70,16 +71,20 @@ class Pool:
     def together(self, least: float) -> list[Judged]:
         """Candidates that add to each other, each the best beside those before it.
 
+        One that loses most of its evidence beside another is its rival, not its companion.
+
         Args:
             least: Evidence below which none is taken.
         """
-        pool, found = self, list[Judged]()
-        while pool.candidates:
-            best = max(pool.judge(), key=lambda j: j.score.evidence)
-            if best.score.evidence <= least or not best.score.held_out > 0.0:
+        pool, found, judged = self, list[Judged](), self.judge()
+        enough = {j.candidate: max(least, OWN_SHARE * j.score.evidence) for j in judged}
+        while companions := [j for j in judged if j.score.evidence > enough[j.candidate]]:
+            best = max(companions, key=lambda j: j.score.evidence)
+            if not best.score.held_out > 0.0:
                 break
             found.append(best)
             pool = pool.beside(best.candidate)
+            judged = pool.judge()
         return found
 
     def beside(self, chosen: Candidate) -> Pool:

@@ -120,7 +120,12 @@ class Search:
         while not self._is_ended(choices) and (wanted := wanted_of(ranking)):
             self.report(f'fitting {wanted[0].candidate.kind.title}', 0.2 + 0.1 * len(choices))
             before = len(choices)
-            fit, choices = self._more(fit, choices, wanted)
+            ahead, chosen = self._more(fit, choices, wanted)
+            if not ahead.evidence > fit.evidence:  # what columns promise does not hold
+                tried = {choice.key for choice in chosen[before:]}
+                ranking = [j for j in ranking if j.candidate.key not in tried]
+                continue
+            fit, choices = ahead, chosen
             asks = not before or (fit.rows.whiteness()[0] or 0.0) < SUSPICIOUS
             if asks and (timing := better_timing(fit, self._tried)):
                 self._tried.add(timing)
@@ -207,7 +212,7 @@ class Search:
         if len(obvious) > 1:
             guesses = [j.guess(fit.rows.robot) for j in obvious]
             together = refine(self.run, [*fit.causes, *guesses])
-            if math.isfinite(together.evidence):
+            if together.evidence > fit.evidence:
                 added = [Choice(j.candidate.key, j.score, ()) for j in obvious]
                 return together, [*choices, *added]
         fit, choice = self._choose(fit, wanted)
@@ -269,10 +274,26 @@ class Search:
 
 
 def _ranked(judged: Iterable[Judged]) -> list[Judged]:
-    """Best evidence first; of each effect at each place only its best variant."""
-    order = sorted(judged, key=lambda j: -j.score.evidence)
-    best = {j.candidate.key: j for j in reversed(order)}
-    return sorted(best.values(), key=lambda j: -j.score.evidence)
+    """Best evidence first; of each effect at each place only one variant."""
+    variants: dict[tuple[str, str | None], list[Judged]] = {}
+    for j in sorted(judged, key=lambda j: -j.score.evidence):
+        variants.setdefault(j.candidate.key, []).append(j)
+    return sorted(
+        (_first_guess(own) for own in variants.values()), key=lambda j: -j.score.evidence
+    )
+
+
+def _first_guess(variants: Sequence[Judged]) -> Judged:
+    """The best; of frequencies that columns do not tell apart, that of the smallest effect.
+
+    A stiff spring does what a softer one of a lesser body does, as long as its body is small: for
+    others columns do not hold.
+    """
+    best = variants[0]
+    if not best.candidate.kind.hidden:
+        return best
+    alike = [j for j in variants if j.score.evidence > best.score.evidence - EQUIVALENT]
+    return min(alike, key=lambda j: float(np.linalg.norm(j.score.estimate / j.candidate.sizes)))
 
 
 def wanted_of(ranking: Sequence[Judged]) -> list[Judged]:

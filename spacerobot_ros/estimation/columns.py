@@ -14,6 +14,7 @@ from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
+from .constrained import pseudo_inertia
 from .response import Response
 from .rows import MotionModel, Rows
 from .sampled_motion import misreading
@@ -166,12 +167,21 @@ def candidate_at(
 
 
 def is_possible(applied: Effect | Sequence[Effect], robot: Robot) -> bool:
-    """Whether effects leave a physical robot: a light link has no moment to lose."""
+    """Whether a robot with effects can move: a light link has no moment to lose."""
     try:
         changed_robot(robot, [applied] if isinstance(applied, Effect) else applied)
     except ConfigurationError:
         return False
     return True
+
+
+def is_physical(effects: Sequence[Effect], robot: Robot) -> bool:
+    """Whether every body of the robot is still one beside effects, made of positive masses."""
+    if not is_possible(effects, robot):
+        return False
+    rows = robot.inertial_parameters, changed_robot(robot, effects).inertial_parameters
+    was, remains = (np.linalg.eigvalsh(pseudo_inertia(row))[:, 0] > 0.0 for row in rows)
+    return bool(np.all(remains | ~was))
 
 
 def _candidate(

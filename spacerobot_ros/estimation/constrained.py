@@ -43,7 +43,7 @@ class PhysicalBody:
 
     def inverse(self, x: Array) -> Array | None:
         """(4, 4) inverse of the pseudo-inertia; None where this is no body."""
-        j = np.tensordot(self.file, _BASIS, 1) + np.tensordot(x[self.columns], self.basis, 1)
+        j = pseudo_inertia(self.file) + np.tensordot(x[self.columns], self.basis, 1)
         try:
             np.linalg.cholesky(j)
             return np.asarray(np.linalg.inv(j))
@@ -65,6 +65,11 @@ def _basis() -> Array:
 
 
 _BASIS = _basis()
+
+
+def pseudo_inertia(parameters: Array) -> Array:
+    """(..., 4, 4) of inertial parameters (..., 10); positive definite where they are a body's."""
+    return np.tensordot(parameters, _BASIS, 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

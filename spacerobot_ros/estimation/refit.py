@@ -15,7 +15,7 @@ from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..types import Array, IntArray
-from .columns import STEPS, Signatures, is_possible
+from .columns import STEPS, Signatures, is_physical, is_possible
 from .constrained import ConstrainedProblem, PhysicalBody
 from .evidence import price
 from .rows import blocks
@@ -196,7 +196,7 @@ class Fit:
         if float(change @ information @ change) < _SETTLED**2:
             return None
         moved, is_inside = self.moved(change), self._is_inside(change)
-        if is_inside and is_possible([*self.run.believed, *moved], self.run.robot):
+        if is_inside and is_physical([*self.run.believed, *moved], self.run.robot):
             return moved
         return self.moved(self._constrained(information, slope))
 
@@ -303,7 +303,7 @@ def _possible(run: Run, causes: Sequence[Effect]) -> Sequence[Effect]:
     One may have taken what another had given: without that other it is too much.
     """
     for _ in range(_DRAWS):
-        if is_possible([*run.believed, *causes], run.robot):
+        if is_physical([*run.believed, *causes], run.robot):
             break
         causes = [replace(c, values={**c.values, **_halved(c)}) for c in causes]
     return causes
