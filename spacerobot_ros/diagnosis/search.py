@@ -180,7 +180,7 @@ class Search:
         judged: list[Judged] = []
         for start in range(0, len(pool), _BATCH):
             judged += self._pool(fit, pool[start : start + _BATCH]).judge()
-        return _ranked(judged)
+        return ranked(judged)
 
     def _candidates(self, fit: Fit) -> list[Candidate]:
         """What may be a cause beside a fit's.
@@ -273,7 +273,7 @@ class Search:
         return fit, choices
 
 
-def _ranked(judged: Iterable[Judged]) -> list[Judged]:
+def ranked(judged: Iterable[Judged]) -> list[Judged]:
     """Best evidence first; of each effect at each place only one variant."""
     variants: dict[tuple[str, str | None], list[Judged]] = {}
     for j in sorted(judged, key=lambda j: -j.score.evidence):

@@ -7,7 +7,7 @@ import pytest
 
 from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.estimation.columns import is_possible
+from spacerobot_ros.estimation.columns import is_physical, is_possible
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import refine
@@ -70,3 +70,16 @@ def test_a_body_is_not_named_elsewhere_for_quieter_accelerations():
         refine(run, [applied('inertial_parameters', where)]) for where in ('right_2', 'right_3')
     )
     assert right.evidence > wrong.evidence + 100.0  # the misfits alone differ by 400
+
+
+def test_what_no_masses_make_is_no_body():
+    """Its moments are positive and one is more than the other two: the triangle inequality."""
+    robot = robot_file('servicer').robot
+    stretched = applied('inertial_parameters', 'link_2', ixx=1e3)
+    assert is_possible(stretched, robot)
+    assert not is_physical([stretched], robot)
+    record = observed(simulated('servicer', 'default', 1, (), 4.0), robot)
+    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
+    fit = refine(run, [stretched])
+    assert is_physical(fit.causes, robot)
+    assert abs(fit.misfit) < 5.0 * np.sqrt(2.0 * len(fit.data))
