@@ -21,13 +21,14 @@ from scipy.spatial.transform import Rotation
 
 from ..estimation.reference import NoiseLevels, integrated_rotation
 from ..recording.record import Record
-from ..types import Array
+from ..types import Array, IntArray
 
 FURTHEST = 6.0
 """Standard deviations from which on a sample is left out. One in a hundred just below it raises
 the variance by 0.01 x 36, standard deviations by 17 %; noise alone goes beyond once in 5e8."""
 
-_STENCILS = ((-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6), (-3, -2, -1), (1, 2, 3))
+_NEIGHBOURS = ((-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6), (-3, -2, -1), (1, 2, 3))
+_STENCILS = tuple(np.array(offsets) for offsets in _NEIGHBOURS)
 _STRETCHED = 2.0  # usual intervals between neighbours, beyond which they predict nothing
 _HALF_WINDOW = 25  # samples; a burst of as many is found
 _HUGE = 1e150  # whose sums and ratios are finite
@@ -129,8 +130,7 @@ def _outlying_rates(time: Array, values: Array, std: float) -> np.ndarray:
 
 def _off_neighbours(time: Array, values: Array, good: Array) -> tuple[Array, Array]:
     """(N, m) errors as of one sample, and by how much predictions differ, likewise."""
-    usual = float(np.median(np.diff(time)))
-    errors, spreads = zip(*(_errors(time, values, good, s, usual) for s in _STENCILS), strict=True)
+    errors, spreads = zip(*(_errors(time, values, good, s) for s in _STENCILS), strict=True)
     error, spread = np.stack(errors), np.stack(spreads)[..., None]
     known = np.isfinite(error).any(axis=0)
     error[:, ~known] = 0.0  # alone on either side of a gap
@@ -141,23 +141,21 @@ def _off_neighbours(time: Array, values: Array, good: Array) -> tuple[Array, Arr
     )
 
 
-def _errors(
-    time: Array, values: Array, good: Array, stencil: tuple[int, ...], usual: float
-) -> tuple[Array, Array]:
+def _errors(time: Array, values: Array, good: Array, stencil: IntArray) -> tuple[Array, Array]:
     """Of a polynomial through good neighbours: (N, m) error, NaN where none, (N,) spread."""
-    offsets, out = np.array(stencil), np.full(values.shape, np.nan)
-    spread = np.ones(len(time))
-    low, high = max(0, -offsets.min()), len(time) - max(0, offsets.max())
+    usual, spread = float(np.median(np.diff(time))), np.ones(len(time))
+    out = np.full(values.shape, np.nan)
+    low, high = max(0, -stencil.min()), len(time) - max(0, stencil.max())
     at = np.arange(low, high)
-    nodes = time[at[:, None] + offsets] - time[at, None]
-    near = np.all(np.abs(nodes) <= _STRETCHED * usual * np.abs(offsets), axis=1)
+    nodes = time[at[:, None] + stencil] - time[at, None]
+    near = np.all(np.abs(nodes) <= _STRETCHED * usual * np.abs(stencil), axis=1)
     at, nodes = at[near], nodes[near]
     weights = np.ones_like(nodes)
-    for i in range(len(offsets)):  # Lagrange's polynomials at zero
-        for j in range(len(offsets)):
+    for i in range(len(stencil)):  # Lagrange's polynomials at zero
+        for j in range(len(stencil)):
             if i != j:
                 weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
-    predicted = np.einsum('ns,nsm->nm', weights, good[at[:, None] + offsets])
+    predicted = np.einsum('ns,nsm->nm', weights, good[at[:, None] + stencil])
     spread[at] = np.sqrt(1.0 + np.sum(weights**2, axis=1))
     out[at] = values[at] - predicted
     return out, spread

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
@@ -40,6 +40,11 @@ TOPICS: dict[str, tuple[str, Any]] = {
     'joints': ('/joint_states', JointState),
 }
 """Topic and message type of every sensor."""
+
+
+def outliers(left_out: Mapping[str, int]) -> dict[str, object]:
+    """Samples of each sensor that were left out, as figures of a status."""
+    return {f'{TOPICS[sensor][0]} outliers [messages]': n for sensor, n in left_out.items()}
 
 
 class RobotNode(LifecycleNode):
@@ -253,6 +258,11 @@ class SensorNode(RobotNode):
         self._jump = self.get_clock().create_jump_callback(
             moves, post_callback=lambda jump: self._on_clock(jump.delta.nanoseconds < 0)
         )
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the run."""
+        self.reset('cleaned up')
+        return super().on_cleanup(state)
 
     def reset(self, why: str) -> None:
         """Forget the run."""

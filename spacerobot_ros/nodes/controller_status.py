@@ -8,7 +8,7 @@ from ..control.adaptive.law_signals import Health
 from ..control.command import Command
 from ..control.loop import ControlLoop
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
-from .base import TOPICS
+from .base import outliers
 
 
 def input_status(loop: ControlLoop, joints_ns: int | None, age: float, reason: str) -> Status:
@@ -27,8 +27,7 @@ def input_status(loop: ControlLoop, joints_ns: int | None, age: float, reason: s
         values['gyro behind joint states [s]'] = (joints_ns - loop.rate_ns) * 1e-9
     if loop.attitude_ns is not None:
         values['attitude behind joint states [s]'] = (joints_ns - loop.attitude_ns) * 1e-9
-    for sensor, count in loop.screen.left_out.items():
-        values[f'{TOPICS[sensor][0]} outliers [messages]'] = count
+    values |= outliers(loop.screen.left_out)
     if reason:
         return Status('inputs', ERROR, reason, values)
     return Status('inputs', OK, 'fresh', values)

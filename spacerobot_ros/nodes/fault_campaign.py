@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -75,18 +76,12 @@ def _trials(runs: int, part: int) -> Iterator[str]:
 def run(key: str) -> Record:
     """One trial."""
     kind, what, *arguments = json.loads(key)
-    if kind == 'messages':
-        few = ', few' if arguments[1] == _FEW else ''
-        return {'what': what + few, **odd_messages(what, *arguments)}
-    if kind in ('kills', 'starved'):
-        return {'what': what, **broken_in_the_loop(kind, what, *arguments)}
-    if kind == 'floods':
-        return {'what': what, **flooded(what, *arguments)}
-    if kind == 'streams':
-        return {'what': what, **wrong_stream(what, *arguments)}
-    judge = damaged_bag if kind == 'bags' else malformed_file
-    first = arguments[0] * _FILES
-    return {'what': what, 'ends': dict(Counter(judge(what, first + k) for k in range(_FILES)))}
+    if kind in _ENDS:
+        first = arguments[0] * _FILES
+        ends = Counter(_ENDS[kind](what, first + k) for k in range(_FILES))
+        return {'what': what, 'ends': dict(ends)}
+    few = ', few' if kind == 'messages' and arguments[1] == _FEW else ''
+    return {'what': what + few, **_HARM[kind](what, *arguments)}
 
 
 def odd_messages(node: str, seed: int, count: int) -> Record:
@@ -119,6 +114,16 @@ def odd_messages(node: str, seed: int, count: int) -> Record:
             patient.node.flush()
             record |= compared(patient.node.estimate)
         return record
+
+
+_ENDS = {'bags': damaged_bag, 'files': malformed_file}
+_HARM: dict[str, Callable[..., Record]] = {
+    'messages': odd_messages,
+    'floods': flooded,
+    'streams': wrong_stream,
+    'kills': partial(broken_in_the_loop, 'kills'),
+    'starved': partial(broken_in_the_loop, 'starved'),
+}
 
 
 def results(records: Sequence[Record]) -> Results:

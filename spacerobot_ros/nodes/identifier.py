@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Vector3Stamped
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..effects.catalogue import believed_effects, changed_robot
@@ -31,7 +30,7 @@ from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import run_node
 from ..ros.scheduling import give_way
 from ..sensing.faults import SensorFaults
-from .base import TOPICS, SensorNode
+from .base import SensorNode, outliers
 from .beside import Beside
 
 DISORDER_NS = 50_000_000  # by which messages of one sensor overtake each other
@@ -72,11 +71,6 @@ class IdentifierNode(SensorNode):
             self.identifier.abandon()
             self._beside.end(STOP)
         super().destroy_node()
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything."""
-        self.reset('cleaned up')
-        return super().on_cleanup(state)
 
     def restart(self, why: str) -> None:
         """Forget all samples, and say so in an estimate that is not valid."""
@@ -250,8 +244,7 @@ class IdentifierNode(SensorNode):
         std = estimate.std[: len(estimate.aam)]
         for axis, (value, sigma) in enumerate(zip(estimate.aam, std, strict=True)):
             values[f'aam {axis} [N m s]'] = f'{value:.6g} +- {sigma:.2g}'
-        for sensor, count in self.identifier.left_out.items():
-            values[f'{TOPICS[sensor][0]} outliers [messages]'] = count
+        values |= outliers(self.identifier.left_out)
         if estimate.unexcited:
             values['not excited'] = '; '.join(estimate.unexcited)
         if estimate.valid:

@@ -60,7 +60,9 @@ def broken_in_the_loop(kind: str, what: str, seed: int, count: int) -> Record:
 def _kill(loop: Loop, node: str, took: dict[str, list[float]]) -> None:
     loop.kill(node)
     if node == 'controller' and not loop.is_lockstep:
-        took['zero'].append(_until_no_effort(loop))
+        commanded = loop.commanded
+        loop.until(lambda: np.all(np.abs(loop.efforts) < loop.noise))
+        took['zero'].append(loop.stamp - commanded)
     elif node == 'simulator':
         took['zero'].append(loop.until(lambda: not loop.command.any()))
     loop.estimate = None if node == 'identifier' else loop.estimate
@@ -68,10 +70,3 @@ def _kill(loop: Loop, node: str, took: dict[str, list[float]]) -> None:
     if node == 'identifier':
         loop.until(lambda: loop.estimate is not None and loop.estimate.valid)
         took['known'].append(loop.processor_time(node))
-
-
-def _until_no_effort(loop: Loop) -> float:
-    """Time of the plant [s] from the last command to the first joint states without an effort."""
-    commanded = loop.commanded
-    loop.until(lambda: np.all(np.abs(loop.efforts) < loop.noise))
-    return loop.stamp - commanded

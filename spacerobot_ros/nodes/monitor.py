@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
@@ -32,7 +31,7 @@ from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import run_node
 from ..ros.scheduling import give_way
-from .base import TOPICS, SensorNode
+from .base import TOPICS, SensorNode, outliers
 from .event_recorder import EventRecorder
 
 LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR, 'stale': STALE}
@@ -58,11 +57,6 @@ class MonitorNode(SensorNode):
         if self.recorder is not None:
             self.recorder.close()
         super().destroy_node()
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the flight."""
-        self.reset('cleaned up')
-        return super().on_cleanup(state)
 
     def restart(self, why: str) -> None:
         """Forget the flight."""
@@ -197,8 +191,7 @@ class MonitorNode(SensorNode):
             values['spoke first'] = state.first
         for axis, (h, std) in enumerate(zip(state.momentum, state.momentum_std, strict=True)):
             values[f'aam {axis} [N m s]'] = f'{h:.6g} +- {std:.2g}'
-        for sensor, count in self.monitor.left_out.items():
-            values[f'{TOPICS[sensor][0]} outliers [messages]'] = count
+        values |= outliers(self.monitor.left_out)
         if state.notes:
             values['notes'] = '; '.join(state.notes)
         return Status('model', LEVELS[state.level], state.reason, values)

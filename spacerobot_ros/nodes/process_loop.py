@@ -99,7 +99,6 @@ class Loop:
         self.efforts = np.zeros(len(self.limits))  # applied, as joint states say
         self.command = np.zeros(len(self.limits))
         self.estimate: Estimate | None = None
-        self.tracking: Tracking | None = None
         self.settled_since: float | None = None
         self._lasting = SETTLED
         self.stamp = self.commanded = 0.0  # s, newest of joint states and of commands
@@ -123,7 +122,6 @@ class Loop:
         """Start all, and wait until they are at work."""
         for node in PROCESSES:
             self.start(node)
-        self.until(lambda: self.tracking is not None and self.tracking.uses_estimate)
         self.settle(_ROUND)
 
     def run_beside(self, work: Callable[..., object], *arguments: Any) -> Any:
@@ -210,7 +208,6 @@ class Loop:
             self.count('commands beyond a limit')
 
     def _on_tracking(self, message: Tracking) -> None:
-        self.tracking = message
         if self.is_lockstep and message.state == 'damping':
             return  # a guess for the time in which a busy machine stands still: no plant has it
         follows = message.state == 'tracking' and message.uses_estimate
