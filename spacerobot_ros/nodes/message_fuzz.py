@@ -24,6 +24,10 @@ _NUMBERS = (
 )  # fmt: skip
 _WHOLE = (0, 1, -1, 2**31 - 1, -(2**31), 999_999_999, 1_000_000_000, 2**32 - 1)
 _CLOCKED = ('/imu/data', '/attitude', '/joint_states')
+_NOT_ON_A_WIRE = (
+    AssertionError, AttributeError, OverflowError, RuntimeError, SystemError, TypeError,
+    ValueError,
+)  # fmt: skip
 _TEXTS = ('', 'x', 'joint_1', 'base_link', 'inertial', '\x00', 'j' * 10_000)
 
 
@@ -34,7 +38,7 @@ def spoilt(message: Any, rng: np.random.Generator) -> Any:
         _spoil(out, rng)
     try:  # what can not go over a wire, nobody gets
         return deserialize_message(serialize_message(out), type(out))
-    except (AssertionError, RuntimeError, SystemError, TypeError, ValueError, OverflowError):
+    except _NOT_ON_A_WIRE:
         return spoilt(message, rng)
 
 
