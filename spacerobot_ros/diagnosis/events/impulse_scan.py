@@ -91,6 +91,7 @@ class ImpulseScan:
         self.colours = dict.fromkeys(self.durations, 1.0)
         self.found: list[Impulse] = []
         self._data, self._lasting = fit.data, fit.tangents
+        self._known: dict[bytes, Array] = {}  # `_wanted` of the columns of the last fit
         left = self._search()
         self._colour(left)
         if any(i.z / self.colour(i) < LISTED_STEP for i in self.found):
@@ -230,7 +231,13 @@ class ImpulseScan:
 
     def _taken(self) -> list[Array]:
         """The same of an orthonormal basis of all columns, whose share no template keeps."""
-        return [self._wanted(column) for column in self._basis.T]
+        columns = {column.tobytes(): column for column in self._columns.T}
+        self._known = {
+            key: self._known[key] if key in self._known else self._wanted(column)
+            for key, column in columns.items()
+        }
+        wanted = [self._known[column.tobytes()] for column in self._columns.T]
+        return list(np.tensordot(self._ways.T, np.reshape(wanted, (-1, len(self._grid), 3)), 1))
 
     def _colour(self, left: Array) -> None:
         """Set by how much z scatters more than in white noise, where nothing was found.
@@ -290,6 +297,7 @@ class ImpulseScan:
         squares, ways = np.linalg.eigh((columns * scale).T @ (columns * scale))
         is_seen = squares > squares[-1:] * len(squares) * np.finfo(float).eps
         ways = scale[:, None] * ways[:, is_seen] / np.sqrt(squares[is_seen])
+        self._columns, self._ways = columns, ways
         self._basis, inverse = columns @ ways, ways @ ways.T
         values = inverse @ (columns.T @ self._data)
         self.found = []
