@@ -217,7 +217,7 @@ class Innovations:
         size = 2 * m + 2 * n
         f = np.zeros((len(self.durations), size, size))
         f[:, : 2 * m, : 2 * m] = self._steps.transitions
-        by_effort = _between(self._linear.by_force, 0.5)[:, :, 6:]
+        by_effort = _between(self._linear.by_effort, 0.5)
         start, growth = (x[:, None, None] for x in self._late_shares())
         f[:, : 2 * m, late] = -self._steps.driven(start * by_effort, growth * by_effort)
         f[:, : 2 * m, early] = -f[:, : 2 * m, late] - self._steps.driven(by_effort)

@@ -25,7 +25,7 @@ from ..types import Array, BoolArray
 from .reference import Kinematics
 from .response import InverseDynamics, excess_momentum, input_force
 
-_STEP = 1e-6  # of the differences that give the gradient of believed forces; rad, rad/s
+_STEP = 1e-6  # of the differences that give the gradient of believed forces; rad, rad/s, N m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,11 +36,13 @@ class Linearized:
         by_position: (N, m, m) by [dphi; q]. The attitude itself does not matter.
         by_velocity: (N, m, m) by [omega; qd].
         by_force: (N, m, 6 + n) by the generalised force: rows of the inverse mass matrix.
+        by_effort: (N, m, n) by the measured torques, which effects may scale.
     """
 
     by_position: Array
     by_velocity: Array
     by_force: Array
+    by_effort: Array
 
 
 class TorqueDriven:
@@ -105,22 +107,30 @@ class TorqueDriven:
         if robot.is_free and robot.inputs is not None and robot.inputs.wheels is not None:
             gyroscopic = skew(excess_momentum(robot, motion.time))
             by_velocity[:, :, :3] += inverse[:, first:, 3:6] @ gyroscopic
+        by_effort = inverse[:, first:, 6:].copy()
         if self._direct:
-            self._add_effects(motion, inverse, by_position, by_velocity)
-        return Linearized(by_position, by_velocity, inverse[:, first:])
+            self._add_effects(motion, inverse[:, first:], by_position, by_velocity, by_effort)
+        return Linearized(by_position, by_velocity, inverse[:, first:], by_effort)
 
-    def _add_effects(self, motion: Motion, inverse: Array, by_q: Array, by_v: Array) -> None:
+    def _add_effects(
+        self, motion: Motion, inverse: Array, by_q: Array, by_v: Array, by_effort: Array
+    ) -> None:
         """Add the gradient of the believed forces, by differences."""
         here = self._sum(self._direct, motion)
+
+        def gradient(moved: Motion) -> Array:
+            change = (self._sum(self._direct, moved) - here) / _STEP
+            return np.asarray(np.einsum('nij,nj->ni', inverse, change))
+
         for i in range(self.m):
             column = self.first + i
-            for gradient, moved in (
-                (by_v, _moved(motion, column, rate=_STEP)),
-                (by_q, _moved(motion, column, position=_STEP)),
-            ):
-                if moved is not None:
-                    change = (self._sum(self._direct, moved) - here) / _STEP
-                    gradient[:, :, i] += np.einsum('nij,nj->ni', inverse[:, self.first :], change)
+            by_v[:, :, i] += gradient(_moved(motion, column, rate=_STEP))
+            if column >= 6:
+                by_q[:, :, i] += gradient(_moved(motion, column, position=_STEP))
+        for j in range(self.n):
+            effort = motion.effort.copy()
+            effort[:, j] += _STEP
+            by_effort[:, :, j] += gradient(replace(motion, effort=effort))
 
     def _sum(self, effects: Sequence[Effect], motion: Motion) -> Array:
         total = motion.zeros()
@@ -129,14 +139,10 @@ class TorqueDriven:
         return total
 
 
-def _moved(
-    motion: Motion, column: int, *, rate: float = 0.0, position: float = 0.0
-) -> Motion | None:
-    """The motion with one velocity or joint position changed; None for a base position."""
+def _moved(motion: Motion, column: int, *, rate: float = 0.0, position: float = 0.0) -> Motion:
+    """The motion with one velocity or joint position changed."""
     q, qd, omega = motion.q, motion.qd, motion.omega
     if column < 6:
-        if position:
-            return None
         omega = omega.copy()
         omega[:, column - 3] += rate
     else:

@@ -19,6 +19,8 @@ from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance import balance_of
 from spacerobot_ros.estimation.evidence import Gram
+from spacerobot_ros.model.loader import build_robot
+from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 PAYLOAD = {'mass': 3.0, 'mx': 0.0, 'my': 0.45, 'mz': 0.0}
@@ -274,3 +276,26 @@ def test_what_a_held_out_recording_has_of_its_own_is_not_held_against_it(rng):
     selection = Selection(rows, parts, np.arange(2))
     # priors of 10 pull 2 and 5 by 1e-2 / 200 of themselves; the offset alone is 25 a row
     assert selection.held_out_misfit([0, 1]) < 1e-4
+
+
+def test_one_joint_in_the_noise_of_nobody_knows_what_sensors(rng):
+    """A turntable whose friction is three times the torque that its inertia takes."""
+    inertia = '<inertia ixx="0.05" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/>'
+    urdf = f"""<robot name="table"><link name="floor"/>
+      <link name="disc"><inertial><mass value="3"/>{inertia}</inertial></link>
+      <joint name="pivot" type="revolute"><parent link="floor"/><child link="disc"/>
+        <axis xyz="0 0 1"/><limit lower="-6" upper="6" effort="100" velocity="5"/></joint>
+      </robot>"""
+    own = {'base': 'fixed', 'base_link': 'floor', 'joints': ['pivot']}
+    robot = build_robot(parse_settings({'robot': own | {'gravity': [0.0, 0.0, -9.81]}}), urdf)
+    time = np.arange(1200)[:, None] / 100.0
+    q, qd, qdd = (0.5 * 1.3**k * np.sin(1.3 * time + 0.5 * np.pi * k) for k in range(3))
+    effort = (0.05 + 0.1) * qdd + 0.5 * np.sign(qd)
+    noise = np.array([[[1e-5]], [[0.02]]]) * rng.standard_normal((2, *time.shape))
+    series = JointSeries(('pivot',), to_stamps(time[:, 0]), q + noise[0], None, effort + noise[1])
+    found = diagnose(Record(joints=series), robot)
+    values = {key: next(iter(p.values())) for key, p in causes_of(found).items()}
+    assert found.verdict == 'explained', found.sentence
+    assert set(values) == {('joint_coulomb_friction', 'pivot'), ('motor_inertia', 'pivot')}
+    for (_, estimated), truth in zip(sorted(values.items()), (0.5, 0.1), strict=True):
+        assert abs(estimated.value - truth) < 4.0 * estimated.std

@@ -11,6 +11,7 @@ from support.pinocchio_states import pin_columns, pin_states, wheel_torques
 
 from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.rotation import skew
+from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.torque_process import TorqueDriven
 
 WHEELS = {
@@ -80,3 +81,19 @@ def test_derivatives_equal_pinocchio(case, rng):
         limit = 1e-11 * np.max(np.abs(inverse))
         forced = got.by_force[k][columns[kept] - first][:, columns]
         np.testing.assert_allclose(forced, inverse[kept], rtol=0, atol=limit)
+
+
+def test_what_a_motor_gives_of_its_torque_it_gives_of_its_noise(rng):
+    """Else a gain near zero on a link of no mass is quiet whatever was measured."""
+    parents, prismatic, options = CASES['dual arm']
+    parts = random_tree(rng, parents, prismatic)
+    robot = robot_of(parts, [part.joint for part in parts[1:]], **options)
+    weak = CATALOGUE['joint_torque_constant'](
+        name='weak', where=robot.joints[0], values={'gain': 0.25}
+    )
+    process = TorqueDriven(robot, [weak])
+    got = process.linearize(motion_of(robot, rng, COUNT))
+    gains = np.array([0.25, *[1.0] * (robot.n_joints - 1)])
+    # differences of linear forces of a step of 1e-6, rounded to 1e-16 of some 100 N m
+    expected = got.by_force[:, :, 6:] * gains
+    np.testing.assert_allclose(got.by_effort, expected, rtol=0, atol=1e-7 * np.max(expected))
