@@ -324,8 +324,8 @@ class ArmRows:
                 if weights is None:
                     torque, columns, _ = rows.whitened(variances)
                 else:
-                    own = weights[self.recording[rows.block], j % weights.shape[1]]
-                    scale = own / np.sqrt(np.sum(variances))
+                    scale = weights[self.recording[rows.block], j % weights.shape[1]]
+                    scale = scale / np.sqrt(np.sum(variances))
                     torque, columns = rows.torque * scale, rows.columns * scale[:, None]
                 for block in np.unique(rows.block):
                     own = rows.block == block

@@ -177,10 +177,14 @@ def is_possible(applied: Effect | Sequence[Effect], robot: Robot) -> bool:
 
 def is_physical(effects: Sequence[Effect], robot: Robot) -> bool:
     """Whether every body of the robot is still one beside effects, made of positive masses."""
-    if not is_possible(effects, robot):
+    try:
+        changed = changed_robot(robot, effects)
+    except ConfigurationError:
         return False
-    rows = robot.inertial_parameters, changed_robot(robot, effects).inertial_parameters
-    was, remains = (np.linalg.eigvalsh(pseudo_inertia(row))[:, 0] > 0.0 for row in rows)
+    was, remains = (
+        np.linalg.eigvalsh(pseudo_inertia(r.inertial_parameters))[:, 0] > 0.0
+        for r in (robot, changed)
+    )
     return bool(np.all(remains | ~was))
 
 

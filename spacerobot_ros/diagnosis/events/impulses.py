@@ -10,7 +10,8 @@ from ...estimation.refit import Fit, refine
 from ...estimation.runs import Run
 from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import FALSE_PER_HOUR, NAMED, SNR, STEADY, chance, named_from
-from .impulse_scan import AXES, EDGE, TAIL, Impulse, ImpulseScan
+from .impulse_fit import EDGE, Impulse
+from .impulse_scan import AXES, TAIL, ImpulseScan
 
 _SHOWN = 0.3  # s, the duration whose limit stands for all
 

@@ -1,0 +1,165 @@
+r"""Steps of a free base's angular momentum at given times: sizes beside what lasts, and times.
+
+Sizes are linear: with W the whitened columns of bells of unit impulse along each inertial axis,
+beside those of what lasts, least squares of the filter's innovations. Times are fitted about them
+(variable projection; Golub and Pereyra, Inverse Problems 19 (2003)), with a wide prior of their
+durations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...effects.external import pulse_shape
+from ...estimation.refit import Fit
+from ...estimation.rows import Rows
+from ...types import Array
+
+EDGE = 0.5  # share of a bell in which it rises and falls
+LONGEST = 6.0  # s: twice the longest bell; what lasts longer is a lasting cause
+_USUAL, _WIDTH = 0.5, 1.3  # s, and deviation of its logarithm: most events last 0.04 to 6 s
+_PASSES, _HALVINGS = 8, 3
+_FARTHEST = 0.5  # durations that an event moves at once
+_STEP = 0.02  # of a duration, for derivatives
+_FEWEST = 3  # samples: a shorter bell is none to them
+_GAINED = 0.05  # less of the cost is settled
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Impulse:
+    """An impulse (3,) along inertial axes [N m s] between two times.
+
+    Args:
+        start: [s]. end: [s]. value: (3,). std: (3,) its deviations. z: Size by these.
+        middle_std: Standard deviation of the middle of its times [s].
+    """
+
+    start: float
+    end: float
+    value: Array
+    std: Array
+    z: float
+    middle_std: float = 0.0
+
+    @property
+    def times(self) -> Array:
+        """(2,) its middle, and the logarithm of its duration."""
+        return np.array([0.5 * (self.start + self.end), np.log(self.end - self.start)])
+
+
+class ImpulseFit:
+    """Impulses at M times and what lasts, fitted together.
+
+    Args:
+        fit: Of what lasts, on a free base.
+        times: (M, 2) middles [s], and logarithms of durations.
+    """
+
+    def __init__(self, fit: Fit, times: Array) -> None:
+        self._fit, self.times = fit, times
+        lasting = fit.tangents
+        self.columns = np.column_stack([lasting, bells(fit.rows, times)])
+        size = np.sqrt(np.sum(self.columns**2, axis=0))
+        scale = 1.0 / np.where(size > 0.0, size, 1.0)
+        squares, ways = np.linalg.eigh((self.columns * scale).T @ (self.columns * scale))
+        is_seen = squares > squares[-1:] * len(squares) * np.finfo(float).eps
+        self.ways = scale[:, None] * ways[:, is_seen] / np.sqrt(squares[is_seen])
+        """(K, L) that make an orthonormal basis of the columns (R, K)."""
+        self._basis, inverse = self.columns @ self.ways, self.ways @ self.ways.T
+        values = inverse @ (self.columns.T @ fit.data)
+        self.left: Array = fit.data - self.columns @ values
+        self.found: list[Impulse] = []
+        for k, (middle, duration) in enumerate(times.tolist()):
+            own = lasting.shape[1] + k + len(times) * np.arange(3)
+            value, covariance = values[own], inverse[np.ix_(own, own)]
+            z2 = float(value @ np.linalg.pinv(covariance, hermitian=True) @ value)
+            std = np.sqrt(np.diag(covariance))
+            start, end = (middle + half * math.exp(duration) for half in (-0.5, 0.5))
+            self.found.append(Impulse(start, end, value, std, float(np.sqrt(max(z2, 0.0)))))
+
+    def at(self, times: Array) -> ImpulseFit:
+        """The same beside impulses at other times."""
+        return ImpulseFit(self._fit, times)
+
+    def beside(self, columns: Array) -> Array:
+        """What is left of columns (R, K) beside all impulses and what lasts."""
+        return np.asarray(columns - self._basis @ (self._basis.T @ columns))
+
+    def refined(self) -> ImpulseFit:
+        """With times and sizes of all impulses fitted together (Gauss and Newton)."""
+        fit = self
+        for _ in range(_PASSES if len(self.times) else 0):
+            step = fit._step()
+            for k in range(_HALVINGS):
+                trial = fit.at(fit.times + 0.5**k * step)
+                gained = fit._cost - trial._cost
+                if gained > 0.0:
+                    break
+            else:
+                return fit
+            fit = trial
+            if gained < _GAINED:
+                break
+        return fit
+
+    def middle_stds(self) -> list[float]:
+        """Standard deviation of each middle, in durations."""
+        matrix = self._by_times[1]
+        return np.sqrt(np.diag(np.linalg.inv(matrix)))[: len(self.times)].tolist()
+
+    @cached_property
+    def _cost(self) -> float:
+        """Minus twice the log posterior."""
+        beyond = (self.times[:, 1] - np.log(_USUAL)) / _WIDTH
+        return float(self.left @ self.left + np.sum(beyond**2))
+
+    def _step(self) -> Array:
+        """(M, 2) towards the best times, sizes free beside them."""
+        (columns, matrix), times, time = self._by_times, self.times, self._fit.rows.motion.time
+        beyond = (times - np.log(_USUAL)) * np.array([0.0, _WIDTH**-2.0])
+        step = np.linalg.solve(matrix, columns.T @ self.left - beyond.T.ravel())
+        middle, longer = np.clip(step, -_FARTHEST, _FARTHEST).reshape(2, -1)
+        shortest = np.log(_FEWEST * float(np.median(np.diff(time))))
+        longer = np.clip(times[:, 1] + longer, shortest, np.log(LONGEST)) - times[:, 1]
+        ahead = np.clip(times[:, 0] + middle * np.exp(times[:, 1]), *time[[0, -1]])
+        return np.column_stack([ahead - times[:, 0], longer])
+
+    @cached_property
+    def _by_times(self) -> tuple[Array, Array]:
+        """(R, 2 M) rows by middles, in durations, and by logarithms of these; their information.
+
+        Sizes are free beside them.
+        """
+        changes, values = [], np.reshape([i.value for i in self.found], (-1, 3))
+        times, rows = self.times, self._fit.rows
+        length = np.exp(times[:, 1:])
+        for one in (np.append(length, 0.0 * length, axis=1), np.array([0.0, 1.0])):
+            change = _forces(rows, times + _STEP * one) - _forces(rows, times - _STEP * one)
+            change = change.reshape(*change.shape[:2], 3, len(times)) / (2.0 * _STEP)
+            changes.append(np.einsum('nfak,ka->nfk', change, values))
+        columns = self.beside(rows.whitened(np.concatenate(changes, axis=2), {}))
+        prior = np.diag(np.repeat([1.0, _WIDTH**-2.0], len(times)))
+        return columns, columns.T @ columns + prior
+
+
+def bells(rows: Rows, times: Array) -> Array:
+    """(R, 3 M) whitened columns of unit impulses along inertial axes at times (M, 2)."""
+    return rows.whitened(_forces(rows, times), {})
+
+
+def _forces(rows: Rows, times: Array) -> Array:
+    """(N, 6 + n, 3 M) of unit impulses along inertial axes, at M times each.
+
+    Of the sampled bell, which may be hardly longer than the samples are apart.
+    """
+    time, rotation = rows.motion.time, rows.motion.rotation
+    shapes = pulse_shape((time[:, None] - times[:, 0]) / np.exp(times[:, 1]) + 0.5, EDGE)
+    shapes /= np.maximum(np.gradient(time) @ shapes, 1e-300)
+    out = np.zeros((len(shapes), 6 + rows.robot.n_joints, 3 * len(times)))
+    torque = np.einsum('nab,nk->nbak', rotation, shapes)
+    out[:, 3:6] = torque.reshape(len(shapes), 3, -1)
+    return out
