@@ -57,6 +57,15 @@ def test_impulses_are_named_with_time_and_size(bumped):
         assert np.linalg.norm(found - impulse) < off < np.linalg.norm(impulse)
 
 
+def test_two_that_one_would_cover_are_two(robot):
+    """0.4 s apart; one of 2.8 s explains most of both, and 2,000 less in chi-square."""
+    pair = (8.0, 9.0, (0.6, 0.3, -0.6)), (9.4, 9.5, (0.3, 0.15, -0.3))
+    named = steps_beside_wheels(run_of(robot, pair)).named
+    for event, (start, end, _) in zip(named, pair, strict=True):
+        off = 0.5 * (event.start + event.end) - 0.5 * (start + end)
+        assert abs(off) < 4.0 * event.middle_std < 0.1
+
+
 def test_limits_know_that_the_wheels_are_unknown(bumped):
     event, limits = bumped[1].named[0], bumped[1].limits
     for axis in 'xyz':

@@ -96,7 +96,7 @@ class ImpulseFit:
             step = fit._step()
             for k in range(_HALVINGS):
                 trial = fit.at(fit.times + 0.5**k * step)
-                gained = fit._cost - trial._cost
+                gained = fit.cost - trial.cost
                 if gained > 0.0:
                     break
             else:
@@ -112,7 +112,7 @@ class ImpulseFit:
         return np.sqrt(np.diag(np.linalg.inv(matrix)))[: len(self.times)].tolist()
 
     @cached_property
-    def _cost(self) -> float:
+    def cost(self) -> float:
         """Minus twice the log posterior."""
         beyond = (self.times[:, 1] - np.log(_USUAL)) / _WIDTH
         return float(self.left @ self.left + np.sum(beyond**2))

@@ -83,6 +83,7 @@ class ImpulseScan:
             best = best.refined()
             if len(apart := _apart(best.found)) < len(best.found):
                 best = best.at(apart).refined()
+            best = _split(best)
             count = len(best.times)
             while len(best.times) < _MOST and (window := self._largest(best)):
                 best = best.at(np.array([*best.times, window]))
@@ -201,6 +202,19 @@ class ImpulseScan:
         inverse = np.linalg.inv(self._square(duration, self._lasting))
         usual = np.sqrt(np.median(np.diagonal(inverse, 0, 1, 2), axis=0))
         return np.asarray(self.colours[duration] * usual)
+
+
+def _split(best: ImpulseFit) -> ImpulseFit:
+    """Two impulses in place of one that covers both, where that explains as much as a new one."""
+    for k, (middle, duration) in enumerate(best.times.tolist()):
+        quarter, half = 0.25 * np.exp(duration), duration - np.log(2.0)
+        others = np.delete(best.times, k, axis=0)
+        halves = [[middle - quarter, half], [middle + quarter, half]]
+        trial = best.at(np.array([*others, *halves])).refined()
+        is_apart = len(_apart(trial.found)) > len(best.times)
+        if is_apart and best.cost - trial.cost > LISTED_STEP**2:
+            return _split(trial)
+    return best
 
 
 def _apart(found: Sequence[Impulse]) -> Array:
