@@ -16,7 +16,7 @@ import numpy as np
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
 from ..estimation.arm_fit import ArmFit
-from ..estimation.arm_priors import NOTHING, last_links
+from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
 from ..estimation.evidence import Gram, sum_of
@@ -160,7 +160,7 @@ def _level_of_both(before: Array, after: Array) -> Array:
 
 
 def _changed_rows(both: ArmRows) -> ChangedRows:
-    last = last_links(both.robot)
+    last = both.robot.last_links
     tolerances = []
     for c in both.candidates:
         share = _TOLERANCE.get(c.kind.id, _USUAL)

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..estimation.arm_fit import Posterior
-from ..estimation.arm_priors import DRY, NOTHING, VISCOUS, is_kind_of, last_links
+from ..estimation.arm_priors import DRY, NOTHING, VISCOUS, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.evidence import Fold, Gram, Score, price, score, sum_of
 from ..types import Array, IntArray
@@ -221,7 +221,7 @@ class Selection:
         That is the cause of fewest numbers at the same place; of bodies, whose columns are much
         the same as their neighbours', what hangs on the last link.
         """
-        candidates, last = self.rows.candidates, last_links(self.rows.robot)
+        candidates, last = self.rows.candidates, self.rows.robot.last_links
         usual = [pair for pair in wanted if candidates[pair[0]].kind.id not in _LAST]
         wanted = usual or wanted
         close = [(i, m) for i, m in wanted if m > SIMPLER_MARGIN * wanted[0][1]]

@@ -62,8 +62,7 @@ class GraspCompliance(Sprung):
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
         """Bodies at the end of an arm."""
-        inner = {0, *(body.parent for body in robot.bodies)}
-        return tuple(p for p in super().places(robot) if body_index(robot, p) not in inner)
+        return tuple(p for p in super().places(robot) if p in robot.last_links)
 
     def change(self, robot: Robot) -> Robot:
         """The host without the part."""

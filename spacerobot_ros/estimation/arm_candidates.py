@@ -10,7 +10,6 @@ import numpy as np
 
 from ..effects.effect import Effect
 from ..model.robot import Robot
-from .arm_priors import last_links
 from .balance import Balance
 from .columns import Candidate, candidate_at
 
@@ -68,7 +67,7 @@ def candidates_of_recordings(
     if count > 1 and count * len(zeros) <= sum(len(c.sizes) for c in shared):
         for run in range(count):
             yield from (replace(c, recordings=(run,)) for c in zeros)
-    loads = [('inertial_parameters', link) for link in last_links(robot)]
+    loads = [('inertial_parameters', link) for link in robot.last_links]
     if 0 < len(loaded) < count:
         yield from (replace(c, recordings=tuple(loaded)) for c in shared if c.key in loads)
 

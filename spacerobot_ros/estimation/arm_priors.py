@@ -170,7 +170,7 @@ class Machine:
         com = float(np.linalg.norm(row[1:4])) / mass
         gyration = float(np.sqrt(max(row[4] + row[6] + row[9], 0.0) / mass))
         own = _scales(mass, max(com, gyration, 0.2 * self.length))
-        if where not in last_links(self.robot):
+        if where not in self.robot.last_links:
             return _BODY_SIZE * own, _BODY_TOLERANCE * own
         sizes = _scales(0.1 * self.mass, 0.3 * self.length)
         if self.robot.n_joints > 1:  # about one axis it is a rotor's inertia, an encoder's zero
@@ -190,12 +190,6 @@ class Machine:
 def _scales(mass: float, arm: float) -> Array:
     """(10,) of the inertial parameters of a body of a mass [kg] and an extent [m]."""
     return mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
-
-
-def last_links(robot: Robot) -> list[str]:
-    """Links that carry no other, where loads are: one of every arm."""
-    carrying = {body.parent for body in robot.bodies}
-    return [body.name for k, body in enumerate(robot.bodies) if k not in carrying]
 
 
 def is_kind_of(effect: Effect | type[Effect], law: str) -> bool:

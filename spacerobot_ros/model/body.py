@@ -140,3 +140,9 @@ def tree_order(bodies: tuple[Body, ...]) -> list[int]:
         order.append(index)
         stack.extend(i for i in reversed(range(1, len(bodies))) if bodies[i].parent == index)
     return order[1:]
+
+
+def last_bodies(bodies: tuple[Body, ...]) -> list[int]:
+    """Indices of the moving bodies that carry no other: one at the end of every arm."""
+    carrying = {body.parent for body in bodies}
+    return [i for i in range(1, len(bodies)) if i not in carrying]

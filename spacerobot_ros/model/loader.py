@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError
-from .body import Body, Rotor
+from .body import Body, Rotor, last_bodies
 from .inputs import read_thrusters
 from .rigid_bodies import merge_bodies
 from .robot import Robot
@@ -168,9 +168,9 @@ def _faulty_bodies(
     base = bodies[0]
     if options.base == 'free' and (base.mass <= 0.0 or np.linalg.eigvalsh(base.inertia)[0] <= 0.0):
         yield base, 'a free base needs a mass and an inertia about every axis'
-    parents = {body.parent for body in bodies}
-    for index, joint in enumerate(options.joints, start=1):
-        if index not in parents and bodies[index].effective_inertia <= 0.0:
+    for index in last_bodies(bodies):
+        if bodies[index].effective_inertia <= 0.0:
+            joint = options.joints[index - 1]
             yield bodies[index], f'joint {joint!r} moves it, so it needs mass and inertia'
     for carrier in sorted({rotor.body.parent for rotor in rotors}):
         rotor_mass = sum(rotor.body.mass for rotor in rotors if rotor.body.parent == carrier)

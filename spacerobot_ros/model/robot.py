@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from ..errors import ConfigurationError
 from ..types import Array, BoolArray, Vector3
-from .body import Body, Gyrostat, Rotor, tree_order
+from .body import Body, Gyrostat, Rotor, last_bodies, tree_order
 from .inputs import Inputs, MountedThruster
 from .robot_settings import SensorSettings
 
@@ -179,6 +179,11 @@ class Robot:
                 moves[ancestor - 1, k] = True
                 ancestor = self.bodies[ancestor].parent
         return moves
+
+    @property
+    def last_links(self) -> list[str]:
+        """Links that carry no other, where loads are: one at the end of every arm."""
+        return [self.bodies[i].name for i in last_bodies(self.bodies)]
 
     def with_target_momentum(self, momentum: Array, place: str = 'target wheel momentum') -> Robot:
         """The same robot believing another wheel momentum of the captured body.

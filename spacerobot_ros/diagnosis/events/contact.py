@@ -59,14 +59,14 @@ def place_of(robot: Robot, joints: Sequence[int]) -> tuple[str, str]:
     return ExternalJointTorque.id, robot.joints[joints[0]]
 
 
-def last_links(robot: Robot, joints: Sequence[int]) -> list[str]:
+def last_felt(robot: Robot, joints: Sequence[int]) -> list[str]:
     """The link of the last joint that feels something; one a branch."""
     last = [j for j in joints if not any(robot.moves[j, 1 + k] for k in joints if k != j)]
     return [robot.bodies[1 + j].name for j in last]
 
 
 def _beyond(robot: Robot, joints: Sequence[int]) -> str:
-    return f'{" and ".join(last_links(robot, joints))} or beyond'
+    return f'{" and ".join(last_felt(robot, joints))} or beyond'
 
 
 def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last: float) -> Event:

@@ -35,7 +35,7 @@ class Impulse:
 
     Args:
         start: [s]. end: [s]. value: (3,). std: (3,) its deviations. z: Size by these.
-        middle_std: Standard deviation of the middle of its times [s].
+        middle_std: Standard deviation of the middle of its times [s]; None where not computed.
     """
 
     start: float
@@ -43,7 +43,7 @@ class Impulse:
     value: Array
     std: Array
     z: float
-    middle_std: float = 0.0
+    middle_std: float | None = None
 
     @property
     def times(self) -> Array:

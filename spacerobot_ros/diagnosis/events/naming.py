@@ -13,7 +13,7 @@ from scipy.ndimage import binary_dilation
 from ...effects.external import pulse_shape
 from ...estimation.arm_priors import DRY, is_kind_of
 from ...model.robot import Robot
-from .contact import Pulse, are_in_line, event_of, last_links, overlap
+from .contact import Pulse, are_in_line, event_of, last_felt, overlap
 from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import EXPLAINED, MIXED, NAMED, RECURS, ROOM, SNR, chance, named_from
 from .moving import DURATIONS, PulseSearch
@@ -134,7 +134,7 @@ class Naming:
         last = float(self._rows.balances[own[0].run].arm.times[-1])
         felt = _felt(own)
         event = event_of(self._rows.robot, felt, chance(own[0].z, cells), last)
-        (link,) = last_links(self._rows.robot, [p.joint for p in felt])
+        (link,) = last_felt(self._rows.robot, [p.joint for p in felt])
         wrench = wrench_of(self._search, own[0], link) if len(felt) > 1 else None
         if wrench is None:
             return event
