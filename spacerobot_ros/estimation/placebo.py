@@ -16,7 +16,7 @@ from .evidence import Gram, cross_validated, folds
 
 DRAWS = 20
 _PIECE = 1.0  # s
-_SEED = 20
+SEED = 20
 
 
 def held_out_gain(
@@ -31,18 +31,18 @@ def held_out_gain(
         blocks: Rows of each part, which is predicted from the others.
         times: (R,) time of every row, each of its recording [s].
     """
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(SEED)
     unbounded = (np.full(len(sizes), -np.inf), np.full(len(sizes), np.inf))
     best = 0.0
     for _ in range(DRAWS):
-        order, signs = _shuffle(times, rng)
+        order, signs = shuffle(times, rng)
         shuffled = signs[:, None] * columns[order]
         parts = [Gram.of(shuffled[rows], data[rows]) for rows in blocks]
         best = max(best, cross_validated(folds(parts, 0, np.zeros(0)), sizes, unbounded))
     return best
 
 
-def _shuffle(times: Array, rng: np.random.Generator) -> tuple[IntArray, Array]:
+def shuffle(times: Array, rng: np.random.Generator) -> tuple[IntArray, Array]:
     """Rows in another order, with signs: pieces of a second shuffled, half of them turned."""
     length = float(np.sum(np.clip(np.diff(times), 0.0, _PIECE)))  # without what lies between parts
     count = max(2, round(length / _PIECE))

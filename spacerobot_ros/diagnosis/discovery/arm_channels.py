@@ -12,11 +12,13 @@ from ...effects.law_inputs import input_of
 from ...estimation.arm_rows import ArmRows
 from ...estimation.leftover import JointRows
 from ...types import Array, IntArray
+from .discovery_limits import ONE_SPEED
 from .possible_laws import Extent, Law, joint_laws
 from .spectral_terms import SpectralTerms, cosines
-from .time_sines import TimeSines
+from .time_sines import SWEEPS, time_sines
 
 FIFTHS = 5
+_HIGHEST = 2.0  # Hz, of sines of the time: half the band
 _SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
 
 
@@ -94,13 +96,12 @@ class JointChannel:
         return np.arange(len(recording)) * FIFTHS // len(recording)
 
     @property
-    def speed(self) -> Array:
-        """(N,) of the joint where it moves [rad/s]."""
-        parts = [
-            np.abs(b.motion.qd[b.arm.is_moving[:, self.j], self.j])
-            for b in self.motions.rows.balances
-        ]
-        return np.concatenate(parts)
+    def has_one_speed(self) -> bool:
+        """Whether the joint moves at one speed, so that forms of friction are one there."""
+        j, balances = self.j, self.motions.rows.balances
+        speed = np.concatenate([np.abs(b.motion.qd[b.arm.is_moving[:, j], j]) for b in balances])
+        low, middle, high = np.quantile(speed, [0.05, 0.5, 0.95])
+        return bool(high - low < ONE_SPEED * middle)
 
     @cached_property
     def laws(self) -> Sequence[Law]:
@@ -110,14 +111,10 @@ class JointChannel:
         extras = [
             n for n in balances[0].motion.extra if all(n in b.motion.extra for b in balances)
         ]
-        return joint_laws(self.place, robot.joints, extras, self.motions.extent)
-
-    @cached_property
-    def clocks(self) -> TimeSines | None:
-        """Of a single recording: others have clocks of their own."""
-        if len(self.motions.rows.balances) > 1:
-            return None
-        return TimeSines(self.times)
+        laws = joint_laws(self.place, robot.joints, extras, self.motions.extent)
+        if len(balances) > 1:  # each has a clock of its own
+            return laws
+        return [*laws, *time_sines(max(float(np.ptp(self.times)), 1e-9), _HIGHEST, SWEEPS)]
 
     @cached_property
     def terms(self) -> SpectralTerms:
@@ -132,24 +129,25 @@ class JointChannel:
         own = self.rows
         return SpectralTerms.of(own.torque, own.columns * deviations, is_free, self.whitened)
 
-    @property
-    def all_columns(self) -> Sequence[Array]:
-        """(M, k) terms of every law's columns; filters take all of them at once."""
-        ends = np.cumsum([len(law.form.powers) for law in self.laws])[:-1].tolist()
-        return np.split(self._columns(self.laws), ends, axis=1)
+    def columns(self, laws: Sequence[Law]) -> list[Array]:
+        """(M, k) terms of the columns of each law; what is slow passes the filters unchanged."""
+        timed = [law for law in laws if law.inputs == ('time',)]
+        others = [law for law in laws if law.inputs != ('time',)]
+        rows = [law.form([self.times], law.options) for law in timed]
+        rows += [self._filtered(others)] if others else []
+        own = cosines(self.whitened(np.concatenate(rows, axis=1)))
+        ends = np.cumsum([len(law.form.powers) for law in (*timed, *others)])[:-1].tolist()
+        found = dict(zip(map(id, (*timed, *others)), np.split(own, ends, axis=1), strict=True))
+        return [found[id(law)] for law in laws]
 
-    def columns(self, law: Law) -> Array:
-        """(M, k) terms of a law's columns."""
-        return self._columns([law])
-
-    def _columns(self, laws: Sequence[Law]) -> Array:
-        """(M, c) terms of the torques of laws by their coefficients."""
+    def _filtered(self, laws: Sequence[Law]) -> Array:
+        """(R, c) rows of the torques of laws by their coefficients."""
         rows = []
         for run, balance in enumerate(self.motions.rows.balances):
             values = [law.form(self.motions.inputs(law, run), law.options) for law in laws]
             in_rows = balance.in_rows(np.concatenate(values, axis=1))
             rows.append(in_rows[self.motions.rows.rows_at(balance, self.j)])
-        return cosines(self.whitened(np.concatenate(rows)))
+        return np.concatenate(rows)
 
     def whitened(self, values: Array) -> Array:
         """(R, c) values whitened by the level as it was found before any law."""

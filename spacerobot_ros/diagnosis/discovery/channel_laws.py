@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ...effects.grammar import quantity, unit_of
 from ...effects.learned_torque import LearnedTorque
 from ...estimation.prediction_rows import LABELS
 from ...types import Array
 from ..answer.result import Estimated, LawRival, Leftover
-from .discovery_limits import AGREEING, BEYOND_PLACEBO, HELD_OUT, NEEDS_OTHER, ONE_SPEED
+from .discovery_limits import AGREEING, BEYOND_PLACEBO, HELD_OUT, NEEDS_OTHER
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
 from .possible_laws import Law, is_of_another
@@ -67,13 +65,12 @@ def said_without(place: str, step: Winner | None, *, one_speed: bool = False) ->
     if step is None:
         return nothing
     law, p_value = step.law, step.p_value
-    if law is not None and step.is_law:
+    if step.is_law:
         seems = f'seems to be {law.resembles}, but other parts of the data do not repeat it'
         return replace(nothing, resembles=seems, p_value=p_value)
-    if law is not None and law.kind == 'inertial':
+    if law.kind == 'inertial':
         return replace(nothing, resembles=law.resembles, p_value=p_value)
-    what = step.name or (law.resembles if law else '')
-    unknown = f'a function of time, or of an input that nobody measured: {what}'
+    unknown = f'a function of time, or of an input that nobody measured: {law.in_words}'
     return replace(nothing, depends_on=(TIME,), resembles=unknown, p_value=p_value)
 
 
@@ -89,7 +86,7 @@ def _held(search: LawSearch, channel: SearchedChannel, steps: list[Winner]) -> l
                 parts.judge(step.columns, [s for s in steps if s is not step]),
             )
             for step in steps
-            if step.law is not None and step.is_law
+            if step.is_law
         ]
         failing = [it for it in judged if not _is_held(it, search, parts, steps)]
         if not failing:
@@ -113,12 +110,6 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     if own is None:
         return True
     return out.left <= NEEDS_OTHER * parts.judge(own, others, has_placebo=False).left
-
-
-def has_one_speed(channel: SearchedChannel) -> bool:
-    """Whether a joint moves at one speed, so that forms of friction are one there."""
-    low, middle, high = np.quantile(channel.speed, [0.05, 0.5, 0.95])
-    return bool(high - low < ONE_SPEED * middle)
 
 
 def said_of(

@@ -15,7 +15,7 @@ from ...estimation.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
 from ..arm_found import WORSE, ArmFound, is_clear, rms
 from .arm_channels import ArmMotions, JointChannel
-from .channel_laws import HeldLaw, has_one_speed, laws_of, said_of, said_without
+from .channel_laws import HeldLaw, laws_of, said_of, said_without
 from .discovery_limits import FED_IN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 
@@ -42,7 +42,7 @@ def discover(
         accepted += laws
         if not laws:
             step = rest[-1] if rest else None
-            said.append(said_without(channel.place, step, one_speed=has_one_speed(channel)))
+            said.append(said_without(channel.place, step, one_speed=channel.has_one_speed))
     if not accepted:
         return found, tuple(said)
     extended, held = _applied(found, accepted, motions)

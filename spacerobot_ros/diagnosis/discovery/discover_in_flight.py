@@ -54,7 +54,7 @@ def discover_in_flight(
     done = {entry.channel for entry in said}
     for place in (p for p, component in places.items() if isinstance(component, int)):
         if channel_name(place) not in done:
-            own = [step for step in rest if step.law is not None and step.law.place == place]
+            own = [step for step in rest if step.law.place == place]
             said.append(said_without(place, own[0] if own else None))
     answer = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
     if not any(entry.form for entry in said):

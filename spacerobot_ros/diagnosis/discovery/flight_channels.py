@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from types import MappingProxyType
 
 import numpy as np
@@ -32,13 +33,14 @@ from .possible_laws import (
     base_laws,
     joint_laws,
     sensor_laws,
-    sine_laws,
     whole_base_laws,
 )
 from .spectral_terms import Level, SpectralTerms, cosines
+from .time_sines import time_sines
 
 _WINDOW = 0.1  # s
 _UNCERTAIN = 0.02  # of a body's mass, first moments and inertia: what passes for a right model
+_HIGHEST = 1.0  # Hz, of sines of the time
 _FREE = 10.0  # times what is left: a named cause's prior deviation
 Component = int | slice | None
 """Of the generalised force, where a law acts; None: on a sensor."""
@@ -174,7 +176,6 @@ class FlightChannel:
     components: Mapping[str, Component]
 
     place = ''
-    clocks = None
 
     @cached_property
     def laws(self) -> Sequence[Law]:
@@ -193,7 +194,7 @@ class FlightChannel:
             own = base_laws(place[-1], at)
         else:
             own = joint_laws(place, self.flight.motion.robot.arm, extras, at)
-        return [*own, *sine_laws(at.duration)]
+        return [*own, *time_sines(at.duration, _HIGHEST)]
 
     @property
     def times(self) -> Array:
@@ -232,11 +233,6 @@ class FlightChannel:
         is_free[:named], is_free[named : named + len(offsets)] = True, is_torque
         return SpectralTerms.of(flight.data, nuisance, is_free, lambda rows: rows)
 
-    @property
-    def speed(self) -> Array:
-        """None: it is of no single joint."""
-        return np.zeros(0)
-
     def law_columns(self, law: Law) -> Array:
         """(N, k), or (N, k, 3) of the whole base: a law's columns, see `FlightRows.motion_at`."""
         motion = self.flight.motion_at(law.place)
@@ -249,26 +245,16 @@ class FlightChannel:
         inputs = {name: np.asarray(input_of(name, motion)) for name in law.inputs}
         return {name: (float(np.min(x)), float(np.max(x))) for name, x in inputs.items()}
 
-    @cached_property
-    def all_columns(self) -> Sequence[Array]:
-        """(M, k) terms of every law's columns; the filter takes many of them at once."""
+    def columns(self, laws: Sequence[Law]) -> list[Array]:
+        """(M, k) terms of the columns of each law; the filter takes those of a place at once."""
         out: list[Array] = []
-        for place, number in self.components.items():
-            values = [self.law_columns(law) for law in self.laws if law.place == place]
-            if values:
-                ends = np.cumsum([v.shape[1] for v in values])[:-1].tolist()
-                rows = self.flight.rows_at(place, number, np.concatenate(values, axis=1))
-                out += np.split(cosines(rows), ends, axis=1)
+        for place, own in groupby(laws, key=lambda law: law.place):
+            values = [self.law_columns(law) for law in own]
+            ends = np.cumsum([v.shape[1] for v in values])[:-1].tolist()
+            together = np.concatenate(values, axis=1)
+            rows = self.flight.rows_at(place, self.components[place], together)
+            out += np.split(cosines(rows), ends, axis=1)
         return out
-
-    def columns(self, law: Law) -> Array:
-        """(M, k) terms of a law's columns."""
-        number = self.components[law.place]
-        return cosines(self.flight.rows_at(law.place, number, self.law_columns(law)))
-
-    def whitened(self, values: Array) -> Array:
-        """Rows as they are."""
-        return values
 
 
 def _plausible(row: Array) -> Array:

@@ -14,8 +14,7 @@ from ...types import Array, IntArray
 from .chance import chance_of
 from .discovery_limits import CHANCE, DEAD_HEAT, MARGIN, MOST_LAWS
 from .possible_laws import REFINED, Law
-from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening, cosines
-from .time_sines import TimeSines
+from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined
@@ -33,18 +32,11 @@ class SearchedChannel(Protocol):
         """That may be."""
 
     @property
-    def clocks(self) -> TimeSines | None:
-        """Sines of the time."""
+    def place(self) -> str:
+        """Joint; empty where laws have places of their own."""
 
-    @property
-    def all_columns(self) -> Sequence[Array]:
-        """(M, k) terms of every law's columns."""
-
-    def columns(self, law: Law) -> Array:
-        """(M, k) terms of a law's columns."""
-
-    def whitened(self, values: Array) -> Array:
-        """(R, c) rows whitened as those of the channel are."""
+    def columns(self, laws: Sequence[Law]) -> list[Array]:
+        """(M, k) terms of the columns of each law; filters take many of them at once."""
 
     @property
     def times(self) -> Array:
@@ -54,30 +46,20 @@ class SearchedChannel(Protocol):
     def part(self) -> IntArray:
         """(R,) number of the part of each row, not decreasing."""
 
-    @property
-    def place(self) -> str:
-        """Joint, or axis of the base such as `base_link/x`."""
-
-    @property
-    def speed(self) -> Array:
-        """(N,) of a joint where it moves [rad/s]; empty of the base."""
-
 
 @dataclass(frozen=True, eq=False)
 class Winner:
     """A law that won.
 
     Args:
-        law: None: a sine of the time.
-        name: In words, of a sine.
+        law: A law, or what is none: a function of the time, an inertial error.
         columns: (M, k).
         margin: Gain in log likelihood beyond every price [nats].
         p_value: Of such a win by chance.
         rivals: Laws and margins that come close.
     """
 
-    law: Law | None
-    name: str
+    law: Law
     columns: Array
     margin: float
     p_value: float
@@ -86,7 +68,12 @@ class Winner:
     @property
     def is_law(self) -> bool:
         """Whether it is neither a sine of the time, a drift, nor an inertial error."""
-        return self.law is not None and self.law.kind not in ('inertial', 'clock')
+        return self.law.kind not in ('inertial', 'clock')
+
+
+def columns_of(steps: Sequence[Winner], count: int) -> Array:
+    """(M, K) columns of all of them, M their number of terms."""
+    return np.concatenate([np.zeros((count, 0)), *(step.columns for step in steps)], axis=1)
 
 
 class LawSearch:
@@ -98,17 +85,12 @@ class LawSearch:
 
     def __init__(self, channel: SearchedChannel) -> None:
         self.channel, self.terms = channel, channel.terms
-        pairs = list(zip(channel.laws, channel.all_columns, strict=True))
-        pairs = [(law, columns) for law, columns in pairs if np.any(columns)]
+        every = zip(channel.laws, channel.columns(channel.laws), strict=True)
+        pairs = [(law, columns) for law, columns in every if np.any(columns)]
         self.laws = [law for law, _ in pairs]
-        self.prices = [law.price for law in self.laws]
         own = [columns for _, columns in pairs]
         ends = np.cumsum([0, *(c.shape[1] for c in own)])
         self.groups: list[IntArray] = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
-        if channel.clocks is not None:
-            own.append(cosines(channel.whitened(channel.clocks.columns)))
-            self.groups += list(ends[-1] + channel.clocks.groups)
-            self.prices += [channel.clocks.price] * len(channel.clocks.frequency)
         self.columns = np.concatenate([np.zeros((len(self.terms.data), 0)), *own], axis=1)
 
     def run(self) -> list[Winner]:
@@ -123,19 +105,15 @@ class LawSearch:
 
     def best_of(self, chosen: Sequence[Winner], is_asked: Callable[[Law], bool]) -> Array | None:
         """(M, k) columns of the best of some laws beside chosen ones."""
-        beside = self._beside(chosen)
+        beside = columns_of(chosen, len(self.terms.data))
         judge = _Judge(self, self.terms.level(beside).scale, beside)
         scores = judge.scores(judge.data[:, None])[:, 0]
         asked = [g for g, law in enumerate(self.laws) if is_asked(law)]
         return self.columns[:, self.groups[max(asked, key=scores.__getitem__)]] if asked else None
 
-    def _beside(self, chosen: Sequence[Winner]) -> Array:
-        none = np.zeros((len(self.terms.data), 0))
-        return np.concatenate([none, *(step.columns for step in chosen)], axis=1)
-
     def _next(self, chosen: Sequence[Winner]) -> Winner | None:
         """The best further law; None where none is clear of chance."""
-        beside = self._beside(chosen)
+        beside = columns_of(chosen, len(self.terms.data))
         here = self.terms.level(beside)
         judge = _Judge(self, here.scale, beside)
         scores = judge.scores(judge.data[:, None])[:, 0]
@@ -151,13 +129,9 @@ class LawSearch:
         if p_value > CHANCE:
             return None
         close = [(k, m) for m, k, _ in refitted[1:] if margin - m < DEAD_HEAT]
-        rivals = tuple((self.laws[k], margin - m) for k, m in close if k < len(self.laws))
-        if g >= len(self.laws):
-            clocks = self.channel.clocks
-            name = '' if clocks is None else clocks.in_words(g - len(self.laws))
-            return Winner(None, name, self.columns[:, self.groups[g]], margin, p_value, rivals)
+        rivals = tuple((self.laws[k], margin - m) for k, m in close)
         law, columns, margin = self._refined(g, beside, here, margin)
-        return Winner(law, '', columns, margin, p_value, rivals)
+        return Winner(law, columns, margin, p_value, rivals)
 
     def _chance(self, g: int, beside: Array, level: Level) -> float:
         """Under the level that the law leaves."""
@@ -181,7 +155,7 @@ class LawSearch:
                     tried = replace(
                         law, options={**law.options, option: step * law.options[option]}
                     )
-                    moved = self.channel.columns(tried)
+                    (moved,) = self.channel.columns([tried])
                     level = self.terms.level(np.concatenate([beside, moved], axis=1))
                     gain = level.likelihood - here.likelihood - self._price(g)
                     if gain > margin:
@@ -190,13 +164,13 @@ class LawSearch:
 
     def _price(self, g: int) -> float:
         freedom = 0.5 * len(self.groups[g]) * math.log(len(self.terms.data))
-        return freedom + self.prices[g]
+        return freedom + self.laws[g].price
 
     def _shortlist(self, scores: Array) -> list[int]:
         taken: dict[object, int] = {}
         out: list[int] = []
         for g in np.argsort(-scores).tolist():
-            family = self.laws[g].family if g < len(self.laws) else 'clock'
+            family = self.laws[g].family
             taken[family] = taken.get(family, 0) + 1
             if taken[family] <= _ALIKE:
                 out.append(g)
@@ -222,7 +196,9 @@ class _Judge:
         columns = _without(own, self.white(search.columns))
         self._basis = GroupBasis(columns, search.groups, before)
         freedom = 0.5 * self._basis.sizes * math.log(len(scale))
-        self._prices = np.where(self._basis.sizes > 0, freedom + np.array(search.prices), np.inf)
+        self._prices = np.where(
+            self._basis.sizes > 0, freedom + np.array([law.price for law in search.laws]), np.inf
+        )
 
     def scores(self, residuals: Array) -> Array:
         """(G, F) log likelihood beyond all prices, of (M, F) residuals."""

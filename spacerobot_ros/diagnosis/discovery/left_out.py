@@ -1,22 +1,23 @@
 """What a law explains of parts of a channel that it was not fitted to, against placebos.
 
-Parts are whole recordings where there are several, else fifths of one. Named causes, inertial
-errors and other laws are free in every part, so that a law is not credited with what is theirs.
+Parts are whole recordings where there are several, else fifths of one. A part is predicted by the
+others with the law and without it, named causes, inertial errors and other laws free in both: a
+law is not credited with what is theirs, nor is a slow one lost to errors that a part alone allows
+and all others do not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from ...estimation.evidence import Gram, folds, score, sum_of
-from ...estimation.placebo import held_out_gain
+from ...estimation.evidence import Fold, Gram, score, sum_of
+from ...estimation.placebo import DRAWS, SEED, shuffle
 from ...types import Array
-from .law_search import SearchedChannel, Winner
-from .spectral_terms import Whitening, rows_of
+from .law_search import SearchedChannel, Winner, columns_of
+from .spectral_terms import rows_of
 
 _FREE = 1e-6  # precision of coefficients without a prior, of columns of unit size
 _WIDE = 1e3  # prior deviation of a law's coefficients, of columns of unit size
@@ -28,7 +29,7 @@ class LeftOut:
 
     Args:
         inside: Share of the squares of all parts that it explains, fitted to them.
-        share: The same of parts that it was not fitted to.
+        share: The same of parts that it was not fitted to, as the others predict them.
         placebo: The same of the best columns without meaning.
         agreeing: Share of parts that it explains anything of.
         left: Squares that it leaves of parts that it was not fitted to.
@@ -51,54 +52,47 @@ class Parts:
 
     def __init__(self, channel: SearchedChannel, chosen: Sequence[Winner]) -> None:
         terms = channel.terms
-        self._channel, self._part, self._times = channel, channel.part, channel.times
-        self.level = terms.level(_beside(chosen, len(terms.data)))
-        self._scale = self.level.scale
-        self._white = Whitening(terms.nuisance, self._scale)
-        self._data = self._rows(terms.data)
-        self._nuisance = self._rows(terms.nuisance)
+        self._part, self._times = channel.part, channel.times
+        self._scale = terms.level(columns_of(chosen, len(terms.data))).scale
+        self._data, self._nuisance = self._rows(terms.data), self._rows(terms.nuisance)
 
     def judge(
         self, columns: Array, others: Sequence[Winner], *, has_placebo: bool = True
     ) -> LeftOut:
         """What (M, k) columns do beside other laws."""
-        own, beside = self._rows(columns), self._rows(_beside(others, len(columns)))
-        own, beside = _normed(own), _normed(beside)
-        rows = np.concatenate([self._nuisance, beside, own], axis=1)
-        parts = [
-            Gram.of(rows[self._part == k], self._data[self._part == k])
-            for k in np.unique(self._part)
-        ]
+        beside = _normed(self._rows(columns_of(others, len(columns))))
+        nuisance = np.concatenate([self._nuisance, beside], axis=1)
         count = self._nuisance.shape[1]
         precision = np.concatenate([np.ones(count), np.full(beside.shape[1], _FREE)])
-        sizes = np.full(own.shape[1], _WIDE)
+        own = _normed(self._rows(columns))
+        out = self._judged(nuisance, precision, own)
+        if not has_placebo:
+            return out
+        rng, best = np.random.default_rng(SEED), 0.0
+        for _ in range(DRAWS):
+            order, signs = shuffle(self._times, rng)
+            best = max(best, self._judged(nuisance, precision, signs[:, None] * own[order]).share)
+        return LeftOut(out.inside, out.share, best, out.agreeing, out.left)
+
+    def _judged(self, nuisance: Array, precision: Array, own: Array) -> LeftOut:
+        """What (R, k) columns do beside what is free, (R, K) with a prior precision (K,)."""
+        rows = np.concatenate([nuisance, own], axis=1)
+        kept = [self._part == k for k in np.unique(self._part)]
+        parts = [Gram.of(rows[at], self._data[at]) for at in kept]
+        whole, sizes = sum_of(parts), np.full(own.shape[1], _WIDE)
+        every = whole.without(len(precision), precision)
+        rests = [(whole - part).without(len(precision), precision) for part in parts]
         free = (np.full(len(sizes), -np.inf), np.full(len(sizes), np.inf))
-        found = folds(parts, len(precision), precision)
+        found = [Fold(rest, every - rest) for rest in rests]
         gains = np.array([score(f.rest, sizes, free, f.part).held_out for f in found])
         square = sum(f.part.square for f in found)
-        whole = sum_of(parts).without(len(precision), precision)
         return LeftOut(
-            inside=score(whole, sizes, free, None).gain / whole.square,
+            inside=score(every, sizes, free, None).gain / every.square,
             share=float(np.sum(gains)) / square,
-            placebo=self._placebo(columns, others, sizes) if has_placebo else 0.0,
+            placebo=0.0,
             agreeing=float(np.mean(gains > 0.0)),
             left=square - float(np.sum(gains)),
         )
-
-    def _placebo(self, columns: Array, others: Sequence[Winner], sizes: Array) -> float:
-        """Share that the best placebo explains."""
-        beside = self._white(_beside(others, len(columns)))
-        data, own = self._white(self._channel.terms.data), self._white(columns)
-        if beside.shape[1]:
-            q, _ = np.linalg.qr(beside)
-            data, own = data - q @ (q.T @ data), own - q @ (q.T @ own)
-        count = len(self._times)
-        data, own = rows_of(data, count), rows_of(own, count)
-        own = _normed(own)
-        ends = np.searchsorted(self._part, np.arange(self._part[-1] + 2))
-        slices = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        gain = held_out_gain(own, data, sizes, slices, self._times)
-        return gain / float(data @ data)
 
     def _rows(self, terms: Array) -> Array:
         return rows_of((terms.T / self._scale).T, len(self._times))
@@ -106,7 +100,3 @@ class Parts:
 
 def _normed(columns: Array) -> Array:
     return columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-
-
-def _beside(steps: Sequence[Winner], count: int) -> Array:
-    return np.concatenate([np.zeros((count, 0)), *(step.columns for step in steps)], axis=1)

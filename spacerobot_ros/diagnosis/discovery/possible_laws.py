@@ -7,7 +7,6 @@ more. The evidence must pay it beside the price of the coefficients.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -20,7 +19,6 @@ _PER_TURN = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 _BENDS = (0.03, 0.1, 0.3)  # of the 95 % rate
 _DISPLACEMENTS = (2e-3, 6e-3, 0.02, 0.06)  # rad
 _WARM_UP = (0.1, 0.3, 1.0)  # of the record's length
-_SLOWEST, _FASTEST, _APART = 0.05, 1.0, 0.75  # Hz; of the resolution 1/T
 _STOPS = (0.1, 0.2, 0.3)  # of the range, at either end
 REFINED = ('scale', 'displacement')
 """Options whose values are refined by the likelihood."""
@@ -54,6 +52,12 @@ class Law:
     def family(self) -> tuple[str, frozenset[str], str]:
         """Variables and class: laws that say the same in other words."""
         return self.place, frozenset(self.inputs), self.resembles
+
+    @property
+    def in_words(self) -> str:
+        """Class and form."""
+        values = [f', {name} {value:.3g}' for name, value in self.options.items() if value]
+        return f'{self.resembles}: {self.form.name}{"".join(values)}'
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,16 +252,6 @@ def _shared_laws(joint: str, other: str) -> Iterator[Law]:
     for what, form, price, resembles in _BOTH:
         yield _law(form, (f'{what}/{joint}', f'{what}/{other}'), price, resembles, 'coupled')
     yield _law('x', (f'acceleration/{other}',), 3.5, 'an inertial error', 'inertial')
-
-
-def sine_laws(duration: float) -> list[Law]:
-    """Sines of the time."""
-    frequencies = np.arange(_SLOWEST, _FASTEST, _APART / duration).tolist()
-    price = math.log(max(len(frequencies), 1))
-    form, what = 'sin(m x), cos(m x)', 'a sine of the time'
-    return [
-        _law(form, ('time',), price, what, 'clock', {'m': 2.0 * math.pi * f}) for f in frequencies
-    ]
 
 
 def _slow_laws(at: Extent) -> Iterator[Law]:
