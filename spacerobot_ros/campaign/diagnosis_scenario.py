@@ -22,6 +22,7 @@ from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError, SimulationDivergedError
 from ..excitation.motions import Motions
+from ..model.loader import build_robot
 from ..model.motion_settings import ExcitationSettings, ReferenceSettings
 from ..model.settings import TruthSettings
 from ..recording.buffer import SampleBuffer
@@ -77,8 +78,12 @@ def truth_of(module: str) -> Truth:
 
 @cache
 def robot_file(name: str) -> RobotFile:
-    """A robot of `ROBOTS`, its model as the plant is."""
+    """A robot of `ROBOTS`, its model as the plant is; `NAME, fixed`: with its base held."""
+    name, _, base = name.partition(', ')
     file = flown(name, truth=TruthSettings())
+    if base:
+        settings = replace(file.settings, robot=replace(file.settings.robot, base=base))
+        file = replace(file, settings=settings, robot=build_robot(settings, file.robot.urdf))
     momentum = _WHEELS.get(name)
     if momentum is None:
         return file

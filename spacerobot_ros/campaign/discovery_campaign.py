@@ -1,7 +1,8 @@
 """Campaign of laws that no catalogue knows: hidden in arms, asked for, held against the truth.
 
 Every law of `hidden_laws`, inside and outside the grammar, at three times and once the noise, in
-noise of all colours, some of them on free bases; and as many machines without any.
+noise of all colours; those of `law_flights` in closed loop, on free and fixed bases; and machines
+without any.
 """
 
 from __future__ import annotations
@@ -14,27 +15,28 @@ import numpy as np
 
 from ..diagnosis.diagnose import diagnose
 from ..effects.effect import Effect
-from ..estimation.balance import balance_of
+from ..effects.motion import Motion
+from ..estimation.balance import Balance, balance_of
 from ..estimation.observations import observed
 from ..recording.record import Record as Recording
 from ..types import Array
 from .description import Record, key
-from .discovery_tables import FLIGHT
 from .discovery_tables import judge as judge
 from .discovery_tables import results as results
 from .discovery_tables import tables as tables
 from .hidden_laws import COLOURS, INSIDE, LAWS, LawArm, variables_of
-from .law_flights import FLOWN, LawFlight
+from .law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight, beyond
 from .real_arm import JOINTS, arm_file
 
 _RATIOS = (3.0, 1.0)
 _DURATION = 40.0  # s
 _MOVING = 3  # joints at once
 _CLEAN = 4  # machines without a law, for every one with
+_QUIET = 4  # in closed loop one without for so many with
 
 
 def trials(runs: int, is_quick: bool) -> list[str]:
-    """Every law in turn, with as many machines without one in all colours; then free bases."""
+    """Every law in turn, with machines without one in all colours; then closed loops."""
     out = []
     for seed in range(runs):
         for n, law in enumerate(LAWS):
@@ -46,16 +48,19 @@ def trials(runs: int, is_quick: bool) -> list[str]:
             out += [key('clean', 10_000 + s, '', 0.0, COLOURS[s % len(COLOURS)]) for s in clean]
         for n, law in enumerate(FLOWN):
             own = len(FLOWN) * seed + n
-            out.append(key('law', own, law, _RATIOS[0], FLIGHT))
-            out.append(key('clean', 10_000 + own, '', 0.0, FLIGHT))
+            base = FREE if law == FIELD or (seed + n) % 2 else FIXED
+            out.append(key('law', own, law, _RATIOS[0], base))
+            if n % _QUIET == 0:
+                out.append(key('clean', 10_000 + own, '', 0.0, base))
     return out
 
 
 def run(key: str) -> Record:
     """Hide a law, ask, and compare what was learned along another motion."""
     kind, seed, law, ratio, colour = json.loads(key)
-    is_flown = colour == FLIGHT
-    machine = LawFlight(seed, law, ratio) if is_flown else HeldArm(seed, law, ratio, colour)
+    is_flown = colour in (FREE, FIXED)
+    kind_of = LawFlight if is_flown else HeldArm
+    machine: LawFlight | HeldArm = kind_of(seed, law, ratio, colour)
     record = machine.record()
     started = time.perf_counter()
     answer = diagnose(record, machine.file.robot, machine.file.effects)
@@ -83,6 +88,8 @@ def run(key: str) -> Record:
         'said': said,
         'named': [[c.applied.id, c.applied.where] for c in answer.causes],
         'r2': machine.transferred(added) if law else None,
+        'removed': machine.removed(added) if law and isinstance(machine, LawFlight) else None,
+        'beyond': beyond(learned, machine.motion) if law else None,
         'wall_s': wall,
     }
 
@@ -114,10 +121,17 @@ class HeldArm:
         """That a right answer names."""
         return variables_of(self._arm.law, self.where, JOINTS[self._k])
 
+    @property
+    def motion(self) -> Motion:
+        """That of the record."""
+        return self._balance(self.record()).motion
+
+    def _balance(self, record: Recording) -> Balance:
+        return balance_of(observed(record, self.file.robot), self.file.robot, self.file.effects)
+
     def transferred(self, added: Sequence[Effect]) -> float:
         """Share of the law's variance on another motion that what was added explains there."""
-        record = observed(self._arm.record(1, self._names, _DURATION), self.file.robot)
-        balance = balance_of(record, self.file.robot, self.file.effects)
+        balance = self._balance(self._arm.record(1, self._names, _DURATION))
         motion, j = balance.motion, self._j
         true = self._arm.hidden_torque(motion.q, motion.qd, motion.effort)
         own: Array = np.zeros(len(true))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ from .description import Check, Record, Results, grouped
 from .hidden_laws import INSIDE
 from .shares import share_of
 
-FLIGHT = 'in flight'
-"""In place of the noise's colour: free bases, their sensors' noise white."""
+LOOPS = ('free base', 'fixed base')
+"""In place of the noise's colour: robots in closed loop, their sensors' noise white."""
 
 # figures to reach
 _RIGHT = {3.0: (0.95, 1.0), 1.0: (0.7, 1.0)}
@@ -24,28 +23,25 @@ _WRONG_OUTSIDE = (0.0, 0.02)
 _TRANSFER = {3.0: (0.95, 1.0)}
 _TRANSFER_OUTSIDE = (0.8, 1.0)
 _FALSE = (0.0, 0.01)
+_REMOVED = (0.8, 1.0)  # of the tracking error that a law causes, median
+_BEYOND = (0.0, 1.5)  # of the largest trained torque, at three times the speed
+_FED = (0.0, 1e-6)  # of what friction exchanges
 
 
 def results(records: Sequence[Record]) -> Results:
-    """As `discovery`: shares by ratio, law and colour, and of machines without a law."""
+    """As `discovery`: shares by machine, ratio and law, and of machines without a law."""
     hidden = [r for r in records if r['kind'] == 'law']
     clean = [r for r in records if r['kind'] == 'clean']
-    flown = [r for r in hidden if r['colour'] == FLIGHT]
-    held = [r for r in hidden if r['colour'] != FLIGHT]
-    inside = [r for r in held if r['law'] in INSIDE]
-    outside = [r for r in held if r['law'] not in INSIDE]
-    groups = {
-        **{f'inside, ratio {ratio:g}': own for ratio, own in grouped(inside, _RATIO).items()},
-        **({'outside, ratio 3': outside} if outside else {}),
-        **({'free bases, ratio 3': flown} if flown else {}),
-    }
     return {
         'discovery': {
-            'groups': [{'group': name, **_score(own)} for name, own in groups.items()],
+            'groups': [{'group': g, **_score(own)} for g, own in grouped(hidden, _group).items()],
             'laws': [
-                {'law': law + where, 'ratio': ratio, **_score(own)}
-                for where, some in (('', held), (f', {FLIGHT}', flown))
-                for (law, ratio), own in grouped(some, itemgetter('law', 'ratio')).items()
+                {'law': ', '.join(own), 'ratio': ratio, **_score(some)}
+                for (ratio, *own), some in grouped(hidden, _law).items()
+            ],
+            'applied': [
+                {'machines': machines, **_applied(own)}
+                for machines, own in grouped(hidden, _machine).items()
             ],
             'false': share_of(any(s['form'] is not None for s in r['said']) for r in clean),
             'timed': share_of(any(s['depends_on'] == ['time'] for s in r['said']) for r in clean),
@@ -61,7 +57,32 @@ def results(records: Sequence[Record]) -> Results:
     }
 
 
-_RATIO = itemgetter('ratio')
+def _machine(record: Record) -> str:
+    return f'{record["colour"]}, closed loop' if record['colour'] in LOOPS else 'arms'
+
+
+def _group(record: Record) -> str:
+    where = 'inside' if record['law'] in (*INSIDE, 'field') else 'outside'
+    return f'{_machine(record)}, {where}, ratio {record["ratio"]:g}'
+
+
+def _law(record: Record) -> tuple[float, str, str]:
+    return record['ratio'], record['law'], _machine(record)
+
+
+def _applied(records: Sequence[Record]) -> dict[str, Any]:
+    """What learned laws do for a controller, and beyond their data."""
+    removed = [r['removed'] for r in records if r['removed'] is not None and _is_right(r)]
+    beyond = [r['beyond'] for r in records if r['beyond']]
+    size, fed = np.max(beyond or [[np.nan, np.nan]], axis=0)
+    return {
+        'fed_forward': len(removed),
+        'removed': float(np.median(removed or [np.nan])),
+        'least': float(np.quantile(removed or [np.nan], 0.1)),
+        'learned': len(beyond),
+        'beyond': float(size),
+        'fed_in': float(fed),
+    }
 
 
 def _is_claimed(said: Record) -> bool:
@@ -107,7 +128,7 @@ def judge(results: Results) -> list[Check]:
     """Right variables, laws that hold on other motions, few false ones."""
     out = []
     for s in results['discovery']['groups']:
-        ratio, is_outside = float(s['group'].rpartition(' ')[2]), s['group'].startswith('outside')
+        ratio, is_outside = float(s['group'].rpartition(' ')[2]), ', outside' in s['group']
         right = _OUTSIDE if is_outside else _RIGHT[ratio]
         wrong = _WRONG_OUTSIDE if is_outside else _WRONG[ratio]
         out.append(Check(f'{s["group"]}: variables right', s['right'].value, *right))
@@ -115,6 +136,14 @@ def judge(results: Results) -> list[Check]:
         transfer = _TRANSFER_OUTSIDE if is_outside else _TRANSFER.get(ratio)
         if transfer and np.isfinite(s['transfer']):
             out.append(Check(f'{s["group"]}: median R2, other motion', s['transfer'], *transfer))
+    for s in results['discovery']['applied']:
+        if s['fed_forward']:
+            what = f'{s["machines"]}: tracking error by the law that is removed, median'
+            out.append(Check(what, s['removed'], *_REMOVED))
+        if s['learned']:
+            what = f'{s["machines"]}: torque at three times the speed, by the largest trained'
+            out.append(Check(what, s['beyond'], *_BEYOND))
+            out.append(Check(f'{s["machines"]}: power that friction feeds in', s['fed_in'], *_FED))
     if results['discovery']['false'].total:
         value = results['discovery']['false'].value
         out.append(Check('machines without a law with a discovery', value, *_FALSE))
@@ -137,6 +166,16 @@ def tables(results: Results) -> list[Table]:
         ),
         table_of(
             'Every law', '', s['laws'], f'law | ratio | {columns}', '{law} | {ratio:g} | ' + form
+        ),
+        table_of(
+            'Learned laws at work',
+            'tracking error by the law on another motion that a controller with the right law '
+            'removes, where it may be fed forward; all that was learned at three times the speed',
+            s['applied'],
+            'machines | fed forward | removed, median | tenth | learned | largest torque by the '
+            'largest trained | power that friction feeds in',
+            '{machines} | {fed_forward} | {removed:.2f} | {least:.2f} | {learned} | {beyond:.2f} '
+            '| {fed_in:.2g}',
         ),
         table_of(
             'Machines without a law',

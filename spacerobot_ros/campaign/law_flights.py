@@ -1,34 +1,45 @@
-"""Free bases with a torque that no catalogue knows: at a joint, or on the base by its attitude.
+"""Robots in closed loop with a torque that no catalogue knows: at a joint, or by the attitude.
 
-Laws are those of `hidden_laws` that one or two angles or rates tell, tables in the plant.
+Torque and motion follow the error, and the noise of the sensors is known. Laws are those of
+`hidden_laws` that one or two angles or rates tell, tables in the plant.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..diagnosis.answer.closed_loop_gain import tracking_errors
+from ..diagnosis.answer.extended_model import effects_section, named
 from ..effects.catalogue import bind_effect
 from ..effects.effect import Effect
+from ..effects.learned_torque import LearnedTorque
 from ..effects.motion import Motion
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed
 from ..estimation.runs import Run
 from ..recording.record import Record
 from ..types import Array
-from .diagnosis_scenario import ROBOTS, robot_file, simulated
+from .diagnosis_scenario import ROBOTS, motion_of, robot_file, simulated
 from .hidden_laws import LAWS, variables_of
 
 FIELD = 'field'
-FLOWN = ('drag', 'square root', 'cubic spring', 'sum of rates', 'two angles', FIELD)
-"""Laws in flight; a field's torque about an axis of the base is b^T R_WB e."""
+_HISTORIES = ('Dahl', 'play')
+FLOWN = (
+    *(n for n, (_, a) in LAWS.items() if set(a) <= set('vwqp') and n not in _HISTORIES),
+    FIELD,
+)
+"""Laws in closed loop; a field's torque about an axis of a free base is b^T R_WB e."""
+FREE, FIXED = 'free base', 'fixed base'
 _DURATION = 20.0  # s
 _BAND = 8.0  # numbers a second of what is slower than 4 Hz
 _KNOTS = {1: 801, 2: 161}  # of a table by its inputs, over twice the range of the motion
 _BOUNDS = {'limit': 1e6, 'kind': 'external'}
+_FASTER = 3.0  # times the speed of the data, at which a law must still be bounded
 
 
 class LawFlight:
@@ -38,11 +49,14 @@ class LawFlight:
         seed: Of robot, place and noise.
         law: One of `FLOWN`; empty: none.
         ratio: Rms of the law by that of a joint's torque noise in the band.
+        base: `FREE` or `FIXED`.
     """
 
-    def __init__(self, seed: int, law: str, ratio: float) -> None:
+    def __init__(self, seed: int, law: str, ratio: float, base: str = FREE) -> None:
         rng = np.random.default_rng([seed, 7])
         self._name, self._seed = str(rng.choice(ROBOTS)), seed
+        if base == FIXED:
+            self._name += ', fixed'
         self._law, self._ratio = law, ratio
         self.file = robot_file(self._name)
         self._robot = self.file.robot
@@ -62,8 +76,13 @@ class LawFlight:
         return simulated(self._name, 'fast', self._seed, hidden, _DURATION)
 
     @cached_property
+    def motion(self) -> Motion:
+        """That of the record, without the law."""
+        return self._motion(self._seed)
+
+    @cached_property
     def _hidden(self) -> Effect:
-        quiet = self._motion(self._seed)
+        quiet = self.motion
         noise = float(self._robot.sensors.std('joint_effort') or 0.0)
         size = self._ratio * noise * np.sqrt(_BAND * float(np.median(np.diff(quiet.time))))
         place, inputs, law = self.where, self.variables, self._table
@@ -110,3 +129,37 @@ class LawFlight:
         every = [e for e in added if e.where == self._hidden.where]
         true, *own = (e.force(motion, e.driven(motion))[:, at] for e in (self._hidden, *every))
         return 1.0 - float(np.var(true - np.sum(own, axis=0)) / np.var(true))
+
+    def removed(self, added: Sequence[Effect]) -> float | None:
+        """Share of the tracking error by the law, on another motion, that what was added removes.
+
+        The law's error is that of the true positions from those of a plant without it, whose
+        sensors have the same noise. None where nothing is added that a controller feeds forward.
+        """
+        if not any(e.is_known_ahead for e in added):
+            return None
+        reference = motion_of(self.file, 'fast', self._seed + 1, _DURATION)
+        simulator = replace(self.file.settings.simulator, seed=self._seed + 1)
+        task = replace(self.file.settings, reference=reference, simulator=simulator)
+        plant = replace(task, effects=effects_section([self._hidden]))
+        believed = replace(task, effects=effects_section(named(added, ())))
+        pairs = ((task, task), (plant, task), (plant, believed))
+        quiet, without, with_it = (tracking_errors(self.file, *pair) for pair in pairs)
+        return 1.0 - float(np.linalg.norm(with_it - quiet) / np.linalg.norm(without - quiet))
+
+
+def beyond(laws: Sequence[Effect], motion: Motion) -> tuple[float, float] | None:
+    """Largest torque of any law at three times the speed, by that on the motion, and power fed in.
+
+    The latter is the share of what friction exchanges; None where there is no law.
+    """
+    fast = replace(motion, qd=_FASTER * motion.qd, omega=_FASTER * motion.omega)
+    sizes, fed = [0.0], [0.0]
+    for law in laws:
+        here, there = (law.force(m, law.driven(m)) for m in (motion, fast))
+        sizes.append(float(np.max(np.abs(there)) / np.max(np.abs(here))))
+        if isinstance(law, LearnedTorque) and (law.kind == 'dissipative' or law.react):
+            power = np.sum(there * fast.rates, axis=1)
+            given = np.sum(power) if law.hidden else np.sum(np.maximum(power, 0.0))
+            fed.append(max(0.0, float(given)) / max(float(np.sum(np.abs(power))), 1e-300))
+    return (max(sizes), max(fed)) if laws else None

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from spacerobot_ros.campaign import law_flights
 from spacerobot_ros.campaign.discovery_campaign import trials
-from spacerobot_ros.campaign.discovery_tables import FLIGHT, judge, results, tables
+from spacerobot_ros.campaign.discovery_tables import LOOPS, judge, results, tables
 from spacerobot_ros.campaign.hidden_laws import COLOURS, LAWS, NOISE, LawArm
-from spacerobot_ros.campaign.law_flights import FIELD, FLOWN, LawFlight
+from spacerobot_ros.campaign.law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight
+from spacerobot_ros.campaign.law_flights import beyond as beyond_data
 from spacerobot_ros.campaign.real_arm import COULOMB
+from spacerobot_ros.effects.learned_torque import law_at
 
 MOVING = ('joint_1', 'joint_2')
 
@@ -23,18 +25,21 @@ def said(form='x |x|', *depends_on, channel='joint_1'):
     return {'channel': channel, 'depends_on': list(depends_on), 'form': form, **shares}
 
 
-def record(*claims, law='drag', ratio=3.0, named=(), r2=0.99):
+def record(*claims, law='drag', ratio=3.0, named=(), r2=0.99, colour='white', **work):
     return {
         'kind': 'law' if law else 'clean',
         'law': law,
         'ratio': ratio,
-        'colour': 'white',
+        'colour': colour,
         'where': 'joint_1',
         'variables': ['rate/joint_1'],
         'said': list(claims),
         'named': [list(name) for name in named],
         'r2': r2,
         'wall_s': 1.0,
+        'removed': None,
+        'beyond': None,
+        **work,
     }
 
 
@@ -42,8 +47,10 @@ def test_trials_are_distinct_and_cover_all_laws_and_colours():
     keys = [json.loads(key) for key in trials(2, is_quick=False)]
     assert len({json.dumps(key) for key in keys}) == len(keys)
     assert {key[2] for key in keys if key[0] == 'law'} == {*LAWS, FIELD}
-    assert {key[4] for key in keys if key[0] == 'clean'} == {*COLOURS, FLIGHT}
-    assert {key[2] for key in keys if key[4] == FLIGHT} == {*FLOWN, ''}
+    assert {key[4] for key in keys if key[0] == 'clean'} == {*COLOURS, *LOOPS}
+    assert {FREE, FIXED} == set(LOOPS)
+    assert {key[2] for key in keys if key[4] == FREE} == {*FLOWN, ''}
+    assert {key[2] for key in keys if key[4] == FIXED} == {*FLOWN, ''} - {FIELD}
 
 
 @pytest.mark.parametrize('law', ['drag', 'sum of rates', 'Dahl'])
@@ -75,6 +82,21 @@ def test_a_flown_law_has_its_size_and_transfers_to_itself(monkeypatch):
     assert flight.transferred([hidden]) == pytest.approx(1.0, abs=1e-12)
 
 
+def test_what_the_true_law_does_at_work_and_beyond_its_data(monkeypatch):
+    """Fed forward itself it removes its error; without limits drag is nine times as large."""
+    monkeypatch.setattr(law_flights, '_DURATION', 3.0)
+    flight = LawFlight(2, 'drag', 3.0, FIXED)
+    assert flight.removed([flight._hidden]) is None  # from outside: nothing is fed forward
+    law = law_at(**{f.name: getattr(flight._hidden, f.name) for f in fields(flight._hidden)})
+    law = replace(law, name='drag', kind='dissipative')
+    assert flight.removed([law]) > 0.9
+    size, fed = beyond_data([law], flight.motion)
+    assert size > 1.5  # its table is twice as wide as the motion
+    assert fed == 0.0
+    assert beyond_data([replace(law, kind='external')], flight.motion) == (size, 0.0)
+    assert beyond_data([], flight.motion) is None
+
+
 def test_scores_are_of_variables():
     right = record(said('x |x|', 'rate/joint_1'))
     wrong = record(said('x', 'rate/joint_2'))
@@ -89,4 +111,21 @@ def test_scores_are_of_variables():
     assert scores['timed'].value == pytest.approx(1 / 3)
     missed = [check.what for check in judge({'discovery': scores}) if not check.is_met]
     assert len(missed) == 3  # right, wrong, false
-    assert len(tables({'discovery': scores})) == 3
+    assert len(tables({'discovery': scores})) == 4
+
+
+def test_learned_laws_count_at_work_and_beyond_their_data():
+    right = said('x |x|', 'rate/joint_1')
+    loop = [
+        record(right, colour=FREE, removed=0.9, beyond=[1.4, 0.0]),
+        record(right, colour=FREE, removed=0.6, beyond=[1.6, 0.01]),
+        record(said('x', 'rate/joint_2'), colour=FREE, removed=-3.0),  # a wrong law is no answer
+    ]
+    scores = results(loop)['discovery']
+    (work,) = scores['applied']
+    assert (work['fed_forward'], work['learned']) == (2, 2)
+    assert work['removed'] == pytest.approx(0.75)
+    assert (work['beyond'], work['fed_in']) == (1.6, 0.01)
+    missed = [check.what for check in judge({'discovery': scores}) if not check.is_met]
+    assert sum('removed' in what for what in missed) == 1
+    assert sum('three times' in what or 'feeds in' in what for what in missed) == 2

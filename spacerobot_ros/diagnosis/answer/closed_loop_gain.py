@@ -78,7 +78,10 @@ def closed_loop_gain(
     extended = {**file.settings.effects, **effects_section(added)}
     try:
         plant = replace(old, effects=extended)
-        before, after = (_errors(file, plant, believed) for believed in (old, plant))
+        before, after = (
+            np.sqrt(np.mean(tracking_errors(file, plant, believed) ** 2, axis=0))
+            for believed in (old, plant)
+        )
     except SpaceRobotError as error:
         return None, f'the closed loop could not be simulated: {error}'
     pairs = zip(file.robot.joints, before.tolist(), after.tolist(), strict=True)
@@ -100,8 +103,14 @@ def _task_settings(settings: Settings, n: int) -> Settings:
     return replace(settings, reference=reference, controller=controller, truth=TruthSettings())
 
 
-def _errors(file: RobotFile, plant: Settings, believed: Settings) -> Array:
-    """(n,) root mean square of reference less true position [rad]."""
+def tracking_errors(file: RobotFile, plant: Settings, believed: Settings) -> Array:
+    """(N, n) reference less true position of every joint along the plant's reference [rad].
+
+    Args:
+        file: The robot.
+        plant: With the effects that it has.
+        believed: With those that its controller knows.
+    """
     loop = ClosedLoop(file.robot, plant)
     loop.controller = ControlLoop(file.robot, believed)
     steps = max(1, round(_duration(plant.reference) / plant.simulator.period))
@@ -111,7 +120,7 @@ def _errors(file: RobotFile, plant: Settings, believed: Settings) -> Array:
         for step in loop.run(steps)
         if step.command is not None
     ]
-    return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
+    return np.array(errors)
 
 
 def _is_motion(reference: ReferenceSettings) -> bool:
