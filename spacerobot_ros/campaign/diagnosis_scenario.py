@@ -23,7 +23,7 @@ from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError, SimulationDivergedError
 from ..excitation.motions import Motions
 from ..model.loader import build_robot
-from ..model.motion_settings import ExcitationSettings, ReferenceSettings
+from ..model.motion_settings import ExcitationSettings, InitialSettings, ReferenceSettings
 from ..model.settings import TruthSettings
 from ..recording.buffer import SampleBuffer
 from ..recording.record import Record
@@ -82,7 +82,8 @@ def robot_file(name: str) -> RobotFile:
     name, _, base = name.partition(', ')
     file = flown(name, truth=TruthSettings())
     if base:
-        settings = replace(file.settings, robot=replace(file.settings.robot, base=base))
+        held = replace(file.settings.robot, base=base)
+        settings = replace(file.settings, robot=held, initial=InitialSettings())
         file = replace(file, settings=settings, robot=build_robot(settings, file.robot.urdf))
     momentum = _WHEELS.get(name)
     if momentum is None:
