@@ -9,30 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..effects.catalogue import CATALOGUE
-from ..effects.effect import Effect
 from ..errors import RecordingError
 from ..estimation.evidence import chi_square_tail
-from ..estimation.scaling import is_relevant
 from ..estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
 from ..model.robot import Robot
 from ..recording.record import Record
 from .answer.residuals import residuals
-from .answer.result import (
-    Cause,
-    Diagnosis,
-    Estimated,
-    Evidence,
-    Gain,
-    Ranked,
-    Rival,
-    Series,
-)
+from .answer.result import Cause, Diagnosis, Evidence, Gain, Rival, Series
 from .answer.words import cause_in_words
 from .limits import EQUIVALENT, FALSE_ALARMS
+from .lone_causes import cause_of, evidence_of
 from .spin_axis import Tilt, tilt_of
 from .spin_means import KINDS, MeanFit, SpinMeans
 
@@ -67,7 +57,7 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
     means = SpinMeans(windows, robot)
     rows = 3 * len(windows)
     null, (best, rivals) = means.fit(()), _chosen(means)
-    causes = [_cause(means, best, kind, rivals[kind]) for kind in best.kinds]
+    causes = [replace(_cause(means, best, kind), rivals=rivals[kind]) for kind in best.kinds]
     tilt = _tilt(windows, means, best, robot)
     if tilt is not None:
         causes.append(_tilt_cause(tilt, robot))
@@ -85,7 +75,7 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
         residuals=residuals(channels, (), (), ()),
         series=channels,
         gain=Gain(before=before, after=after),
-        ranking=tuple(_ranked(means, null, means.fit((kind,)), rows) for kind in KINDS),
+        ranking=tuple(_cause(means, means.fit((kind,)), kind).ranked for kind in KINDS),
         next_motion=(_NEXT,) if tilt is not None and tilt.is_tilted else (),
         notes=(*notes, f'judged by the spin that the magnetometer sees: {spans}', *said),
     )
@@ -130,71 +120,30 @@ def _tilt(
     return tilt_of(means.seen, gyro, (kappa, std) if is_line else None, robot)
 
 
-def _cause(means: SpinMeans, fit: MeanFit, kind: str, rivals: tuple[Rival, ...]) -> Cause:
-    own = [i for i, (k, _) in enumerate(fit.names) if k == kind]
-    fitted = {fit.names[i][1]: i for i in own}
-    values = {**CATALOGUE[kind].nominal(), **{n: float(fit.values[i]) for n, i in fitted.items()}}
-    thresholds = {p.name: p for p in CATALOGUE[kind].parameters_at(means.robot, None)}
+def _cause(means: SpinMeans, fit: MeanFit, kind: str) -> Cause:
     rest = tuple(k for k in fit.kinds if k != kind)
-    without = means.fit(rest, among=fit.names)
+    own = [i for i, (k, _) in enumerate(fit.names) if k == kind]
     rows, stds = fit.left.size, np.sqrt(np.diag(fit.covariance))
     held, held_without = means.held_out(fit.kinds), means.held_out(rest)
-    return Cause(
-        applied=_applied(kind, values),
-        parameters={
-            n: Estimated(value=values[n], std=float(stds[i]), unit=thresholds[n].unit)
-            for n, i in fitted.items()
-        },
-        evidence=Evidence(
-            log_likelihood_gain=0.5 * (without.misfit - fit.misfit),
-            bic_gain=without.bic(rows) - fit.bic(rows),
-            p_value=chi_square_tail(without.misfit - fit.misfit, max(len(own), 1)),
-            held_out_gain=(held_without - held) / max(held_without - rows, 1.0),
-        ),
-        rivals=rivals,
-        thresholds=thresholds,
-        relevant=any(is_relevant(thresholds[n], values[n]) for n in fitted),
+    evidence = evidence_of(
+        means.fit(rest, among=fit.names).misfit - fit.misfit,
+        len(own),
+        rows,
+        (held_without - held) / max(held_without - rows, 1.0),
     )
-
-
-def _applied(kind: str, values: dict[str, float], where: str | None = None) -> Effect:
-    return CATALOGUE[kind](name=kind, where=where, values=values)
+    told = {fit.names[i][1]: (float(fit.values[i]), float(stds[i])) for i in own}
+    return cause_of(kind, None, told, evidence, means.robot)
 
 
 def _tilt_cause(tilt: Tilt, robot: Robot) -> Cause:
-    kind, base = 'inertial_parameters', robot.base_link
-    thresholds = {p.name: p for p in CATALOGUE[kind].parameters_at(robot, base)}
-    values = {**CATALOGUE[kind].nominal(), **tilt.change}
+    told = {name: (value, tilt.stds[name]) for name, value in tilt.change.items()}
+    cause = cause_of('inertial_parameters', robot.base_link, told, Evidence(), robot)
     board = Rival(
         effect='gyro_misalignment',
         where='gyro and magnetometer on one board',
         bic_gap=0.0,
     )
-    return Cause(
-        applied=_applied(kind, values, base),
-        parameters={
-            n: Estimated(value=v, std=tilt.stds[n], unit='kg m^2') for n, v in tilt.change.items()
-        },
-        evidence=Evidence(),
-        rivals=(board,) if tilt.is_tilted else (),
-        thresholds=thresholds,
-        relevant=True,
-    )
-
-
-def _ranked(means: SpinMeans, null: MeanFit, fit: MeanFit, rows: int) -> Ranked:
-    (kind,) = fit.kinds
-    values = {**CATALOGUE[kind].nominal()}
-    values |= {name: float(v) for (_, name), v in zip(fit.names, fit.values, strict=True)}
-    gain = null.misfit - fit.misfit
-    return Ranked(
-        effect=kind,
-        where=None,
-        values=values,
-        evidence=0.5 * (null.bic(rows) - fit.bic(rows)),
-        log_likelihood_gain=0.5 * gain,
-        p_value=chi_square_tail(gain, max(len(fit.values), 1)),
-    )
+    return replace(cause, rivals=(board,) if tilt.is_tilted else (), relevant=True)
 
 
 def _series(means: SpinMeans, null: MeanFit, best: MeanFit) -> tuple[Series, ...]:

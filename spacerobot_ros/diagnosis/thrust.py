@@ -15,17 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects.catalogue import CATALOGUE
-from ..effects.parameter import Parameter
 from ..errors import RecordingError
-from ..estimation.evidence import chi_square_tail
 from ..estimation.momentum_windows import MomentumWindows, Name, WindowGrams, all_grams
-from ..estimation.scaling import is_relevant
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array, IntArray
-from .answer.result import Cause, Diagnosis, Estimated, Evidence, Gain, Ranked, Residual
+from .answer.result import Cause, Diagnosis, Evidence, Gain, Residual
 from .answer.words import cause_in_words
 from .limits import FALSE_ALARMS
+from .lone_causes import cause_of, evidence_of
 
 _DELAYS = np.linspace(0.0, 0.5, 26)  # s; tried
 _PARTS = 10
@@ -174,7 +172,7 @@ def diagnose_thrust(records: Sequence[Record], robot: Robot, notes: Sequence[str
             before=math.sqrt(float(np.sum(null.misfit)) / rows),
             after=math.sqrt(after / rows),
         ),
-        ranking=tuple(_ranked(c) for c in causes),
+        ranking=tuple(c.ranked for c in causes),
         notes=(
             *notes,
             f'judged by {search.count} windows of pose, start and rate of each free; thrust is '
@@ -191,67 +189,28 @@ def _is_sure(cause: Cause, count: int) -> bool:
     return is_seen and cause.relevant
 
 
-def _thresholds(name: Name, robot: Robot) -> dict[str, Parameter]:
-    kind, where, _ = name
-    return {p.name: p for p in CATALOGUE[kind].parameters_at(robot, where)}
-
-
 def _cause(search: _Search, index: int, name: Name, robot: Robot, after: float) -> Cause:
-    parameter, thresholds = name[2], _thresholds(name, robot)
-    p = thresholds[parameter]
-    std = math.sqrt(float(search.best.covariance[index, index]))
+    kind, where, parameter = name
+    (p,) = (p for p in CATALOGUE[kind].parameters_at(robot, where) if p.name == parameter)
     change = float(search.best.values[index])
-    value = max(p.minimum, p.nominal + change)
-    square = (change / std) ** 2 if std > 0.0 else 0.0
+    std = math.sqrt(float(search.best.covariance[index, index]))
     without = search.held_out(search.best.delay, index)
-    return _made(
-        name, value, std, square, (without - after) / max(without, 1e-300), thresholds, search
-    )
+    evidence = _evidence(change, std, search, after, without)
+    told = {parameter: (max(p.minimum, p.nominal + change), std)}
+    return cause_of(kind, where, told, evidence, robot)
 
 
 def _delay_cause(search: _Search, robot: Robot, after: float) -> Cause:
-    name: Name = ('command_delay', None, 'delay')
-    std, delay = search.delay_std(), search.best.delay
-    square = (delay / std) ** 2 if std > 0.0 else 0.0
-    without = search.held_out(0.0)
-    gain = (without - after) / max(without, 1e-300)
-    return _made(name, delay, std, square, gain, _thresholds(name, robot), search)
+    delay, std = search.best.delay, search.delay_std()
+    evidence = _evidence(delay, std, search, after, search.held_out(0.0))
+    return cause_of('command_delay', None, {'delay': (delay, std)}, evidence, robot)
 
 
-def _made(
-    name: Name,
-    value: float,
-    std: float,
-    square: float,
-    held_out: float,
-    thresholds: dict[str, Parameter],
-    search: _Search,
-) -> Cause:
-    kind, where, parameter = name
-    values = {**CATALOGUE[kind].nominal(), parameter: value}
-    return Cause(
-        applied=CATALOGUE[kind](name=kind, where=where, values=values),
-        parameters={parameter: Estimated(value=value, std=std, unit=thresholds[parameter].unit)},
-        evidence=Evidence(
-            log_likelihood_gain=0.5 * square,
-            bic_gain=square - math.log(search.count),
-            p_value=chi_square_tail(square, 1),
-            held_out_gain=held_out,
-        ),
-        thresholds=thresholds,
-        relevant=is_relevant(thresholds[parameter], value),
-    )
-
-
-def _ranked(cause: Cause) -> Ranked:
-    return Ranked(
-        effect=cause.applied.id,
-        where=cause.applied.where,
-        values=cause.applied.values,
-        evidence=0.5 * cause.evidence.bic_gain,
-        log_likelihood_gain=cause.evidence.log_likelihood_gain,
-        p_value=cause.evidence.p_value,
-    )
+def _evidence(
+    change: float, std: float, search: _Search, after: float, without: float
+) -> Evidence:
+    square = (change / std) ** 2 if std > 0.0 else 0.0
+    return evidence_of(square, 1, search.count, (without - after) / max(without, 1e-300))
 
 
 def _residuals(null: _Solution, best: _Solution) -> list[Residual]:

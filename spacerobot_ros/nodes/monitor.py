@@ -18,8 +18,8 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
+from ..diagnosis.events.event import Event
 from ..diagnosis.events.event_limits import NAMED
-from ..diagnosis.flight.event_watch import FlightEvent
 from ..diagnosis.flight.monitor import Monitor
 from ..diagnosis.flight.monitor_state import MonitorState
 from ..effects.catalogue import believed_effects
@@ -47,7 +47,7 @@ class MonitorNode(SensorNode):
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
         super().__init__('monitor', **node_kwargs)
         self._raised_ns: int | None = None
-        self._event: FlightEvent | None = None
+        self._event: Event | None = None
         self._events = self.create_publisher(DiagnosticArray, '/events', LATCHED)
         self.offer('~/reset', self._on_reset)
         self.find_robot()
@@ -171,8 +171,8 @@ class MonitorNode(SensorNode):
             'end [s]': f'{self._stamp_ns(event.end) * 1e-9:.3f}',
             'size by its std': event.z,
         }
-        for name, size in event.size.items():
-            values[f'{name} [{event.unit}]'] = f'{size:.4g} +- {event.std[name]:.2g}'
+        for name, size in event.peak.items():
+            values[f'{name} [{event.unit}]'] = f'{size:.4g} +- {event.peak_std[name]:.2g}'
         if event.ongoing:
             return Status('events', WARN, event.in_words(), values)
         return Status('events', OK, f'over: {event.in_words()}', values)

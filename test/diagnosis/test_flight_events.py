@@ -55,7 +55,7 @@ def test_what_acts_from_outside_is_raised_within_a_second(effect, kind, size):
     for name, value in size.items():
         # a bell's mean is half its peak; parts hold some of what is beside it
         expected = value if kind == 'angular_impulse' else 0.5 * value
-        assert event.size[name] == pytest.approx(expected, abs=0.4 * abs(max(size.values())))
+        assert event.peak[name] == pytest.approx(expected, abs=0.4 * abs(max(size.values())))
 
 
 @pytest.fixture(scope='module')

@@ -84,6 +84,18 @@ class Cause:
     constant_p: float = math.nan
     held_out_recordings: tuple[float, ...] | None = None
 
+    @property
+    def ranked(self) -> Ranked:
+        """Its score."""
+        return Ranked(
+            effect=self.applied.id,
+            where=self.applied.where,
+            values=self.applied.values,
+            evidence=0.5 * self.evidence.bic_gain,
+            log_likelihood_gain=self.evidence.log_likelihood_gain,
+            p_value=self.evidence.p_value,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residual:

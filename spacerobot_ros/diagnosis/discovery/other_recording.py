@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from ...effects.effect import Effect
 from ...estimation.balance import Balance, balance_of
 from ...estimation.observations import observed
+from ...estimation.placebo import held_out_gain
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
 from ..answer.result import Leftover
+from .arm_channels import FIFTHS
 from .discovery_limits import BEYOND_PLACEBO
 
-_PLACEBOS = 20
-_NEAR, _FAR = 0.15, 0.85  # of the recording, by which placebos are moved in time
-_SEED = 17
+_WIDE = 1e3  # times a law that its placebos may be
 
 
 def judged_on(
@@ -49,21 +50,19 @@ def judged_on(
         j = robot.joints.index(str(entry.applied.where))
         moving = balance.arm.is_moving[:: balance.arm.stride, j]
         own = torques[laws.index(entry.applied)][moving, j]
-        out.append(_judged(entry, left[moving, j] + own, own))
+        out.append(_judged(entry, left[moving, j] + own, own, balance.row_times[moving]))
     return tuple(out)
 
 
-def _judged(entry: Leftover, left: Array, own: Array) -> Leftover:
+def _judged(entry: Leftover, left: Array, own: Array, times: Array) -> Leftover:
     if not len(left):
         return entry
     square = float(left @ left)
     share = 1.0 - float(np.sum((left - own) ** 2)) / square
-    rng = np.random.default_rng(_SEED)
-    best = 0.0
-    for _ in range(_PLACEBOS):
-        moved = np.roll(own, round(rng.uniform(_NEAR, _FAR) * len(own)))[:: rng.choice([-1, 1])]
-        best = max(best, float(moved @ left) ** 2 / (float(moved @ moved) * square + 1e-300))
-    holds = share > best + BEYOND_PLACEBO
+    ends = np.linspace(0, len(left), FIFTHS + 1).astype(int).tolist()
+    blocks = [slice(a, b) for a, b in pairwise(ends)]
+    placebo = held_out_gain(own[:, None], left, np.array([_WIDE]), blocks, times) / square
+    holds = share > placebo + BEYOND_PLACEBO
     return replace(entry, other_recording=share, applied=entry.applied if holds else None)
 
 

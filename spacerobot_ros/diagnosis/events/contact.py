@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from ...effects.external import ExternalJointTorque, ExternalWrench
 from ...model.robot import Robot
 from .event import Event
-from .event_limits import FALSE_PER_HOUR
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +93,6 @@ def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last:
         unit='N m',
         z=abs(first.z),
         p_value=p_value,
-        false_per_hour=FALSE_PER_HOUR,
         rivals=() if len(felt) > 1 else (f'external_wrench at {_beyond(robot, [first.joint])}',),
         recording=first.run,
         applied=tuple(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from ...effects.effect import Effect
+from .event_limits import FALSE_PER_HOUR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,7 +20,8 @@ class Event:
         joints: Joints that feel it.
         start: Since the recording's start [s]. end: [s].
         ongoing: Whether it reaches the recording's end.
-        peak: Largest torque from outside by joint; or impulse by axis.
+        peak: Largest torque from outside by joint; or impulse by axis. In flight the mean torque
+            since its start, or the impulse, as of when they were seen best.
         peak_std: Their standard deviations; of a joint at rest what its friction may take.
         unit: Of both.
         z: Size by standard deviation.
@@ -42,13 +44,19 @@ class Event:
     peak_std: Mapping[str, float]
     unit: str
     z: float
-    p_value: float | None
-    false_per_hour: float
+    p_value: float | None = None
+    false_per_hour: float = FALSE_PER_HOUR
     rivals: tuple[str, ...] = ()
     recording: int = 0
     applied: tuple[Effect, ...] = ()
     wrench: Mapping[str, tuple[float, float]] | None = None
     middle_std: float | None = None
+
+    def in_words(self) -> str:
+        """One line of an event that goes on."""
+        place = f' at {self.where}' if self.where else ''
+        name, size = max(self.peak.items(), key=lambda item: abs(item[1]))
+        return f'{self.effect}{place} since {self.start:.2f} s ({name} {size:.3g} {self.unit})'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,19 +137,12 @@ def events_to_dict(events: Events | None) -> dict[str, Any]:
         return {'events': None, 'possible_events': None, 'event_limits': None}
     return {
         'events': [_event(e) for e in events.named],
-        'possible_events': [_plain(e, _POSSIBLE) for e in events.possible],
+        'possible_events': [_plain(e) for e in events.possible],
         'event_limits': {
-            name: None if limit is None else _plain(limit, _LIMIT)
+            name: None if limit is None else _plain(limit) | {'peak': limit.peak}
             for name, limit in events.limits.items()
         },
     }
-
-
-_SAID = ('effect', 'where', 'joints', 'start', 'end', 'middle_std', 'ongoing')
-_SIZE = ('peak', 'peak_std', 'unit')
-_WEIGHT = ('z', 'p_value', 'false_per_hour', 'rivals', 'recording')
-_POSSIBLE = ('start', 'end', 'joints', 'z', 'reason', 'recording')
-_LIMIT = ('duration', 'peak', 'unit', 'snr', 'durations', 'peaks')
 
 
 def _event(event: Event) -> dict[str, Any]:
@@ -154,10 +155,9 @@ def _event(event: Event) -> dict[str, Any]:
             for name, (value, std) in event.wrench.items()
         }
     )
-    own = {'impulse': impulse, 'wrench': wrench}
-    return {**_plain(event, _SAID + _SIZE), **own, **_plain(event, _WEIGHT)}
+    return _plain(event) | {'impulse': impulse, 'wrench': wrench}
 
 
-def _plain(item: Event | PossibleEvent | EventLimit, names: Sequence[str]) -> dict[str, Any]:
-    values = {name: getattr(item, name) for name in names}
+def _plain(item: Event | PossibleEvent | EventLimit) -> dict[str, Any]:
+    values = {f.name: getattr(item, f.name) for f in fields(item) if f.name != 'applied'}
     return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}

@@ -9,7 +9,7 @@ from ...effects.external import AngularImpulse
 from ...estimation.refit import Fit, refine
 from ...estimation.runs import Run
 from .event import Event, EventLimit, Events, PossibleEvent
-from .event_limits import FALSE_PER_HOUR, NAMED, SNR, STEADY, chance, named_from
+from .event_limits import NAMED, SNR, STEADY, chance, named_from
 from .impulse_fit import EDGE, Impulse
 from .impulse_scan import AXES, TAIL, ImpulseScan
 
@@ -86,6 +86,5 @@ def _event(found: Impulse, cells: float, last: float) -> Event:
         unit='N m s',
         z=found.z,
         p_value=chance(found.z, cells),
-        false_per_hour=FALSE_PER_HOUR,
         applied=(AngularImpulse(name='event', where=None, values=values),),
     )

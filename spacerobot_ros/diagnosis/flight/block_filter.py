@@ -109,7 +109,7 @@ class FlightFilter:
         """Of the momentum, of lasting errors, of sudden ones, of torques in the newest blocks."""
         record, n = filtered.record, filtered.n
         momentum = filtered.accelerations(momentum_forces(filtered.motion, filtered.process.robot))
-        count = len(self.probes)
+        count, p = len(self.probes), self._p
         driven = np.zeros((len(filtered.time_base.times), filtered.m, count))
         sizes = {
             'joint_position': (len(record.joint_time), n),
@@ -117,24 +117,20 @@ class FlightFilter:
             'gyro': (len(record.rate_time), 3),
             'attitude': (len(record.attitude_time), 3),
         }
-        measured = {name: np.zeros((*size, count)) for name, size in sizes.items()}
+        width = p + 2 * count + self._kept * filtered.m
+        measured = {name: np.zeros((*size, width)) for name, size in sizes.items()}
         for k, probe in enumerate(self.probes):
             if probe.push is not None:
                 driven[:, :, k] = filtered.rate_by_impulse[:, :, probe.push]
             else:
-                measured[probe.channel][:, probe.axis, k] = 1.0
+                measured[probe.channel][:, probe.axis, [p + k, p + count + k]] = 1.0
         pulses = np.zeros((len(driven), filtered.m, self._kept, filtered.m))
         pulses[:, :, self._newest] = filtered.rate_by_impulse
         if filtered.m > filtered.n:  # along inertial axes
             into_base = np.swapaxes(filtered.kinematics.matrices, 1, 2)
             pulses[:, :, self._newest, :3] = filtered.rate_by_impulse[:, :, :3] @ into_base
         torques = pulses.reshape(len(driven), filtered.m, -1)
-        none = {name: np.zeros((*size, self._p)) for name, size in sizes.items()}
-        unseen = {name: np.zeros((*size, torques.shape[2])) for name, size in sizes.items()}
-        return Columns(
-            np.concatenate([momentum, driven, driven, torques], axis=2),
-            {c: np.concatenate([none[c], x, x, unseen[c]], axis=2) for c, x in measured.items()},
-        )
+        return Columns(np.concatenate([momentum, driven, driven, torques], axis=2), measured)
 
     def _carry_on(self, filtered: BlockInnovations, columns: int, begins: bool) -> None:
         """Express the state about the block's reference; what begins with it begins anew."""

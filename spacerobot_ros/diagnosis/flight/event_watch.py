@@ -21,6 +21,7 @@ from ...effects.external import AngularImpulse
 from ...model.robot import Robot
 from ...types import Array
 from ..events.contact import place_of
+from ..events.event import Event
 from ..events.event_limits import LISTED, NAMED
 from .block_innovations import Block
 from .probes import Probe
@@ -32,39 +33,6 @@ _NOW, _QUIET = 2, 0.5  # newest parts without a torque, for as long [s]: an even
 _SHAPE = 1.0 / 3.0  # of a bell's square that a constant torque leaves: no sign of other torques
 _LEAST = 1e-6  # of a sensor's square, below which its error is not seen
 _RIDGE = 1e-9  # of each square
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightEvent:
-    """What came from outside, as far as it is known by now.
-
-    Args:
-        effect: Its id.
-        where: Joint, or `link or beyond`; None: the system.
-        start: [s]. end: [s]; so far, where it goes on.
-        ongoing: Whether it goes on.
-        size: Mean torque since its start by joint; of an impulse, that along inertial axes. Both
-            as of when they were seen best.
-        std: Of that.
-        unit: Of both.
-        z: Largest size by standard deviation.
-    """
-
-    effect: str
-    where: str | None
-    start: float
-    end: float
-    ongoing: bool
-    size: dict[str, float]
-    std: dict[str, float]
-    unit: str
-    z: float
-
-    def in_words(self) -> str:
-        """One line."""
-        place = f' at {self.where}' if self.where else ''
-        name, size = max(self.size.items(), key=lambda item: abs(item[1]))
-        return f'{self.effect}{place} since {self.start:.2f} s ({name} {size:.3g} {self.unit})'
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +64,7 @@ class EventWatch:
         self._names = [*'xyz'[: self._base], *robot.joints]
         self._parts: deque[_Part] = deque(maxlen=kept)
         self._usual: deque[Array] = deque(maxlen=_HISTORY)
-        self.event: FlightEvent | None = None
+        self.event: Event | None = None
         self.count = 0
 
     def interrupt(self) -> None:
@@ -198,9 +166,7 @@ class EventWatch:
             gains.append(float(np.max(part**2 / np.maximum(square, _LEAST), initial=0.0)))
         return max(gains)
 
-    def _described(
-        self, age: int, square: Array, part: Array, colour: Array, z: float
-    ) -> FlightEvent:
+    def _described(self, age: int, square: Array, part: Array, colour: Array, z: float) -> Event:
         """Torques that act together since so many parts: the fewest that explain what is seen."""
         b = self._base
         every = list(range(len(part)))
@@ -223,14 +189,15 @@ class EventWatch:
         effect, where = place_of(self._robot, joints) if joints else (AngularImpulse.id, None)
         scale, unit = (1.0, 'N m') if joints else (end - start, 'N m s')
         said = [i for i, k in enumerate(best) if k >= b or not joints]
-        return FlightEvent(
+        return Event(
             effect=effect,
             where=where,
+            joints=tuple(self._robot.joints[j] for j in joints),
             start=start,
             end=end,
             ongoing=True,
-            size={self._names[best[i]]: float(torque[i]) * scale for i in said},
-            std={self._names[best[i]]: float(std[i]) * scale for i in said},
+            peak={self._names[best[i]]: float(torque[i]) * scale for i in said},
+            peak_std={self._names[best[i]]: float(std[i]) * scale for i in said},
             unit=unit,
             z=z,
         )

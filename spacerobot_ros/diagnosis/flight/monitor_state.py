@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .event_watch import FlightEvent
+from ..events.event import Event
 from .probes import Probe
 from .sequential_tests import Verdict
 from .window_whiteness import Structure
@@ -65,7 +65,7 @@ class MonitorState:
     raised_ns: int | None = None
     first: str = ''
     alarms: int = 0
-    event: FlightEvent | None = None
+    event: Event | None = None
     events: int = 0
     momentum: tuple[float, ...] = ()
     momentum_std: tuple[float, ...] = ()
