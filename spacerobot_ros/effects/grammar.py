@@ -93,6 +93,17 @@ def _each(count: int) -> Form:
     return Form(f'sum of {count}', lambda *x: x, powers)
 
 
+def _spring(degree: int) -> Form:
+    """A polynomial of a degree about an angle, which rests anywhere."""
+    powers = tuple(range(degree + 1))
+    name = ', '.join(('1', 'u', 'u^2', 'u^3')[: degree + 1])
+
+    def columns(x: Array, centre: float) -> tuple[Array, ...]:
+        return tuple((x - centre) ** k for k in powers)
+
+    return Form(f'{name} of u = x - centre', columns, tuple((k,) for k in powers), ('centre',))
+
+
 def _times(x: Array, m: float) -> tuple[Array, ...]:
     return np.ones(len(x)), np.sin(m * x), np.cos(m * x)
 
@@ -105,6 +116,8 @@ _FORMS = (
     Form('x', lambda x: (x,), ((1,),)),
     Form('x, x^2', lambda x: (x, x**2), ((1,), (2,))),
     Form('x, x^2, x^3', lambda x: (x, x**2, x**3), ((1,), (2,), (3,))),
+    _spring(1),
+    _spring(3),
     Form('x^2', lambda x: (x**2,), ((2,),)),
     Form('x^3', lambda x: (x**3,), ((3,),)),
     Form('x |x|', lambda x: (x * np.abs(x),), ((2,),)),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.real_arm import COULOMB, RATE, RealArm, arm_file
+from spacerobot_ros.campaign.real_arm import COULOMB, POSE, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.discovery.other_recording import judged_on
@@ -109,6 +109,21 @@ def test_another_recording_confirms_a_law_or_takes_it_out(dragged):
     assert gone.other_recording < 0.0
     assert gone.applied is None
     assert gone.form == 'x |x|'  # it is still said
+
+
+def test_a_spring_that_stiffens_is_no_spring_with_a_ripple():
+    """Both together come close and are the catalogue's; one law explains more in their place."""
+    file = arm_file()
+    centre = float(POSE[2])
+    record = LawArm(3, law=lambda q, qd, t: (q[:, 2] - centre) ** 3).record(0, MOVING, DURATION)
+    bent = [CATALOGUE[f'joint_{name}'] for name in ('stiffness', 'torque_ripple')]
+    answer = diagnose(record, file.robot, file.effects, [*FEW, *bent])
+    assert not answer.causes
+    law = of_joint(answer).applied
+    assert law.inputs == ('angle/joint_3',)
+    u = np.linspace(*law.range['angle/joint_3'], 200) - centre
+    torque = law.form([u + centre], law.options) @ np.array(law.coefficients)
+    assert np.corrcoef(torque, -(u**3))[0, 1] > 0.97  # beside a third of it that is anything
 
 
 def test_a_history_beside_named_dry_friction_takes_nothing_from_it():

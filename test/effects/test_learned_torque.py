@@ -121,6 +121,14 @@ def test_columns_are_as_many_as_their_powers(form, rng):
     assert np.all(np.isfinite(columns))
 
 
+def test_a_spring_rests_anywhere():
+    x = np.array([-2.0, -1.5, -1.0])
+    columns = FORMS['1, u, u^2, u^3 of u = x - centre']([x], {'centre': -1.5})
+    np.testing.assert_array_equal(
+        columns, [[1, -0.5, 0.25, -0.125], [1, 0, 0, 0], [1, 0.5, 0.25, 0.125]]
+    )
+
+
 def test_outside_its_data_it_saturates(robot, rng):
     """Inputs stop a tenth of the range beyond its ends, the torque at its limit."""
     given = entry('x |x|', [RATE], [-1.0], kind='dissipative', limit=100.0)

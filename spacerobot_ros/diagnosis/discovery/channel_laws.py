@@ -10,7 +10,7 @@ from ...effects.learned_torque import LearnedTorque
 from ...estimation.prediction_rows import LABELS
 from ...types import Array
 from ..answer.result import Estimated, LawRival, Leftover
-from .discovery_limits import AGREEING, BEYOND_PLACEBO, HELD_OUT, NEEDS_OTHER
+from .discovery_limits import AGREEING, BEYOND_PLACEBO, HELD_OUT, NEEDS_OTHER, OWN_SHARE
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
 from .possible_laws import Law, is_of_another
@@ -109,7 +109,8 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     own = search.best_of(others, is_own)
     if own is None:
         return True
-    return out.left <= NEEDS_OTHER * parts.judge(own, others, has_placebo=False).left
+    alone = parts.judge(own, others, has_placebo=False)
+    return out.left <= NEEDS_OTHER * alone.left or alone.share <= OWN_SHARE * out.share
 
 
 def said_of(

@@ -14,10 +14,11 @@ from ...effects.motion import Motion
 from ...estimation.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
 from ..arm_found import WORSE, ArmFound, is_clear, rms
-from .arm_channels import ArmMotions, JointChannel
+from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import HeldLaw, laws_of, said_of, said_without
-from .discovery_limits import FED_IN
+from .discovery_limits import FED_IN, MARGIN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
+from .law_search import Winner, worth
 
 _AGREE = 3.0  # standard deviations
 
@@ -32,25 +33,55 @@ def discover(
     motions = ArmMotions(found.fit.rows)
     accepted: list[HeldLaw] = []
     said: list[Leftover] = []
+    replaced: dict[str, tuple[int, ...]] = {}
     rows = found.fit.rows
     driven = ~np.isin(rows.robot.joints, rows.robot.passive_joints)
     moving = [j for j in np.flatnonzero(driven).tolist() if len(rows.joints[j].torque)]
     for count, j in enumerate(moving):
         report('asking what the leftover depends on', 0.85 + 0.05 * count / len(moving))
-        channel = JointChannel(motions, j, found.levels[j], found.fit.chosen)
-        laws, rest = laws_of(channel)
+        channel, laws, rest, instead = _asked(found, motions, j)
         accepted += laws
+        replaced[channel.place] = instead
         if not laws:
             step = rest[-1] if rest else None
             said.append(said_without(channel.place, step, one_speed=channel.has_one_speed))
     if not accepted:
         return found, tuple(said)
-    extended, held = _applied(found, accepted, motions)
+    extended, held = _applied(found, accepted, motions, replaced)
     return extended, tuple(sorted([*held, *said], key=lambda entry: entry.channel))
 
 
+def _asked(
+    found: ArmFound, motions: ArmMotions, j: int
+) -> tuple[JointChannel, list[HeldLaw], list[Winner], tuple[int, ...]]:
+    """Laws of a joint, what else won there, and the causes in whose place these laws stand.
+
+    Several causes can stand in for one law, a spring and a ripple for a spring that stiffens:
+    where laws explain more in their place, by all prices, they are none.
+    """
+    chosen, candidates = found.fit.chosen, motions.rows.candidates
+    channel = JointChannel(motions, j, found.levels[j], chosen)
+    held, rest = laws_of(channel)
+    instead = tuple(
+        i
+        for i in found.clear
+        if candidates[i].where == channel.place and candidates[i].kind.id in REPLACEABLE
+    )
+    if instead:
+        kept = tuple(i for i in chosen if i not in instead)
+        other = JointChannel(motions, j, found.levels[j], kept)
+        laws, left = laws_of(other)
+        beyond = worth(other, [it.step for it in laws]) - worth(channel, [it.step for it in held])
+        if laws and beyond > MARGIN:
+            return other, laws, left, instead
+    return channel, held, rest, ()
+
+
 def _applied(
-    found: ArmFound, accepted: Sequence[HeldLaw], motions: ArmMotions
+    found: ArmFound,
+    accepted: Sequence[HeldLaw],
+    motions: ArmMotions,
+    replaced: Mapping[str, tuple[int, ...]],
 ) -> tuple[ArmFound, list[Leftover]]:
     """All of them fitted with the causes; what feeds energy in or makes a joint worse is left.
 
@@ -68,7 +99,8 @@ def _applied(
     several = len(motions.rows.balances) > 1
     refused: list[Leftover] = []
     while True:
-        fitted, numbers = with_laws(found, [c for _, c in pairs])
+        dropped = {i for it, _ in pairs for i in replaced[it.place]}
+        fitted, numbers = with_laws(found, [c for _, c in pairs], dropped)
         frees = [e for e in fitted.fit.effects(numbers) if isinstance(e, LearnedTorque)]
         friction = _frictions(fitted)
         laws = [

@@ -31,7 +31,12 @@ FED_IN = 0.25
 
 NEEDS_OTHER = 0.8
 """What a law with another joint's variable leaves of left-out parts, by what the best law of the
-joint alone leaves: more, and the other joint is not needed."""
+joint alone leaves: more, and the other joint is not needed, unless `OWN_SHARE` says so."""
+
+OWN_SHARE = 0.5
+"""Of what a law with another joint's variable explains of left-out parts, the most that the best
+law of the joint alone may: where noise is most of what both leave, that is what tells them
+apart."""
 
 ONE_SPEED = 0.2
 """Of its middle speed: a joint whose speeds spread less moves at one speed, where friction that

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -93,27 +93,37 @@ def applied_law(law: Law, free: LearnedTorque, motions: ArmMotions) -> LearnedTo
     return law_at(**{**entries, 'kind': law.kind, 'limit': _LIMIT * largest})
 
 
-def with_laws(found: ArmFound, laws: Sequence[LawCandidate]) -> tuple[ArmFound, list[int]]:
-    """All causes and laws fitted together, and the laws' numbers among the candidates."""
+def with_laws(
+    found: ArmFound, laws: Sequence[LawCandidate], dropped: Collection[int] = ()
+) -> tuple[ArmFound, list[int]]:
+    """Causes and laws fitted together, and the laws' numbers among the candidates.
+
+    Args:
+        found: The causes.
+        laws: The laws.
+        dropped: Numbers of the causes in whose place they stand.
+    """
     if not laws:
         return found, []
     rows = found.fit.rows.with_more(laws)
     numbers = list(range(len(rows.candidates) - len(laws), len(rows.candidates)))
     rough = Selection.of(rows, [*found.levels])
-    rough.chosen = [*found.fit.chosen, *numbers]
+    rough.chosen = [*(i for i in found.fit.chosen if i not in dropped), *numbers]
     levels = levels_of(rows, rough)
     selection = Selection.of(rows, levels)
     selection.chosen = list(rough.chosen)
     plain = plain_of(selection, levels, found.weights)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
     unclear = [i for i in found.fit.chosen if i not in found.clear]
+    clear = tuple(i for i in found.clear if i not in dropped)
     corrections = fit.calibration if len(found.calibration) > len(unclear) else []
     out = replace(
         found,
         selection=selection,
         fit=fit,
         levels=np.array(levels),
-        named=tuple(fit.effects(found.clear)),
+        clear=clear,
+        named=tuple(fit.effects(clear)),
         calibration=tuple(fit.effects([*unclear, *corrections])),
     )
     return out, numbers

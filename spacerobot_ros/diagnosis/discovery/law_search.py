@@ -76,6 +76,14 @@ def columns_of(steps: Sequence[Winner], count: int) -> Array:
     return np.concatenate([np.zeros((count, 0)), *(step.columns for step in steps)], axis=1)
 
 
+def worth(channel: SearchedChannel, steps: Sequence[Winner]) -> float:
+    """Log likelihood of a channel with some laws, less all their prices [nats]."""
+    terms = channel.terms
+    count = len(terms.data)
+    prices = sum(0.5 * it.columns.shape[1] * math.log(count) + it.law.price for it in steps)
+    return terms.level(columns_of(steps, count)).likelihood - prices
+
+
 class LawSearch:
     """Forward choice of laws.
 

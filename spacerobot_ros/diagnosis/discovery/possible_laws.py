@@ -232,8 +232,9 @@ def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
 
 
 def _angle_laws(q: str, low: float, high: float) -> Iterator[Law]:
-    yield _law('x', (q,), 1.5, 'a spring', 'potential')
-    yield _law('x, x^2, x^3', (q,), 1.5, 'a spring', 'potential')
+    middle = {'centre': 0.5 * (low + high)}
+    for form in ('1, u of u = x - centre', '1, u, u^2, u^3 of u = x - centre'):
+        yield _law(form, (q,), 1.5, 'a spring', 'potential', middle)
     for m in _PER_TURN:
         form, options = 'sin(m x), cos(m x)', {'m': m}
         yield _law(form, (q,), 2.5, 'a torque that goes round', 'potential', options)
