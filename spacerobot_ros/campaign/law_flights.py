@@ -28,6 +28,7 @@ from .diagnosis_scenario import ROBOTS, motion_of, robot_file, simulated
 from .hidden_laws import LAWS, variables_of
 
 FIELD = 'field'
+_HELD = ('servicer', 'twin')  # limits of the third leave it no motion on a stand
 _HISTORIES = ('Dahl', 'play')
 FLOWN = (
     *(n for n, (_, a) in LAWS.items() if set(a) <= set('vwqp') and n not in _HISTORIES),
@@ -56,7 +57,7 @@ class LawFlight:
         rng = np.random.default_rng([seed, 7])
         self._name, self._seed = str(rng.choice(ROBOTS)), seed
         if base == FIXED:
-            self._name += ', fixed'
+            self._name = f'{rng.choice(_HELD)}, fixed'
         self._law, self._ratio = law, ratio
         self.file = robot_file(self._name)
         self._robot = self.file.robot
