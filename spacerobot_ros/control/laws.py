@@ -173,11 +173,11 @@ def within_limits(tau: Array, limits: Array) -> tuple[Array, np.ndarray]:
 
 
 def torque_limits(limits: tuple[float, ...], otherwise: Array, name: str, each: str) -> Array:
-    """Torque limits [N m]: those given, else others.
+    """Torque limits [N m]: those given, at most others.
 
     Args:
         limits: Those of the robot file; may be empty.
-        otherwise: (k,) limits where none are given.
+        otherwise: (k,) limits beyond which none may be, as of the URDF.
         name: Of the parameter in section `controller`.
         each: What has a limit each.
 
@@ -187,4 +187,4 @@ def torque_limits(limits: tuple[float, ...], otherwise: Array, name: str, each: 
     if len(limits) not in (0, len(otherwise)):
         expected = f'expected {len(otherwise)} numbers (one {each}), got {len(limits)}'
         raise ConfigurationError(f'controller.{name}', expected)
-    return np.array(limits) if limits else otherwise
+    return np.minimum(limits, otherwise) if limits else otherwise

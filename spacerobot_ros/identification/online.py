@@ -1,11 +1,12 @@
 """The identifier's core: asynchronous samples in, estimates out, in bounded memory.
 
 Samples are collected a sensor at a time, late ones put in their place as long as their stretch is
-not solved: anything up to `identifier.lateness` behind the newest joint and gyro samples. Each
-`solve` smooths the newest stretch (with some context before and a lag behind it, because a spline
-is worst at its ends), runs the momentum filter over it and continues the square-root information.
-While the whole run fits into the buffer it is run through again each time its length has doubled,
-about the better constants; later stretches are linearized about constants that no longer move.
+not solved, whatever came meanwhile: anything up to `identifier.lateness` behind the newest joint
+and gyro samples. Each `solve` smooths the newest stretch (with some context before and a lag
+behind it, because a spline is worst at its ends), runs the momentum filter over it and continues
+the square-root information. While the whole run fits into the buffer it is run through again each
+time its length has doubled, about the better constants; later stretches are linearized about
+constants that no longer move.
 
 Samples that contradict their neighbours are left out (`outliers`). Where joints or gyro pause for
 longer than splines bridge, where the clock jumps or a solution fails, another segment begins:
@@ -92,7 +93,7 @@ class OnlineIdentifier:
 
     def begin_segment(self) -> None:
         """Take what comes now as another run of the same robot, whatever its stamps."""
-        self.samples = SampleBuffer(self._joints, self._lag, LONGEST_GAP)
+        self.samples = SampleBuffer(self._joints, LONGEST_GAP, LONGEST_GAP)
         self._begin(-np.inf, None if self._known is None else self._known.of_robot())
 
     def copy(self) -> OnlineIdentifier:

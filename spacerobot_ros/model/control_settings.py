@@ -40,7 +40,7 @@ class ControllerSettings:
         bandwidth: Double pole of the error dynamics.
         use_estimate: Use the latest valid /estimate; adaptive laws start from the first one.
             Otherwise the model of the robot file.
-        torque_limit: One a joint; empty: the URDF's effort limits.
+        torque_limit: One a joint, at most the URDF's effort limits; empty: these.
         base_torque_limit: On the base, one an axis of base_link; empty: none.
         damping: Decay of the joint rates while damping to zero.
         state_timeout: Age of the joint states or gyro that ends tracking.
@@ -60,9 +60,9 @@ class ControllerSettings:
     use_estimate: bool = param(True)
     torque_limit: FloatList = param((), 'N m', above=0.0)
     base_torque_limit: FloatList = param((), 'N m', above=0.0)
-    damping: float = param(1.0, '1/s', above=0.0)
-    state_timeout: float = param(0.1, 's', above=0.0)
-    attitude_timeout: float = param(1.0, 's', above=0.0)
+    damping: float = param(1.0, '1/s', minimum=0.01, maximum=100.0)
+    state_timeout: float = param(0.1, 's', minimum=1e-6, maximum=1e9)
+    attitude_timeout: float = param(1.0, 's', minimum=1e-6, maximum=1e9)
     hold_compensation: bool = param(True)
     save_parameters: str = param('')
     save_file: str = param('')

@@ -37,7 +37,7 @@ class ReferenceSettings:
     kind: str = param(
         'hold', choices=('hold', 'fourier', 'set_point', 'step', 'harmonic', 'topic')
     )
-    duration: float = param(20.0, 's', above=0.0)
+    duration: float = param(20.0, 's', minimum=1e-6, maximum=1e9)
     harmonics: int = param(3, minimum=1, maximum=20)
     sine: FloatList = param((), 'rad/s')
     cosine: FloatList = param((), 'rad/s')
@@ -76,7 +76,7 @@ class ExcitationSettings:
         seed: Seed of the starting points.
     """
 
-    duration: float = param(20.0, 's', above=0.0)
+    duration: float = param(20.0, 's', minimum=1e-6, maximum=1e9)
     harmonics: int = param(3, minimum=1, maximum=20)
     start: str = param('auto', choices=('auto', 'initial', 'rest', 'spin_up'))
     joint_range: FloatList = param((3.0543261909900763,), 'rad', above=0.0)

@@ -47,13 +47,13 @@ class IdentifierSettings:
     structure: str = param('symmetric', choices=('symmetric', 'generic'))
     manifold: str = param('physical', choices=('physical', 'linear'))
     nuisances: TextList = param(('gyro_bias', 'torque_hold'))
-    torque_hold_period: float = param(0.0, 's', minimum=0.0)
-    solve_period: float = param(1.0, 's', above=0.0)
+    torque_hold_period: float = param(0.0, 's', minimum=0.0, maximum=1e9)
+    solve_period: float = param(1.0, 's', minimum=1e-6, maximum=1e9)
     prior_std: float = param(1.0, above=0.0)
     momentum_prior_std: float = param(1000.0, 'N m s', above=0.0)
     valid_std: float = param(0.05, above=0.0)
     lateness: float = param(0.5, 's', minimum=0.0, maximum=10.0)
-    buffer: float = param(120.0, 's', above=0.0)
+    buffer: float = param(120.0, 's', minimum=1e-6, maximum=1e9)
     save_file: str = param('')
 
 
@@ -80,8 +80,8 @@ class MonitorSettings:
 
     learn: float = param(8.0, 's', minimum=3.0, maximum=120.0)
     block: float = param(1.0, 's', minimum=0.2, maximum=10.0)
-    false_alarm_interval: float = param(3600000.0, 's', minimum=3600.0)
-    clear_after: float = param(5.0, 's', minimum=0.0)
+    false_alarm_interval: float = param(3600000.0, 's', minimum=3600.0, maximum=1e9)
+    clear_after: float = param(5.0, 's', minimum=0.0, maximum=1e9)
     whiteness_window: float = param(30.0, 's', minimum=5.0, maximum=600.0)
     target_momentum: str = param('estimated', choices=('estimated', 'believed'))
     on_event: str = param('report', choices=('report', 'damp', 'hold'))
@@ -132,18 +132,18 @@ class SimulatorSettings:
         command_timeout: Age after which a held torque falls to zero.
     """
 
-    period: float = param(0.01, 's', above=0.0, maximum=1.0)
+    period: float = param(0.01, 's', minimum=1e-6, maximum=1.0)
     substeps: int = param(1, minimum=1, maximum=1000)
     integrator: str = param('dop853', choices=('dop853', 'rk4'))
-    joint_rate: float = param(100.0, 'Hz', above=0.0)
-    imu_rate: float = param(100.0, 'Hz', above=0.0)
-    attitude_rate: float = param(10.0, 'Hz', above=0.0)
+    joint_rate: float = param(100.0, 'Hz', minimum=1e-6, maximum=1e9)
+    imu_rate: float = param(100.0, 'Hz', minimum=1e-6, maximum=1e9)
+    attitude_rate: float = param(10.0, 'Hz', minimum=1e-6, maximum=1e9)
     noise: bool = param(True)
     seed: int = param(1, minimum=0)
     lockstep: bool = param(False)
-    lockstep_timeout: float = param(5.0, 's', above=0.0)
-    real_time_factor: float = param(1.0, above=0.0)
-    command_timeout: float = param(0.5, 's', above=0.0)
+    lockstep_timeout: float = param(5.0, 's', minimum=1e-6, maximum=1e9)
+    real_time_factor: float = param(1.0, minimum=1e-6, maximum=1e6)
+    command_timeout: float = param(0.5, 's', minimum=1e-6, maximum=1e9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -89,6 +89,7 @@ class TrajectoryAction:
                 raise MessageRejectedError('joints of several degrees of freedom: has none')
             path = Tolerances.of(asked.path_tolerance, self._names)
             goal = Tolerances.of(asked.goal_tolerance, self._names)
+            patience = stamp_ns(asked.goal_time_tolerance) * 1e-9
             reference, start = trajectory(asked.trajectory, self._names, self._loop.setpoint())
             self._loop.set_reference(reference, start)
         except MessageRejectedError as error:
@@ -99,7 +100,6 @@ class TrajectoryAction:
             return
         self.replaced('a newer goal has taken its place')
         self._handle = handle
-        patience = stamp_ns(asked.goal_time_tolerance) * 1e-9
         self._goal = TrajectoryGoal(self._names, path, goal, patience)
 
     def _hold(self) -> None:

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..dynamics.ledger import MomentumLedger
 from ..types import Array, Quaternion, Vector3
-from .messages import INERTIAL_FRAME
+from .messages import INERTIAL_FRAME, SECOND_NS
 
 PACKAGE = 'spacerobot_msgs'
+_END_NS = 2**31 * SECOND_NS  # of the whole seconds of a stamp
 _ABSENT = np.array([-1.0, *np.zeros(8)])  # a covariance of what is not measured (REP 145)
 
 
@@ -36,8 +37,11 @@ class Composer:
         return self.make(kind, header=header, **content)
 
     def time(self, ns: int) -> Any:
-        """A stamp of whole nanoseconds."""
-        sec, nanosec = divmod(ns, 1_000_000_000)
+        """A stamp of whole nanoseconds; of those that no message holds the nearest that one does.
+
+        Who goes on from the last stamp that there is must not fail.
+        """
+        sec, nanosec = divmod(min(max(ns, -_END_NS), _END_NS - 1), SECOND_NS)
         return self.make('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
 
     def vector(self, values: Vector3) -> Any:

@@ -16,6 +16,7 @@ from ..errors import MessageRejectedError
 from ..types import Array, Quaternion, Vector3, Vector6
 
 INERTIAL_FRAME = 'inertial'
+SECOND_NS = 1_000_000_000
 NORM_LIMIT = 1e-3  # a quaternion further from unit norm is a bad message, not rounding
 _NUMBER = re.compile(r'(?<![\w.])[-+]?\d+(\.\d+)?([eE][-+]?\d+)?(?!\w)')
 
@@ -26,8 +27,14 @@ def kind_of(reason: object) -> str:
 
 
 def stamp_ns(stamp: Any) -> int:
-    """A stamp or time [ns]."""
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    """A stamp or duration [ns].
+
+    Raises:
+        MessageRejectedError: more nanoseconds than a second has.
+    """
+    if stamp.nanosec >= SECOND_NS:
+        raise MessageRejectedError(f'stamp has {stamp.nanosec} ns beside the seconds')
+    return int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
 
 
 def joint_columns(

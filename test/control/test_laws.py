@@ -129,6 +129,12 @@ def test_no_aam_takes_the_wheels_as_at_rest(truth, rng):
     assert np.abs(law_model('computed_torque', truth)(q, qd, omega).c - blind.c).max() > 1.0
 
 
+def test_no_limit_is_beyond_the_robots_own(truth):
+    own = np.array([3.0, 2.0, 1.0])
+    assert torque_limits((), own, 'torque_limit', 'a joint').tolist() == [3.0, 2.0, 1.0]
+    assert torque_limits((1e308, 0.5, 1e9), own, '', '').tolist() == [3.0, 0.5, 1.0]
+
+
 def test_settings_that_do_not_fit_are_refused(truth):
     with pytest.raises(ConfigurationError, match=r'controller\.torque_limit: expected 3'):
         torque_limits((1.0,), truth.effort_limits, 'torque_limit', 'a joint')

@@ -114,3 +114,15 @@ def test_interval_need_not_start_at_zero(rng):
 def test_samples_that_say_nothing_are_refused(samples):
     with pytest.raises(IdentificationError, match='no usable samples between 0 s and 20 s'):
         fit_spline([samples], 0.0, 20.0)
+
+
+@pytest.mark.parametrize('start', [3.33, 0.0, 19.45])
+def test_where_samples_pause_noise_is_not_blown_up(start, rng):
+    """Steep corners ask for knots that are closer than the pause is long."""
+    kept = TIME[(start >= TIME) | (start + 0.5 <= TIME)]
+    steps = np.column_stack([np.abs(np.sin(3.0 * kept)), np.abs(np.cos(2.0 * kept))])
+    values = steps + 1e-4 * rng.standard_normal(steps.shape)
+    fit = fit_spline([Samples(kept, values, 1e-4)], 0.0, 20.0)
+    assert fit.spacing < 0.2
+    error = fit.with_error()(TIME) - fit(TIME)
+    assert np.max(np.abs(error)) < 200 * 1e-4  # without regard to the pause 500 to 29,000 times

@@ -193,7 +193,7 @@ def test_start_outside_the_joint_range_is_refused():
 @pytest.mark.parametrize(
     ('name', 'value', 'match'),
     [
-        ('duration', 0.0, 'duration.*must be above 0'),
+        ('duration', 0.0, 'duration.*must be at least'),
         ('criterion', 'best', "'best' is not one of"),
         ('base_rate', -1.0, 'base_rate.*must be above 0'),
         ('starts', 0, 'starts.*must be at least 1'),

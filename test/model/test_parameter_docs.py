@@ -21,6 +21,6 @@ def test_page_names_every_section_and_has_a_command():
     for f in fields(Settings):
         assert f'## `{f.name}`' in page
     assert '## `robot.servicer_wheels`' in page
-    assert '| `period` | number | `0.01` | above 0, at most 1 | s |' in page
+    assert '| `period` | number | `0.01` | at least 1e-06, at most 1 | s |' in page
     assert '| `joints` | list of names | required |' in page
     assert COMMAND in page

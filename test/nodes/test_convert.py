@@ -38,6 +38,16 @@ def test_joint_samples_are_put_in_order_and_others_left_out():
     assert qd.tolist() == [3.0, 4.0]
 
 
+def test_a_stamp_is_one_that_a_message_holds():
+    message = joints()
+    message.header.stamp.nanosec = 1_000_000_000
+    with pytest.raises(MessageRejectedError, match='has 1000000000 ns beside the seconds'):
+        messages.joint_sample(message, NAMES)
+    last = compose.time(2**63)  # a torque for after the last stamp that there is
+    assert (last.sec, last.nanosec) == (2**31 - 1, 999_999_999)
+    assert compose.time(-(2**63)).sec == -(2**31)
+
+
 def test_efforts_of_samples_are_in_newton_metres():
     units = np.array([1.0, 12.5])  # b says amperes
     *_, effort = messages.joint_sample(joints(), NAMES, effort_units=units)

@@ -140,6 +140,7 @@ def answer(node, name, value):
 
 def test_gains_damping_and_limits_change_while_it_runs(rig, servicer):
     plain = {'simulator.lockstep': False, 'reference.kind': 'hold'}
+    plain |= {'controller.state_timeout': 100.0}  # a busy machine takes its time
     node = rig.add(ControllerNode, servicer, **plain, **{'controller.hold_compensation': False})
     drivers = Drivers(rig, STATE)
     sent = rig.listen(drivers.probe, JointState, '/joint_commands', SAMPLES)

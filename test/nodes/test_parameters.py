@@ -21,6 +21,25 @@ pytestmark = pytest.mark.ros
 ALL = (SimulatorNode, IdentifierNode, ControllerNode)
 
 
+@pytest.mark.parametrize(
+    'values',
+    [
+        {'controller.state_timeout': 1e155},  # more nanoseconds than a clock counts
+        {'controller.attitude_timeout': 1e308},
+        {'controller.damping': 1e-308},  # torques would never end
+        {'simulator.imu_rate': 1e-308},
+        {'identifier.solve_period': 1e-308},
+        {'simulator.real_time_factor': 1e-308},
+    ],
+    ids=str,
+)
+def test_times_and_rates_that_no_clock_has_are_refused(rig, servicer, values):
+    (name,) = values
+    for node_type in ALL:
+        with pytest.raises(ConfigurationError, match=f'{name}: .* must be at (least|most)'):
+            rig.add(node_type, servicer, **values)
+
+
 @pytest.mark.parametrize('node_type', ALL)
 def test_every_parameter_teaches(rig, servicer, node_type):
     node = rig.add(node_type, servicer)
