@@ -50,7 +50,7 @@ def write_checked(
     """
     head = {'version': version, 'robot': owner, 'saved_ns': now_ns}
     text = json.dumps({**head, **content})
-    with suppress(FileNotFoundError):
+    with suppress(OSError):  # there is none yet; what else it is, `write_text` says
         os.replace(path, _before(path))
     write_text(path, json.dumps({'sum': digest(text), 'content': text}))
 

@@ -19,6 +19,7 @@ from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 
@@ -132,6 +133,21 @@ class RobotNode(LifecycleNode):
         """Stop for good."""
         self.is_active = False
         return super().on_shutdown(state)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any, **kwargs: Any
+    ) -> Any:
+        """As of rclpy, whose own listener to /clock would end the node at a time before zero."""
+
+        def take(message: Any) -> None:
+            if message.clock.sec >= 0:
+                callback(message)
+            else:
+                why = '/clock: a time before zero is left out'
+                self.get_logger().warning(why, throttle_duration_sec=2.0)
+
+        use = take if msg_type is ClockMessage else callback
+        return super().create_subscription(msg_type, topic, use, *args, **kwargs)
 
     def listen(
         self,

@@ -9,7 +9,7 @@ from support.models import H_TARGET, robot_of, table_one
 from spacerobot_ros.control.adaptive.adaptive_settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.saved_adaptation import Learned, load, save
-from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.errors import ConfigurationError, RecordingError
 from spacerobot_ros.identification.checked_file import digest
 
 TRUE = robot_of(
@@ -58,6 +58,17 @@ def test_a_torn_file_is_refused_and_the_one_before_used(tmp_path, learned):
     (tmp_path / 'f.before').unlink()
     with pytest.raises(RecordingError, match='is damaged'):
         load(path, TRUE, 0)
+
+
+def test_what_can_not_be_kept_beside_it_does_not_keep_it_from_being_written(tmp_path, learned):
+    (tmp_path / 'f').write_text('')
+    (tmp_path / 'f.before').mkdir()
+    save(tmp_path / 'f', TRUE, learned, 0)
+    np.testing.assert_array_equal(load(tmp_path / 'f', TRUE, 0).mean, learned.mean)
+    (tmp_path / 'g').mkdir()
+    (tmp_path / 'g.before').write_text('')
+    with pytest.raises(ConfigurationError, match='can not be written'):
+        save(tmp_path / 'g', TRUE, learned, 0)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Tracking
 from support.bench import MS, NAMES, Bench
@@ -61,6 +62,15 @@ def test_good_messages_are_taken_all(node):
             if patient.hears(topic):
                 patient.give(topic, message)
         assert patient.node.health.rejected == {}
+
+
+@pytest.mark.parametrize('node', sorted(wrong_streams.NODES))
+def test_a_time_before_zero_on_clock_ends_no_node(node):
+    with Session() as session:
+        patient = wrong_streams.patient_of(session, node)
+        for ms in (5000, -1, -(2**31) * 1000):
+            patient.give('/clock', Clock(clock=compose.time(ms * MS)))
+        assert patient.node.now_ns() == 5000 * MS
 
 
 def test_what_a_node_raises_or_says_is_seen(monkeypatch):
