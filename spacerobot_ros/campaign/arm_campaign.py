@@ -8,8 +8,12 @@ changed, or one thing.
 from __future__ import annotations
 
 import json
+import math
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -20,16 +24,158 @@ from ..diagnosis.arms import find_arm_causes
 from ..diagnosis.change_conclusion import conclude_changes
 from ..diagnosis.compare import compare
 from ..diagnosis.selection import Selection
+from ..display import Table, table_of
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..estimation.columns import Candidate
 from ..estimation.observations import observed
+from ..estimation.scaling import PROPORTIONAL
 from ..types import Array
-from .arm_campaign_tables import judge as judge
-from .arm_campaign_tables import results as results
-from .arm_campaign_tables import tables as tables
-from .description import Record, key
+from .description import Check, Record, Results, grouped, key
 from .real_arm import HIDDEN, RealArm, arm_file
+from .shares import share_of
+
+# figures to reach
+_FALSE = (0.0, 0.01)  # of machines without a cause, with a name
+_RIGHT = (0.95, 1.0)  # of causes three times their limit, first name
+_WITHIN = (0.97, 1.0)  # of values, three standard deviations
+_SPREAD = (0.0, 1.3)  # rms error by standard deviation: what differs from run to run is in both
+
+_WORDS = {
+    'diagnose': ('machines without a cause with a name', 'causes named first'),
+    'compare': ('unchanged machines with a change', 'changes named first'),
+}
+
+
+def results(records: Sequence[Record]) -> Results:
+    """As `arms`, by what was asked: shares and counts of names, errors of values."""
+    return {'arms': {kind: _score(own) for kind, own in grouped(records, _KIND).items()}}
+
+
+_KIND = itemgetter('kind')
+
+
+def _score(records: Sequence[Record]) -> dict[str, Any]:
+    hidden = [r for r in records if r['hidden']]
+    errors = [z for r in hidden for z in _errors(r)]
+    return {
+        'machines': len(records),
+        'false': share_of(bool(r['clean']) for r in records),
+        'false_names': _counted(c for r in records for c in r['clean']),
+        'too_large': len(records) - len(hidden),
+        'first': share_of(map(_is_first, hidden)),
+        'alone': share_of(_is_first(r) and len(r['single']) == 1 for r in hidden),
+        'within': share_of(z <= 3.0 for z in errors),
+        'spread': float(np.sqrt(np.mean(np.square(errors)))) if errors else math.nan,
+        'causes': [
+            {'cause': cause, **_of_cause(own)}
+            for cause, own in sorted(grouped(hidden, itemgetter('cause')).items())
+        ],
+        'wall': float(np.median([r['wall_s'] for r in records])),
+    }
+
+
+def _of_cause(records: Sequence[Record]) -> dict[str, Any]:
+    kind = CATALOGUE[records[0]['hidden']['effect']]
+    first = next(p for p in kind.parameters if p.role in PROPORTIONAL)
+    sizes = [abs(r['hidden']['values'][first.name] - first.nominal) for r in records]
+    wrong = [r['single'][0] for r in records if r['single'] and not _is_first(r)]
+    errors = [z for r in records for z in _errors(r)]
+    return {
+        'first': share_of(map(_is_first, records)),
+        'missed': sum(not r['single'] for r in records),
+        'taken_for': _counted(wrong),
+        'others': sum(len(r['single']) > 1 for r in records if _is_first(r)),
+        'size': float(np.median(sizes)),
+        'parameter': first.name,
+        'unit': first.unit,
+        'spread': float(np.sqrt(np.mean(np.square(errors)))) if errors else math.nan,
+    }
+
+
+def _counted(causes: Iterable[Record]) -> dict[str, int]:
+    return dict(Counter(c['effect'] for c in causes).most_common())
+
+
+def _is_hidden(cause: Record, hidden: Record) -> bool:
+    names = [(cause['effect'], cause['where']), *map(tuple, cause['rivals'])]
+    return (hidden['effect'], hidden['where']) in names
+
+
+def _is_first(record: Record) -> bool:
+    """Whether the first name is the right one, or says that it can not be told from it."""
+    return bool(record['single']) and _is_hidden(record['single'][0], record['hidden'])
+
+
+def _errors(record: Record) -> Iterator[float]:
+    """Error by standard deviation of every value of what is rightly named; of a body its mass."""
+    hidden = record['hidden']
+    for cause in record['single']:
+        if (cause['effect'], cause['where']) == (hidden['effect'], hidden['where']):
+            for p in CATALOGUE[hidden['effect']].parameters:
+                if p.role in PROPORTIONAL and (p.name in ('mass', 'x', 'y') or _is_single(hidden)):
+                    value, std = cause['values'][p.name]
+                    yield _error(record['kind'], hidden['values'][p.name], p.nominal, value) / std
+
+
+def _is_single(hidden: Record) -> bool:
+    return hidden['effect'] not in ('inertial_parameters', 'gravity_error')
+
+
+def _error(kind: str, truth: float, nominal: float, value: float) -> float:
+    """A comparison tells what was added."""
+    return abs(value - (truth - nominal if kind == 'compare' else truth))
+
+
+def judge(results: Results) -> list[Check]:
+    """Few false names, right first names, true intervals."""
+    out = []
+    for kind, s in results['arms'].items():
+        false, first = _WORDS[kind]
+        wanted = [(false, s['false'], _FALSE), (first, s['first'], _RIGHT)]
+        wanted.append((f'{kind}: values within 3 standard deviations', s['within'], _WITHIN))
+        out += [Check(what, v.value, *limits) for what, v, limits in wanted if v.total]
+        if s['within'].total:
+            out.append(Check(f'{kind}: rms error by standard deviation', s['spread'], *_SPREAD))
+    return out
+
+
+def tables(results: Results) -> list[Table]:
+    """Shares of all, then every cause."""
+    s = results['arms']
+    return [_shares(s), *(_causes(kind, own) for kind, own in s.items())]
+
+
+def _shares(scores: Mapping[str, Any]) -> Table:
+    return table_of(
+        'Names',
+        'shares with their 95 % intervals (Wilson)',
+        [{'kind': kind, **s, 'names': _listed(s['false_names'])} for kind, s in scores.items()],
+        'asked | without a cause: with a name | false names | first name right | nothing else | '
+        'within 3 std | rms error by std | too large to hide | median time [s]',
+        '{kind} | {false} | {names} | {first} | {alone} | {within} | {spread:.2f} | {too_large} | '
+        '{wall:.2g}',
+    )
+
+
+def _causes(kind: str, score: Mapping[str, Any]) -> Table:
+    return table_of(
+        {'diagnose': 'Causes of one recording', 'compare': 'Changes between two'}[kind],
+        'hidden at three times the limit of each record; size: the median of what was hidden',
+        [
+            {**own, 'name': own['cause'].replace('_', ' '), 'for': _listed(own['taken_for'])}
+            for own in score['causes']
+        ],
+        'cause | size | first name right | nothing named | taken for | others beside it | '
+        'rms error by std',
+        '{name} | {parameter} {size:.3g} {unit} | {first} | {missed} | {for} | {others} | '
+        '{spread:.2f}',
+    )
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return ', '.join(f'{name.replace("_", " ")} {n}' for name, n in counts.items()) or '-'
+
 
 MULTIPLE = 3.0
 """Strength of what is hidden, by its own limit."""

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign import arm_campaign as campaign
-from spacerobot_ros.campaign.arm_campaign import CAUSES, results, run, trials
-from spacerobot_ros.campaign.arm_campaign_tables import judge, tables
+from spacerobot_ros.campaign.arm_campaign import CAUSES, judge, results, run, tables, trials
 from spacerobot_ros.campaign.description import ARMS, key
 from spacerobot_ros.campaign.real_arm import HIDDEN, JOINTS, RealArm, arm_file
 from spacerobot_ros.campaign.shares import Share

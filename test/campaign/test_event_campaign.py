@@ -7,8 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.event_campaign import run, trials
-from spacerobot_ros.campaign.event_campaign_tables import judge, results, tables
+from spacerobot_ros.campaign.event_campaign import judge, results, run, tables, trials
 from spacerobot_ros.campaign.event_machines import MACHINES, HiddenPulse
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS
 
