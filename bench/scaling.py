@@ -194,7 +194,7 @@ def main() -> None:
             print(json.dumps(measure(**json.loads(args.one), folder=Path(name))))
         return
     from spacerobot_ros.display import Section
-    from spacerobot_ros.report.markdown import markdown
+    from spacerobot_ros.report.formats import markdown
 
     kept = Path(args.kept) if args.kept else None
     if kept is not None and kept.exists():

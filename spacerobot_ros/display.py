@@ -1,6 +1,6 @@
 """Reports as plain data: sections of key figures, text, tables and plots.
 
-Made where results are judged; rendered as a page (`report.html`), as Markdown (`report.markdown`)
+Made where results are judged; rendered as a page (`report.html`), as Markdown (`report.formats`)
 and in the terminal (`cli.terminal`); curves are drawn by `report.plots`.
 """
 

@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any
 
 from ..control.adaptive.adaptive_settings import AdaptiveSettings
-from .adaptive_identities import identities
+from .adaptive_judge import identities
 from .adaptive_judge import judge as judge
 from .adaptive_run import TIMED, LoopCase, cycle_time, run_case
 from .adaptive_tables import drawings as drawings

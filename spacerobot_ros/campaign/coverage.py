@@ -16,8 +16,7 @@ from ..display import Table, table_of
 from ..types import Array
 from .description import Check, Record, Results, key
 from .estimators import bound_of, error_figures, estimate, rms, true_values
-from .noisy_records import noisy_record
-from .scenario import momentum_motion, scenario
+from .paper import momentum_motion, noisy_record, scenario
 from .shares import QUANTILE
 
 METHODS = ('online', 'ml', 'physical')

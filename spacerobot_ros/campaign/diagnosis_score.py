@@ -22,8 +22,8 @@ from .diagnosis_judge import (
     is_top,
     is_trial,
     outcome,
+    physical_limits,
 )
-from .diagnosis_limits import physical_limits
 from .shares import Share, share_of
 
 # figures to reach: least share by strength

@@ -26,7 +26,7 @@ from ..model.loader import build_robot
 from ..model.settings import parse_settings
 from ..recording.buffer import SampleBuffer
 from ..recording.record import Record
-from ..recording.robot_order import in_robot_order
+from ..recording.robot_inputs import in_robot_order
 from ..simulation.closed_loop import ClosedLoop
 from ..types import Array
 from .diagnosis_scenario import ROBOTS, robot_file, simulated

@@ -1,7 +1,8 @@
-"""Arms with a torque that no catalogue knows, and noise of several kinds.
+"""Arms and free bases with a torque that no catalogue knows, and noise of several kinds.
 
 Laws are written here in their own words, not by the grammar: those inside it, and those that it
-only comes close to. Sizes are by the noise of the same joint.
+only comes close to. Sizes are by the noise of the same joint. On free bases those fly that one or
+two angles or rates tell, as tables in the plant, at a joint or on the base by its attitude.
 """
 
 from __future__ import annotations

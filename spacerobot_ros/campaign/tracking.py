@@ -21,7 +21,7 @@ from ..errors import IdentificationError
 from ..identification.estimate import Estimate
 from ..types import Array
 from . import paper
-from .scenario import Scenario, continuous_torque, scenario
+from .paper import Scenario, continuous_torque, scenario
 
 PLANTS = ('correct', 'paper')
 LAWS = {

@@ -8,10 +8,8 @@ from typing import Any
 
 from . import paper
 from .description import Check, Record, Results, key, kinds, without
-from .estimators import bound_of, noisy_run, score, true_values
-from .linear_system import noise_free, relative_errors
-from .noisy_records import SCALES
-from .scenario import STARTS
+from .estimators import bound_of, noise_free, noisy_run, relative_errors, score, true_values
+from .paper import SCALES, STARTS
 from .tracking import soft_bandwidth, track
 from .wheel_tables import drawings as drawings
 from .wheel_tables import tables as tables

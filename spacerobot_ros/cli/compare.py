@@ -54,8 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from ..json_values import json_text
     from ..model.files import write_text
     from ..recording.read import read_groups
-    from ..report.comparison_page import comparison_page
-    from ..report.comparison_tables import summary
+    from ..report.comparison_page import comparison_page, summary
     from ..report.html import write_report
 
     out = check_folder(args.out, (JSON_NAME, 'a comparison'), args.force)

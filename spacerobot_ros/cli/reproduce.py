@@ -146,8 +146,8 @@ def _write(
 ) -> Path:
     """Write `report.html`, and plots and tables that are kept beside it; returns its path."""
     from ..model.files import write_text
+    from ..report.formats import markdown
     from ..report.html import write_report
-    from ..report.markdown import markdown
     from ..report.plots import svg_of
 
     for plot in (item for section in plots for item in section.items):

@@ -24,8 +24,7 @@ from ..display import (
     table_of,
 )
 from ..report.formats import number, probability, value_with
-from .fleet_table import cause_name, courses, in_order
-from .trend import FEWEST, SIGNIFICANT, Trend, trends
+from .fleet_table import FEWEST, SIGNIFICANT, Trend, cause_name, courses, in_order, trends
 
 _BAND = 3.0  # standard deviations
 _DRAWN, _LISTED = 12, 40  # trends

@@ -25,8 +25,7 @@ from ..recording.message_types import composer, encoded
 from ..ros.diagnostics import ERROR, OK, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES, STATE
 from ..ros.run_node import run_node
-from ..simulation.firings import THRUSTERS, Firings
-from ..simulation.plant import Plant
+from ..simulation.plant import THRUSTERS, Firings, Plant
 from ..simulation.sample_messages import wheels_of
 from ..simulation.truth import build_plant, build_sensors
 from .base import RobotNode

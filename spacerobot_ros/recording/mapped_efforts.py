@@ -1,8 +1,11 @@
-"""Efforts of a table by their mapping: torques, currents, motors that are off or are none."""
+"""Efforts of a table by their mapping: torques, currents, motors that are off or are none.
+
+What the mapping says of them must not contradict what the robot file says (docs/data.md).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +13,38 @@ import numpy as np
 from ..errors import RecordingError
 from ..model.robot import Robot
 from ..types import Array, BoolArray
-from .effort_kinds import check_kinds
 from .mapped_columns import ColumnReader, spread
 from .mapping import EffortColumns
 from .units import CURRENT, is_current
+
+
+def check_kinds(place: str, robot: Robot | None, columns: Iterable[tuple[str, str, str]]) -> None:
+    """Refuse efforts of another kind than the robot file says.
+
+    Args:
+        place: Where the mapping says it.
+        robot: Its `effort_kinds` count; without one nothing is contradicted.
+        columns: Joint, its kind ('' where the mapping says none) and the unit of each.
+
+    Raises:
+        RecordingError: another kind, or a current of a joint whose effort is none.
+    """
+    if robot is None:
+        return
+    believed = dict(zip(robot.arm, robot.effort_kinds, strict=True))
+    for name, said, unit in columns:
+        kind = believed.get(name, 'motor')
+        if said not in ('', kind):
+            raise RecordingError(
+                f'{place}.kind',
+                f'{name}: {said}, but robot.effort_kind of the robot file says {kind}',
+            )
+        if is_current(unit) and kind != 'current':
+            raise RecordingError(
+                f'{place}.unit',
+                f'{name}: {unit!r} is a current, but robot.effort_kind of the robot file says '
+                f'{kind}: state current there, and robot.motor_constant',
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

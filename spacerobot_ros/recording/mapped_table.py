@@ -34,7 +34,7 @@ from .record import (
     RateSeries,
     Record,
 )
-from .robot_order import order_of
+from .robot_inputs import order_of
 from .table import FORMATS, SampleTable, kind_of, read_table
 from .units import (
     ANGLE,

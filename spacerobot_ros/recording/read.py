@@ -21,8 +21,7 @@ from .mapped_table import read_mapped
 from .mapping import load_mapping
 from .npz import load_npz
 from .record import JointSeries, Record
-from .robot_inputs import with_inputs
-from .robot_order import in_robot_order
+from .robot_inputs import in_robot_order, with_inputs
 from .table import FORMATS, kind_of
 
 

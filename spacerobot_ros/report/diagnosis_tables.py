@@ -14,9 +14,8 @@ from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events
 from ..display import Section, Table, table
-from .event_tables import event_table, limit_table, possible_lines
+from .event_tables import event_table, leftover_lines, limit_table, possible_lines
 from .formats import UNTESTED, number, percent, probability, value_with
-from .leftover_tables import leftover_lines
 
 RATIOS = 'ratios, which hold for any scale of the torques'
 _RANKED = 10  # rows

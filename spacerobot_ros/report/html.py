@@ -28,8 +28,7 @@ from ..display import (
 )
 from ..model.files import write_text
 from .formats import is_number
-from .inline import inline_json
-from .plots import COLORS, live_panels, svg_of
+from .plots import COLORS, inline_json, live_panels, svg_of
 
 
 def write_report(report: Report, path: str | Path) -> Path:

@@ -1,13 +1,16 @@
 """Plots for reports: time series with bands, errors on a log scale; deterministic SVG text.
 
 The same data give the same bytes: no date, fixed identifiers, text kept as text. Curves differ in
-color (Okabe and Ito's palette, safe for the color-blind) and in line style (safe in print).
+color (Okabe and Ito's palette, safe for the color-blind) and in line style (safe in print). Data
+inside a page are base64 or JSON.
 """
 
 from __future__ import annotations
 
+import base64
 import html
 import io
+import json
 import re
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -16,7 +19,18 @@ import numpy as np
 
 from ..display import Bars, Matrix, Panel, Plot
 from ..types import Array
-from .inline import packed
+
+
+def packed(values: Array) -> str:
+    """Numbers in order, as base64 of little-endian float32."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype='<f4').tobytes()).decode()
+
+
+def inline_json(value: Any) -> str:
+    """A `<script>` that holds data; nothing in it can end it."""
+    text = json.dumps(value, allow_nan=False, separators=(',', ':')).replace('<', '\\u003c')
+    return f'<script type="application/json">{text}</script>'
+
 
 COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
 STYLES: tuple[Any, ...] = ('-', '--', '-.', (0, (4, 1, 1, 1, 1, 1)), (0, (1, 1)))

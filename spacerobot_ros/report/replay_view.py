@@ -11,7 +11,7 @@ from ..simulation.replay.scene import Scene
 from ..simulation.replay.shapes import Shape
 from ..simulation.replay.tracks import RobotTrack
 from ..types import Matrix3
-from .inline import packed
+from .plots import packed
 
 
 def scene_values(scene: Scene) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from ..model.robot import Robot
 from ..model.settings import Settings
 from ..sensing.sensors import SensorSamples
 from ..types import Array
-from .firings import Firings
+from .plant import Firings
 from .truth import build_plant, build_sensors
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..control.loop import Command
 from ..recording.bag_writer import BagWriter
 from .closed_loop import ClosedLoop, Step
-from .firings import THRUSTERS
+from .plant import THRUSTERS
 from .sample_messages import sample_messages
 
 LEDGER_PERIOD = 0.1  # s

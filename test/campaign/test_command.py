@@ -11,8 +11,8 @@ from support.contracts import keeps
 from spacerobot_ros.campaign import wheel_experiments
 from spacerobot_ros.campaign.description import key
 from spacerobot_ros.campaign.estimators import METHODS, noisy_run
+from spacerobot_ros.campaign.paper import scenario
 from spacerobot_ros.campaign.runner import Finished
-from spacerobot_ros.campaign.scenario import scenario
 from spacerobot_ros.cli.main import main
 
 TRACKED = [key('track', 'zyx', *law, 1.0) for law in wheel_experiments.PLANTS_AND_LAWS]

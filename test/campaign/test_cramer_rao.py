@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from support.models import H_BASE, H_TARGET, random_tree, robot_of
 
 from spacerobot_ros.campaign.estimators import bound_of
-from spacerobot_ros.campaign.noisy_records import levels_of, noisy_record
-from spacerobot_ros.campaign.scenario import momentum_motion, scenario
+from spacerobot_ros.campaign.paper import levels_of, momentum_motion, noisy_record, scenario
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.momentum_process import MomentumModel

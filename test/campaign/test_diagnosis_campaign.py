@@ -15,8 +15,12 @@ from spacerobot_ros.campaign.description import DIAGNOSIS
 from spacerobot_ros.campaign.diagnosis_campaign import HiddenCase, run, trials
 from spacerobot_ros.campaign.diagnosis_campaign_tables import CONFUSION, ROC
 from spacerobot_ros.campaign.diagnosis_draw import drawn, places
-from spacerobot_ros.campaign.diagnosis_judge import EQUIVALENTS, is_equivalent, outcome
-from spacerobot_ros.campaign.diagnosis_limits import physical_limits
+from spacerobot_ros.campaign.diagnosis_judge import (
+    EQUIVALENTS,
+    is_equivalent,
+    outcome,
+    physical_limits,
+)
 from spacerobot_ros.campaign.diagnosis_scenario import EXCITATIONS, ROBOTS, robot_file, simulated
 from spacerobot_ros.campaign.diagnosis_score import score
 from spacerobot_ros.campaign.shares import Share

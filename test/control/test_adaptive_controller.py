@@ -7,9 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.adaptive_identities import identities
-from spacerobot_ros.campaign.adaptive_run import LoopCase, run_case
-from spacerobot_ros.campaign.adaptive_scenario import START, harmonic, minisat, wrong_prior
+from spacerobot_ros.campaign.adaptive_judge import identities
+from spacerobot_ros.campaign.adaptive_run import (
+    START,
+    LoopCase,
+    harmonic,
+    minisat,
+    run_case,
+    wrong_prior,
+)
 from spacerobot_ros.control.adaptive.adaptive_settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import Measured

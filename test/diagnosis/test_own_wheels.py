@@ -12,7 +12,7 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
-from spacerobot_ros.recording.robot_order import in_robot_order
+from spacerobot_ros.recording.robot_inputs import in_robot_order
 
 BODY, AXIAL = np.diag([0.30, 0.34, 0.40]), 2e-3
 AXIS = np.array([0.0, 0.6, 0.8])

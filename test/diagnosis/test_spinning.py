@@ -17,7 +17,7 @@ from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.spin import nutation, spin_windows
 from spacerobot_ros.recording.read import read_records
 from spacerobot_ros.recording.record import RateSeries, Record
-from spacerobot_ros.recording.robot_order import in_robot_order
+from spacerobot_ros.recording.robot_inputs import in_robot_order
 from spacerobot_ros.recording.series import InputSeries
 from test.support.lone_body import box_file
 

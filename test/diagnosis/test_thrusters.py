@@ -15,8 +15,7 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError, RecordingError
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record
-from spacerobot_ros.recording.robot_inputs import with_inputs
-from spacerobot_ros.recording.robot_order import in_robot_order
+from spacerobot_ros.recording.robot_inputs import in_robot_order, with_inputs
 from spacerobot_ros.recording.series import InputSeries
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 from spacerobot_ros.simulation.to_bag import record_run

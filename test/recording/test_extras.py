@@ -10,7 +10,7 @@ from support.models import Part, robot_of
 
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.faults.extra import extra_faults
+from spacerobot_ros.recording.faults.check import extra_faults
 from spacerobot_ros.recording.mapping import load_mapping
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps

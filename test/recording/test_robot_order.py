@@ -9,7 +9,7 @@ import pytest
 
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
-from spacerobot_ros.recording.robot_order import in_robot_order
+from spacerobot_ros.recording.robot_inputs import in_robot_order
 
 STAMPS = np.arange(4) * 10_000_000
 ARM = SimpleNamespace(arm=('a', 'b', 'c'))

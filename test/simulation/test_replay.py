@@ -18,9 +18,8 @@ from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.urdf import parse_urdf
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from spacerobot_ros.simulation.plant import Plant
-from spacerobot_ros.simulation.replay.meshes import read_mesh
 from spacerobot_ros.simulation.replay.scene import scene_of
-from spacerobot_ros.simulation.replay.shapes import shapes_of
+from spacerobot_ros.simulation.replay.shapes import read_mesh, shapes_of
 
 STEP = 0.02
 

@@ -22,7 +22,7 @@ from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.effects.robot_file import RobotFile, load_robot_file
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.recording.record import Record
-from spacerobot_ros.report.markdown import markdown
+from spacerobot_ros.report.formats import markdown
 
 from .mujoco_robots import ROBOTS as KNOWN
 from .mujoco_robots import SERVICER, TruthRobot

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from ...types import Array
 from ..record import Record
-from .clocks import clock_jumps
-from .signals import Pair, agree, base_pair, disagree, joint_pair, turned, turns
+from .signals import Pair, agree, base_pair, clock_jumps, disagree, joint_pair, turned, turns
 from .thresholds import DEAD_TURN, EXTREME, MOVED, DataFault, in_lines
 
 DEGREES = 180.0 / np.pi
