@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import product
 from typing import Any
 
-from ..control.adaptive.adaptive_settings import AdaptiveSettings
+from ..control.adaptive.law_signals import AdaptiveSettings
 from .adaptive_judge import identities
 from .adaptive_judge import judge as judge
 from .adaptive_run import TIMED, LoopCase, cycle_time, run_case

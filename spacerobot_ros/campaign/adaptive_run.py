@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..control.adaptive.adaptive_settings import AdaptiveSettings
 from ..control.adaptive.controller import AdaptiveController
-from ..control.adaptive.law_signals import Measured, Target
+from ..control.adaptive.law_signals import AdaptiveSettings, Measured, Target
 from ..control.adaptive.pseudo_inertia import parameters_of, pseudo_inertia
 from ..control.adaptive.regressors import Regressors, parameter_values
 from ..dynamics.equations import Dynamics

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..control.feedback import Feedback
+from ..control.command import Feedback
 from ..control.joint_reference import Reference as JointReference
 from ..control.joint_reference import build_reference
 from ..control.laws import ComputedTorque, Model, robot_model

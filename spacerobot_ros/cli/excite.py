@@ -99,8 +99,8 @@ def run(args: argparse.Namespace) -> int:
 def _design(args: argparse.Namespace, file: RobotFile) -> int:
     from ..excitation.assessment import Summary
     from ..excitation.design import search
+    from ..excitation.motions import write_trajectory
     from ..excitation.problem import Problem
-    from ..excitation.trajectory_file import write_trajectory
     from ..report.excitation_page import excitation_page, excitation_sections
     from ..report.html import write_report
 
@@ -127,8 +127,8 @@ def _design(args: argparse.Namespace, file: RobotFile) -> int:
 def _separate(args: argparse.Namespace, file: RobotFile) -> int:
     """Design the motion that best tells two effects apart."""
     from ..effects.catalogue import kind_at
+    from ..excitation.motions import write_trajectory
     from ..excitation.separation import Place, budget, separate
-    from ..excitation.trajectory_file import write_trajectory
 
     parts = (text.partition('@') for text in args.separate)
     first, second = (

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import ConfigurationError
-from ..model.control_settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
+from ..model.motion_settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
 from .options import Subparsers, add_command, positive_float, seed
 from .terminal import progress
 

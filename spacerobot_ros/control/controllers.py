@@ -13,14 +13,11 @@ from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
-from .adaptive.adaptive_settings import AdaptiveSettings
 from .adaptive.controller import AdaptiveController
-from .adaptive.law_signals import Measured, Target
-from .adaptive.saved_adaptation import Learned
-from .command import Torque
-from .compensation import FeedForward
-from .feedback import NS, Feedback
-from .laws import ComputedTorque, law_model, robot_model, torque_limits, within_limits
+from .adaptive.law_signals import AdaptiveSettings, Measured, Target
+from .adaptive.prior import Learned
+from .command import NS, Feedback, Torque
+from .laws import ComputedTorque, FeedForward, law_model, robot_model, torque_limits, within_limits
 from .reference_motion import ReferenceMotion
 
 _FIXED = 'passivity'

@@ -13,7 +13,7 @@ import numpy as np
 from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..identification.estimate import Estimate
-from ..model.control_settings import ADAPTIVE_LAWS
+from ..model.motion_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..recording.buffer import check_later
@@ -21,13 +21,11 @@ from ..sensing.faults import SensorFaults
 from ..types import Array, Quaternion, Vector3
 from .adaptive.controller import AdaptiveController
 from .attitude import check_attitude
-from .command import Command, Mode, Torque
+from .command import NS, AttitudeHistory, Command, Feedback, Mode, RateHistory, Torque
 from .controllers import Controller, FreeFlyingController, JointController
-from .event_answer import EventAnswer
-from .feedback import NS, AttitudeHistory, Feedback, RateHistory
 from .joint_reference import Reference, Setpoint, check_reference, rest
 from .plausible import MotionLimits
-from .reference_motion import ReferenceMotion
+from .reference_motion import EventAnswer, ReferenceMotion
 from .sample_screen import SampleScreen
 from .waypoints import Waypoints
 
@@ -39,7 +37,7 @@ class ControlLoop:
     """Tracks a reference by the law in force; damps to zero when an input is stale.
 
     The settings' `effects` are part of the model: the robot is what they make of it, their forces
-    are made up for where that can be done, and their sensor faults undone (`compensation`).
+    are made up for where that can be done, and their sensor faults undone (`laws`).
 
     Args:
         robot: The robot of the robot file.

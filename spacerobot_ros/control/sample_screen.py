@@ -1,15 +1,230 @@
-"""The samples that a control loop gets, less those that contradict their forerunners."""
+"""Samples that contradict their forerunners, left out before a law acts on them.
+
+As `identification.outliers`, for who can not wait for the samples that follow. A rate is compared
+with a line through the last two, a position with the integral of the rates, an attitude with the
+gyro's; lines are trusted to what a rate changes by in a step, however seldom samples come. One
+that is doubted is believed once the next agrees with it: a blow or a turn of a tracker costs two
+samples, and what wanders without sense is never believed.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
+from typing import NamedTuple
+
+import numpy as np
 
 from ..dynamics.rotation import rotation_between
-from ..model.control_settings import ControllerSettings
+from ..identification.outliers import FURTHEST
+from ..model.motion_settings import ControllerSettings
 from ..model.robot_settings import SensorSettings
 from ..types import Array, Quaternion, Vector3
-from .feedback import NS
-from .sample_gate import AttitudeGate, JointGate, RateGate
+from .command import NS
+
+_REMEMBERED = 50  # errors, by whose median magnitude noise is known where it is more than stated
+_SURE = 6.0  # twice the logarithm of twenty: odds at which a position confirms a rate
+_NORMAL = 1.4826  # standard deviation of normal numbers by their median magnitude
+
+
+class ErrorScale:
+    """How large the errors of a prediction usually are.
+
+    Args:
+        std: Stated standard deviation of a sample; zero where none is.
+    """
+
+    def __init__(self, std: float) -> None:
+        self._std = std
+        self._errors: deque[Array] = deque(maxlen=_REMEMBERED)
+
+    def limit(self, error: Array, spread: float) -> Array:
+        """Magnitude (m,) that an error (m,) may have.
+
+        Args:
+            error: Remembered from now on.
+            spread: Its standard deviation by that of a sample.
+        """
+        error = np.abs(error) / spread
+        self._errors.append(error)
+        limit = np.full(len(error), FURTHEST * self._std)
+        if np.any(error > limit):
+            with np.errstate(invalid='ignore', over='ignore'):
+                usual = _NORMAL * np.median(np.array(self._errors), axis=0)
+                limit = np.maximum(limit, FURTHEST * usual)
+            limit[limit == 0.0] = np.inf  # nothing stated, nothing seen
+        return np.asarray(limit * spread)
+
+
+class Doubt(NamedTuple):
+    """How rates (m,) look beside those before.
+
+    Attributes:
+        off: How far each is off the line through the last two; zero within the limit.
+        is_repeated: Whether they are as the last ones that were doubted.
+    """
+
+    off: Array
+    is_repeated: bool
+
+
+class RateGate:
+    """Tells which rates (m,) contradict their forerunners.
+
+    Args:
+        std: Of a sample.
+    """
+
+    def __init__(self, std: float) -> None:
+        self._scale = ErrorScale(std)
+        self._last: list[tuple[float, Array]] = []
+        self._doubted: tuple[Array, Array] | None = None  # a rate, and how far it was off
+
+    def predicted(self, time: float) -> Array | None:
+        """The rate at a time [s]; None while too few are known."""
+        if len(self._last) < 2:
+            return None
+        (t0, x0), (t1, x1) = self._last
+        return np.asarray(x1 + (x1 - x0) * ((time - t1) / (t1 - t0)))
+
+    def is_doubtful(self, time: float, rate: Array) -> bool:
+        """Whether a rate at a time [s], later than all before, contradicts them."""
+        off, is_repeated = self.look(time, rate)
+        return bool(off.any()) and not is_repeated
+
+    def look(self, time: float, rate: Array) -> Doubt:
+        """Compare a rate at a time [s], later than all before, with them."""
+        predicted, doubted = self.predicted(time), self._doubted
+        self._doubted = None
+        if predicted is None:
+            return Doubt(np.zeros(len(rate)), is_repeated=False)
+        (t0, _), (t1, _) = self._last
+        ahead = (time - t1) / (t1 - t0)
+        error = rate - predicted
+        limit = self._scale.limit(error, np.sqrt(1.0 + (1.0 + ahead) ** 2 + ahead**2))
+        limit = limit + ahead * np.abs(self._last[1][1] - self._last[0][1])
+        off = np.where(np.abs(error) <= limit, 0.0, error)
+        if not off.any():
+            return Doubt(off, is_repeated=False)
+        self._doubted = rate, error
+        if doubted is None:
+            return Doubt(off, is_repeated=False)
+        half = 0.5 * doubted[1]  # a jump stays as it is, a slope that sets in adds as much again
+        is_repeated = np.all(np.abs(rate - doubted[0] - half) <= limit + np.abs(half))
+        return Doubt(off, bool(is_repeated))
+
+    def largest_change(self, time: float, rate: Array) -> Array:
+        """Of each rate since the last one, or by the slope before it over as long."""
+        if not self._last:
+            return np.zeros(len(rate))
+        t1, x1 = self._last[-1]
+        t0, x0 = self._last[0]
+        before = (time - t1) / (t1 - t0) * np.abs(x1 - x0) if t1 > t0 else np.zeros(len(rate))
+        return np.asarray(np.maximum(before, np.abs(rate - x1)))
+
+    def take(self, time: float, rate: Array) -> None:
+        """Believe a rate at a time [s]."""
+        self._last, self._doubted = [*self._last[-1:], (time, rate)], None
+
+
+class JointGate:
+    """Tells which joint samples contradict their forerunners, and what stands in for them.
+
+    Positions and rates are each other's witness. With x the error of the trapezoidal rule over a
+    period T and s its standard deviation, a sample is believed where
+
+        |x| <= 6 s + a T^2 / 2,    a: the larger mean acceleration of this period and the last,
+
+    as rates may lag behind positions by half a period, and turn within one (a T^2 / 4 where no
+    acceleration is above twice that mean); and, for a rate that is off its line by d, where the
+    position agrees with it rather than with the line, twenty to one:
+
+        y^2 - x^2 > 6 s^2,    y = x + T d / 2.
+
+    So torques that set in within the first half of a period cost nothing where the position shows
+    a wrong rate; where noise hides it, either mistake is off by the same small d.
+
+    Args:
+        position_std: Of a sample [rad].
+        velocity_std: Of a sample [rad/s].
+    """
+
+    def __init__(self, position_std: float, velocity_std: float) -> None:
+        self._rates = RateGate(velocity_std)
+        self._std, self._scale = position_std, ErrorScale(position_std)
+        self._stood: tuple[Array, Array] | None = None  # positions, and since when they are so
+        self._last: tuple[float, Array, Array] | None = None
+        self._doubted: tuple[float, Array, Array] | None = None
+
+    def silence(self, time: float) -> float:
+        """Time since the last sample that was believed [s]."""
+        return 0.0 if self._last is None else time - self._last[0]
+
+    def is_doubtful(self, time: float, q: Array, qd: Array) -> bool:
+        """Whether a sample q (n,), qd (n,) at a time [s] contradicts those before."""
+        last, doubted = self._last, self._doubted
+        is_far = self._is_stuck(time, q, qd)
+        off, is_repeated = self._rates.look(time, qd)
+        if last is not None:
+            error = _position_error(last, time, q, qd)
+            noise = self._scale.limit(error, np.sqrt(2.0))
+            x, y = np.abs(error), np.abs(error + 0.5 * (time - last[0]) * off)
+            is_real = y - x > _SURE * (noise / FURTHEST) ** 2 / (y + x + np.finfo(float).tiny)
+            limit = noise + 0.5 * (time - last[0]) * self._rates.largest_change(time, qd)
+            goes_on = np.all(x <= limit) and np.all(is_real | (off == 0.0))
+            if not goes_on and doubted is not None and (is_repeated or not off.any()):
+                goes_on = np.all(np.abs(_position_error(doubted, time, q, qd)) <= limit)
+            is_far = is_far or not goes_on
+        self._doubted = (time, q, qd) if is_far else None
+        if not is_far:
+            self._rates.take(time, qd)
+            self._last = time, q, qd
+        return is_far
+
+    def _is_stuck(self, time: float, q: Array, qd: Array) -> bool:
+        """Whether a joint stands to the last bit, while its rate says that it moved."""
+        before, since = self._stood or (q, np.full(len(q), time))
+        since = np.where(q == before, since, time)
+        self._stood = q, since
+        return bool(self._std and np.any(np.abs(qd) * (time - since) > FURTHEST * self._std))
+
+    def stand_in(self, time: float, furthest: float) -> tuple[Array, Array]:
+        """Position and rate at a time by the last samples believed, as of `furthest` ahead [s]."""
+        if self._last is None:
+            raise ValueError('nothing was believed yet')
+        last, q, qd = self._last
+        time = min(time, last + furthest)
+        rate = self._rates.predicted(time)
+        rate = qd if rate is None else rate
+        return q + 0.5 * (time - last) * (qd + rate), rate
+
+
+def _position_error(last: tuple[float, Array, Array], time: float, q: Array, qd: Array) -> Array:
+    """By how much a position is off the integral of the rates since another sample."""
+    start, q0, qd0 = last
+    return np.asarray(q - q0 - 0.5 * (time - start) * (qd0 + qd))
+
+
+class AttitudeGate:
+    """Tells which attitudes leave what the gyro says since the one before.
+
+    Args:
+        std: Of a sample [rad].
+    """
+
+    def __init__(self, std: float) -> None:
+        self._scale = ErrorScale(std)
+        self._doubted: Array | None = None
+
+    def is_doubtful(self, error: Array) -> bool:
+        """Whether a turn (3,) [rad] from the predicted attitude to the measured is too large."""
+        doubted, self._doubted = self._doubted, None
+        limit = self._scale.limit(error, np.sqrt(2.0))
+        if np.all(np.abs(error) <= limit):
+            return False
+        if doubted is not None and np.all(np.abs(error - doubted) <= limit):
+            return False
+        self._doubted = error
+        return True
 
 
 class SampleScreen:

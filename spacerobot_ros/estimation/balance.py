@@ -22,7 +22,7 @@ from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..model.robot_settings import COMPENSATED
 from ..recording.record import Record
-from ..sensing.correction import corrected_record
+from ..sensing.faults import corrected_record
 from ..types import Array
 from .arm_motion import ArmMotion
 from .columns import Signatures

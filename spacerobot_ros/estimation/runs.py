@@ -9,7 +9,7 @@ from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..recording.robot_inputs import with_inputs
-from ..sensing.correction import corrected_record
+from ..sensing.faults import corrected_record
 from .prediction import TIMINGS, MeasuredMotion
 from .prediction_rows import PredictionRows
 from .reference import NoiseLevels

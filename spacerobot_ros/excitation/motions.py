@@ -1,19 +1,101 @@
-"""Motions of one robot within its limits, free or fixed base, whatever they are made for."""
+"""Motions of one robot within its limits, free or fixed base, whatever they are made for.
+
+They are Fourier series plus quintics, linear in their coefficients,
+
+    q(t) = q_start + sum_m x_m f_m(t)
+
+with the x_m [rad] the amplitudes of sine and cosine of each harmonic, and each f_m brought to rest
+at both ends by its own quintic (`control.joint_reference.Fourier`). Scaling all amplitudes scales
+rates and accelerations alike, which makes any motion gentle enough. A designed one is written as a
+complete robot file, which every tool loads like its template.
+
+Symbols: B candidates, T times, n joints, H harmonics.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 
+from ..control.joint_reference import Fourier
 from ..dynamics.state import initial_state
 from ..errors import ConfigurationError
+from ..model.files import read_parameters, write_parameters
+from ..model.motion_settings import ReferenceSettings
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
 from .base_response import BaseMotion, BaseResponse, BaseStart
-from .family import MotionFamily
 from .motion_limits import Limits
+
+
+class MotionFamily:
+    """Joint motions at fixed times.
+
+    Args:
+        duration: [s].
+        harmonics: Number H.
+        start: (n,) joint positions at both ends [rad].
+        times: (T,) from 0 to the duration [s].
+    """
+
+    def __init__(self, duration: float, harmonics: int, start: Array, times: Array) -> None:
+        self.duration, self.harmonics, self.start, self.times = duration, harmonics, start, times
+        self._rates = 2.0 * np.pi / duration * np.arange(1, harmonics + 1)
+        zero = np.zeros((harmonics, harmonics))
+        basis = Fourier(
+            np.concatenate([np.diag(self._rates), zero]),
+            np.concatenate([zero, np.diag(self._rates)]),
+            duration,
+            np.zeros(2 * harmonics),
+        )
+        points = [basis.at(float(t)) for t in times]
+        self._curves = [np.array([getattr(p, k) for p in points]) for k in ('q', 'qd', 'qdd')]
+
+    @property
+    def size(self) -> int:
+        """Number of amplitudes, 2 H n."""
+        return 2 * self.harmonics * len(self.start)
+
+    def at(self, times: Array) -> MotionFamily:
+        """The same family at other times."""
+        return MotionFamily(self.duration, self.harmonics, self.start, times)
+
+    def motion(self, x: Array) -> tuple[Array, Array, Array]:
+        """Positions, rates and accelerations (B, T, n) of candidates x (B, 2 H n)."""
+        amplitudes = x.reshape(len(x), len(self.start), -1)
+        q, qd, qdd = (np.einsum('tm,bnm->btn', curve, amplitudes) for curve in self._curves)
+        return q + self.start, qd, qdd
+
+    def amplitudes(self, reference: ReferenceSettings) -> Array:
+        """(2 H n,) amplitudes of a Fourier motion: harmonics that it lacks are zero, higher cut.
+
+        A motion of another duration keeps its amplitudes and changes its rates.
+        """
+        rates = 2.0 * np.pi / reference.duration * np.arange(1, reference.harmonics + 1)
+        x = np.zeros((len(self.start), 2, self.harmonics))
+        shared = min(self.harmonics, reference.harmonics)
+        for part, values in enumerate((reference.sine, reference.cosine)):
+            table = np.reshape(values, (len(self.start), -1)) / rates
+            x[:, part, :shared] = table[:, :shared]
+        return x.ravel()
+
+    def reference(self, x: Array) -> ReferenceSettings:
+        """Section `reference` of a robot file for one candidate x (2 H n,)."""
+        table = x.reshape(len(self.start), 2, self.harmonics) * self._rates
+        return replace(
+            ReferenceSettings(),
+            kind='fourier',
+            duration=self.duration,
+            harmonics=self.harmonics,
+            sine=tuple(table[:, 0].ravel().tolist()),
+            cosine=tuple(table[:, 1].ravel().tolist()),
+        )
+
 
 _FINE = 4  # times as many nodes for the final check of the limits
 _NODES = 40  # a cycle of the highest harmonic
@@ -134,3 +216,37 @@ def _peaks(values: Array) -> Array:
     rise = (after - before) ** 2 / (8.0 * np.where(bend > 0.0, bend, np.inf))
     inside = np.abs(after - before) <= 2.0 * bend  # else the largest is at an end
     return np.where(inside, at + rise, np.max(values, axis=1))
+
+
+_REFERENCE = ('kind', 'duration', 'harmonics', 'sine', 'cosine')
+
+
+def write_trajectory(motions: Motions, x: Array, template: str | Path, path: str | Path) -> Path:
+    """Write the robot file with the designed `reference`, and the base rate that it starts from.
+
+    Everything else is kept; a relative `robot.urdf` is rewritten to be found from the new place.
+
+    Args:
+        motions: Have the family and the start.
+        x: (size,) amplitudes of the motion [rad].
+        template: The robot file.
+        path: The file to write.
+
+    Raises:
+        ConfigurationError: the template can't be read or the file can't be written.
+    """
+    template, path = Path(template), Path(path)
+    values = dict(read_parameters(template))
+    reference = asdict(motions.family.reference(x))
+    values['reference'] = {key: reference[key] for key in _REFERENCE}
+    omega = motions.start.omega.tolist()
+    values['initial'] = {**(values.get('initial') or {}), 'angular_velocity': omega}
+    urdf = str(values['robot'].get('urdf', ''))
+    if urdf and '://' not in urdf and not Path(urdf).is_absolute():
+        moved = os.path.relpath(template.parent / urdf, path.parent)
+        values['robot'] = {**values['robot'], 'urdf': moved}
+    head = (
+        '# Identification motion from `spacerobot excite` (docs/excitation.md): reference and\n'
+        f'# initial.angular_velocity are designed, the rest is as in {template.name}.\n'
+    )
+    return write_parameters(path, values, head)

@@ -20,8 +20,8 @@ from ..identification.cramer_rao import information_root
 from ..model.robot import Robot
 from ..types import Array
 from .base_response import BaseMotion, BaseResponse, BaseStart, noise_free_record
-from .family import MotionFamily
 from .motion_limits import Use
+from .motions import MotionFamily
 from .problem import Problem, condition_numbers
 
 REST = 10.0  # s of rest, measured before a spin-up

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError
-from .body import Body, Rotor, last_bodies
+from .body import Body, Rotor, last_bodies, merge_bodies
 from .inputs import read_thrusters
-from .rigid_bodies import merge_bodies
 from .robot import Robot
 from .robot_settings import RobotSettings, SensorSettings
 from .settings import Settings

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..types import Vector3
-from .body import Body, Gyrostat, Rotor
-from .rigid_bodies import Frames
+from .body import Body, Frames, Gyrostat, Rotor
 from .robot_settings import RobotSettings, WheelSettings
 from .urdf import Joint, Tree
 

@@ -6,7 +6,7 @@ import time
 from functools import partial
 from pathlib import Path
 
-from ..control.adaptive.saved_adaptation import Learned, load, save
+from ..control.adaptive.prior import Learned, load, save
 from ..control.controllers import FreeFlyingController
 from ..errors import SpaceRobotError
 from ..model.robot import Robot

@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from ..errors import SimulationDivergedError
-from ..model.control_settings import ADAPTIVE_LAWS
+from ..model.motion_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
 from ..recording import messages
 from ..recording.message_types import composer, encoded

@@ -9,14 +9,14 @@ from rclpy.action import ActionServer, CancelResponse
 
 from ..control.command import Command
 from ..control.loop import ControlLoop
-from ..control.trajectory_goal import (
+from ..control.waypoints import (
     INVALID_GOAL,
     INVALID_JOINTS,
     GoalEnd,
     Tolerances,
     TrajectoryGoal,
+    Waypoints,
 )
-from ..control.waypoints import Waypoints
 from ..errors import MessageRejectedError
 from ..recording.messages import stamp_ns
 from ..ros.convert import compose, doubles, message_type, trajectory

@@ -16,9 +16,8 @@ from spacerobot_ros.campaign.adaptive_run import (
     run_case,
     wrong_prior,
 )
-from spacerobot_ros.control.adaptive.adaptive_settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
-from spacerobot_ros.control.adaptive.law_signals import Measured
+from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings, Measured
 from spacerobot_ros.control.adaptive.pseudo_inertia import (
     body_scales,
     is_physical,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from support.models import H_TARGET, robot_of, table_one
 
-from spacerobot_ros.control.adaptive.adaptive_settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
+from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings
 from spacerobot_ros.control.adaptive.regressors import with_parameters
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import IdentificationError

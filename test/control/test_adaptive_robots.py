@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from support.models import DUAL_ARM, random_tree, robot_of
 
-from spacerobot_ros.control.adaptive.adaptive_settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
-from spacerobot_ros.control.adaptive.law_signals import Measured, Target
+from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings, Measured, Target
 from spacerobot_ros.control.adaptive.learning_kernel import sampled_step
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step

@@ -13,7 +13,7 @@ from spacerobot_ros.control.attitude import (
     check_attitude,
     rotation_between,
 )
-from spacerobot_ros.control.feedback import AttitudeHistory, RateHistory
+from spacerobot_ros.control.command import AttitudeHistory, RateHistory
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.motion_settings import ReferenceSettings
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from spacerobot_ros.control.feedback import Feedback
+from spacerobot_ros.control.command import Feedback
 from spacerobot_ros.control.joint_reference import Setpoint, build_reference
 from spacerobot_ros.control.laws import (
     ComputedTorque,

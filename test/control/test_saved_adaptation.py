@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from support.models import H_TARGET, robot_of, table_one
 
-from spacerobot_ros.control.adaptive.adaptive_settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
-from spacerobot_ros.control.adaptive.saved_adaptation import Learned, load, save
+from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings
+from spacerobot_ros.control.adaptive.prior import Learned, load, save
 from spacerobot_ros.errors import ConfigurationError, RecordingError
 from spacerobot_ros.identification.checked_file import digest
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from support.effects import motion_of
 from support.models import AXIS, Part, robot_of
 
-from spacerobot_ros.control.compensation import FeedForward
 from spacerobot_ros.control.joint_reference import Setpoint
+from spacerobot_ros.control.laws import FeedForward
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.dynamics.state import State

@@ -15,8 +15,7 @@ from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.model.settings import SimulatorSettings
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
-from spacerobot_ros.sensing.correction import corrected_record
-from spacerobot_ros.sensing.faults import SensorFaults
+from spacerobot_ros.sensing.faults import SensorFaults, corrected_record
 from spacerobot_ros.sensing.history import StateHistory
 from spacerobot_ros.sensing.sensors import SensorSuite
 

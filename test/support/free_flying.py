@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from spacerobot_ros.control.adaptive.adaptive_settings import AdaptiveSettings
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
-from spacerobot_ros.control.adaptive.law_signals import Measured, Target
+from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings, Measured, Target
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step

@@ -19,16 +19,28 @@ from ...errors import ConfigurationError, MessageRejectedError
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...types import Array, Vector3
-from .adaptive_settings import AdaptiveSettings, sampling_ratio, sampling_warning
-from .hand_over import standard_parameters
 from .law_kernel import command, into_base, reference_motion
-from .law_signals import Health, Measured, ParametersInForce, Target, Torques
+from .law_signals import (
+    AdaptiveSettings,
+    Health,
+    Measured,
+    ParametersInForce,
+    Target,
+    Torques,
+    sampling_ratio,
+    sampling_warning,
+)
 from .learner import Learner
 from .learning_kernel import is_within
-from .prior import rate_noise, row_variances
-from .regression import DifferencedRates, FilteredMomentum
-from .regressors import Regressors, parameter_names, parameter_units, with_parameters
-from .saved_adaptation import Learned
+from .prior import Learned, rate_noise, row_variances, standard_parameters
+from .regressors import (
+    DifferencedRates,
+    FilteredMomentum,
+    Regressors,
+    parameter_names,
+    parameter_units,
+    with_parameters,
+)
 
 _UNKNOWN = np.zeros(3)  # in place of a base velocity or force
 _GAP = 1.5  # periods between two samples from which on some were lost

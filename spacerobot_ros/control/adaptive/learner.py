@@ -14,7 +14,7 @@ import numpy as np
 from ...dynamics.tree import inertial_rows
 from ...model.robot import Robot
 from ...types import Array
-from .adaptive_settings import AdaptiveSettings
+from .law_signals import AdaptiveSettings
 from .learning_kernel import descend, least_squares_step, sampled_step
 from .prior import prior_covariance
 from .pseudo_inertia import (

@@ -1,13 +1,27 @@
-"""What is believed of the parameters before the data: mean, covariance, scales."""
+"""Where an adaptation starts: the prior, an identifier's estimate, or what was learned before.
+
+What was learned survives in a file (`identification.checked_file`); the covariance of the captured
+wheels' momentum is widened by what they may have lost meanwhile.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
 import numpy as np
 
+from ...dynamics.blocks import BlockTree
+from ...errors import IdentificationError
+from ...estimation.minimal import minimal_set
+from ...identification.checked_file import digest, read_checked, run_down, write_checked
+from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...types import Array
 from .pseudo_inertia import INVERSE, body_scales, pseudo_inertia
-from .regressors import parameter_values, wheel_links
+from .regressors import parameter_names, parameter_values, wheel_links, with_parameters
 
 _SAMPLING_ERROR = 1e-4  # acceleration whose torque is taken as error of discretisation
 _NEAR_ZERO = 1e-3  # of mass, mass x size, mass x size squared: an element's smallest scale
@@ -91,3 +105,130 @@ def row_variances(robot: Robot, M: Array, filter_rate: float, extra: float) -> A
     effort[6:] = robot.sensors.joint_effort_std or 0.0
     noise = filter_rate**2 * (M**2 @ rate_noise(robot) ** 2) + effort**2 + extra**2
     return np.asarray(noise + np.diag(_SAMPLING_ERROR * M) ** 2)
+
+
+_ITERATIONS = 10
+_STEP = 1e-6  # of the numerical Jacobian, in units of the prior's standard deviation
+
+
+def standard_parameters(
+    robot: Robot, structure: str, estimate: Estimate, mean: Array, covariance: Array
+) -> tuple[Array, Array]:
+    """Most probable standard parameters given an estimate of the minimal ones.
+
+    The minimal parameters are products of masses and first moments over the total mass, so the
+    estimate is a nonlinear measurement of the standard parameters: Gauss-Newton steps on prior and
+    estimate. What the estimate does not tell keeps the prior's mean and covariance.
+
+    Args:
+        robot: The robot as the model believes it to be.
+        structure: `identifier.structure`.
+        estimate: Valid estimate.
+        mean: (p,) prior mean, physical.
+        covariance: (p, p) prior covariance.
+
+    Returns:
+        (p,) mean and (p, p) covariance.
+
+    Raises:
+        IdentificationError: not valid, names that don't fit, or an indefinite covariance.
+    """
+    minimal = minimal_set(robot, structure)
+    _check(estimate, robot, minimal.names)
+    tree, size = BlockTree(robot), 10 * len(robot.bodies)
+    own = 3 * (len(wheel_links(robot)) - len(robot.target_wheels))
+    n_aam = len(estimate.aam)
+
+    def predicted(pi: Array) -> Array:
+        blocks = tree.parameters(with_parameters(robot, pi))
+        return np.concatenate([pi[size + own :], minimal.regrouping @ blocks])
+
+    measured = np.concatenate([estimate.aam, estimate.parameters])
+    # the wheels' momentum is told by the estimate alone
+    G = covariance.copy()
+    wheels = np.arange(size + own, size + own + n_aam)
+    G[wheels, wheels] = np.maximum(G[wheels, wheels], 1e6 * np.diag(estimate.covariance)[:n_aam])
+    steps = _STEP * np.sqrt(np.diag(G))
+    pi = mean.copy()
+    for _ in range(_ITERATIONS):
+        J = _jacobian(predicted, pi, steps)
+        S = J @ G @ J.T + estimate.covariance
+        # a ridge in units of S's own diagonal: structures leave exact dependencies
+        ridge = np.diag(1e-12 * np.diag(S) + np.finfo(float).tiny)
+        K = np.linalg.solve(S + ridge, J @ G).T
+        new = mean + K @ (measured - predicted(pi) - J @ (mean - pi))
+        change = float(np.max(np.abs(new - pi) / np.where(steps > 0.0, steps / _STEP, 1.0)))
+        pi = new
+        if change < 1e-9:
+            break
+    out = G - K @ J @ G
+    return pi, 0.5 * (out + out.T)
+
+
+def _jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
+    """Central differences, one column a parameter; zero where the step is zero."""
+    columns = []
+    for i, step in enumerate(steps):
+        shift = np.zeros(len(at))
+        shift[i] = step
+        difference = function(at + shift) - function(at - shift)
+        columns.append(difference / (2.0 * step) if step > 0.0 else np.zeros(len(difference)))
+    return np.array(columns).T
+
+
+def _check(estimate: Estimate, robot: Robot, names: tuple[str, ...]) -> None:
+    if not estimate.valid:
+        raise IdentificationError(f'estimate not valid: {estimate.reason}')
+    estimate.check()
+    links = tuple(g.link for g in robot.target_wheels)
+    if estimate.parameter_names != names or estimate.aam_links != links:
+        raise IdentificationError('estimate: names do not fit the robot and its structure')
+    values = np.linalg.eigvalsh(estimate.covariance)
+    if values[0] < -1e-9 * max(values[-1], 0.0) or not values[-1] > 0.0:
+        raise IdentificationError('estimate: the covariance is indefinite')
+
+
+VERSION = 1
+
+
+class Learned(NamedTuple):
+    """Parameters (p,) in the order of `parameter_names`, and their covariance (p, p)."""
+
+    mean: Array
+    covariance: Array
+
+
+def save(path: Path, robot: Robot, learned: Learned, now_ns: int) -> None:
+    """Write what was learned of a robot at a wall time [ns].
+
+    Raises:
+        ConfigurationError: it can not be written.
+    """
+    content = {'mean': learned.mean.tolist(), 'covariance': learned.covariance.tolist()}
+    write_checked(path, VERSION, _fingerprint(robot), content, now_ns)
+
+
+def load(path: Path, robot: Robot, now_ns: int) -> Learned:
+    """Read what was learned of a robot until a wall time [ns].
+
+    Raises:
+        RecordingError: neither the file nor the one before can be used.
+    """
+    return read_checked(path, VERSION, _fingerprint(robot), partial(_widened, robot), now_ns)
+
+
+def _widened(robot: Robot, content: dict[str, Any], seconds: float) -> Learned:
+    mean, covariance = np.array(content['mean']), np.array(content['covariance'])
+    size = len(parameter_names(robot))
+    if mean.shape != (size,) or covariance.shape != (size, size):
+        raise ValueError(f'{mean.shape} and {covariance.shape} numbers for {size} parameters')
+    spread = np.linalg.eigvalsh(covariance)
+    if not (np.all(np.isfinite(mean)) and spread[0] >= -1e-9 * spread[-1] > -np.inf):
+        raise ValueError('no finite parameters with a covariance')
+    captured = np.arange(size - 3 * len(robot.target_wheels), size)
+    covariance[captured, captured] += (mean[captured] * run_down(seconds)) ** 2
+    return Learned(mean, covariance)
+
+
+def _fingerprint(robot: Robot) -> str:
+    return digest('\n'.join((robot.urdf, *robot.joints, *parameter_names(robot))))

@@ -11,9 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...errors import ConfigurationError
-from ...model.body import Body, inertia_ellipsoid
+from ...model.body import Body, inertia_ellipsoid, merge_bodies
 from ...model.loader import resolve_urdf
-from ...model.rigid_bodies import merge_bodies
 from ...model.robot import Robot
 from ...model.urdf import parse_urdf
 from ...types import Array, Matrix3, Vector3
