@@ -1,20 +1,10 @@
-"""`spacerobot check`: is this recording worth anything, before anything else."""
+"""`spacerobot check`: is this recording worth anything, before anything else.
 
-from __future__ import annotations
-
-import argparse
-
-from .options import Subparsers, add_command, check_file
-from .terminal import print_json, print_sections
-
-_DESCRIPTION = """\
 Look at a recording before anything is concluded from it: sensors, rates, gaps, jitter, clocks;
 range, steps, saturation and noise of every channel; how the rates' errors are white or walk
 (Allan deviation); slips of a data sheet by name; with a robot file the noise that it states, and
 what the motion tells of every unknown. ROS is not needed.
-"""
 
-_EPILOG = """\
 examples:
   spacerobot check run --robot config/servicer.yaml
   spacerobot check arm.csv --map arm_columns.yaml --report out/check.html
@@ -23,10 +13,17 @@ examples:
 exit status: 0 nothing found, 1 something to look at was found, 2 unusable input
 """
 
+from __future__ import annotations
+
+import argparse
+
+from .options import Subparsers, add_command, check_file
+from .terminal import print_json, print_sections
+
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'check', _DESCRIPTION, _EPILOG).add_argument
+    add = add_command(subparsers, 'check', __doc__).add_argument
     add('data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')
     add('--robot', metavar='YAML', help='robot file')
     add('--map', metavar='YAML', help='column mapping of CSV, JSON or npz data (docs/data.md)')

@@ -1,4 +1,21 @@
-"""`spacerobot compare`: what changed between two recordings of one machine."""
+"""`spacerobot compare`: what changed between two recordings of one machine.
+
+Say what changed on an arm between two recordings, or two groups of them: a payload, a joint that
+got stiffer, a sensor that was remounted. What both share is cancelled, so that a model that
+explains neither of them well does for this. ROS is not needed.
+
+writes: DIR/comparison.json      what changed, and what change would have been seen
+        DIR/report.html          one page for a review
+
+verdicts: unchanged   nothing changed by more than a machine that nobody touched does
+          changed     with what, where and by how much
+
+examples:
+  spacerobot compare empty.csv loaded.csv --map arm_columns.yaml --robot arm.yaml --out out/load
+  spacerobot compare monday.csv friday.csv --before tuesday.csv --robot arm.yaml --out out/week
+
+exit status: 0 unchanged, 1 changed, 2 unusable input
+"""
 
 from __future__ import annotations
 
@@ -10,30 +27,10 @@ from .terminal import print_json, print_sections, progress
 
 JSON_NAME, REPORT_NAME = 'comparison.json', 'report.html'
 
-_DESCRIPTION = """\
-Say what changed on an arm between two recordings, or two groups of them: a payload, a joint that
-got stiffer, a sensor that was remounted. What both share is cancelled, so that a model that
-explains neither of them well does for this. ROS is not needed.
-
-writes: DIR/comparison.json      what changed, and what change would have been seen
-        DIR/report.html          one page for a review
-
-verdicts: unchanged   nothing changed by more than a machine that nobody touched does
-          changed     with what, where and by how much
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot compare empty.csv loaded.csv --map arm_columns.yaml --robot arm.yaml --out out/load
-  spacerobot compare monday.csv friday.csv --before tuesday.csv --robot arm.yaml --out out/week
-
-exit status: 0 unchanged, 1 changed, 2 unusable input
-"""
-
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'compare', _DESCRIPTION, _EPILOG)
+    parser = add_command(subparsers, 'compare', __doc__)
     add_recording_options(parser)
     add = parser.add_argument
     add('first', metavar='BEFORE', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON')

@@ -1,4 +1,13 @@
-"""`spacerobot completion`: commands, options, choices and files at a press of the tab key."""
+"""`spacerobot completion`: commands, options, choices and files at a press of the tab key.
+
+Print what makes a shell complete commands, options, choices and files of `spacerobot`.
+
+examples:
+  source <(spacerobot completion bash)                       in ~/.bashrc, or once by hand
+  spacerobot completion zsh > ~/.zfunc/_spacerobot           a folder of $fpath, before compinit
+
+exit status: 0 printed
+"""
 
 from __future__ import annotations
 
@@ -6,23 +15,12 @@ import argparse
 
 from .options import Subparsers, add_command
 
-_DESCRIPTION = """\
-Print what makes a shell complete commands, options, choices and files of `spacerobot`.
-"""
-
-_EPILOG = """\
-examples:
-  source <(spacerobot completion bash)                       in ~/.bashrc, or once by hand
-  spacerobot completion zsh > ~/.zfunc/_spacerobot           a folder of $fpath, before compinit
-
-exit status: 0 printed
-"""
 _FOLDERS = ('DIR', 'FOLDER')
 
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'completion', _DESCRIPTION, _EPILOG)
+    parser = add_command(subparsers, 'completion', __doc__)
     parser.add_argument('shell', choices=('bash', 'zsh'), help='which shell')
 
 

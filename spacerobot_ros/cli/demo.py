@@ -1,4 +1,19 @@
-"""`spacerobot demo`: identify and use the wheels' momentum, on ROS 2 nodes in one process."""
+"""`spacerobot demo`: identify and use the wheels' momentum, on ROS 2 nodes in one process.
+
+Run simulator, identifier and controller as ROS 2 nodes in one process, in lockstep:
+  1. excite the arm with a controller that knows nothing of the captured satellite's wheels, and
+     identify, from noisy sensors, their momentum and the inertial parameters;
+  2. track the same motion with what was identified.
+
+Writes report.html, summary.json and three bags: bag (1), bag_no_aam (the first pass of 1, which
+tracks without the wheels), bag_identified (2).
+The same robot file and seed give the same bags to the last bit.
+
+examples:
+  spacerobot demo
+  spacerobot demo --seed 7 --out out/seven
+  ros2 bag play out/demo/bag
+"""
 
 from __future__ import annotations
 
@@ -27,31 +42,13 @@ if TYPE_CHECKING:
 
     Submit = Callable[..., Future[Any]]
 
-_DESCRIPTION = """\
-Run simulator, identifier and controller as ROS 2 nodes in one process, in lockstep:
-  1. excite the arm with a controller that knows nothing of the captured satellite's wheels, and
-     identify, from noisy sensors, their momentum and the inertial parameters;
-  2. track the same motion with what was identified.
-
-Writes report.html, summary.json and three bags: bag (1), bag_no_aam (the first pass of 1, which
-tracks without the wheels), bag_identified (2).
-The same robot file and seed give the same bags to the last bit.
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot demo
-  spacerobot demo --seed 7 --out out/seven
-  ros2 bag play out/demo/bag
-"""
-
 
 _BAGS = ('bag', 'bag_no_aam', 'bag_identified')
 
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'demo', _DESCRIPTION, _EPILOG).add_argument
+    add = add_command(subparsers, 'demo', __doc__).add_argument
     add('--out', default='out/demo', metavar='DIR', help='folder for the results')
     add('--robot', metavar='YAML', help='robot file (default: the servicer of the package)')
     add('--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)")

@@ -1,13 +1,5 @@
-"""`spacerobot diagnose`: what the simulation gets wrong about measured data, and why."""
+"""`spacerobot diagnose`: what the simulation gets wrong about measured data, and why.
 
-from __future__ import annotations
-
-import argparse
-
-from .options import Subparsers, add_command, add_recording_options, check_folder
-from .terminal import print_json, print_sections, progress
-
-_DESCRIPTION = """\
 Compare measured data with the robot's simulation: show what is different, name the physical cause
 with its place and size, extend the model by it, and measure the gain on data that it was not
 fitted to. ROS is not needed.
@@ -20,9 +12,7 @@ verdicts: consistent        the model explains the data within the noise of the 
           explained         with the named causes it does
           partly_explained  causes are named, and something else is left
           unexplained       no known effect explains what is left; nothing is named
-"""
 
-_EPILOG = """\
 examples:
   spacerobot diagnose run --robot config/servicer.yaml --out out/diagnosis
   spacerobot diagnose arm.csv --map arm_columns.yaml --robot arm.yaml --out out/arm
@@ -34,10 +24,17 @@ examples:
 exit status: 0 consistent with the model, 1 something was found, 2 unusable input
 """
 
+from __future__ import annotations
+
+import argparse
+
+from .options import Subparsers, add_command, add_recording_options, check_folder
+from .terminal import print_json, print_sections, progress
+
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'diagnose', _DESCRIPTION, _EPILOG)
+    parser = add_command(subparsers, 'diagnose', __doc__)
     add_recording_options(parser)
     add = parser.add_argument
     add(

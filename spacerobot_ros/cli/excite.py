@@ -1,4 +1,26 @@
-"""`spacerobot excite`: design of an identification motion."""
+r"""`spacerobot excite`: design of an identification motion.
+
+Design a joint motion (Fourier series plus quintic) from which wheel momentum and inertia are
+identified as precisely as the limits allow. Limits and search are section `excitation` of the
+robot file; the URDF's position limits and 90 % of its effort limits hold besides. ROS is not
+needed.
+
+criteria: information     bits told of the whole estimate; does not depend on units
+          condition       condition number of the paper's matrix A
+          unit_condition  the same with columns of unit norm
+
+examples:
+  spacerobot excite --robot config/servicer.yaml -o out/trajectory.yaml
+  spacerobot excite --robot config/servicer_excite.yaml -o out/usable.yaml --report out/usable.html
+  spacerobot simulate --robot out/trajectory.yaml -o run
+  spacerobot excite --robot config/servicer.yaml -o out/separate.yaml \
+      --separate joint_viscous_friction@joint_2 joint_coulomb_friction@joint_2
+
+The output is a complete robot file. Ctrl-C ends the search and keeps the best motion so far.
+
+exit status: 0 written, 2 unusable input (limits that nothing can keep included),
+130 stopped by Ctrl-C with the best motion so far written
+"""
 
 from __future__ import annotations
 
@@ -27,35 +49,10 @@ CRITERIA = ('information', 'condition', 'unit_condition')
 
 _NESTED = 1e-3  # sine of the angle between signatures; below, one is a special case of the other
 
-_DESCRIPTION = """\
-Design a joint motion (Fourier series plus quintic) from which wheel momentum and inertia are
-identified as precisely as the limits allow. Limits and search are section `excitation` of the
-robot file; the URDF's position limits and 90 % of its effort limits hold besides. ROS is not
-needed.
-
-criteria: information     bits told of the whole estimate; does not depend on units
-          condition       condition number of the paper's matrix A
-          unit_condition  the same with columns of unit norm
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot excite --robot config/servicer.yaml -o out/trajectory.yaml
-  spacerobot excite --robot config/servicer_excite.yaml -o out/usable.yaml --report out/usable.html
-  spacerobot simulate --robot out/trajectory.yaml -o run
-  spacerobot excite --robot config/servicer.yaml -o out/separate.yaml \\
-      --separate joint_viscous_friction@joint_2 joint_coulomb_friction@joint_2
-
-The output is a complete robot file. Ctrl-C ends the search and keeps the best motion so far.
-
-exit status: 0 written, 2 unusable input (limits that nothing can keep included),
-130 stopped by Ctrl-C with the best motion so far written
-"""
-
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'excite', _DESCRIPTION, _EPILOG).add_argument
+    add = add_command(subparsers, 'excite', __doc__).add_argument
     add('--robot', required=True, metavar='YAML', help='robot file')
     add(
         '-o', '--output', required=True, metavar='YAML', help='robot file with the motion to write'

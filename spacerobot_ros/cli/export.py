@@ -1,4 +1,18 @@
-"""`spacerobot export`: a model for other simulators, and what is lost on the way."""
+"""`spacerobot export`: a model for other simulators, and what is lost on the way.
+
+Write a robot file, such as the extended model of a diagnosis, for other simulators, and say what
+their format can not.
+
+formats: mjcf  MuJoCo: bodies, armature, damping, frictionloss, springs, gains and limits of the
+               motors, noise and delays of the sensors, wheels as balls that spin
+         urdf  bodies, damping and friction of the joints
+
+examples:
+  spacerobot export --robot out/diagnosis/extended_model.yaml --to mjcf -o out/model.xml
+  spacerobot export --robot config/servicer.yaml --to urdf -o out/model.urdf
+
+exit status: 0 written, 2 unusable input
+"""
 
 from __future__ import annotations
 
@@ -8,27 +22,10 @@ from ..display import Section
 from .options import Subparsers, add_command, check_file
 from .terminal import print_json, print_sections
 
-_DESCRIPTION = """\
-Write a robot file, such as the extended model of a diagnosis, for other simulators, and say what
-their format can not.
-
-formats: mjcf  MuJoCo: bodies, armature, damping, frictionloss, springs, gains and limits of the
-               motors, noise and delays of the sensors, wheels as balls that spin
-         urdf  bodies, damping and friction of the joints
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot export --robot out/diagnosis/extended_model.yaml --to mjcf -o out/model.xml
-  spacerobot export --robot config/servicer.yaml --to urdf -o out/model.urdf
-
-exit status: 0 written, 2 unusable input
-"""
-
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'export', _DESCRIPTION, _EPILOG).add_argument
+    add = add_command(subparsers, 'export', __doc__).add_argument
     add('--robot', required=True, metavar='YAML', help='robot file')
     add('--to', required=True, choices=('mjcf', 'urdf'), help='format')
     add('-o', '--output', required=True, metavar='FILE', help='file to write')

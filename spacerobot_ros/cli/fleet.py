@@ -1,4 +1,22 @@
-"""`spacerobot fleet`: many recordings, each diagnosed, one table and one report."""
+"""`spacerobot fleet`: many recordings, each diagnosed, one table and one report.
+
+Diagnose every recording below folders, each by itself, on all cores or on a Dask cluster. What
+drifts, which cause appears first where, and which recordings can't be used stand in one report.
+The same command goes on where it was stopped, and adds new recordings.
+
+writes: DIR/fleet.parquet, DIR/fleet.csv  a row a recording
+        DIR/report.html                   what drifts, what appeared when, what could not be read
+        DIR/reports/NAME/                 the diagnosis of each recording
+        DIR/fleet.jsonl                   what is finished
+
+examples:
+  spacerobot fleet recordings --robot config/servicer.yaml --out out/fleet
+  spacerobot fleet week1 week2 --robot arm.yaml --map arm_columns.yaml --out out/fleet --jobs 8
+  spacerobot fleet recordings --robot arm.yaml --out out/fleet --scheduler tcp://10.0.0.1:8786
+
+exit status: 0 all are consistent with the model, 1 something was found or could not be read, 2
+unusable input
+"""
 
 from __future__ import annotations
 
@@ -25,31 +43,10 @@ from .terminal import print_json, print_sections, progress
 if TYPE_CHECKING:
     from ..fleet.recordings import Recording
 
-_DESCRIPTION = """\
-Diagnose every recording below folders, each by itself, on all cores or on a Dask cluster. What
-drifts, which cause appears first where, and which recordings can't be used stand in one report.
-The same command goes on where it was stopped, and adds new recordings.
-
-writes: DIR/fleet.parquet, DIR/fleet.csv  a row a recording
-        DIR/report.html                   what drifts, what appeared when, what could not be read
-        DIR/reports/NAME/                 the diagnosis of each recording
-        DIR/fleet.jsonl                   what is finished
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot fleet recordings --robot config/servicer.yaml --out out/fleet
-  spacerobot fleet week1 week2 --robot arm.yaml --map arm_columns.yaml --out out/fleet --jobs 8
-  spacerobot fleet recordings --robot arm.yaml --out out/fleet --scheduler tcp://10.0.0.1:8786
-
-exit status: 0 all are consistent with the model, 1 something was found or could not be read, 2
-unusable input
-"""
-
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'fleet', _DESCRIPTION, _EPILOG)
+    parser = add_command(subparsers, 'fleet', __doc__)
     add_recording_options(parser)
     add = parser.add_argument
     add('data', metavar='DATA', nargs='+', help='recordings, and folders of recordings')

@@ -1,4 +1,19 @@
-"""`spacerobot identify`: wheel momentum and inertial parameters from a recording."""
+"""`spacerobot identify`: wheel momentum and inertial parameters from a recording.
+
+Estimate the momentum of the captured satellite's wheels and the minimal inertial parameters from
+a recording (rosbag2: mcap or sqlite3; an npz record; CSV or JSON, with --map). ROS is not needed.
+
+methods: ml        maximum likelihood; the most accurate, with standard deviations of its own
+         recursive least squares row by row in square-root form, as it can run on board
+         ls        the paper's least squares, all rows at once
+
+examples:
+  spacerobot identify run --robot config/servicer.yaml
+  spacerobot identify run --robot config/servicer.yaml --json | jq .aam
+  spacerobot identify run --robot config/servicer.yaml --write out/identified.yaml
+
+exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 2 unusable input
+"""
 
 from __future__ import annotations
 
@@ -20,28 +35,10 @@ if TYPE_CHECKING:
 
 METHODS = ('ml', 'recursive', 'ls')
 
-_DESCRIPTION = """\
-Estimate the momentum of the captured satellite's wheels and the minimal inertial parameters from
-a recording (rosbag2: mcap or sqlite3; an npz record; CSV or JSON, with --map). ROS is not needed.
-
-methods: ml        maximum likelihood; the most accurate, with standard deviations of its own
-         recursive least squares row by row in square-root form, as it can run on board
-         ls        the paper's least squares, all rows at once
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot identify run --robot config/servicer.yaml
-  spacerobot identify run --robot config/servicer.yaml --json | jq .aam
-  spacerobot identify run --robot config/servicer.yaml --write out/identified.yaml
-
-exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 2 unusable input
-"""
-
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'identify', _DESCRIPTION, _EPILOG)
+    parser = add_command(subparsers, 'identify', __doc__)
     add_recording_options(parser)
     add = parser.add_argument
     add('bag', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')

@@ -1,7 +1,17 @@
 """The `spacerobot` command: parses arguments, calls a sub-command, turns errors into exit codes.
 
-A sub-command is a light module with `add_parser(subparsers)` and `run(args) -> int` that imports
-what is heavy inside `run`; only the one that is asked for is imported at all.
+Estimation and control of a free-floating space robot that has captured a satellite whose
+reaction wheels still spin.
+
+examples:
+  spacerobot demo                                      the whole loop on ROS 2 nodes, with a report
+  spacerobot simulate --robot config/servicer.yaml -o run
+  spacerobot identify run --robot config/servicer.yaml
+  spacerobot diagnose run --robot config/servicer.yaml --out out/diagnosis
+  spacerobot reproduce wheel-momentum                  the paper's tables, beside the printed ones
+
+exit status: 0 done, 1 done but the answer is no, 2 input that can't be used, 3 a fault of ours,
+130 interrupted
 """
 
 from __future__ import annotations
@@ -18,7 +28,7 @@ from collections.abc import Sequence
 
 from ..errors import SpaceRobotError
 from ..interrupts import interruptible
-from .options import Formatter
+from .options import Formatter, help_texts
 
 COMMANDS = {
     'demo': 'the whole loop on ROS 2 nodes, with a report',
@@ -36,23 +46,6 @@ COMMANDS = {
     'completion': 'what makes bash or zsh complete all of this',
 }
 """Commands, and what they do in a line."""
-
-_DESCRIPTION = """\
-Estimation and control of a free-floating space robot that has captured a satellite whose
-reaction wheels still spin.
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot demo                                      the whole loop on ROS 2 nodes, with a report
-  spacerobot simulate --robot config/servicer.yaml -o run
-  spacerobot identify run --robot config/servicer.yaml
-  spacerobot diagnose run --robot config/servicer.yaml --out out/diagnosis
-  spacerobot reproduce wheel-momentum                  the paper's tables, beside the printed ones
-
-exit status: 0 done, 1 done but the answer is no, 2 input that can't be used, 3 a fault of ours,
-130 interrupted
-"""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -94,7 +87,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str], asked: str) -> int:
-    """Parse, with the parser of the one command that is asked for, and run it."""
+    """Parse, with the parser of the one command that is asked for, and run it.
+
+    A sub-command is a light module with `add_parser(subparsers)` and `run(args) -> int` that
+    imports what is heavy inside `run`; its docstring is its help. Only the one that is asked for
+    is imported at all.
+    """
     args = _parser(asked).parse_args(words)
     return int(importlib.import_module(f'{__package__}.{asked}').run(args))
 
@@ -107,7 +105,7 @@ def whole_parser() -> argparse.ArgumentParser:
 def _parser(*asked: str) -> argparse.ArgumentParser:
     """The parser of some commands; of the others only their names."""
     parser = argparse.ArgumentParser(
-        prog='spacerobot', description=_DESCRIPTION, epilog=_EPILOG, formatter_class=Formatter
+        prog='spacerobot', formatter_class=Formatter, **help_texts(__doc__)
     )
     parser.add_argument('--version', action='version', version=_version())
     subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)

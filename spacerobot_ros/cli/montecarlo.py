@@ -1,4 +1,32 @@
-"""`spacerobot montecarlo`: the closed loop over ranges of what is not known."""
+"""`spacerobot montecarlo`: the closed loop over ranges of what is not known.
+
+Simulate the closed loop many times: what is not known of the machine (inertia, wheels, noise,
+faults) is drawn from distributions, the controller believes the robot file. The same command goes
+on where it was stopped; the same seed gives the same numbers.
+
+RANGES is a YAML (docs/fleet.md):
+  runs: 10000
+  duration: 20.0                 # s
+  seed: 1
+  effects:                       # of the machine, unknown to its controller
+    worn: {effect: joint_viscous_friction, where: joint_2}
+  draw:                          # distributions as in scipy.stats
+    inertia.link_3: {distribution: uniform, loc: 0.8, scale: 0.4}     # a factor
+    truth.target_momentum[0]: {distribution: norm, loc: 42, scale: 5}
+    sensors.gyro_std: {distribution: loguniform, a: 1.0e-5, b: 1.0e-4}
+    effects.worn.coefficient: {distribution: expon, scale: 1.0}
+
+writes: DIR/runs.parquet, DIR/runs.csv      a row a run
+        DIR/percentiles.parquet, .csv       of every result
+        DIR/report.html
+
+examples:
+  spacerobot montecarlo ranges.yaml --robot config/servicer.yaml --out out/mc
+  spacerobot montecarlo ranges.yaml --robot config/servicer.yaml --out out/mc --dynamics
+  spacerobot montecarlo ranges.yaml --robot config/servicer.yaml --out out/mc --replay 4711
+
+exit status: 0 every run ended, 1 some did not (they are listed), 2 unusable input
+"""
 
 from __future__ import annotations
 
@@ -24,41 +52,11 @@ if TYPE_CHECKING:
     from ..campaign.ranges import Ranges
 
 _BLOCKS = {False: 4, True: 500}  # runs of a task: seconds of work
-_DESCRIPTION = """\
-Simulate the closed loop many times: what is not known of the machine (inertia, wheels, noise,
-faults) is drawn from distributions, the controller believes the robot file. The same command goes
-on where it was stopped; the same seed gives the same numbers.
-
-RANGES is a YAML (docs/fleet.md):
-  runs: 10000
-  duration: 20.0                 # s
-  seed: 1
-  effects:                       # of the machine, unknown to its controller
-    worn: {effect: joint_viscous_friction, where: joint_2}
-  draw:                          # distributions as in scipy.stats
-    inertia.link_3: {distribution: uniform, loc: 0.8, scale: 0.4}     # a factor
-    truth.target_momentum[0]: {distribution: norm, loc: 42, scale: 5}
-    sensors.gyro_std: {distribution: loguniform, a: 1.0e-5, b: 1.0e-4}
-    effects.worn.coefficient: {distribution: expon, scale: 1.0}
-
-writes: DIR/runs.parquet, DIR/runs.csv      a row a run
-        DIR/percentiles.parquet, .csv       of every result
-        DIR/report.html
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot montecarlo ranges.yaml --robot config/servicer.yaml --out out/mc
-  spacerobot montecarlo ranges.yaml --robot config/servicer.yaml --out out/mc --dynamics
-  spacerobot montecarlo ranges.yaml --robot config/servicer.yaml --out out/mc --replay 4711
-
-exit status: 0 every run ended, 1 some did not (they are listed), 2 unusable input
-"""
 
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'montecarlo', _DESCRIPTION, _EPILOG)
+    parser = add_command(subparsers, 'montecarlo', __doc__)
     add = parser.add_argument
     add('ranges', metavar='RANGES', help='YAML of what is drawn')
     add('--robot', required=True, metavar='YAML', help='robot file: what the controller believes')

@@ -31,21 +31,25 @@ class Formatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsH
         return super()._get_help_string(action)
 
 
-def add_command(
-    subparsers: Subparsers[argparse.ArgumentParser], name: str, text: str, epilog: str
-) -> argparse.ArgumentParser:
-    """The parser of a command.
+def help_texts(text: str | None) -> dict[str, str]:
+    """What an argument parser says, from the docstring of a module.
 
     Args:
-        subparsers: Of `spacerobot`.
-        name: Of the command.
-        text: What it does.
-        epilog: Examples and exit statuses.
+        text: A line for readers of the code, what the command does, and from `examples:` on
+            examples and exit statuses.
     """
-    summary = text.partition('\n')[0].replace('%', '%%')  # shells show it beside the name
-    return subparsers.add_parser(
-        name, help=summary, description=text, epilog=epilog, formatter_class=Formatter
-    )
+    about, examples, rest = (text or '').partition('\n\n')[2].partition('examples:\n')
+    return {'description': about, 'epilog': examples + rest}
+
+
+def add_command(
+    subparsers: Subparsers[argparse.ArgumentParser], name: str, text: str | None
+) -> argparse.ArgumentParser:
+    """The parser of a command of `spacerobot`, whose module has the docstring `text`."""
+    texts = help_texts(text)
+    # shells show the first line beside the name
+    summary = texts['description'].partition('\n')[0].replace('%', '%%')
+    return subparsers.add_parser(name, help=summary, formatter_class=Formatter, **texts)
 
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:

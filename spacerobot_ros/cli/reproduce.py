@@ -1,4 +1,22 @@
-"""`spacerobot reproduce`: published experiments and campaigns beside the figures to reach."""
+"""`spacerobot reproduce`: published experiments and campaigns beside the figures to reach.
+
+Repeat experiments and show every figure beside the one that is printed or wanted.
+
+{campaigns}
+
+writes OUT/report.html and OUT/results.json; diagnosis and monitor their tables as Markdown, too
+
+examples:
+  spacerobot reproduce wheel-momentum
+  spacerobot reproduce wheel-momentum --quick
+  spacerobot reproduce wheel-momentum --campaign coverage --runs 200 --out out/coverage
+  spacerobot reproduce adaptive-control --runs 20
+  spacerobot reproduce diagnosis --jobs 2 --out out/diagnosis-campaign
+  spacerobot reproduce monitor --runs 40 --out out/monitor-campaign
+  spacerobot reproduce wheel-momentum --json | jq '.checks[] | select(.is_met | not)'
+
+exit status: 0 every figure is reached, 1 some are not (they are listed), 2 unusable input
+"""
 
 from __future__ import annotations
 
@@ -36,32 +54,13 @@ from .options import (
 if TYPE_CHECKING:
     from ..campaign.runner import Finished
 
-_DESCRIPTION = """\
-Repeat experiments and show every figure beside the one that is printed or wanted.
-
-{campaigns}
-
-writes OUT/report.html and OUT/results.json; diagnosis and monitor their tables as Markdown, too
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot reproduce wheel-momentum
-  spacerobot reproduce wheel-momentum --quick
-  spacerobot reproduce wheel-momentum --campaign coverage --runs 200 --out out/coverage
-  spacerobot reproduce adaptive-control --runs 20
-  spacerobot reproduce diagnosis --jobs 2 --out out/diagnosis-campaign
-  spacerobot reproduce monitor --runs 40 --out out/monitor-campaign
-  spacerobot reproduce wheel-momentum --json | jq '.checks[] | select(.is_met | not)'
-
-exit status: 0 every figure is reached, 1 some are not (they are listed), 2 unusable input
-"""
-
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    text = _DESCRIPTION.format(campaigns='\n\n'.join(map(_help, EXPERIMENTS.values())))
-    parser = add_command(subparsers, 'reproduce', text, _EPILOG)
+    campaigns = '\n\n'.join(map(_help, EXPERIMENTS.values()))
+    parser = add_command(
+        subparsers, 'reproduce', (__doc__ or '').replace('{campaigns}', campaigns)
+    )
     add = parser.add_argument
     add('experiment', choices=tuple(EXPERIMENTS), help='which experiments')
     add('--json', action='store_true', help='print JSON, and nothing else')

@@ -1,4 +1,16 @@
-"""`spacerobot show`: a recording in 3D, on one page."""
+"""`spacerobot show`: a recording in 3D, on one page.
+
+Write one page that plays a recording in 3D: bodies from the URDF's visuals or from their inertia,
+base attitude, joints, wheel and total momentum as arrows; beneath it the channels. A ghost shows
+what the model makes of the measured efforts, beginning again from the measured state every two
+seconds. The page needs no network; meshes are read from STL and OBJ. ROS is not needed.
+
+examples:
+  spacerobot show run --robot config/servicer.yaml -o out/replay.html
+  spacerobot show run --robot out/diagnosis/extended_model.yaml -o out/extended.html
+
+exit status: 0 written, 2 unusable input
+"""
 
 from __future__ import annotations
 
@@ -7,25 +19,10 @@ from pathlib import Path
 
 from .options import Subparsers, add_command, check_file
 
-_DESCRIPTION = """\
-Write one page that plays a recording in 3D: bodies from the URDF's visuals or from their inertia,
-base attitude, joints, wheel and total momentum as arrows; beneath it the channels. A ghost shows
-what the model makes of the measured efforts, beginning again from the measured state every two
-seconds. The page needs no network; meshes are read from STL and OBJ. ROS is not needed.
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot show run --robot config/servicer.yaml -o out/replay.html
-  spacerobot show run --robot out/diagnosis/extended_model.yaml -o out/extended.html
-
-exit status: 0 written, 2 unusable input
-"""
-
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'show', _DESCRIPTION, _EPILOG).add_argument
+    add = add_command(subparsers, 'show', __doc__).add_argument
     add('data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')
     add('--robot', required=True, metavar='YAML', help='robot file')
     add('-o', '--output', required=True, metavar='HTML', help='page to write')

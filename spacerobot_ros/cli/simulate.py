@@ -1,4 +1,21 @@
-"""`spacerobot simulate`: a closed-loop run without ROS, recorded in a bag."""
+"""`spacerobot simulate`: a closed-loop run without ROS, recorded in a bag.
+
+Simulate the robot of a robot file in closed loop, without ROS, and record a rosbag2 (mcap).
+
+The plant is the robot with the file's `truth`; the controller sees noisy sensors only and knows
+what the file believes. The same file and seed give the same bag to the last bit.
+
+topics: /joint_states /imu/data /attitude /joint_commands /simulator/ledger /robot_description,
+/base_torque where the law controls the attitude, too; /wheel_states where the servicer's wheels
+are true rotors
+
+examples:
+  spacerobot simulate --robot config/servicer.yaml -o run
+  spacerobot simulate --robot config/servicer.yaml -o quiet --no-noise --duration 5
+  spacerobot simulate --robot config/servicer.yaml -o run2 --seed 2 --law computed_torque_no_aam
+  spacerobot simulate --robot config/minisat.yaml -o adapting --law adaptive_composite
+  ros2 bag info run
+"""
 
 from __future__ import annotations
 
@@ -21,30 +38,10 @@ if TYPE_CHECKING:
 _LAST_STAMP = 2**31 - 1  # s, of builtin_interfaces/Time
 _STEP_BYTES = 500  # of joints and commands in a period, at least
 
-_DESCRIPTION = """\
-Simulate the robot of a robot file in closed loop, without ROS, and record a rosbag2 (mcap).
-
-The plant is the robot with the file's `truth`; the controller sees noisy sensors only and knows
-what the file believes. The same file and seed give the same bag to the last bit.
-
-topics: /joint_states /imu/data /attitude /joint_commands /simulator/ledger /robot_description,
-/base_torque where the law controls the attitude, too; /wheel_states where the servicer's wheels
-are true rotors
-"""
-
-_EPILOG = """\
-examples:
-  spacerobot simulate --robot config/servicer.yaml -o run
-  spacerobot simulate --robot config/servicer.yaml -o quiet --no-noise --duration 5
-  spacerobot simulate --robot config/servicer.yaml -o run2 --seed 2 --law computed_torque_no_aam
-  spacerobot simulate --robot config/minisat.yaml -o adapting --law adaptive_composite
-  ros2 bag info run
-"""
-
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
     """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'simulate', _DESCRIPTION, _EPILOG).add_argument
+    add = add_command(subparsers, 'simulate', __doc__).add_argument
     add('--robot', required=True, metavar='YAML', help='robot file')
     add('-o', '--output', required=True, metavar='BAG', help='folder to create')
     add(
