@@ -142,10 +142,7 @@ def _direction(
     kind: type[Effect], robot: Robot, where: str | None, rng: np.random.Generator
 ) -> Direction:
     """Random proportions of the parameters, phases and frequencies."""
-    rest = {
-        **kind.nominal(),
-        **rng.choice(np.array(kind.variants(robot, where), dtype=object)),
-    }
+    rest = {**kind.nominal(), **rng.choice(np.array(kind.variants(robot, where), dtype=object))}
     sizes = {}
     for p in kind.parameters:
         if p.role in PROPORTIONAL:

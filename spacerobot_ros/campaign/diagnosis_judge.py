@@ -29,11 +29,7 @@ _ALMOST = 0.5  # of the strength asked for
 
 EQUIVALENTS: tuple[tuple[str, str, str], ...] = (
     ('torque_sensor_bias', 'joint_stiffness', 'a spring of no stiffness, k q0 kept'),
-    (
-        'joint_coulomb_friction',
-        'joint_stribeck_friction',
-        'static torque as the Coulomb one',
-    ),
+    ('joint_coulomb_friction', 'joint_stribeck_friction', 'static torque as the Coulomb one'),
     ('joint_coulomb_friction', 'joint_presliding_friction', 'no displacement'),
     ('motor_inertia', 'joint_flexibility', 'a gear without flexibility'),
     ('external_torque_body', 'thruster_leak', 'no force at a long lever, the torque kept'),

@@ -49,15 +49,9 @@ INSIDE: Mapping[str, tuple[Law, str]] = {
     'coupled Coulomb': (lambda q, v, T, t, j, k: np.sign(v[:, k]), 'w'),
     'sum of rates': (lambda q, v, T, t, j, k: np.sign(v[:, j] + v[:, k]), 'vw'),
     'cubic spring': (lambda q, v, T, t, j, k: (q[:, j] - POSE[j]) ** 3, 'q'),
-    'end stop': (
-        lambda q, v, T, t, j, k: np.maximum(q[:, j] - POSE[j] - 0.2, 0.0),
-        'q',
-    ),
+    'end stop': (lambda q, v, T, t, j, k: np.maximum(q[:, j] - POSE[j] - 0.2, 0.0), 'q'),
     'warm-up': (lambda q, v, T, t, j, k: v[:, j] * np.exp(-t / 8.0), 'vt'),
-    'by angle': (
-        lambda q, v, T, t, j, k: np.sign(v[:, j]) * (1.0 + np.sin(2.0 * q[:, j])),
-        'vq',
-    ),
+    'by angle': (lambda q, v, T, t, j, k: np.sign(v[:, j]) * (1.0 + np.sin(2.0 * q[:, j])), 'vq'),
     'Dahl': (lambda q, v, T, t, j, k: _dahl(q[:, j], 0.05), 'q'),
     'play': (lambda q, v, T, t, j, k: _play(q[:, j], 0.05), 'q'),
     'two angles': (lambda q, v, T, t, j, k: np.sin(q[:, j] + q[:, k]), 'qp'),
@@ -73,15 +67,9 @@ OUTSIDE: Mapping[str, tuple[Law, str]] = {
     'exp of angle': (lambda q, v, T, t, j, k: np.exp(q[:, j]) * np.sign(v[:, j]), 'vq'),
     'load to 0.6': (lambda q, v, T, t, j, k: np.abs(T[:, j]) ** 0.6 * np.sign(v[:, j]), 'vT'),
     'falling': (lambda q, v, T, t, j, k: np.sign(v[:, j]) / (1.0 + (4.0 * v[:, j]) ** 2), 'v'),
-    'rate to 2.5': (
-        lambda q, v, T, t, j, k: np.sign(v[:, j]) * np.abs(v[:, j]) ** 2.5,
-        'v',
-    ),
+    'rate to 2.5': (lambda q, v, T, t, j, k: np.sign(v[:, j]) * np.abs(v[:, j]) ** 2.5, 'v'),
     "another's tanh": (lambda q, v, T, t, j, k: np.tanh(v[:, k] / 0.3), 'w'),
-    'product of sines': (
-        lambda q, v, T, t, j, k: np.sin(q[:, j]) * np.sin(2.0 * q[:, k]),
-        'qp',
-    ),
+    'product of sines': (lambda q, v, T, t, j, k: np.sin(q[:, j]) * np.sin(2.0 * q[:, k]), 'qp'),
 }
 """Laws that the grammar has not."""
 

@@ -109,10 +109,7 @@ ESTIMATOR_REFERENCE = {
 }
 
 # axes -> Cramer-Rao bound at noise scale 1: AAM, one an axis, and median base parameter [%]
-BOUND_REFERENCE = {
-    'xyy': ((0.141, 0.125, 0.146), 0.079),
-    'zyx': ((0.133, 0.111, 0.112), 0.062),
-}
+BOUND_REFERENCE = {'xyy': ((0.141, 0.125, 0.146), 0.079), 'zyx': ((0.133, 0.111, 0.112), 0.062)}
 
 
 STARTS = ('moving', 'wheels', 'spin_up')

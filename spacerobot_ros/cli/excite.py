@@ -31,14 +31,7 @@ from typing import TYPE_CHECKING
 
 from ..display import Item, Section, table
 from ..errors import ConfigurationError
-from .options import (
-    Subparsers,
-    add_command,
-    check_file,
-    positive_float,
-    seed,
-    whole_number,
-)
+from .options import Subparsers, add_command, check_file, positive_float, seed, whole_number
 from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:

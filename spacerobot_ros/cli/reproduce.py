@@ -30,16 +30,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..campaign.description import COVERAGE, EXPERIMENTS, WHEEL_MOMENTUM, Campaign, Check
-from ..display import (
-    KeyFigure,
-    KeyFigures,
-    Plot,
-    Report,
-    Section,
-    Status,
-    Table,
-    table,
-)
+from ..display import KeyFigure, KeyFigures, Plot, Report, Section, Status, Table, table
 from ..errors import ConfigurationError
 from .options import (
     Subparsers,

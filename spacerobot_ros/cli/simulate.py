@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
             'simulator.noise': False if args.no_noise else None,
             'controller.law': args.law,
             'reference.kind': args.reference,
-        },
+        }
     )
     duration = args.duration or settings.reference.duration
     _check_duration(duration, settings.simulator.period, Path(args.output))

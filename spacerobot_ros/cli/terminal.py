@@ -107,10 +107,7 @@ def progress() -> Iterator[Stage]:
         *(_Rate(), TimeElapsedColumn(), TextColumn('left'), TimeRemainingColumn()),
     )
     with Progress(
-        *columns,
-        console=Console(stderr=True),
-        transient=True,
-        speed_estimate_period=_RATE_PERIOD,
+        *columns, console=Console(stderr=True), transient=True, speed_estimate_period=_RATE_PERIOD
     ) as bar:
 
         def stage(what: str, total: float) -> Advance:

@@ -78,11 +78,7 @@ class AttitudeBlend:
     """
 
     def __init__(
-        self,
-        reference: AttitudeReference,
-        t_start: float,
-        start_xyzw: Quaternion,
-        duration: float,
+        self, reference: AttitudeReference, t_start: float, start_xyzw: Quaternion, duration: float
     ) -> None:
         self._reference, self._t_start, self._blend = reference, t_start, duration
         self._offset = rotation_between(reference.at(t_start).q_WD_xyzw, start_xyzw)

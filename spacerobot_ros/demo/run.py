@@ -133,7 +133,7 @@ def _settings(file: RobotFile, law: str, passes: int = 1) -> Settings:
             'controller.law': law,
             'controller.use_estimate': True,
             'reference.repeat': passes > 1,
-        },
+        }
     )
 
 

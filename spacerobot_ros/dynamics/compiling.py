@@ -19,12 +19,7 @@ from typing import Any
 from uuid import uuid4
 
 import numba
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    InTreeCacheLocator,
-    dumps,
-)
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator, dumps
 from numba.core.dispatcher import Dispatcher
 
 _BYTES = hashlib.sha256().digest_size

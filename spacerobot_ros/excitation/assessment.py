@@ -16,13 +16,7 @@ import numpy as np
 
 from ..types import Array
 from .design import Design
-from .precision import (
-    REST,
-    Prediction,
-    predict_design,
-    predict_reference,
-    predict_with_wheels,
-)
+from .precision import REST, Prediction, predict_design, predict_reference, predict_with_wheels
 from .problem import Problem
 
 _FACTORS = (1.0, 2.0, 5.0)  # on the momentum of the own wheels

@@ -5,14 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from .schema import (
-    FloatList,
-    FloatOrList,
-    FreeMaps,
-    TextList,
-    TextOrList,
-    param,
-)
+from .schema import FloatList, FloatOrList, FreeMaps, TextList, TextOrList, param
 
 ANCHORS = ('none', 'gravity', 'inertia')
 

@@ -81,11 +81,7 @@ def target_gyrostats(
 
 
 def _gyrostats(
-    wheels: WheelSettings,
-    links: tuple[str, ...],
-    frames: Frames,
-    rotors: list[Rotor],
-    place: str,
+    wheels: WheelSettings, links: tuple[str, ...], frames: Frames, rotors: list[Rotor], place: str
 ) -> tuple[Gyrostat, ...]:
     momentum = np.array(wheels.momentum or (0.0,) * (3 * len(links)))
     if len(momentum) != 3 * len(links):

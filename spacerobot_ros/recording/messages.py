@@ -38,11 +38,7 @@ def stamp_ns(stamp: Any) -> int:
 
 
 def joint_columns(
-    message: Any,
-    names: Sequence[str],
-    *columns: str,
-    others: bool = False,
-    partly: bool = False,
+    message: Any, names: Sequence[str], *columns: str, others: bool = False, partly: bool = False
 ) -> tuple[Array | None, ...]:
     """Columns of a JointState in the order of the named joints.
 

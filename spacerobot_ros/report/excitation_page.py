@@ -8,17 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ..display import (
-    Curve,
-    KeyFigure,
-    KeyFigures,
-    Panel,
-    Plot,
-    Report,
-    Section,
-    Table,
-    table,
-)
+from ..display import Curve, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, table
 from ..excitation.assessment import Summary
 from ..excitation.base_response import BaseMotion
 from ..excitation.precision import Prediction
