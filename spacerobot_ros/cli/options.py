@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError
 
@@ -31,7 +31,7 @@ class Formatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsH
         return super()._get_help_string(action)
 
 
-def help_texts(text: str | None) -> dict[str, str]:
+def help_texts(text: str | None) -> dict[str, Any]:
     """What an argument parser says, from the docstring of a module.
 
     Args:
