@@ -193,8 +193,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as name:
             print(json.dumps(measure(**json.loads(args.one), folder=Path(name))))
         return
-    from spacerobot_ros.display import Section
-    from spacerobot_ros.report.formats import markdown
+    from spacerobot_ros.display import Section, markdown
 
     kept = Path(args.kept) if args.kept else None
     if kept is not None and kept.exists():

@@ -1,6 +1,6 @@
 """Reports as plain data: sections of key figures, text, tables and plots.
 
-Made where results are judged; rendered as a page (`report.html`), as Markdown (`report.formats`)
+Made where results are judged; rendered as a page (`report.html`), as `markdown`
 and in the terminal (`cli.terminal`); curves are drawn by `report.plots`.
 """
 
@@ -10,12 +10,12 @@ import math
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
+
+from .formats import UNTESTED, number, percent, probability
 
 if TYPE_CHECKING:
     from .types import Array
-
-T = TypeVar('T')
 
 Status = Literal['', 'good', 'bad']
 
@@ -225,24 +225,19 @@ class Report:
     sections: Sequence[Section]
 
 
-def table(
-    items: Iterable[T], columns: Mapping[str, Callable[[T], str]], caption: str = ''
-) -> Table:
-    """A table of one row an item.
-
-    Args:
-        items: What the rows show.
-        columns: For each title, the cell of an item.
-        caption: One line above it.
-    """
-    rows = [[cell(item) for cell in columns.values()] for item in items]
-    return Table(tuple(columns), rows, caption)
-
-
 class _Cells(string.Formatter):
-    """Format strings in which what is missing or not finite reads `-`."""
+    """Format strings of a row's entries, which may be attributes.
 
-    def get_field(self, name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+    What is missing or not finite reads `-`. Besides Python's there are the formats `number 3` (of
+    so many digits), `probability`, `percent .2g`, `tested` (a share that may not have been tested)
+    and `or 1`: the text, or another where there is none.
+    """
+
+    def get_value(self, key: int | str, args: Sequence[Any], kwargs: Any) -> Any:
+        """An entry of a row."""
+        return kwargs[key] if isinstance(kwargs, Mapping) else getattr(kwargs, str(key))
+
+    def get_field(self, name: str, args: Sequence[Any], kwargs: Any) -> Any:
         """An entry of an entry that is None is None."""
         try:
             return super().get_field(name, args, kwargs)
@@ -251,22 +246,58 @@ class _Cells(string.Formatter):
 
     def format_field(self, value: Any, spec: str) -> str:
         """The value as text."""
+        word, _, rest = spec.partition(' ')
+        if word in _WORDS:
+            return _WORDS[word](value, rest)
         is_missing = value is None or (isinstance(value, float) and not math.isfinite(value))
         return '-' if is_missing else str(super().format_field(value, spec))
 
 
-def table_of(
-    title: str, caption: str, rows: Iterable[Mapping[str, Any]], heads: str, cells: str
-) -> Table:
-    """A table of plain data, written as a row of Markdown: columns are parted by ` | `.
+_WORDS: dict[str, Callable[[Any, str], str]] = {
+    'number': lambda value, digits: number(value, int(digits or 4)),
+    'probability': lambda value, _: probability(value),
+    'percent': lambda value, form: percent(value, form or '.1f'),
+    'tested': lambda value, _: percent(value, nothing=UNTESTED),
+    'or': lambda value, other: str(value) if value else other,
+}
+
+
+def table_of(title: str, caption: str, rows: Iterable[Any], heads: str, cells: str) -> Table:
+    """A table written as a row of Markdown: columns are parted by ` | `.
 
     Args:
         title: Its heading.
         caption: One line above it.
-        rows: One dict a row.
+        rows: One dict or object a row.
         heads: Column titles.
-        cells: Format strings of a row's entries, such as `{name} | {error[raw]:.3g}`.
+        cells: Formats of a row's entries, such as `{name} | {error[raw]:.3g} | {p:probability}`.
     """
     columns = cells.split(' | ')
     shown = [[_Cells().vformat(cell, (), row) for cell in columns] for row in rows]
     return Table(heads.split(' | '), shown, caption, title)
+
+
+def markdown(title: str, sections: Iterable[Section]) -> str:
+    """A titled page of tables and texts; plots and key figures are left to HTML."""
+    return '\n'.join([f'# {title}\n', *(_section(section) for section in sections)])
+
+
+def _section(section: Section) -> str:
+    parts = [f'## {section.title}\n\n']
+    for item in section.items:
+        if isinstance(item, Table):
+            parts += [f'{line}\n\n' for line in (item.title, item.caption) if line]
+            parts.append(markdown_table(item))
+        elif isinstance(item, str):
+            parts.append(f'{item}\n\n')
+    return ''.join(parts)
+
+
+def markdown_table(table: Table) -> str:
+    """A table; what would end a cell is escaped."""
+    rows = [table.head, ['---'] * len(table.head), *table.rows]
+    return ''.join(f'| {" | ".join(_escaped(c) for c in row)} |\n' for row in rows)
+
+
+def _escaped(text: str) -> str:
+    return ' '.join(text.split()).replace('|', '\\|')

@@ -29,7 +29,7 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..display import Item, Section, table
+from ..display import Item, Section, table_of
 from ..errors import ConfigurationError
 from .options import Subparsers, add_command, check_file, positive_float, seed, whole_number
 from .terminal import print_json, print_sections, progress
@@ -148,27 +148,21 @@ def _separate(args: argparse.Namespace, file: RobotFile) -> int:
 
 
 def _separated(first: Place, second: Place, found: Separated) -> Section:
-    from ..report.formats import number
-
     best = found.best
     head = (
         f'best of {found.tried} motions: {best.origin}, {best.motions.family.duration:g} s; '
         "told apart: noise standard deviations of the part of an effect's plausible size that "
         'the other can not imitate'
     )
-    rows = []
-    for name, trial in (('this one', best), ('robot file', found.own)):
-        if trial is not None:
-            rows += [(first, second, trial.first, name), (second, first, trial.second, name)]
-    columns = {
-        'effect': lambda row: row[0].name,
-        'from': lambda row: row[1].name,
-        'seen': lambda row: f'{row[2].visible:.4g}',
-        'told apart': lambda row: f'{row[2].apart:.4g}',
-        'smallest told, of plausible size': lambda row: number(row[2].smallest, 3),
-        'motion': lambda row: row[3],
-    }
-    items: list[Item] = [head, table(rows, columns)]
+    rows = [
+        {'of': of.name, 'other': other.name, 'seen': seen, 'motion': name}
+        for name, trial in (('this one', best), ('robot file', found.own))
+        if trial is not None
+        for of, other, seen in ((first, second, trial.first), (second, first, trial.second))
+    ]
+    heads = 'effect | from | seen | told apart | smallest told, of plausible size | motion'
+    cells = '{of} | {other} | {seen.visible:.4g} | {seen.apart:.4g} | {seen.smallest:number 3}'
+    items: list[Item] = [head, table_of('', '', rows, heads, cells + ' | {motion}')]
     if min(best.first.sine, best.second.sine) < _NESTED:
         items.append(
             'note: one of them is all but a special case of the other; no motion tells it '

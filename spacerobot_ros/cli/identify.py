@@ -22,7 +22,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from ..display import Section, Table, table
+from ..display import Section, Table
 from ..errors import IdentificationError
 from .options import Subparsers, add_command, add_recording_options, check_file
 from .terminal import print_json, print_sections
@@ -122,22 +122,14 @@ def _sections(
     momentum_std = estimate.total_momentum_covariance.diagonal() ** 0.5
     links = [f'{link} {axis}' for link in estimate.aam_links for axis in 'xyz']
     if links:
-        yield _estimates(
-            'wheel momentum of the captured body',
-            'N m s',
-            zip(links, estimate.aam, std[:n], strict=True),
-        )
+        rows = zip(links, estimate.aam, std[:n], strict=True)
+        yield _estimates('wheel momentum of the captured body', 'N m s', rows)
     if estimate.unit:
-        yield _estimates(
-            'total angular momentum, inertial frame',
-            'N m s',
-            zip('xyz', estimate.total_momentum, momentum_std, strict=True),
-        )
-    yield _estimates(
-        'minimal inertial parameters, each with the numbers of the bodies that it groups',
-        estimate.unit,
-        zip(estimate.parameter_names, estimate.parameters, std[n:], groups, strict=True),
-    )
+        rows = zip('xyz', estimate.total_momentum, momentum_std, strict=True)
+        yield _estimates('total angular momentum, inertial frame', 'N m s', rows)
+    title = 'minimal inertial parameters, each with the numbers of the bodies that it groups'
+    found = zip(estimate.parameter_names, estimate.parameters, std[n:], groups, strict=True)
+    yield _estimates(title, estimate.unit, found)
     head = (
         f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
         f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
@@ -146,18 +138,15 @@ def _sections(
     reason = [] if estimate.valid else [f'not valid: {estimate.reason}']
     yield Section('', [head, *(f'note: {note}' for note in estimate.notes), *reason])
     if advice:
-        columns = {
-            'extra motion': lambda one: one.motion or 'none of those tried',
-            'tells': lambda one: '\n'.join(one.tells),
-        }
+        told = [(one.motion or 'none of those tried', '\n'.join(one.tells)) for one in advice]
         caption = '(A with -1.00 B: where A and B change so together, the data stay the same)'
         title = 'what the data cannot tell, and the cheapest motions that would, in this order'
-        yield Section(title, [table(advice, columns, caption)])
+        yield Section(title, [Table(('extra motion', 'tells'), told, caption)])
 
 
 def _estimates(title: str, unit: str, rows: Iterable[tuple[Any, ...]]) -> Section:
     """Names, values as far as they are known, their standard deviations, and groups."""
-    from ..report.formats import decimals
+    from ..formats import decimals
 
     head = ('name', 'value', '+- std', 'unit', 'groups')
     cells = [

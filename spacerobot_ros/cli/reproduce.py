@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..campaign.description import COVERAGE, EXPERIMENTS, WHEEL_MOMENTUM, Campaign, Check
-from ..display import KeyFigure, KeyFigures, Plot, Report, Section, Status, Table, table
+from ..display import KeyFigure, KeyFigures, Plot, Report, Section, Status, Table, table_of
 from ..errors import ConfigurationError
 from .options import (
     Subparsers,
@@ -135,8 +135,8 @@ def _write(
     folder: Path,
 ) -> Path:
     """Write `report.html`, and plots and tables that are kept beside it; returns its path."""
+    from ..display import markdown
     from ..model.files import write_text
-    from ..report.formats import markdown
     from ..report.html import write_report
     from ..report.plots import svg_of
 
@@ -166,15 +166,13 @@ def _status(is_good: bool) -> Status:
 
 
 def _checks(checks: Sequence[Check]) -> Table:
-    columns = {
-        'figure': lambda c: c.what,
-        'value': lambda c: f'{c.value:.4g}',
-        'from': lambda c: f'{c.low:.4g}',
-        'to': lambda c: f'{c.high:.4g}',
-        'unit': lambda c: c.unit,
-        'reached': lambda c: 'yes' if c.is_met else 'NO',
-    }
-    return table(checks, columns)
+    return table_of(
+        '',
+        '',
+        [{'c': c, 'reached': 'yes' if c.is_met else 'NO'} for c in checks],
+        'figure | value | from | to | unit | reached',
+        '{c.what} | {c.value:.4g} | {c.low:.4g} | {c.high:.4g} | {c.unit} | {reached}',
+    )
 
 
 def _missed(checks: Sequence[Check]) -> list[str]:

@@ -58,7 +58,7 @@ def _print_table(console: Console, table: Table) -> None:
     from rich.table import Table as Grid
     from rich.text import Text as Cell
 
-    from ..report.formats import NO_NUMBERS, is_number
+    from ..formats import NO_NUMBERS, is_number
 
     if table.title:
         console.print(table.title, markup=False, style='bold')

@@ -20,10 +20,9 @@ from ..display import (
     Report,
     Section,
     Table,
-    table,
     table_of,
 )
-from ..report.formats import number, probability, value_with
+from ..formats import number, probability, value_with
 from .fleet_table import FEWEST, SIGNIFICANT, Trend, cause_name, courses, in_order, trends
 
 _BAND = 3.0  # standard deviations
@@ -124,19 +123,14 @@ def _panel(line: Trend) -> Panel:
 
 
 def _trend_table(lines: Sequence[Trend], caption: str = '') -> Table:
-    columns = {
-        'machine': lambda line: line.course.machine,
-        'quantity': lambda line: line.course.quantity,
-        'recordings': lambda line: str(len(line.course.time)),
-        'first': lambda line: number(line.course.value[0]),
-        'last': lambda line: number(line.course.value[-1]),
-        'unit': lambda line: line.course.unit,
-        'by a unit of time': lambda line: value_with(line.slope, line.std),
-        '+- std': lambda line: number(line.std, 2),
-        'p': lambda line: probability(line.p_value),
-        'drift': lambda line: 'yes' if line.is_drift else '',
-    }
-    return table(lines, columns, caption)
+    rows = []
+    for line in lines:
+        at, ends = line.course, (number(line.course.value[0]), number(line.course.value[-1]))
+        slope = value_with(line.slope, line.std), number(line.std, 2), probability(line.p_value)
+        drift = 'yes' if line.is_drift else ''
+        rows.append((at.machine, at.quantity, str(len(at.time)), *ends, at.unit, *slope, drift))
+    head = 'machine | quantity | recordings | first | last | unit | by a unit of time | +- std | p'
+    return Table((*head.split(' | '), 'drift'), rows, caption)
 
 
 def _appearances(said: Sequence[Row]) -> Table:

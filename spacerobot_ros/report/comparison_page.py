@@ -12,9 +12,9 @@ from functools import partial
 from .. import __version__
 from ..diagnosis.answer.words import at
 from ..diagnosis.change_conclusion import Change, Comparison
-from ..display import Item, Plot, Report, Section, Table, table
+from ..display import Item, Plot, Report, Section, Table
+from ..formats import number, value_with
 from . import diagnosis_plots as curves
-from .formats import number, value_with
 
 
 def summary(comparison: Comparison) -> Iterator[Section]:
@@ -59,14 +59,12 @@ def change_table(changes: tuple[Change, ...]) -> Table:
 
 def detectable_table(comparison: Comparison, caption: str = '') -> Table:
     """The change of each parameter that would have been named."""
-    columns = {
-        'effect': lambda d: d.effect,
-        'where': lambda d: d.where or '',
-        'parameter': lambda d: d.parameter,
-        'from': lambda d: number(d.value, 2) if math.isfinite(d.value) else 'not seen',
-        'unit': lambda d: d.unit or '1',
-    }
-    return table(comparison.detectable, columns, caption)
+    rows = [
+        (d.effect, d.where or '', d.parameter,
+         number(d.value, 2) if math.isfinite(d.value) else 'not seen', d.unit or '1')
+        for d in comparison.detectable
+    ]  # fmt: skip
+    return Table(('effect', 'where', 'parameter', 'from', 'unit'), rows, caption)
 
 
 _METHOD = (

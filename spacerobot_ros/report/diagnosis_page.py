@@ -11,12 +11,12 @@ from .. import __version__
 from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.score_on import BAND
 from ..display import Item, KeyFigure, KeyFigures, Plot, Replay, Report, Section, Table
+from ..formats import number, probability
 from ..simulation.replay.scene import scene_of
 from . import diagnosis_plots as curves
 from . import diagnosis_tables as tables
 from .diagnosis_tables import is_balance
 from .event_tables import event_table, leftover_items, limit_table, possible_lines
-from .formats import number, probability
 
 _SHORT = 20  # characters of a cell that stays on one line
 _SIGNALS, _SPECTRA = 3, 3

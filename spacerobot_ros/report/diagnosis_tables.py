@@ -13,9 +13,9 @@ from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events
-from ..display import Section, Table, table
+from ..display import Section, Table, table_of
+from ..formats import number, percent, probability, value_with
 from .event_tables import event_table, leftover_lines, limit_table, possible_lines
-from .formats import UNTESTED, number, percent, probability, value_with
 
 RATIOS = 'ratios, which hold for any scale of the torques'
 _RANKED = 10  # rows
@@ -95,40 +95,38 @@ def parameter_table(causes: Sequence[Cause], caption: str = '') -> Table:
 
 def evidence_table(causes: Sequence[Cause], caption: str = '') -> Table:
     """One row a cause."""
-    columns = {
-        'cause': label,
-        'log L gain': lambda c: number(c.evidence.log_likelihood_gain),
-        'BIC gain': lambda c: number(c.evidence.bic_gain),
-        'p': lambda c: probability(c.evidence.p_value),
-        'held out': lambda c: percent(c.evidence.held_out_gain, nothing=UNTESTED),
-        'placebo': lambda c: percent(c.evidence.placebo_gain, nothing=UNTESTED),
-        'constant p': lambda c: probability(c.constant_p),
-    }
-    return table(causes, columns, caption)
+    rows = [{'label': label(c), 'of': c.evidence, 'constant': c.constant_p} for c in causes]
+    return table_of(
+        '',
+        caption,
+        rows,
+        'cause | log L gain | BIC gain | p | held out | placebo | constant p',
+        '{label} | {of.log_likelihood_gain:number} | {of.bic_gain:number} | '
+        '{of.p_value:probability} | {of.held_out_gain:tested} | {of.placebo_gain:tested} | '
+        '{constant:probability}',
+    )
 
 
 def friction_table(diagnosis: Diagnosis, caption: str = '') -> Table:
     """One row a joint."""
-    columns = {
-        'joint': lambda law: law.joint,
-        'Coulomb [N m]': lambda law: number(law.coulomb, 3),
-        'forward': lambda law: number(law.coulomb_forward, 3),
-        'backward': lambda law: number(law.coulomb_backward, 3),
-        'viscous [N m s/rad]': lambda law: number(law.viscous, 3),
-    }
-    return table(diagnosis.friction, columns, caption)
+    return table_of(
+        '',
+        caption,
+        diagnosis.friction,
+        'joint | Coulomb [N m] | forward | backward | viscous [N m s/rad]',
+        '{joint} | {coulomb:number 3} | {coulomb_forward:number 3} | '
+        '{coulomb_backward:number 3} | {viscous:number 3}',
+    )
 
 
 def ratio_table(diagnosis: Diagnosis, caption: str = '') -> Table:
     """One row a ratio."""
-    columns = {
-        'joint': lambda r: r.joint,
-        'ratio': lambda r: r.ratio.replace('_', ' ') + (f' ({r.of})' if r.of else ''),
-        'value': lambda r: value_with(r.value, r.std),
-        '+- std': lambda r: number(r.std, 2),
-        'unit': lambda r: r.unit or '1',
-    }
-    return table(diagnosis.ratios, columns, caption)
+    rows = [
+        (r.joint, r.ratio.replace('_', ' ') + (f' ({r.of})' if r.of else ''),
+         value_with(r.value, r.std), number(r.std, 2), r.unit or '1')
+        for r in diagnosis.ratios
+    ]  # fmt: skip
+    return Table(('joint', 'ratio', 'value', '+- std', 'unit'), rows, caption)
 
 
 def free_motion_line(free: FreeMotion) -> str:
@@ -142,55 +140,51 @@ def free_motion_line(free: FreeMotion) -> str:
 
 def residual_table(diagnosis: Diagnosis, caption: str = '') -> Table:
     """One row a channel."""
-    columns = {
-        'channel': lambda r: r.channel,
-        'unit': lambda r: r.unit,
-        'rms before': lambda r: number(r.rms_before, 3),
-        'rms after': lambda r: number(r.rms_after, 3),
-        'noise floor': lambda r: number(r.noise_floor, 3),
-        'after/floor': lambda r: f'{_floors(r):.2f}' if r.noise_floor > 0.0 else '',
-        'white p': lambda r: probability(r.whiteness_p),
-    }
-    return table(diagnosis.residuals, columns, caption)
+    return table_of(
+        '',
+        caption,
+        [
+            {'r': r, 'floors': f'{_floors(r):.2f}' if r.noise_floor > 0.0 else ''}
+            for r in diagnosis.residuals
+        ],
+        'channel | unit | rms before | rms after | noise floor | after/floor | white p',
+        '{r.channel} | {r.unit} | {r.rms_before:number 3} | {r.rms_after:number 3} | '
+        '{r.noise_floor:number 3} | {floors} | {r.whiteness_p:probability}',
+    )
 
 
 def ranking_table(diagnosis: Diagnosis) -> Table:
     """The best candidates, each alone against the model as it stands."""
-    columns = {
-        'effect': lambda r: r.effect,
-        'where': lambda r: r.where or '',
-        'log evidence': lambda r: number(r.evidence),
-        'log L gain': lambda r: number(r.log_likelihood_gain),
-        'p': lambda r: probability(r.p_value),
-    }
-    return table(diagnosis.ranking[:_RANKED], columns)
+    return table_of(
+        '',
+        '',
+        diagnosis.ranking[:_RANKED],
+        'effect | where | log evidence | log L gain | p',
+        '{effect} | {where:or } | {evidence:number} | {log_likelihood_gain:number} | '
+        '{p_value:probability}',
+    )
 
 
 def appearance_table(appearances: Mapping[str, Appearance], caption: str) -> Table:
     """One row a channel whose error stands out."""
-
-    def is_clear(seen: Appearance) -> bool:
-        return abs(seen.correlation) > _CLEAR
-
-    columns = {
-        'channel': lambda item: item[0],
-        'largest at [s]': lambda item: f'{item[1].time:.1f}',
-        'goes with': lambda item: item[1].motion if is_clear(item[1]) else 'no single motion',
-        'correlation': lambda item: f'{item[1].correlation:+.2f}' if is_clear(item[1]) else '',
-    }
-    return table(appearances.items(), columns, caption)
+    rows = []
+    for channel, seen in appearances.items():
+        motion, correlation = 'no single motion', ''
+        if abs(seen.correlation) > _CLEAR:
+            motion, correlation = seen.motion, f'{seen.correlation:+.2f}'
+        rows.append((channel, f'{seen.time:.1f}', motion, correlation))
+    return Table(('channel', 'largest at [s]', 'goes with', 'correlation'), rows, caption)
 
 
 def closed_loop_table(closed: ClosedLoopGain) -> Table:
     """One row a joint, and all of them."""
-    rows = [(joint, *errors) for joint, errors in closed.joints.items()]
-    columns = {
-        'joint': lambda row: row[0],
-        'rms error before [rad]': lambda row: number(row[1], 3),
-        'rms error after [rad]': lambda row: number(row[2], 3),
-        'of it left': lambda row: percent(row[2] / row[1]) if row[1] else '',
-    }
-    return table([*rows, ('all', closed.rms_before, closed.rms_after)], columns)
+    every = [*closed.joints.items(), ('all', (closed.rms_before, closed.rms_after))]
+    rows = [
+        (joint, number(before, 3), number(after, 3), percent(after / before) if before else '')
+        for joint, (before, after) in every
+    ]
+    head = ('joint', 'rms error before [rad]', 'rms error after [rad]', 'of it left')
+    return Table(head, rows)
 
 
 def rival_lines(causes: Sequence[Cause]) -> list[str]:

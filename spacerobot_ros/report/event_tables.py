@@ -9,8 +9,8 @@ import yaml
 from ..diagnosis.answer.extended_model import effects_section
 from ..diagnosis.answer.result import Diagnosis, Leftover, Order
 from ..diagnosis.events.event import Event, EventLimit, Events, PossibleEvent
-from ..display import Item, Table, table
-from .formats import UNTESTED, number, percent, probability, value_with
+from ..display import Item, Table, table_of
+from ..formats import UNTESTED, number, percent, probability, value_with
 
 _REASONS = {
     'weak': 'below the limit',
@@ -25,16 +25,14 @@ _REASONS = {
 
 def event_table(events: Events, caption: str = '') -> Table:
     """One row an event."""
-    columns = {
-        'event': lambda e: e.effect,
-        'where': lambda e: e.where or '',
-        'from [s]': lambda e: f'{e.start:.2f}',
-        'to [s]': lambda e: f'{e.end:.2f}',
-        'largest': _peaks,
-        'z': lambda e: number(e.z, 3),
-        'p': lambda e: probability(e.p_value),
-    }
-    return table(events.named, columns, caption)
+    return table_of(
+        '',
+        caption,
+        [{'e': e, 'peaks': _peaks(e)} for e in events.named],
+        'event | where | from [s] | to [s] | largest | z | p',
+        '{e.effect} | {e.where:or } | {e.start:.2f} | {e.end:.2f} | {peaks} | {e.z:number 3} | '
+        '{e.p_value:probability}',
+    )
 
 
 def possible_lines(events: Events) -> Iterator[str]:

@@ -8,13 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from ..display import Curve, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, table
+from ..display import Curve, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, table_of
 from ..excitation.assessment import Summary
 from ..excitation.base_response import BaseMotion
 from ..excitation.precision import Prediction
 from ..excitation.problem import Problem
+from ..formats import percent
 from ..types import Array
-from .formats import percent
 
 _FIGURES: dict[str, Callable[[Prediction], str]] = {
     'information [bit]': lambda p: f'{p.bits:.1f}',
@@ -96,15 +96,14 @@ def _key_figures(summary: Summary) -> KeyFigures:
 
 
 def _limits(summary: Summary) -> Table:
-    columns = {
-        'limit': lambda u: u.name.replace('_', ' '),
-        'where': lambda u: u.where,
-        'reached': lambda u: f'{u.value:.4g}',
-        'allowed': lambda u: f'{u.limit:.4g}' if math.isfinite(u.limit) else 'none',
-        'unit': lambda u: u.unit,
-        'margin': lambda u: percent(1.0 - u.fraction, '.2g') if math.isfinite(u.limit) else '',
-    }
-    return table(summary.uses, columns)
+    rows = []
+    for u in summary.uses:
+        allowed, margin = 'none', ''
+        if math.isfinite(u.limit):
+            allowed, margin = f'{u.limit:.4g}', percent(1.0 - u.fraction, '.2g')
+        name = u.name.replace('_', ' ')
+        rows.append((name, u.where, f'{u.value:.4g}', allowed, u.unit, margin))
+    return Table(('limit', 'where', 'reached', 'allowed', 'unit', 'margin'), rows)
 
 
 def _predictions(summary: Summary) -> dict[str, Prediction]:
@@ -135,15 +134,18 @@ def _stds(summary: Summary) -> Table:
 
 
 def _wheels(summary: Summary) -> Table:
-    columns = {
-        'own wheels': lambda o: f'x{o.factor:g}',
-        '|h0| [N m s]': lambda o: f'{np.linalg.norm(o.momentum):.4g}',
-        'common scale': lambda o: _percent(o.prediction.scale_std),
-        'worst AAM': lambda o: _percent(o.prediction.worst_aam),
-        'median x': lambda o: _percent(o.prediction.median_parameter),
-        'limits': lambda o: 'kept' if o.allowed else 'broken',
-    }
-    return table(summary.wheels, columns)
+    return table_of(
+        '',
+        '',
+        [
+            {'o': o, 'p': o.prediction, 'size': float(np.linalg.norm(o.momentum)),
+             'limits': 'kept' if o.allowed else 'broken'}
+            for o in summary.wheels
+        ],
+        'own wheels | |h0| [N m s] | common scale | worst AAM | median x | limits',
+        'x{o.factor:g} | {size:.4g} | {p.scale_std:percent .3g} | {p.worst_aam:percent .3g} | '
+        '{p.median_parameter:percent .3g} | {limits}',
+    )  # fmt: skip
 
 
 def _percent(value: float) -> str:

@@ -26,8 +26,8 @@ from ..display import (
     Section,
     Table,
 )
+from ..formats import is_number
 from ..model.files import write_text
-from .formats import is_number
 from .plots import COLORS, inline_json, live_panels, svg_of
 
 

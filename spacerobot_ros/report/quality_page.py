@@ -20,9 +20,9 @@ from ..display import (
     Report,
     Section,
     Table,
-    table,
+    table_of,
 )
-from .formats import number, percent
+from ..formats import number
 
 _DIGITS = 3
 
@@ -77,55 +77,50 @@ def _told(found: tuple[Excited, ...]) -> int:
 
 
 def _sampling(quality: Quality) -> Table:
-    columns = {
-        'sensor': lambda s: s.sensor,
-        'samples': lambda s: str(s.samples),
-        'from [s]': lambda s: f'{s.start:.4g}',
-        'length [s]': lambda s: f'{s.duration:.4g}',
-        'rate [Hz]': lambda s: number(s.rate, 4),
-        'jitter [ms]': lambda s: number(1e3 * s.jitter, 2),
-        'gaps': lambda s: str(s.gaps),
-        'longest [s]': lambda s: number(s.longest_gap, _DIGITS) if s.gaps else '-',
-        'lost': lambda s: percent(s.lost, '.2g'),
-    }
-    return table(quality.sensors, columns)
+    rows = [
+        {'s': s, 'jitter': 1e3 * s.jitter, 'longest': s.longest_gap if s.gaps else None}
+        for s in quality.sensors
+    ]
+    return table_of(
+        '',
+        '',
+        rows,
+        'sensor | samples | from [s] | length [s] | rate [Hz] | jitter [ms] | gaps | '
+        'longest [s] | lost',
+        '{s.sensor} | {s.samples} | {s.start:.4g} | {s.duration:.4g} | {s.rate:number} | '
+        '{jitter:number 2} | {s.gaps} | {longest:number 3} | {s.lost:percent .2g}',
+    )
 
 
 def _delays(quality: Quality) -> Table:
-    columns = {
-        'sensor': lambda d: d.late,
-        'against the integral of': lambda d: d.reference,
-        'late by [ms]': lambda d: number(1e3 * d.delay, _DIGITS),
-        '+- std': lambda d: number(1e3 * d.std, 2),
-        'makes, rms [rad]': lambda d: number(d.error, 2),
-    }
-    return table(quality.delays, columns)
+    return table_of(
+        '',
+        '',
+        [{'d': d, 'delay': 1e3 * d.delay, 'std': 1e3 * d.std} for d in quality.delays],
+        'sensor | against the integral of | late by [ms] | +- std | makes, rms [rad]',
+        '{d.late} | {d.reference} | {delay:number 3} | {std:number 2} | {d.error:number 2}',
+    )
 
 
 def _channels(channels: tuple[Reading, ...]) -> Table:
-    columns = {
-        'channel': lambda c: c.channel,
-        'unit': lambda c: c.unit,
-        'lowest': lambda c: number(c.lowest, 4),
-        'highest': lambda c: number(c.highest, 4),
-        'step': lambda c: number(c.step, _DIGITS) if c.step else '-',
-        'saturated': lambda c: percent(c.saturated, '.2g'),
-        'noise seen': lambda c: number(c.noise, _DIGITS),
-        'stated': lambda c: '-' if c.stated is None else number(c.stated, _DIGITS),
-    }
-    caption = 'noise: standard deviation of the white part of one sample'
-    return table(channels, columns, caption)
+    return table_of(
+        '',
+        'noise: standard deviation of the white part of one sample',
+        [{'c': c, 'step': c.step or None} for c in channels],
+        'channel | unit | lowest | highest | step | saturated | noise seen | stated',
+        '{c.channel} | {c.unit} | {c.lowest:number} | {c.highest:number} | {step:number 3} | '
+        '{c.saturated:percent .2g} | {c.noise:number 3} | {c.stated:number 3}',
+    )
 
 
 def _walks(curves: tuple[Allan, ...]) -> Table:
-    columns = {
-        'rate': lambda a: a.channel,
-        'white [rad/s/sqrt(Hz)]': lambda a: _or_unseen(a.white),
-        'random walk [rad/s/sqrt(s)]': lambda a: _or_unseen(a.random_walk),
-        'a walk that would be seen': lambda a: number(a.most_walk, 2),
-        'angle it is compared with, white [rad]': lambda a: _or_unseen(a.angle),
-    }
-    return table(curves, columns)
+    rows = [
+        (a.channel, _or_unseen(a.white), _or_unseen(a.random_walk), number(a.most_walk, 2),
+         _or_unseen(a.angle))
+        for a in curves
+    ]  # fmt: skip
+    head = 'white [rad/s/sqrt(Hz)]', 'random walk [rad/s/sqrt(s)]', 'a walk that would be seen'
+    return Table(('rate', *head, 'angle it is compared with, white [rad]'), rows)
 
 
 def _or_unseen(value: float | None) -> str:
@@ -159,15 +154,11 @@ def _excitation(quality: Quality, is_whole: bool) -> Iterator[Item]:
         f'{_told(found)} of {len(found)} numbers are told: three standard deviations, beside all '
         'other unknowns, are less than their plausible size'
     )
-    columns = {
-        'effect': lambda e: e.effect,
-        'where': lambda e: e.where or '',
-        'number': lambda e: e.parameter,
-        'plausible size': lambda e: number(e.size, 2),
-        'std alone': lambda e: number(e.alone, 2),
-        'std beside others': lambda e: number(e.together, 2),
-        'unit': lambda e: e.unit or '1',
-        'status': lambda e: e.status,
-    }
-    shown = [one for one in found if is_whole or one.status != 'told']
-    yield table(shown, columns, '' if is_whole else 'all others are told')
+    yield table_of(
+        '',
+        '' if is_whole else 'all others are told',
+        [one for one in found if is_whole or one.status != 'told'],
+        'effect | where | number | plausible size | std alone | std beside others | unit | status',
+        '{effect} | {where:or } | {parameter} | {size:number 2} | {alone:number 2} | '
+        '{together:number 2} | {unit:or 1} | {status}',
+    )

@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = 'spacerobot_ros'
 LAYERS = (
-    ('', 'errors', 'types', 'json_values', 'display', 'interrupts'),
+    ('', 'errors', 'types', 'json_values', 'formats', 'display', 'interrupts'),
     ('model',),
     ('dynamics',),
     ('effects',),

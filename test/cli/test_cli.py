@@ -20,10 +20,10 @@ from support.contracts import keeps
 from spacerobot_ros.cli import identify, main, simulate
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import SpaceRobotError
+from spacerobot_ros.formats import decimals
 from spacerobot_ros.recording.bag import read_bag
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_record
-from spacerobot_ros.report.formats import decimals
 
 ROOT = Path(__file__).resolve().parents[2]
 ROBOT = str(ROOT / 'config' / 'servicer.yaml')

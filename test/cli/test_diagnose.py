@@ -20,11 +20,11 @@ from spacerobot_ros.diagnosis.answer.next_motion import with_motions
 from spacerobot_ros.diagnosis.answer.result import Rival
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.formats import number, probability, value_with
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
 from spacerobot_ros.report.diagnosis_page import diagnosis_page
 from spacerobot_ros.report.diagnosis_tables import remaining, summary
-from spacerobot_ros.report.formats import number, probability, value_with
 from spacerobot_ros.report.html import render
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'

@@ -17,12 +17,11 @@ from typing import Any
 from spacerobot_ros.campaign import diagnosis_campaign as campaign
 from spacerobot_ros.campaign.description import DIAGNOSIS
 from spacerobot_ros.campaign.runner import finish
-from spacerobot_ros.display import Section
+from spacerobot_ros.display import Section, markdown
 from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.effects.robot_file import RobotFile, load_robot_file
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.recording.record import Record
-from spacerobot_ros.report.formats import markdown
 
 from .mujoco_robots import ROBOTS as KNOWN
 from .mujoco_robots import SERVICER, TruthRobot
