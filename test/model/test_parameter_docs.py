@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import fields
 from pathlib import Path
 
-from spacerobot_ros.model.parameter_docs import parameter_page
+from parameter_docs import parameter_page
+
 from spacerobot_ros.model.settings import Settings
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'parameters.md'
-COMMAND = 'python -m spacerobot_ros.model.parameter_docs > docs/parameters.md'
+COMMAND = 'python scripts/parameter_docs.py > docs/parameters.md'
 
 
 def test_page_is_fresh():

@@ -1,6 +1,6 @@
 """The page docs/parameters.md, written from the schema of `settings`.
 
-python -m spacerobot_ros.model.parameter_docs > docs/parameters.md
+python scripts/parameter_docs.py > docs/parameters.md
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
-from .schema import Allowed, meanings, plain_types
-from .settings import Settings
+from spacerobot_ros.model.schema import Allowed, meanings, plain_types
+from spacerobot_ros.model.settings import Settings
 
 _HEAD = """# Parameters
 
 Every parameter of a robot file, the ROS 2 parameter file that all nodes and the command line share
 (`config/servicer.yaml` is an example). Written from `spacerobot_ros/model/*settings.py` by
-`python -m spacerobot_ros.model.parameter_docs > docs/parameters.md`; a test fails when it is
+`python scripts/parameter_docs.py > docs/parameters.md`; a test fails when it is
 stale.
 
 Units are SI and radians. A parameter without a default is required. Unknown names, wrong types and
