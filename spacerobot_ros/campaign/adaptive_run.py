@@ -24,7 +24,7 @@ from ..model.robot import Robot
 from ..model.robot_settings import SensorSettings
 from ..types import Array
 from .description import Record
-from .packaged_robots import packaged
+from .diagnosis_scenario import packaged
 
 START = np.deg2rad([90.0, 45.0, 45.0, 0.0])
 GOAL = np.deg2rad([90.0, 55.0, 55.0, 10.0])

@@ -20,8 +20,8 @@ from ..recording.bag_writer import BagWriter
 from ..recording.read import read_record
 from ..recording.record import Record
 from ..simulation.closed_loop import ClosedLoop
-from ..simulation.sample_messages import sample_messages
-from .packaged_robots import packaged
+from ..simulation.truth import sample_messages
+from .diagnosis_scenario import packaged
 
 _STEPS = 300  # of the bag that is damaged: 3 s in three chunks
 _ODD = (

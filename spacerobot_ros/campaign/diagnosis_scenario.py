@@ -1,4 +1,6 @@
-"""Robots, motions and records of the diagnosis campaign: the project's own plant with effects.
+"""The packaged robots as campaigns fly them; motions and records of the diagnosis campaign.
+
+Records are of the project's own plant with effects.
 
 Another module may take this one's place (`truth_of`), so that records come from an engine that
 shares no code with what is put to the test.
@@ -19,16 +21,57 @@ from ..control.loop import ControlLoop
 from ..diagnosis.answer.extended_model import effects_section
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
-from ..effects.robot_file import RobotFile
+from ..effects.robot_file import RobotFile, load_robot_file
 from ..errors import ConfigurationError, SimulationDivergedError
 from ..excitation.motions import Motions
-from ..model.loader import build_robot
+from ..model.loader import build_robot, package_folder
 from ..model.motion_settings import ExcitationSettings, InitialSettings, ReferenceSettings
 from ..model.settings import TruthSettings
 from ..recording.buffer import SampleBuffer
 from ..recording.record import Record
 from ..simulation.closed_loop import ClosedLoop, Step
-from .packaged_robots import flown, fourier
+from ..types import Array
+
+RATE = 100.0
+"""Of joints and gyro [Hz]; the tracker has a tenth."""
+
+
+@cache
+def packaged(name: str) -> RobotFile:
+    """A robot file of folder `config`."""
+    return load_robot_file(package_folder('spacerobot_ros') / 'config' / f'{name}.yaml')
+
+
+def flown(name: str, seed: int = 0, **sections: Any) -> RobotFile:
+    """A robot file with 100 Hz sensors, under computed torque.
+
+    Args:
+        name: Of the file.
+        seed: Of the sensors' noise.
+        sections: Other settings, by their names.
+    """
+    file = packaged(name)
+    settings = file.settings
+    rates: dict[str, Any] = {'period': 1.0 / RATE, 'joint_rate': RATE, 'imu_rate': RATE}
+    simulator = replace(settings.simulator, **rates, attitude_rate=0.1 * RATE, seed=seed)
+    controller = replace(settings.controller, law='computed_torque')
+    changed = replace(settings, simulator=simulator, controller=controller, **sections)
+    return replace(file, settings=changed)
+
+
+def fourier(
+    duration: float, sine: Array, cosine: Array, repeat: bool = False
+) -> ReferenceSettings:
+    """A motion of n joints from amplitudes (n, harmonics) of sine and cosine [rad/s]."""
+    return ReferenceSettings(
+        kind='fourier',
+        duration=duration,
+        harmonics=sine.shape[1],
+        repeat=repeat,
+        sine=tuple(sine.ravel().tolist()),
+        cosine=tuple(cosine.ravel().tolist()),
+    )
+
 
 ROBOTS = ('servicer', 'minisat', 'twin')
 EFFECTS = tuple(effect.id for effect in CATALOGUE.values() if effect.is_fitted)

@@ -21,7 +21,7 @@ from ..sensing.sensors import SensorSamples
 from ..simulation.closed_loop import ClosedLoop, Step
 from ..simulation.plant import Plant
 from ..types import Array
-from .packaged_robots import flown, fourier, packaged
+from .diagnosis_scenario import flown, fourier, packaged
 
 _HARMONICS, _DURATION = 3, 20.0  # of the motion, which is repeated [s]
 _ANGULAR_RATE = 0.15  # rad/s, spread of the first harmonic of a joint

@@ -36,7 +36,7 @@ from ..model.robot_settings import SensorSettings
 from ..model.settings import IdentifierSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from ..types import Array
-from .packaged_robots import packaged
+from .diagnosis_scenario import packaged
 
 TARGET_MOMENTUM = (42.0, 49.0, 41.0)  # N m s, section IV
 SAMPLES, SAMPLE_PERIOD = 1000, 0.02  # "N = 1000" of 20 s; the printed 50 ms does not fit

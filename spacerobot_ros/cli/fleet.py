@@ -41,7 +41,7 @@ from .options import (
 from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
-    from ..fleet.recordings import Recording
+    from ..fleet.single import Recording
 
 
 def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
@@ -64,12 +64,10 @@ def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose what is not yet, write, print; 0 where all are consistent with the model."""
     from ..campaign.runner import Kept, Tasks, complete
-    from ..campaign.table_files import write_table
     from ..effects.robot_file import load_robot_file
     from ..fleet.fleet_page import fleet_page, summary
-    from ..fleet.fleet_table import COLUMNS, table_rows
-    from ..fleet.recordings import find_recordings, without_duplicates
-    from ..fleet.single import diagnose_one
+    from ..fleet.fleet_table import COLUMNS, table_rows, write_table
+    from ..fleet.single import diagnose_one, find_recordings, without_duplicates
     from ..report.html import write_report
 
     out = check_folder(args.out)

@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     from ..campaign.montecarlo_trial import RUN, check_dynamics, trial_block
     from ..campaign.ranges import load_ranges
     from ..campaign.runner import Kept, Tasks, complete
-    from ..campaign.table_files import write_table
+    from ..fleet.fleet_table import write_table
     from ..report.html import write_report
 
     out = check_folder(args.out)
@@ -147,7 +147,7 @@ def _replay(args: argparse.Namespace, ranges: Ranges, out: Path) -> int:
     """One run again, alone."""
     from ..campaign.montecarlo_results import run_table
     from ..campaign.montecarlo_trial import closed_loop, closed_loop_row, dynamics_rows
-    from ..simulation.to_bag import record_run
+    from ..simulation.closed_loop import record_run
 
     if args.dynamics:
         row = dynamics_rows(ranges, [args.replay])[0]

@@ -33,7 +33,7 @@ from .options import Subparsers, add_command, positive_float, seed
 from .terminal import progress
 
 if TYPE_CHECKING:
-    from ..simulation.to_bag import RunSummary
+    from ..simulation.closed_loop import RunSummary
 
 _LAST_STAMP = 2**31 - 1  # s, of builtin_interfaces/Time
 _STEP_BYTES = 500  # of joints and commands in a period, at least
@@ -69,8 +69,7 @@ def run(args: argparse.Namespace) -> int:
     """Simulate and record; 0 when the bag is complete."""
     from ..effects.robot_file import load_robot_file
     from ..recording.bag_writer import check_target
-    from ..simulation.closed_loop import ClosedLoop
-    from ..simulation.to_bag import record_run
+    from ..simulation.closed_loop import ClosedLoop, record_run
 
     check_target(args.output, args.force)  # before any work
     file = load_robot_file(args.robot)

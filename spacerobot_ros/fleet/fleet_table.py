@@ -1,5 +1,7 @@
 """What was said of recordings: a table, a row each, values against time, and what of them drifts.
 
+A table is two files, each complete or not at all: Parquet for programs, CSV for people.
+
 A quantity drifts where a straight line through its values is surely not flat:
 
     value_k = a + b t_k + e_k,   var(e_k) = s^2 std_k^2,   s^2 = max(1, chi^2 / (N - 2)),
@@ -11,15 +13,23 @@ that (Birge 1932). Without standard deviations all are alike, and s is free.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import csv
+import importlib.util
+import io
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
 
 from ..campaign.description import Record as Row
+from ..errors import ConfigurationError
+from ..model.files import write_text
 from ..types import Array
 
 COLUMNS = (
@@ -193,3 +203,62 @@ def _line(course: Course) -> Trend:
     ratio = abs(slope) / max(std, rounding) if slope else 0.0
     p_value = float(2.0 * student.sf(ratio, freedom))
     return Trend(course, float(level), float(slope), std, p_value)
+
+
+Rows = Sequence[Mapping[str, Any]]
+
+
+def write_table(rows: Rows, stem: Path, columns: Sequence[str] = ()) -> list[Path]:
+    """Write `STEM.csv` and, where pyarrow is installed, `STEM.parquet`.
+
+    Args:
+        rows: Numbers, texts, truths or None by column; what a row lacks is None.
+        stem: Of the files' names.
+        columns: That come first, in this order; the rest as they first appear.
+
+    Returns:
+        What was written.
+
+    Raises:
+        ConfigurationError: they can't be written.
+    """
+    names = list(dict.fromkeys([*columns, *(name for row in rows for name in row)]))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(names)
+    writer.writerows([_cell(row.get(name)) for name in names] for row in rows)
+    written = [write_text(stem.with_suffix('.csv'), text.getvalue())]
+    if importlib.util.find_spec('pyarrow') is not None:
+        written.append(_write_parquet(rows, names, stem.with_suffix('.parquet')))
+    return written
+
+
+def _cell(value: Any) -> Any:
+    """A number with all its digits, an empty cell for None."""
+    return '' if value is None else repr(value) if isinstance(value, float) else value
+
+
+def _write_parquet(rows: Rows, names: Sequence[str], path: Path) -> Path:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    arrays = [_array([row.get(name) for row in rows]) for name in names]
+    partial = path.with_name(f'.{path.name}.partial')
+    try:
+        parquet.write_table(pa.Table.from_arrays(arrays, names=list(names)), partial)
+        os.replace(partial, path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        why = error.strerror or str(error)
+        raise ConfigurationError(str(path), f'can not be written: {why}') from error
+    return path
+
+
+def _array(values: Sequence[Any]) -> Any:
+    """A column; whole numbers beside others are numbers."""
+    import pyarrow as pa
+
+    if any(isinstance(value, float) for value in values):
+        return pa.array([None if v is None else float(v) for v in values], pa.float64())
+    return pa.array(values)

@@ -1,9 +1,16 @@
-"""One recording of a fleet: diagnosed, its report written, what the table says of it."""
+"""The recordings of a fleet: which there are, of which machine, which are there twice.
+
+One of them is diagnosed, its report written, and what the table says of it.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -14,7 +21,148 @@ from ..diagnosis.quality.quality import quality_of
 from ..effects.catalogue import changed_robot
 from ..errors import SpaceRobotError
 from ..recording.record import Record
+from ..recording.table import FORMATS, kind_of
 from ..report.diagnosis_files import write_answer
+
+_BAGS = ('mcap', 'db3')
+_BLOCK = 1 << 20  # bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A recording to be diagnosed.
+
+    Args:
+        path: File or bag folder.
+        machine: The folder that holds the machine's recordings.
+        name: Machine and place below, unlike all others.
+        fault: Why it can't be used, known without reading it; empty for none.
+    """
+
+    path: Path
+    machine: str
+    name: str
+    fault: str = ''
+
+    @property
+    def files(self) -> list[Path]:
+        """The files with its samples."""
+        if not self.path.is_dir():
+            return [self.path]
+        return sorted(p for p in self.path.rglob('*') if kind_of(p) in _BAGS)
+
+    def stamp(self) -> list[tuple[str, int, int]]:
+        """Name, size and time of change of each file: other data have another."""
+        found = ((p.name, p.stat()) for p in self.files)
+        return [(name, s.st_size, s.st_mtime_ns) for name, s in found]
+
+
+def find_recordings(
+    data: Sequence[str], has_map: bool, out: Path
+) -> tuple[list[Recording], list[Path]]:
+    """Recordings below folders, each once, in the order of their names.
+
+    A bag is a folder with `metadata.yaml`, or whose mcap files bear its name; every other mcap,
+    db3 or npz file is a recording, and with a mapping every table. The machine is the first folder
+    below the one that is given, or that one itself.
+
+    Args:
+        data: Recordings and folders of them.
+        has_map: Whether there is a column mapping.
+        out: Folder that is written to, not looked into.
+
+    Returns:
+        Recordings, those that can't be used with a fault; and tables that lack a mapping.
+    """
+    kinds = (*_BAGS, 'npz', *(FORMATS if has_map else ()))
+    found: dict[Path, Recording] = {}
+    tables: list[Path] = []
+    for text in data:
+        root, several = Path(text), len(data) > 1
+        paths = list(_below(root, out.resolve())) if root.is_dir() else [root]
+        own = [p for p in paths if p.is_dir() or kind_of(p) in kinds or p == root]
+        tables += [p for p in paths if p not in own and kind_of(p) in FORMATS]
+        for path in own:
+            found.setdefault(path.resolve(), _recording(path, root, several))
+        if not own:
+            fault = 'holds no recording'
+            found.setdefault(root.resolve(), Recording(root, root.name, root.name, fault))
+    return _unlike(sorted(found.values(), key=lambda r: (r.name, str(r.path)))), tables
+
+
+def without_duplicates(recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings, those whose samples another one before them has with that as their fault."""
+    sizes: dict[tuple[int, ...], list[Recording]] = {}
+    for recording in recordings:
+        if not recording.fault:
+            size = tuple(p.stat().st_size for p in recording.files)
+            sizes.setdefault(size, []).append(recording)
+    first: dict[str, Recording] = {}
+    copies: dict[Path, str] = {}
+    for same in sizes.values():
+        for recording in same if len(same) > 1 else ():
+            original = first.setdefault(_digest(recording.files), recording)
+            if original is not recording and any(p.stat().st_size for p in recording.files):
+                copies[recording.path] = f'has the same content as {original.name}'
+    return [
+        Recording(r.path, r.machine, r.name, r.fault or copies.get(r.path, '')) for r in recordings
+    ]
+
+
+def _below(folder: Path, out: Path) -> Iterator[Path]:
+    """Files and bags below a folder, or the folder itself where it is a bag."""
+    if folder.resolve() == out:
+        return
+    if _is_bag(folder):
+        yield folder
+        return
+    for entry in sorted(os.scandir(folder), key=lambda e: e.name):
+        if entry.name.startswith('.'):
+            continue
+        if entry.is_dir():
+            yield from _below(Path(entry.path), out)
+        elif entry.is_file():
+            yield Path(entry.path)
+
+
+def _is_bag(folder: Path) -> bool:
+    parts = [p.stem for p in folder.glob('*.mcap')]
+    named = [s for s in parts if s.removeprefix(f'{folder.name}_').isdigit()]
+    return (folder / 'metadata.yaml').is_file() or bool(parts and len(named) == len(parts))
+
+
+def _recording(path: Path, root: Path, several: bool) -> Recording:
+    below = path.relative_to(root).parts if path != root else ()
+    if not below:  # given by itself
+        above = path.absolute().parent.name
+        name, machine = (f'{above}/{path.name}' if several else path.name), above
+    else:
+        machine = below[0] if len(below) > 1 else root.absolute().name
+        parts = (root.absolute().name, *below) if several or len(below) == 1 else below
+        name = '/'.join(parts)
+    fault = '' if path.exists() else 'no such file or folder'
+    return Recording(path, machine, name, fault)
+
+
+def _unlike(recordings: Sequence[Recording]) -> list[Recording]:
+    """The recordings, names that are taken numbered."""
+    seen: dict[str, int] = {}
+    out = []
+    for r in recordings:
+        seen[r.name] = count = seen.get(r.name, 0) + 1
+        name = r.name if count == 1 else f'{r.name} ({count})'
+        out.append(Recording(r.path, r.machine, name, r.fault))
+    return out
+
+
+def _digest(files: Sequence[Path]) -> str:
+    total = hashlib.sha256()
+    for path in files:
+        with path.open('rb') as file:
+            while block := file.read(_BLOCK):
+                total.update(block)
+    return total.hexdigest()
+
 
 _CLOCK = 10**18
 """Stamp from which it is one of the calendar, September 2001 [ns]; others count from a start."""

@@ -20,7 +20,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate, Tracking
 
-from ..campaign.packaged_robots import packaged
+from ..campaign.diagnosis_scenario import packaged
 from ..model.loader import package_folder
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.session import Session, SessionError

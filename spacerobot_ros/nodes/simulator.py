@@ -26,8 +26,7 @@ from ..ros.diagnostics import ERROR, OK, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES, STATE
 from ..ros.run_node import run_node
 from ..simulation.plant import THRUSTERS, Firings, Plant
-from ..simulation.sample_messages import wheels_of
-from ..simulation.truth import build_plant, build_sensors
+from ..simulation.truth import build_plant, build_sensors, wheels_of
 from .base import RobotNode
 from .commands import Answer, HeldCommands
 from .pace import Pace

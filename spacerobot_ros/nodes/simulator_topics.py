@@ -15,7 +15,7 @@ from ..ros.convert import message_type
 from ..ros.qos import STATE
 from ..sensing.sensors import SensorSamples
 from ..simulation.plant import Plant
-from ..simulation.sample_messages import sample_messages
+from ..simulation.truth import sample_messages
 from .base import TOPICS
 
 

@@ -11,12 +11,12 @@ import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from ..campaign.description import Record
-from ..campaign.packaged_robots import packaged
+from ..campaign.diagnosis_scenario import packaged
 from ..identification.estimate import Estimate
 from ..ros.convert import compose
 from ..ros.session import Session
 from ..simulation.closed_loop import ClosedLoop
-from ..simulation.sample_messages import sample_messages
+from ..simulation.truth import sample_messages
 from .controller import ControllerNode
 from .identifier import IdentifierNode
 from .message_fuzz import Patient

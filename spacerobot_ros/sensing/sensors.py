@@ -14,8 +14,7 @@ from ..model.robot_settings import SensorSettings
 from ..model.settings import SimulatorSettings
 from ..types import Array, Quaternion, Vector3
 from .faults import SensorFaults
-from .history import StateHistory
-from .imperfections import CLOCKS, Imperfections
+from .imperfections import CLOCKS, Imperfections, StateHistory
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from spacerobot_ros.campaign.packaged_robots import packaged
+from spacerobot_ros.campaign.diagnosis_scenario import packaged
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, VISCOUS, RealArm, arm_file, arm_urdf
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.answer.output import to_dict

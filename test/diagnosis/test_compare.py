@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.contracts import keeps
 
-from spacerobot_ros.campaign.packaged_robots import packaged
+from spacerobot_ros.campaign.diagnosis_scenario import packaged
 from spacerobot_ros.campaign.real_arm import RealArm, arm_file
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis.change_conclusion import conclude_changes

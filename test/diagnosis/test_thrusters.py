@@ -17,8 +17,7 @@ from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record
 from spacerobot_ros.recording.robot_inputs import in_robot_order, with_inputs
 from spacerobot_ros.recording.series import InputSeries
-from spacerobot_ros.simulation.closed_loop import ClosedLoop
-from spacerobot_ros.simulation.to_bag import record_run
+from spacerobot_ros.simulation.closed_loop import ClosedLoop, record_run
 from test.support.lone_body import box_file
 
 INERTIA = np.diag([0.30, 0.34, 0.40])

@@ -21,7 +21,7 @@ from spacerobot_ros.diagnosis.answer.findings import Findings
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.fleet import single
 from spacerobot_ros.fleet.fleet_table import Course, trends
-from spacerobot_ros.fleet.recordings import find_recordings, without_duplicates
+from spacerobot_ros.fleet.single import find_recordings, without_duplicates
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_records
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record

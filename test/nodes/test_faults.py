@@ -18,7 +18,7 @@ from spacerobot_msgs.msg import Tracking
 from support.bench import MS, NAMES, Bench
 
 from spacerobot_ros.campaign import damage
-from spacerobot_ros.campaign.packaged_robots import packaged
+from spacerobot_ros.campaign.diagnosis_scenario import packaged
 from spacerobot_ros.nodes import fault_campaign as campaign
 from spacerobot_ros.nodes import floods, process_loop, wrong_streams
 from spacerobot_ros.nodes.message_fuzz import Patient, is_finite, spoilt
