@@ -20,7 +20,7 @@ except ImportError:
 
 with atheris.instrument_imports(include=['spacerobot_ros', 'yaml', 'rosbags']):
     from spacerobot_ros.campaign.damage import MOST_CHARACTERS
-    from spacerobot_ros.campaign.packaged_robots import packaged
+    from spacerobot_ros.campaign.diagnosis_scenario import packaged
     from spacerobot_ros.effects.robot_file import load_robot_file
     from spacerobot_ros.errors import SpaceRobotError
     from spacerobot_ros.model.urdf import parse_urdf
