@@ -44,7 +44,7 @@ def record(*claims, law='drag', ratio=3.0, named=(), r2=0.99, colour='white', **
 
 
 def test_trials_are_distinct_and_cover_all_laws_and_colours():
-    keys = [json.loads(key) for key in trials(2, is_quick=False)]
+    keys = [json.loads(key) for key in trials(4, is_quick=False)]
     assert len({json.dumps(key) for key in keys}) == len(keys)
     assert {key[2] for key in keys if key[0] == 'law'} == {*LAWS, FIELD}
     assert {key[4] for key in keys if key[0] == 'clean'} == {*COLOURS, *LOOPS}
