@@ -27,6 +27,7 @@ _FARTHEST = 0.5  # durations that an event moves at once
 _STEP = 0.02  # of a duration, for derivatives
 _FEWEST = 3  # samples: a shorter bell is none to them
 _GAINED = 0.05  # less of the cost is settled
+_LAGS, _LONGER = np.linspace(-6.0, 6.0, 25), np.linspace(-3.0, 3.0, 9)  # deviations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +108,33 @@ class ImpulseFit:
         return fit
 
     def middle_stds(self) -> list[float]:
-        """Standard deviation of each middle, in durations."""
-        matrix = self._by_times[1]
-        return np.sqrt(np.diag(np.linalg.inv(matrix)))[: len(self.times)].tolist()
+        """Standard deviation of each middle [s], over all its times that are nearly as likely.
+
+        Two bells of other lengths may do as well as one another, so that curvature is too little.
+        """
+        scales = np.sqrt(np.diag(np.linalg.inv(self._by_times[1]))).reshape(2, -1).T
+        return [self._middle_std(k, *scale) for k, scale in enumerate(scales.tolist())]
+
+    def _middle_std(self, k: int, shift: float, longer: float) -> float:
+        """By deviations of its middle, in durations, and of the logarithm of these."""
+        others = self.at(np.delete(self.times, k, axis=0))
+        middle, duration = self.times[k].tolist()
+        lags = shift * math.exp(duration) * _LAGS
+        costs = []
+        for log in np.clip(duration + longer * _LONGER, self._shortest, math.log(LONGEST)):
+            times = np.column_stack([middle + lags, np.full(len(lags), log)])
+            columns = others.beside(bells(self._fit.rows, times)).reshape(-1, 3, len(lags))
+            num = np.einsum('rag,r->ga', columns, others.left)
+            den = np.linalg.pinv(np.einsum('rag,rbg->gab', columns, columns), hermitian=True)
+            gain = np.einsum('ga,gab,gb->g', num, den, num)
+            costs.append(((log - math.log(_USUAL)) / _WIDTH) ** 2 - gain)
+        weights = np.exp(-0.5 * (np.array(costs) - np.min(costs)))
+        return math.sqrt(float(np.sum(weights * lags**2) / np.sum(weights)))
+
+    @property
+    def _shortest(self) -> float:
+        """Logarithm of the shortest duration [s]."""
+        return math.log(_FEWEST * float(np.median(np.diff(self._fit.rows.motion.time))))
 
     @cached_property
     def cost(self) -> float:
@@ -123,8 +148,7 @@ class ImpulseFit:
         beyond = (times - np.log(_USUAL)) * np.array([0.0, _WIDTH**-2.0])
         step = np.linalg.solve(matrix, columns.T @ self.left - beyond.T.ravel())
         middle, longer = np.clip(step, -_FARTHEST, _FARTHEST).reshape(2, -1)
-        shortest = np.log(_FEWEST * float(np.median(np.diff(time))))
-        longer = np.clip(times[:, 1] + longer, shortest, np.log(LONGEST)) - times[:, 1]
+        longer = np.clip(times[:, 1] + longer, self._shortest, np.log(LONGEST)) - times[:, 1]
         ahead = np.clip(times[:, 0] + middle * np.exp(times[:, 1]), *time[[0, -1]])
         return np.column_stack([ahead - times[:, 0], longer])
 

@@ -63,19 +63,22 @@ class ImpulseScan:
         self._known: dict[bytes, Array] = {}  # `_wanted` of the columns of the last fit
         self._best = self._searched(ImpulseFit(fit, _times(())))
         self._colour()
-        found = self._best.found
-        if any(i.z / self.colour(i) < LISTED_STEP for i in found):
-            kept = [i for i in found if i.z / self.colour(i) >= LISTED_STEP]
-            self._best = self._best.at(_apart(kept))
+        while (found := sorted(self._best.found, key=self._size)) and (
+            self._size(found[0]) < LISTED_STEP
+        ):  # one at a time: what it takes is its neighbours', whose times it held
+            self._best = self._best.at(_apart(found[1:])).refined()
             self._colour()
         self.found = sorted(self._scaled(), key=lambda i: i.start)
+
+    def _size(self, found: Impulse) -> float:
+        """Z by the scatter of its duration."""
+        return found.z / self.colour(found)
 
     def _scaled(self) -> Iterator[Impulse]:
         """What was found by the scatter of its duration, with the deviation of its time."""
         for i, std in zip(self._best.found, self._best.middle_stds(), strict=True):
             colour = self.colour(i)
-            middle_std = std * (i.end - i.start) * colour
-            yield replace(i, std=i.std * colour, z=i.z / colour, middle_std=middle_std)
+            yield replace(i, std=i.std * colour, z=self._size(i), middle_std=std * colour)
 
     def _searched(self, best: ImpulseFit) -> ImpulseFit:
         """With all impulses: the large ones first, then those that others hide."""
