@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.diagnosis import hand_made
 
+from spacerobot_ros.campaign import event_machines
 from spacerobot_ros.campaign.event_campaign import judge, results, run, tables, trials
 from spacerobot_ros.campaign.event_machines import MACHINES, HiddenPulse
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS
+from spacerobot_ros.diagnosis.events.impulses import steps_beside_wheels
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.estimation.runs import Run
 
 
 def record(*pulses, kind='moving', false=(), beside=()):
@@ -56,6 +63,31 @@ def test_friction_takes_its_share_of_a_push():
     (event,) = machine.found([HiddenPulse(JOINTS[j], 5.0, 1.0, np.array(size), 1.0)]).named
     assert event.joints == (JOINTS[j],)
     assert size - 2.0 * COULOMB[j] - 1.0 < event.peak[JOINTS[j]] < size + 2.0
+
+
+def steps_alone(record, robot):
+    """Without a search for causes beside them."""
+    seen = observed(record, robot)
+    noise, _ = noise_levels(robot.sensors, seen)
+    events = steps_beside_wheels(Run(seen, robot, (), noise, 'sampled'))
+    return replace(hand_made('explained'), events=events)
+
+
+def test_what_was_found_between_two_gives_way_to_both(monkeypatch):
+    """It took a part of each before their times were fitted, and none of the three stood alone."""
+    monkeypatch.setattr(event_machines, 'diagnose', steps_alone)
+    hidden = [
+        HiddenPulse(None, 6.89, 0.94, 1e-6 * np.array([17.8, -24.9, -28.8]), 40.0),
+        HiddenPulse(None, 16.51, 1.80, 1e-6 * np.array([14.2, 5.1, -14.0]), 20.0),
+        HiddenPulse(None, 19.42, 1.89, 1e-6 * np.array([-12.6, 1.5, 1.2]), 12.0),
+    ]
+    events = MACHINES['lone'](134).found(hidden)
+    every = sorted((*events.named, *events.possible), key=lambda e: e.start)
+    for p, e in zip(hidden, every, strict=True):
+        assert e.start < p.start + 0.5 * p.duration < e.end or abs(e.start - p.start) < p.duration
+    for p, e in zip(hidden, events.named, strict=False):
+        off = 0.5 * (e.start + e.end) - p.start - 0.5 * p.duration
+        assert abs(off) < 3.0 * e.middle_std < 1.0
 
 
 def test_scores_by_size_and_false_events_by_the_hour():
