@@ -25,24 +25,20 @@ from ..estimation.runs import Run
 from ..estimation.whiteness import spectral_lines
 from .found import Choice, Found
 from .limits import (
-    ALIKE_SHARE,
     BUDGETED,
     CLOSE_GAP,
     CLOSE_SHARE,
     EQUIVALENT,
-    FALSE_ALARMS,
-    FREEDOM,
     MISFIT,
     MOST,
-    MOST_ALIKE,
     MOST_CAUSES,
     MOST_MODELS,
     MOST_TURNS,
     OBVIOUS,
-    SHORTLIST,
     SUSPICIOUS,
 )
 from .pool import Judged, Pool
+from .ranking import close_to, elsewhere, is_rival, ranked, shortlist, wanted_of
 from .soundness import soundness
 from .timing import better_timing, is_simple
 
@@ -210,13 +206,11 @@ class Search:
         """The next cause, or several that are obvious."""
         obvious = self._obvious(fit, wanted)
         if len(obvious) > 1:
-            guesses = [j.guess(fit.rows.robot) for j in obvious]
-            together = refine(self.run, [*fit.causes, *guesses])
+            together, added = self._all(fit, obvious)
             if together.evidence > fit.evidence:
-                added = [Choice(j.candidate.key, j.score, ()) for j in obvious]
                 return together, [*choices, *added]
-        fit, choice = self._choose(fit, wanted)
-        return fit, [*choices, choice]
+        fit, chosen = self._choose(fit, wanted)
+        return fit, [*choices, *chosen]
 
     def _obvious(self, fit: Fit, wanted: Sequence[Judged]) -> list[Judged]:
         """Causes that their columns alone show together, where one is as good as any cause."""
@@ -227,27 +221,47 @@ class Search:
             return []
         return self._pool(fit, [j.candidate for j in large[:_BATCH]]).together(least)
 
-    def _choose(self, fit: Fit, wanted: Sequence[Judged]) -> tuple[Fit, Choice]:
-        """The best of the shortlist, and of its like elsewhere, each fitted as it really is."""
-        tried = _shortlist(wanted)
+    def _choose(self, fit: Fit, wanted: Sequence[Judged]) -> tuple[Fit, list[Choice]]:
+        """The best of the shortlist, and of its like elsewhere, each fitted as it really is.
+
+        Several simpler ones take its place where they do better together.
+        """
+        tried = shortlist(wanted)
         fits = [self._with(fit, j) for j in tried]
         best = max(range(len(fits)), key=lambda i: fits[i].evidence)
-        alike = _elsewhere(tried[best], wanted)
+        alike = elsewhere(tried[best], wanted)
         tried, fits = tried + alike, fits + [self._with(fit, j) for j in alike]
         order = sorted(range(len(fits)), key=lambda i: -fits[i].evidence)
         top = order[0]
+        if len(simpler := self._simpler(fit, wanted, tried[top])) > 1:
+            together, choices = self._all(fit, simpler)
+            if together.evidence > fits[top].evidence:
+                return together, choices
         rivals = tuple(
             (*tried[i].candidate.key, fits[top].evidence - fits[i].evidence)
             for i in order[1:]
-            if _is_rival(fits[i], fits[top])
+            if is_rival(fits[i], fits[top])
         )
-        return fits[top], Choice(tried[top].candidate.key, tried[top].score, rivals)
+        return fits[top], [Choice(tried[top].candidate.key, tried[top].score, rivals)]
 
-    def _with(self, fit: Fit, judged: Judged) -> Fit:
-        return refine(self.run, [*fit.causes, judged.guess(fit.rows.robot)])
+    def _simpler(self, fit: Fit, wanted: Sequence[Judged], one: Judged) -> list[Judged]:
+        """Causes that tell as much as one does by fewer numbers, all theirs together."""
+        most = len(one.candidate.parameters)
+        few = [j for j in wanted if len(j.candidate.parameters) < most]
+        pool = [j.candidate for j in few if is_simple(j.candidate.kind)][:_BATCH]
+        found = self._pool(fit, pool).together(EQUIVALENT) if pool else []
+        numbers = sum(len(j.candidate.parameters) for j in found)
+        evidence = sum(j.score.evidence for j in found)
+        return found if numbers < most and evidence >= close_to(one) else []
+
+    def _with(self, fit: Fit, *judged: Judged) -> Fit:
+        return refine(self.run, [*fit.causes, *(j.guess(fit.rows.robot) for j in judged)])
+
+    def _all(self, fit: Fit, judged: Sequence[Judged]) -> tuple[Fit, list[Choice]]:
+        return self._with(fit, *judged), [Choice(j.candidate.key, j.score, ()) for j in judged]
 
     def _reconsider(self, fit: Fit, choices: list[Choice], added: int) -> tuple[Fit, list[Choice]]:
-        """Drop or exchange causes in the light of the latest.
+        """Drop or exchange causes in the light of the latest; of an exchange, all others again.
 
         Args:
             fit: All of them.
@@ -255,83 +269,29 @@ class Search:
             added: How many are the latest: one that was chosen, or several that were not yet
                 compared with what might stand in their place.
         """
-        old = len(choices) - added
-        for i in reversed(range(len(choices) - (added == 1))):
-            if self._is_spent:
-                break
+        new = {choice.key for choice in choices[len(choices) - added :]} if added > 1 else set()
+        asked = [choice.key for choice in choices[: len(choices) - (added == 1)]]
+        while asked and not self._is_spent:
+            key = asked.pop()
+            i = next(k for k, choice in enumerate(choices) if choice.key == key)
             rest = self._only(fit, [k for k in range(len(choices)) if k != i])
             wanted = wanted_of(self.judge(rest))
             kept = choices[:i] + choices[i + 1 :]
             if not wanted:
                 fit, choices = rest, kept
-            elif i >= old or wanted[0].candidate.key != choices[i].key:
-                other, choice = self._choose(rest, wanted)
+            elif key in new or self._is_challenged(rest, wanted, key):
+                other, chosen = self._choose(rest, wanted)
+                is_same = [choice.key for choice in chosen] == [key]
                 if other.evidence > fit.evidence:
-                    fit, choices = other, [*kept, choice]
-                elif choice.key == choices[i].key:
-                    choices = [*choices[:i], choice, *choices[i + 1 :]]
+                    fit, choices = other, [*kept, *chosen]
+                    asked = asked if is_same else [choice.key for choice in kept]
+                elif is_same:
+                    choices = [*choices[:i], *chosen, *choices[i + 1 :]]
         return fit, choices
 
-
-def ranked(judged: Iterable[Judged]) -> list[Judged]:
-    """Best evidence first; of each effect at each place only one variant."""
-    variants: dict[tuple[str, str | None], list[Judged]] = {}
-    for j in sorted(judged, key=lambda j: -j.score.evidence):
-        variants.setdefault(j.candidate.key, []).append(j)
-    return sorted(
-        (_first_guess(own) for own in variants.values()), key=lambda j: -j.score.evidence
-    )
-
-
-def _first_guess(variants: Sequence[Judged]) -> Judged:
-    """The best; of frequencies that columns do not tell apart, that of the smallest effect.
-
-    A stiff spring does what a softer one of a lesser body does, as long as its body is small: for
-    others columns do not hold.
-    """
-    best = variants[0]
-    if not best.candidate.kind.hidden:
-        return best
-    alike = [j for j in variants if j.score.evidence > best.score.evidence - EQUIVALENT]
-    return min(alike, key=lambda j: float(np.linalg.norm(j.score.estimate / j.candidate.sizes)))
-
-
-def wanted_of(ranking: Sequence[Judged]) -> list[Judged]:
-    """Candidates that are significant among all, worth their parameters, and held up."""
-    count = sum(j.candidate.trials for j in ranking)
-    return [
-        j
-        for j in ranking
-        if j.score.evidence > 0.0
-        and j.score.bic_gain > 0.0
-        and j.score.p_value * count < FALSE_ALARMS
-        and j.score.held_out > 0.0
-    ]
-
-
-def _shortlist(wanted: Sequence[Judged]) -> list[Judged]:
-    """The best and those nearly as good, each kind of effect at its best place."""
-    best = wanted[0].score.evidence
-    floor = min(CLOSE_SHARE * best, best - CLOSE_GAP)
-    kinds = {j.candidate.kind.id: j for j in reversed(wanted)}
-    close = sorted(kinds.values(), key=lambda j: -j.score.evidence)[:SHORTLIST]
-    return [j for j in close if j.score.evidence >= floor]
-
-
-def _elsewhere(best: Judged, wanted: Sequence[Judged]) -> list[Judged]:
-    """The same effect at other places that do half as well: neighbours share its columns.
-
-    What swings is looked at everywhere: its columns are those of first guesses, and a panel is
-    seldom one of them.
-    """
-    floor = ALIKE_SHARE * best.score.evidence
-    same = [j for j in wanted if j.candidate.kind is best.candidate.kind and j is not best]
-    if best.candidate.kind.hidden:
-        return same
-    return [j for j in same if j.score.evidence >= floor][:MOST_ALIKE]
-
-
-def _is_rival(other: Fit, top: Fit) -> bool:
-    """Whether a fit can not be told from the best, or is as good by more freedom."""
-    gap, more = top.evidence - other.evidence, other.misfit - top.misfit
-    return gap < EQUIVALENT or (gap < FREEDOM * EQUIVALENT and more < EQUIVALENT)
+    def _is_challenged(
+        self, rest: Fit, wanted: Sequence[Judged], key: tuple[str, str | None]
+    ) -> bool:
+        """Whether something does better in a cause's place, or is as good and simpler."""
+        top = wanted[0]
+        return top.candidate.key != key or bool(self._simpler(rest, wanted, top))

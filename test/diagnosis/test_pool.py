@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis.pool import Judged, Pool
-from spacerobot_ros.diagnosis.search import ranked
+from spacerobot_ros.diagnosis.ranking import ranked
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.columns import Candidate
 from spacerobot_ros.estimation.evidence import Gram, Score
