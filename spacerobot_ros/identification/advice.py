@@ -23,17 +23,17 @@ from scipy.spatial.transform import Rotation
 
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.reference import Kinematics
+from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
 
 _TIMES = np.linspace(0.0, 40.0, 161)  # s
-_SWING = 1.0  # rad, halved where two or more joints move
+_SWING = 1.0  # rad, halved where two or more joints move; less within narrow limits
+_LEAST = 0.02  # rad of room; motions of less are as good as none
 _PERIODS = (20.0, 13.0)  # s, of the first and the second moving joint
 _TURN = 0.05  # rad/s of the base, which a star tracker still follows
 _SEEN = 1e-3  # of what the motion shows best; noise in the regressor hides the rest
-
-
 _ALONG = 0.7  # cosine to the estimate itself; noise turns the direction somewhat
 _SCALE = 'the common scale of all numbers; only ratios are known otherwise'
 
@@ -92,7 +92,8 @@ def advise(model: MomentumModel, unknowns: Array, weak: Array, rest: Array) -> t
         left, had_scale = _without_scale(left, unknowns / scale)
         if had_scale:
             advice.append(Advice(_Probe(spins=True).words(()), (_SCALE,)))
-    for tier in _family(model.n):
+    joints = np.flatnonzero(np.abs(_room(model.robot, rest)) >= _LEAST).tolist()
+    for tier in _family(joints):
         seen = {probe: _play(model, constants, probe, rest) * scale for probe in tier}
         while len(left):
             split = {probe: _split(rows, left) for probe, rows in seen.items()}
@@ -162,10 +163,10 @@ def _scale(model: MomentumModel, unknowns: Array) -> Array:
     return np.where(np.arange(len(unknowns)) < model.n_aam, inertia * _TURN, inertia)
 
 
-def _family(n: int) -> Iterator[list[_Probe]]:
-    """Motions in tiers of rising cost."""
-    single = [(j,) for j in range(n)]
-    pairs = list(combinations(range(n), 2))
+def _family(joints: list[int]) -> Iterator[list[_Probe]]:
+    """Motions of some joints in tiers of rising cost."""
+    single = [(j,) for j in joints]
+    pairs = list(combinations(joints, 2))
     yield [_Probe(joints) for joints in single]
     yield [_Probe(spins=True)]
     yield [_Probe(turns=(axis,)) for axis in range(3)]
@@ -174,12 +175,12 @@ def _family(n: int) -> Iterator[list[_Probe]]:
             yield [_Probe(joints) for joints in pairs]
         yield [_Probe(joints, spins=True) for joints in moved]
         yield [_Probe(joints, (axis,)) for joints in moved for axis in range(3)]
-    yield [_Probe(tuple(range(n)), (0, 1, 2), spins=True)]
+    yield [_Probe(tuple(joints), (0, 1, 2), spins=True)]
 
 
 def _play(model: MomentumModel, constants: Array, probe: _Probe, rest: Array) -> Array:
     """(3 N, 3 n_links + k) rows of a motion, h_W eliminated."""
-    q, qd = _swing(probe, rest)
+    q, qd = _swing(model.robot, probe, rest)
     wheels = _spin_up(model, constants, probe)
     omega, rotation = _base(model, constants, probe, q, qd, wheels)
     columns, _ = model.regressor(Kinematics(_TIMES, q, qd, omega, rotation))
@@ -189,15 +190,27 @@ def _play(model: MomentumModel, constants: Array, probe: _Probe, rest: Array) ->
     return np.asarray(wanted - basis @ (basis.T @ wanted))
 
 
-def _swing(probe: _Probe, rest: Array) -> tuple[Array, Array]:
-    """(N, n) positions and rates; joints start at rest, from where they are held."""
+def _swing(robot: Robot, probe: _Probe, rest: Array) -> tuple[Array, Array]:
+    """(N, n) positions and rates; joints start at rest, from where they are held.
+
+    They swing to the side on which there is more room, as far and as fast as the URDF lets them.
+    """
+    half = 0.5 * _room(robot, rest)
     q, qd = np.tile(rest, (len(_TIMES), 1)), np.zeros((len(_TIMES), len(rest)))
     size = _SWING if len(probe.joints) == 1 else 0.5 * _SWING
     for i, joint in enumerate(probe.joints):
         rate = 2.0 * np.pi / (_PERIODS[i] if i < len(_PERIODS) else _PERIODS[0] / (1.0 + i))
-        q[:, joint] += size * (1.0 - np.cos(rate * _TIMES))
-        qd[:, joint] = size * rate * np.sin(rate * _TIMES)
+        reach = min(size, abs(half[joint]), robot.velocity_limits[joint] / rate)
+        far = np.copysign(reach, half[joint])
+        q[:, joint] += far * (1.0 - np.cos(rate * _TIMES))
+        qd[:, joint] = far * rate * np.sin(rate * _TIMES)
     return q, qd
+
+
+def _room(robot: Robot, rest: Array) -> Array:
+    """(n,) from where joints are held to the limit that is further away [rad]."""
+    low, high = (robot.position_limits - rest[:, None]).T
+    return np.where(high >= -low, np.maximum(high, 0.0), np.minimum(low, 0.0))
 
 
 def _spin_up(model: MomentumModel, constants: Array, probe: _Probe) -> Array:
@@ -230,7 +243,7 @@ def _base(
 
 def _playable(model: MomentumModel, unknowns: Array, rest: Array) -> Array:
     """(p,) constants to play motions on: the estimate, or the robot file's where it is no body."""
-    rotating = _swing(_Probe(tuple(range(model.n))), rest)[0]
+    rotating = _swing(model.robot, _Probe(tuple(range(model.n))), rest)[0]
     others = np.zeros(model.nuisances.size)
     constants = np.concatenate([np.zeros(3), unknowns, others])
     positive = np.linalg.eigvalsh(model.inertia(rotating, constants)[:, :3, :3]) > 0.0

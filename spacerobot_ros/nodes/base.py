@@ -63,6 +63,7 @@ class RobotNode(LifecycleNode):
         is_open: Whether the robot is known.
         is_active: Whether it does its work.
         live: Parameters that may change while it runs (`retune`).
+        schedule: Settles which process goes before others, where the node has one of its own.
 
     Raises:
         ConfigurationError: bad parameters.
@@ -70,6 +71,7 @@ class RobotNode(LifecycleNode):
 
     live: frozenset[str] = frozenset()
     is_open = is_active = False
+    schedule: Callable[[], None] = staticmethod(lambda: None)
 
     def __init__(self, name: str, **node_kwargs: Any) -> None:
         super().__init__(name, **node_kwargs)

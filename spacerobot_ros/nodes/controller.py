@@ -5,7 +5,6 @@ See docs/nodes/controller.md.
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,6 @@ from ..recording.message_types import composer, encoded
 from ..ros import convert
 from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
-from ..ros.run_node import run_node
 from ..ros.scheduling import answer_first
 from .adaptation_file import AdaptationFile
 from .base import SensorNode
@@ -47,6 +45,7 @@ class ControllerNode(SensorNode):
     """Answers every joint sample with a torque while active."""
 
     loop: ControlLoop
+    schedule = staticmethod(answer_first)
     live = frozenset(
         (
             'controller.bandwidth',
@@ -309,12 +308,3 @@ class ControllerNode(SensorNode):
         is_damped = self.is_active and command is not None and not self.loop.event.words
         reason = command.reason if is_damped and command else ''
         return input_status(self.loop, stamp, self._silent_ns() * 1e-9, reason)
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node until it is stopped."""
-    return run_node(ControllerNode, args, answer_first)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -20,7 +20,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 def _start(node: str) -> int:
     before = {number: signal.signal(number, _stop) for number in _SIGNALS}
-    main = import_module(f'.{node}', __package__).main
+    main = import_module('.program', __package__).program(node)
     for number, handler in before.items():
         signal.signal(number, handler)
     status: int = main()

@@ -17,9 +17,9 @@ from ..ros.session import Session
 from .floods import FLOODED, flooded
 from .kills import RELEASED, STOPPED, broken_in_the_loop
 from .message_fuzz import interleaved
-from .process_loop import PROCESSES, resident
+from .process_loop import resident
+from .program import NODES
 from .wrong_streams import (
-    NODES,
     STREAMS,
     compared,
     flight,
@@ -56,7 +56,7 @@ def trials(runs: int, is_quick: bool) -> list[str]:
 def _trials(runs: int, part: int) -> Iterator[str]:
     messages, kills, flood = _MESSAGES // part, max(1, _KILLS // part), _FLOOD / part
     for seed in range(1, runs + 1):
-        for node in PROCESSES:
+        for node in NODES:
             yield key('kills', node, seed, kills)
             yield key('starved', node, seed, kills)
         yield key('kills', 'controller in real time', seed, kills)

@@ -5,7 +5,6 @@ See docs/nodes/identifier.md.
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -27,7 +26,6 @@ from ..ros import convert
 from ..ros.convert import compose
 from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
-from ..ros.run_node import run_node
 from ..ros.scheduling import give_way
 from ..sensing.faults import SensorFaults
 from .base import SensorNode, outliers
@@ -45,6 +43,7 @@ class IdentifierNode(SensorNode):
     """
 
     identifier: OnlineIdentifier
+    schedule = staticmethod(give_way)
     bridged_ns = LONGEST_GAP * 1e9
 
     def __init__(self, **node_kwargs: Any) -> None:
@@ -250,12 +249,3 @@ class IdentifierNode(SensorNode):
         if estimate.valid:
             return Status('estimate', OK, 'valid', values)
         return Status('estimate', WARN, f'not valid: {estimate.reason}', values)
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node until it is stopped."""
-    return run_node(IdentifierNode, args, give_way)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -6,7 +6,6 @@ See docs/nodes/monitor.md.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -29,7 +28,6 @@ from ..recording.buffer import sensors_of
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
-from ..ros.run_node import run_node
 from ..ros.scheduling import give_way
 from .base import TOPICS, SensorNode, outliers
 from .event_recorder import EventRecorder
@@ -41,6 +39,7 @@ class MonitorNode(SensorNode):
     """Feeds the monitor, says and records what it finds."""
 
     monitor: Monitor
+    schedule = staticmethod(give_way)
     recorder: EventRecorder | None = None
 
     def __init__(self, **node_kwargs: Any) -> None:
@@ -210,12 +209,3 @@ class MonitorNode(SensorNode):
             values['rms over noise floor'] = c.rms
             values['whiteness p'] = c.whiteness_p
         return Status(c.name, LEVELS[c.level], c.reason or 'as the model says', values)
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node until it is stopped."""
-    return run_node(MonitorNode, args, give_way)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

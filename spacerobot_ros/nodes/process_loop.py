@@ -10,7 +10,6 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from importlib import import_module
 from multiprocessing import forkserver
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
@@ -24,8 +23,8 @@ from ..campaign.diagnosis_scenario import packaged
 from ..model.loader import package_folder
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.session import Session, SessionError
+from .program import NODES, program
 
-PROCESSES = ('simulator', 'identifier', 'controller', 'monitor')
 _SETTINGS = {
     'reference.repeat': 'true',
     'controller.damping': '5.0',
@@ -60,7 +59,7 @@ def _begin(domain: int, work: Callable[..., object], arguments: tuple[Any, ...])
 
 
 def _run(node: str, arguments: list[str]) -> None:
-    raise SystemExit(import_module(f'.{node}', __package__).main(arguments))
+    raise SystemExit(program(node)(arguments))
 
 
 def resident(process: int | str) -> float:
@@ -91,7 +90,7 @@ class Loop:
         for name, value in settings.items():
             self._arguments += ['-p', f'{name}:={value}']
         self._context = multiprocessing.get_context('forkserver')
-        self._context.set_forkserver_preload([f'{__package__}.composed'])
+        self._context.set_forkserver_preload([f'{__package__}.{node}' for node in NODES])
         self._processes: dict[str, Any] = {}
         robot = packaged('servicer').robot
         self.limits = robot.effort_limits
@@ -120,7 +119,7 @@ class Loop:
 
     def start_all(self) -> None:
         """Start all, and wait until they are at work."""
-        for node in PROCESSES:
+        for node in NODES:
             self.start(node)
         self.settle(_ROUND)
 

@@ -18,12 +18,8 @@ from xml.sax.saxutils import escape
 from ..effects.robot_file import load_robot_file
 from ..model.loader import package_folder
 from ..ros.session import Session
-from .controller import ControllerNode
-from .identifier import IdentifierNode
-from .monitor import MonitorNode
-from .simulator import SimulatorNode
+from .program import NODES, node_class
 
-NODES = (SimulatorNode, IdentifierNode, ControllerNode, MonitorNode)
 _ACTION = '/_action/'
 _KINDS = (
     ('topics', 'publish', 'get_publisher_names_and_types_by_node'),
@@ -42,8 +38,8 @@ def policy() -> str:
     used: dict[str, dict[tuple[str, str], set[str]]] = defaultdict(lambda: defaultdict(set))
     for robot, changes in _SETTINGS:
         file = load_robot_file(package_folder('spacerobot_ros') / 'config' / f'{robot}.yaml')
-        for kind in NODES:
-            _note(kind, file.settings.changed(changes), file.robot.urdf, used)
+        for node in NODES:
+            _note(node_class(node), file.settings.changed(changes), file.robot.urdf, used)
     for rules in used.values():
         rules['topics', 'publish'].add('rosout')
         if 'robot_description' not in rules['topics', 'publish']:

@@ -6,7 +6,6 @@ See docs/nodes/simulator.md.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -24,7 +23,6 @@ from ..recording import messages
 from ..recording.message_types import composer, encoded
 from ..ros.diagnostics import ERROR, OK, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES, STATE
-from ..ros.run_node import run_node
 from ..simulation.plant import THRUSTERS, Firings, Plant
 from ..simulation.truth import build_plant, build_sensors, wheels_of
 from .base import RobotNode
@@ -326,12 +324,3 @@ class SimulatorNode(RobotNode):
             return Status('momentum', OK, 'kept', values)
         message = 'not kept: period or substeps are too coarse'
         return Status('momentum', WARN, message, values)
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node until it is stopped."""
-    return run_node(SimulatorNode, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -17,18 +17,9 @@ from ..ros.convert import compose
 from ..ros.session import Session
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.truth import sample_messages
-from .controller import ControllerNode
-from .identifier import IdentifierNode
 from .message_fuzz import Patient
-from .monitor import MonitorNode
-from .simulator import SimulatorNode
+from .program import node_class
 
-NODES = {
-    'identifier': IdentifierNode,
-    'controller': ControllerNode,
-    'monitor': MonitorNode,
-    'simulator': SimulatorNode,
-}
 STREAMS = (
     'starved',
     'clock jumps',
@@ -85,7 +76,7 @@ def patient_of(session: Session, node: str) -> Patient:
     """
     file = packaged('servicer')
     settings = file.settings.changed({'simulator.lockstep': node != 'simulator'})
-    return Patient(session, NODES[node], settings, file.robot.urdf)
+    return Patient(session, node_class(node), settings, file.robot.urdf)
 
 
 def give(

@@ -26,15 +26,6 @@ STOPPED = (
 )  # fmt: skip
 
 
-def run_node(
-    factory: Callable[[], Node],
-    args: Sequence[str] | None = None,
-    schedule: Callable[[], object] = lambda: None,
-) -> int:
-    """Spin a node until it is stopped; as `run_nodes`."""
-    return run_nodes([factory], args, schedule)
-
-
 def run_nodes(
     factories: Sequence[Callable[[], Node]],
     args: Sequence[str] | None = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +17,7 @@ from support.identification import (
 
 from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.momentum_process import MomentumModel
+from spacerobot_ros.identification import advice as advice_module
 from spacerobot_ros.identification.advice import advise, advise_on, directions_in_words
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.model.settings import IdentifierSettings
@@ -62,6 +64,23 @@ def test_scale_asks_for_the_own_wheels():
     (advice,) = advise(model, unknowns, unknowns[None] / np.linalg.norm(unknowns), np.zeros(3))
     assert advice.motion == "spin up the servicer's wheels"
     assert 'only ratios are known otherwise' in advice.tells[0]
+
+
+def test_motions_keep_the_limits_of_the_joints():
+    limits = np.array([[-0.3, 0.1], [-9.0, 9.0], [0.2, 0.2]])
+    robot = replace(
+        servicer('zyx'), position_limits=limits, velocity_limits=np.array([9.0, 0.05, 9.0])
+    )
+    rest = np.array([0.05, -1.0, 0.2])
+    q, qd = advice_module._swing(robot, advice_module._Probe((0, 1, 2)), rest)
+    assert np.all((q >= limits[:, 0] - 1e-12) & (q <= limits[:, 1] + 1e-12))
+    np.testing.assert_allclose(np.ptp(q, axis=0)[[0, 2]], [0.35, 0.0], rtol=0, atol=1e-3)
+    assert 0.04 < np.abs(qd[:, 1]).max() <= 0.05
+    model = MomentumModel(robot, minimal_set(robot, 'symmetric'))
+    unknowns = np.concatenate([H_TARGET, model.prior()[model.x]])
+    asked = advise(model, unknowns, np.eye(len(unknowns)), rest)
+    assert asked[0].motion
+    assert not any('j_link_3' in one.motion for one in asked)
 
 
 def test_nothing_is_asked_for_where_all_is_known():

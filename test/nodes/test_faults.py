@@ -22,6 +22,7 @@ from spacerobot_ros.campaign.diagnosis_scenario import packaged
 from spacerobot_ros.nodes import fault_campaign as campaign
 from spacerobot_ros.nodes import floods, process_loop, wrong_streams
 from spacerobot_ros.nodes.message_fuzz import Patient, is_finite, spoilt
+from spacerobot_ros.nodes.program import NODES
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording.clock_jumps import JumpDetector, Sample
 from spacerobot_ros.recording.message_types import CanonicalMessages
@@ -54,7 +55,7 @@ def test_odd_messages_end_no_node(node):
     assert record['rejected'] > 20  # they were odd
 
 
-@pytest.mark.parametrize('node', sorted(wrong_streams.NODES))
+@pytest.mark.parametrize('node', sorted(NODES))
 def test_good_messages_are_taken_all(node):
     with Session() as session:
         patient = wrong_streams.patient_of(session, node)
@@ -64,7 +65,7 @@ def test_good_messages_are_taken_all(node):
         assert patient.node.health.rejected == {}
 
 
-@pytest.mark.parametrize('node', sorted(wrong_streams.NODES))
+@pytest.mark.parametrize('node', sorted(NODES))
 def test_a_time_before_zero_on_clock_ends_no_node(node):
     with Session() as session:
         patient = wrong_streams.patient_of(session, node)

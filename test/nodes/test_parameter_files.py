@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 pytest.importorskip('rclpy')
-from spacerobot_ros.ros.run_node import run_node
+from spacerobot_ros.ros.run_node import run_nodes
 
 pytestmark = pytest.mark.ros
 TEXT = '/**:\n  ros__parameters:\n    robot: {gravity: [0.0, 0.0, 0.0]}\n'
@@ -29,7 +29,7 @@ def test_a_parameter_file_is_checked(tmp_path, capsys, text, reason):
     path = tmp_path / 'robot.yaml'
     if text is not None:
         path.write_text(text)
-    assert run_node(never, ['node', '--ros-args', '--params-file', str(path)]) == 2
+    assert run_nodes([never], ['node', '--ros-args', '--params-file', str(path)]) == 2
     said = capsys.readouterr().err
     assert reason in said
     assert str(path) in said

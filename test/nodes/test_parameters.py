@@ -14,7 +14,7 @@ from spacerobot_ros.nodes import entry
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
-from spacerobot_ros.ros.run_node import run_node
+from spacerobot_ros.ros.run_node import run_nodes
 
 pytestmark = pytest.mark.ros
 
@@ -106,7 +106,7 @@ def test_a_bad_description_on_the_topic_is_refused(rig, servicer):
     ],
 )
 def test_the_process_says_one_line_and_exits_with_2(capfd, arguments, place):
-    assert run_node(SimulatorNode, ['--ros-args', *arguments]) == 2
+    assert run_nodes([SimulatorNode], ['--ros-args', *arguments]) == 2
     lines = [line for line in capfd.readouterr().err.splitlines() if line and '[rcl]' not in line]
     assert len(lines) == 1
     assert place in lines[0]
@@ -124,7 +124,7 @@ def test_a_node_stopped_in_a_callback_exits_with_0(rig):
         node.create_timer(0.001, stop)
         return node
 
-    assert run_node(stopped_while_publishing, []) == 0
+    assert run_nodes([stopped_while_publishing], []) == 0
 
 
 def test_ctrl_c_ends_a_node_and_no_callback(rig):
@@ -142,7 +142,7 @@ def test_ctrl_c_ends_a_node_and_no_callback(rig):
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # as a process begins
     try:
-        assert run_node(interrupted, []) == 0
+        assert run_nodes([interrupted], []) == 0
     finally:
         signal.signal(signal.SIGINT, before)
     assert set(ended) == {'interrupted'}
@@ -155,20 +155,22 @@ def test_a_node_stopped_while_it_is_made_exits_with_0(rig):
         node.create_publisher(String, 'word', 1)
         return node
 
-    assert run_node(stopped_while_made, []) == 0
+    assert run_nodes([stopped_while_made], []) == 0
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('node', ['simulator', 'identifier', 'controller', 'monitor', 'composed'])
 def test_a_signal_ends_a_node_whose_modules_load(monkeypatch, node, number):
-    def load(name, package):
-        assert name == f'.{node}'
-        signal.raise_signal(number)
+    class Module:
+        @staticmethod
+        def program(name):
+            assert name == node
+            signal.raise_signal(number)
 
     def end(status):
         raise SystemExit(status)
 
-    monkeypatch.setattr(entry, 'import_module', load)
+    monkeypatch.setattr(entry, 'import_module', lambda *_: Module)
     monkeypatch.setattr(entry.os, '_exit', end)
     before = {k: signal.getsignal(k) for k in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -186,9 +188,12 @@ def test_a_node_itself_gets_signals_as_processes_do(monkeypatch):
 
     class Module:
         @staticmethod
-        def main():
-            seen.extend(signal.getsignal(k) for k in (signal.SIGINT, signal.SIGTERM))
-            return 2
+        def program(_):
+            return main
+
+    def main():
+        seen.extend(signal.getsignal(k) for k in (signal.SIGINT, signal.SIGTERM))
+        return 2
 
     monkeypatch.setattr(entry, 'import_module', lambda *_: Module)
     assert entry.controller() == 2
