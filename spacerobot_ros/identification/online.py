@@ -17,14 +17,13 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import IdentificationError, MessageRejectedError
+from ..errors import IdentificationError
 from ..estimation.minimal import minimal_set
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.noise_levels import noise_levels
@@ -62,7 +61,6 @@ class OnlineIdentifier:
         settings: The identifier's settings.
 
     Attributes:
-        rejected: Samples that were refused as they came.
         left_out: Samples that contradict their neighbours, by sensor.
 
     Raises:
@@ -80,7 +78,6 @@ class OnlineIdentifier:
 
     def reset(self) -> None:
         """Forget everything that was measured."""
-        self.rejected = 0
         self._likelihood = MaximumLikelihood(self._model, self._settings)
         self._last: Identification | None = None
         self._known: Known | None = None  # when `_last` was concluded
@@ -151,15 +148,15 @@ class OnlineIdentifier:
             MessageRejectedError: not finite, wrong length, a stamp seen before, one so late that
                 its stretch is solved, or one far ahead of all others; the sample is not used.
         """
-        self._count(self.samples.add_joints, stamp_ns, q, qd)
+        self.samples.add_joints(stamp_ns, q, qd)
 
     def add_rate(self, stamp_ns: int, omega_WB_B: Array) -> None:
         """Add a gyro sample omega_WB_B (3,) [rad/s]; raises as `add_joints`."""
-        self._count(self.samples.add_rate, stamp_ns, omega_WB_B)
+        self.samples.add_rate(stamp_ns, omega_WB_B)
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Array) -> None:
         """Add an attitude (4,); raises as `add_joints`, also for a norm off by more than 1e-3."""
-        self._count(self.samples.add_attitude, stamp_ns, q_WB_xyzw)
+        self.samples.add_attitude(stamp_ns, q_WB_xyzw)
 
     def solve(self, until_ns: int | None = None) -> Estimate:
         """Use all settled samples; it says why it isn't valid while they don't suffice.
@@ -230,14 +227,6 @@ class OnlineIdentifier:
             noise, _ = noise_levels(self._model.robot.sensors, record, is_checked=False)
         kept, found = without_outliers(record, noise)
         return kept, found.counted(record, after, until)
-
-    def _count(self, add: Callable[..., None], *sample: int | Array) -> None:
-        """Add a sample; count what is rejected."""
-        try:
-            add(*sample)
-        except MessageRejectedError:
-            self.rejected += 1
-            raise
 
     def _run_all(self, record: Record, end: float) -> None:
         record = record.between(-np.inf, end)

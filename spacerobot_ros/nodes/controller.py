@@ -28,7 +28,6 @@ from ..ros import convert
 from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.scheduling import answer_first
-from .adaptation_file import AdaptationFile
 from .base import SensorNode
 from .controller_status import (
     adaptation_status,
@@ -36,6 +35,7 @@ from .controller_status import (
     estimate_status,
     input_status,
 )
+from .kept_file import AdaptationFile
 from .pairing import Pairing
 from .parameter_publisher import ParameterPublisher
 from .trajectory_action import TrajectoryAction

@@ -5,7 +5,6 @@ See docs/nodes/identifier.md.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,7 +15,7 @@ from geometry_msgs.msg import Vector3Stamped
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..effects.catalogue import believed_effects, changed_robot
-from ..errors import IdentificationError, SpaceRobotError
+from ..errors import IdentificationError
 from ..estimation.time_base import LONGEST_GAP
 from ..identification.estimate import Estimate
 from ..identification.online import OnlineIdentifier
@@ -30,6 +29,7 @@ from ..ros.scheduling import give_way
 from ..sensing.faults import SensorFaults
 from .base import SensorNode, outliers
 from .beside import Beside
+from .kept_file import KeptFile
 
 DISORDER_NS = 50_000_000  # by which messages of one sensor overtake each other
 ANSWER = 0.05  # s that a service waits for a solution; it shall answer within 0.1 s
@@ -55,10 +55,6 @@ class IdentifierNode(SensorNode):
         self._momenta = self.create_publisher(Vector3Stamped, '/momentum', LATCHED)
         self.offer('~/reset', self._on_reset)
         self.offer('~/solve', self._on_solve)
-        self.offer('~/save', self._on_save)
-        self.offer('~/load', self._on_load)
-        path = self.settings.identifier.save_file
-        self._file = Path(path) if path else None
         self._next_ns: int | None = None
         self._beside = Beside(self, is_threaded=not self.settings.simulator.lockstep)
         self._clear()
@@ -117,8 +113,8 @@ class IdentifierNode(SensorNode):
             return
         self._solve_ms = detail
         self._publish(estimate)
-        if self._file is not None and estimate.valid:
-            self._on_save()
+        if estimate.valid:
+            self._file.save()
 
     def _replace(self, change: Callable[[OnlineIdentifier], None]) -> None:
         """Change the identifier; a solution that is under way goes on with another, unheard."""
@@ -134,8 +130,8 @@ class IdentifierNode(SensorNode):
         self.identifier = OnlineIdentifier(changed_robot(robot, effects), self.settings.identifier)
         self.is_open = True
         self.follow(robot, SENSORS, SAMPLES)
-        if self._file is not None and any(self._file.parent.glob(f'{self._file.name}*')):
-            self.get_logger().info(self._on_load()[1])
+        path = self.settings.identifier.save_file
+        self._file = KeptFile(self, path, lambda *to: self.identifier.save(*to), self._take_saved)
         self.health.watch(self.input_status, self._estimate_status)
 
     def take(self, sensor: str, stamp_ns: int, *content: Any) -> None:
@@ -195,30 +191,10 @@ class IdentifierNode(SensorNode):
         self.reset('as asked for')
         return True, 'all samples forgotten'
 
-    def _on_save(self) -> tuple[bool, str]:
-        if self._file is None or not self.is_open:
-            return False, 'identifier.save_file names no file, or there is no robot yet'
-        try:
-            is_saved = self.identifier.save(self._file, time.time_ns())
-        except SpaceRobotError as error:
-            self.get_logger().error(f'not saved: {error}', throttle_duration_sec=5.0)
-            return False, str(error)
-        return (
-            is_saved,
-            f'saved to {self._file}' if is_saved else 'nothing new is known that is valid',
-        )
-
-    def _on_load(self) -> tuple[bool, str]:
-        if self._file is None or not self.is_open:
-            return False, 'identifier.save_file names no file, or there is no robot yet'
-        file = self._file
-        try:
-            self._replace(lambda identifier: identifier.load(file, time.time_ns()))
-        except SpaceRobotError as error:
-            return False, f'not loaded: {error}'
+    def _take_saved(self, path: Path, now_ns: int) -> None:
+        self._replace(lambda identifier: identifier.load(path, now_ns))
         self._clear()
         self._publish(self.identifier.solve())
-        return True, f'goes on with what {self._file} knows'
 
     def _on_solve(self) -> tuple[bool, str]:
         self.solve()

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
-from xml.sax.saxutils import escape
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ..effects.robot_file import load_robot_file
 from ..model.loader import package_folder
@@ -44,11 +44,18 @@ def policy() -> str:
         rules['topics', 'publish'].add('rosout')
         if 'robot_description' not in rules['topics', 'publish']:
             rules['topics', 'subscribe'].add('robot_description')
-    enclaves = ''.join(_enclave(name, rules) for name, rules in sorted(used.items()))
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n'
-        f'<policy version="0.2.0">\n  <enclaves>\n{enclaves}  </enclaves>\n</policy>\n'
-    )
+    root = Element('policy', version='0.2.0')
+    enclaves = SubElement(root, 'enclaves')
+    for name, rules in sorted(used.items()):
+        profiles = SubElement(SubElement(enclaves, 'enclave', path=f'/{name}'), 'profiles')
+        profile = SubElement(profiles, 'profile', ns='/', node=name)
+        for (group, right), names in sorted(rules.items()):
+            part = SubElement(profile, group, {right: 'ALLOW'})
+            for each in sorted(names):
+                SubElement(part, group.removesuffix('s')).text = each
+    indent(root)
+    text = tostring(root, encoding='unicode')
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
 
 
 def _note(kind: Callable[..., Any], settings: Any, urdf: str, used: Any) -> None:
@@ -66,23 +73,6 @@ def _note(kind: Callable[..., Any], settings: Any, urdf: str, used: Any) -> None
 def _short(name: str, node: Any) -> str:
     own = f'/{node.get_name()}/'
     return f'~/{name[len(own) :]}' if name.startswith(own) else name.removeprefix('/')
-
-
-def _enclave(name: str, rules: dict[tuple[str, str], set[str]]) -> str:
-    groups = ''.join(
-        _group(group, right, names) for (group, right), names in sorted(rules.items())
-    )
-    return (
-        f'    <enclave path="/{name}">\n      <profiles>\n'
-        f'        <profile ns="/" node="{name}">\n{groups}        </profile>\n'
-        '      </profiles>\n    </enclave>\n'
-    )
-
-
-def _group(group: str, right: str, names: Iterable[str]) -> str:
-    tag = group.removesuffix('s')
-    lines = ''.join(f'            <{tag}>{escape(name)}</{tag}>\n' for name in sorted(names))
-    return f'          <{group} {right}="ALLOW">\n{lines}          </{group}>\n'
 
 
 if __name__ == '__main__':

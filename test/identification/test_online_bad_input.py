@@ -58,18 +58,16 @@ BAD = {
 
 
 @pytest.mark.parametrize(('method', 'stamp', 'values', 'match'), BAD.values(), ids=BAD.keys())
-def test_bad_samples_are_rejected_and_counted(method, stamp, values, match):
+def test_bad_samples_are_rejected(method, stamp, values, match):
     online = identifier()
     online.add_joints(100, ONE, ONE)
     online.add_rate(100, ONE)
     online.add_attitude(100, UNIT)
     with pytest.raises(MessageRejectedError, match=match):
         getattr(online, method)(stamp, *values)
-    assert online.rejected == 1
     online.add_joints(300, ONE, ONE)
     online.add_rate(300, ONE)
     online.add_attitude(300, -1.0005 * UNIT)
-    assert online.rejected == 1
 
 
 def test_a_stamp_somewhat_ahead_costs_no_sample_but_its_own():
@@ -78,7 +76,6 @@ def test_a_stamp_somewhat_ahead_costs_no_sample_but_its_own():
     online.add_rate(100 + 990_000_000, ONE)
     for stamp in range(200, 10_000, 100):
         online.add_rate(stamp, ONE)
-    assert online.rejected == 0
 
 
 @pytest.mark.parametrize(
@@ -110,7 +107,7 @@ def test_bad_samples_do_not_change_the_estimate():
                 with pytest.raises(MessageRejectedError):
                     call(*arguments)
                 bad += 1
-    assert online.rejected == bad > 0
+    assert bad > 0
     for a, b in zip(got, estimates, strict=False):
         same(a, b)
 
@@ -121,7 +118,6 @@ def test_samples_of_a_solved_stretch_are_rejected():
     feed(online, cut(data, 'attitude', 5.05, 99.0))
     with pytest.raises(MessageRejectedError, match='too late'):
         online.add_attitude(ORIGIN_NS + 5_500_000_000, UNIT)
-    assert online.rejected == 1
 
 
 def with_value(data, sensor, rows, change):

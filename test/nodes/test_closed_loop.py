@@ -142,9 +142,9 @@ def test_an_identifier_started_again_goes_on_from_its_file(quick, finished, tmp_
         rig.until(lambda: estimates)  # without a sample
         assert estimates[-1].valid
         np.testing.assert_allclose(estimates[-1].aam, [42.0, 49.0, 41.0], rtol=0.05)
-        assert node._on_save() == (False, 'nothing new is known that is valid')
+        assert node._file.save() == (False, 'nothing new is known that is valid')
         Path(path).write_text('{}', encoding='utf-8')
-        done, why = node._on_load()
+        done, why = node._file.load()
         assert not done
         assert 'known.json: is damaged' in why
         assert node.estimate.valid
