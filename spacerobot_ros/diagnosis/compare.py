@@ -8,6 +8,7 @@ own: beside shared ones the change itself would pass for it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
-from ..estimation.arm_fit import ArmFit
+from ..estimation.arm_fit import ArmFit, Posterior
 from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
@@ -149,8 +150,36 @@ def find_changes(
     )
     selection.run()
     selection.check_held_out()
+    _drop_smaller_than_rest(selection)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
     return Changes(robot, selection, fit, np.array(levels), len(before))
+
+
+def _drop_smaller_than_rest(selection: Selection) -> None:
+    """Drop changes that explain less than what no change that was chosen explains, weakest first.
+
+    Two motions differ in what a file that is wrong leaves of them, too, which spreads over many
+    changes, all of them small; a change of the machine has most of the difference.
+    """
+    while selection.chosen:
+        gains = {i: float(np.sum(selection.held_out(i))) for i in selection.chosen}
+        weakest = min(gains, key=gains.__getitem__)
+        if 2.0 * gains[weakest] > _unexplained(selection):
+            return
+        selection.drop(weakest)
+
+
+def _unexplained(selection: Selection) -> float:
+    """Squares of whitened rows that all changes together would explain and the chosen ones do not.
+
+    Beyond what noise gives the freedom of all of them: its mean, and two standard deviations.
+    """
+    whole, chosen = selection.whole, selection.posterior(selection.chosen)
+    every = Posterior.of(whole, selection.rows.sizes)
+    gained = float(whole.vector @ (every.mean - chosen.mean))
+    tied = [float(np.diag(p.covariance) @ p.precision) for p in (chosen, every)]
+    freedom = max(tied[0] - tied[1], 0.0)
+    return gained - freedom - 2.0 * math.sqrt(2.0 * freedom)
 
 
 def _level_of_both(before: Array, after: Array) -> Array:

@@ -19,7 +19,7 @@ from ..estimation.arm_priors import DRY, NOTHING, VISCOUS, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.evidence import Fold, Gram, Score, price, score, sum_of
 from ..types import Array, IntArray
-from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
+from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, OTHERS, SIMPLER_MARGIN, SPECIAL, TELLING
 
 _AFTER_FRICTION = (
     'joint_stribeck_friction',
@@ -338,9 +338,9 @@ def holds(gains: Array) -> bool:
     """Whether a cause predicts parts of the data that it was not fitted to.
 
     The worst part loses less than half of what the others gain, and of three or more no single
-    one decides.
+    one has nearly all that is gained: it would be judged by next to nothing.
     """
     total, worst = float(np.sum(gains)), min(float(np.min(gains)), 0.0)
     if total <= HELD_OUT or -worst > 0.5 * (total - worst):
         return False
-    return len(gains) < 3 or total - float(np.max(gains)) > 0.0
+    return len(gains) < 3 or total - float(np.max(gains)) > OTHERS * total

@@ -140,7 +140,6 @@ class Plant:
         self.effects = tuple(effects)
         self.n_arm = robot.n_joints - robot.rotor_count
         self.period_ns = round(period * 1e9)
-        self.substeps = substeps
         if self.period_ns < 1 or substeps < 1:
             why = f'period {period:g} s and {substeps} substeps must be positive'
             raise ConfigurationError('simulator', why)
@@ -156,6 +155,7 @@ class Plant:
         self._torque, self._arm = np.zeros(robot.n_joints), slice(7, 7 + self.n_arm)
         self._free = Holding(self.dynamics, self.period, substeps, tableau)
         self._forced = ForcedMotion(self.dynamics, effects, self.period, substeps, tableau)
+        self.substeps = self._forced.substeps
         self._integrals = np.zeros(8)  # of `ForcedMotion.step`
         self._weight = robot.is_free * robot.gravity * np.sum(robot.inertial_parameters[:, 0])
         self._start_momentum = self._momentum()[3:]

@@ -15,6 +15,7 @@ from spacerobot_ros.campaign.real_arm import RealArm, arm_file
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.compare import compare
+from spacerobot_ros.diagnosis.selection import holds
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
@@ -71,6 +72,27 @@ def test_nothing_changed_on_another_motion(unchanged):
     # a mass in the last joint's origin alone; that of the other tests has a lever
     assert seen['inertial_parameters', 'link_6'] < 1.5
     assert set(found.left) == set(arm_file().robot.joints)
+
+
+def test_a_law_that_no_effect_knows_is_no_change():
+    """A torque by other joints' angles, the same before and after: two motions see other parts."""
+
+    def with_law(record):
+        q, effort = record.q, record.effort.copy()
+        effort[:, 1] += 20.0 * np.sin(3.0 * q[:, 2]) * np.cos(2.0 * q[:, 3])
+        effort[:, 2] += 10.0 * np.sin(2.0 * q[:, 1] + q[:, 4])
+        return replace(record, joints=replace(record.joints, effort=effort))
+
+    file = arm_file()
+    before, after = (with_law(EMPTY.record(k)) for k in range(2))
+    found = compare([before], [after], file.robot, file.effects)
+    assert conclude_changes(found).verdict == 'unchanged'  # a spring and a gain at joint_3
+
+
+def test_what_one_part_alone_says_is_no_cause():
+    assert not holds(np.array([3.8, 80.8, 2.9, 1.1]))
+    assert holds(np.array([30.0, 80.8, 12.0, 11.0]))
+    assert holds(np.array([4.0, 80.8]))  # of two parts each is the other's only test
 
 
 @pytest.fixture(scope='module')

@@ -205,6 +205,14 @@ def test_closed_loop_gain_of_friction():
     )
 
 
+def test_a_plant_that_takes_minutes_has_no_closed_loop():
+    file = load_robot_file(SERVICER)
+    section = {'f': {'effect': 'joint_viscous_friction', 'where': 'joint_2', 'coefficient': 1e7}}
+    gain, why = closed_loop_gain(file, bind_effects(section, file.robot))
+    assert gain is None
+    assert 'would take minutes' in why
+
+
 def test_no_causes_no_closed_loop():
     gain, why = closed_loop_gain(load_robot_file(SERVICER), ())
     assert gain is None

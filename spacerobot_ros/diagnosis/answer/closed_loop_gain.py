@@ -15,7 +15,7 @@ import numpy as np
 from ...control.loop import ControlLoop
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
-from ...errors import SpaceRobotError
+from ...errors import ConfigurationError, SpaceRobotError
 from ...model.motion_settings import COMPUTED_TORQUE_LAWS, ReferenceSettings
 from ...model.settings import Settings, TruthSettings
 from ...simulation.closed_loop import ClosedLoop
@@ -27,6 +27,9 @@ _AMPLITUDE = 0.3  # rad, of the motion of a robot file that names none
 _PERIOD = 20.0  # s, of the same
 _HARMONICS = 6  # of the same, at most
 _LAW = 'computed_torque'
+_MOST = 60_000
+"""Forces of effects in a run, one an effect and integration step: 5 s of a slow core. Stiff
+friction on a body that is lighter than its gear needs millions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,6 +116,10 @@ def tracking_errors(file: RobotFile, plant: Settings, believed: Settings) -> Arr
     loop = ClosedLoop(file.robot, plant)
     loop.controller = ControlLoop(file.robot, believed)
     steps = max(1, round(_duration(plant.reference) / plant.simulator.period))
+    cost = steps * loop.plant.substeps * len(loop.plant.effects)
+    if cost > _MOST:
+        why = f'{loop.plant.substeps} integration steps a period for effects as stiff as these'
+        raise ConfigurationError('simulator', f'{why} would take minutes')
     n = file.robot.n_joints
     errors = [
         step.command.setpoint.q - step.state.q[:n]

@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from ...recording.record import Record
@@ -69,7 +70,12 @@ def _of_joint(record: Record, j: int, joint: str) -> list[Order]:
     def seen(k: float) -> BoolArray:
         return (k * speed > _BAND[0]) & (k * speed < _BAND[1] / step)
 
-    powers = np.array([_power(white[at], k * q[at]) for k in orders for at in [seen(k)]])
+    # orders are evenly spaced: from one to the next every sample's phase turns by the same angle
+    turned, by = np.exp(1j * _LEAST * q), np.exp(1j * q / (_FINE * max(reach, _SHORT)))
+    powers = np.empty(len(orders))
+    for i, k in enumerate(orders):
+        powers[i] = _power(white[at := seen(k)], turned[at])
+        turned *= by
     out: list[Order] = []
     highest = float(np.max(powers, initial=0.0))
     while len(out) < _MOST and len(powers):
@@ -81,16 +87,16 @@ def _of_joint(record: Record, j: int, joint: str) -> list[Order]:
         if powers[i] < _LESSER * highest:
             break
         at = seen(float(orders[i]))
-        sine, cosine, _ = _fit(fast[at], orders[i] * q[at])
+        sine, cosine, _ = _fit(fast[at], np.exp(1j * orders[i] * q[at]))
         size, phase = math.hypot(sine, cosine), math.atan2(cosine, sine)
         out.append(Order(joint, float(orders[i]), size, phase, p_value))
         powers[np.abs(orders - orders[i]) < max(_SKIRT / reach, _SKIRT_SHARE * orders[i])] = 0.0
     return out
 
 
-def _fit(values: Array, angle: Array) -> tuple[float, float, float]:
-    """Sine and cosine of an angle in values, by least squares, and the squares they explain."""
-    sine, cosine = np.sin(angle), np.cos(angle)
+def _fit(values: Array, turned: NDArray[np.complex128]) -> tuple[float, float, float]:
+    """Sine and cosine of phases in values, by least squares, and the squares they explain."""
+    sine, cosine = turned.imag, turned.real
     a, b, c = float(sine @ sine), float(sine @ cosine), float(cosine @ cosine)
     x, y = float(sine @ values), float(cosine @ values)
     determinant = max(a * c - b * b, 1e-300)
@@ -98,11 +104,11 @@ def _fit(values: Array, angle: Array) -> tuple[float, float, float]:
     return in_sine, in_cosine, in_sine * x + in_cosine * y
 
 
-def _power(values: Array, angle: Array) -> float:
+def _power(values: Array, turned: NDArray[np.complex128]) -> float:
     """Half the explained squares of unit noise: exponential by chance, of mean one."""
     if len(values) < _FEWEST:
         return 0.0
-    explained = _fit(values, angle)[2]
+    explained = _fit(values, turned)[2]
     return 0.5 * explained / max(float(np.mean(values**2)), 1e-300)
 
 

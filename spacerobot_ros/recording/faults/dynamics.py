@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -24,7 +24,17 @@ from ...model.robot_settings import COMPENSATED
 from ...types import Array
 from ..record import Record
 from .kinematics import DEGREES
-from .thresholds import ALIKE, FEWEST_SAMPLES, GAIN, ROWS, SPAN, SPOILED, UNLIKE, DataFault
+from .thresholds import (
+    ALIKE,
+    FEWEST_SAMPLES,
+    GAIN,
+    ROWS,
+    SPAN,
+    SPOILED,
+    TURNED,
+    UNLIKE,
+    DataFault,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +49,7 @@ class _Slip:
         with_motion: Whether positions were exchanged along with the efforts.
         gravity: Whether gravity is in the efforts against what the robot file says, or not in
             them against it.
+        weight: (3,) gravity that is in them instead of the robot file's [m/s^2].
     """
 
     fault: DataFault
@@ -47,6 +58,7 @@ class _Slip:
     pair: tuple[int, int] = (0, 0)
     with_motion: bool = True
     gravity: bool = False
+    weight: Array | None = None
 
     def undone(self, values: Array, *, effort: bool = False) -> Array:
         """(N, n) positions or efforts as they would be without it."""
@@ -72,7 +84,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     before = torques.unlike(_Slip(DataFault('', '', '')))
     if np.all(before < UNLIKE):
         return ()
-    slips = [*_slips(robot.joints), *_gravity_slips(robot.effort_kinds)]
+    slips = [*_slips(robot.joints), *_gravity_slips(robot.effort_kinds), *torques.turned_base()]
     shares = np.array([torques.unlike(slip) for slip in slips])
     for way in range(2):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
@@ -134,7 +146,8 @@ class _Torques:
         """
         position, rate, acceleration = map(slip.undone, self.motion)
         measured = slip.undone(self.effort, effort=True)
-        model = joint_torques(self.robot, position, rate, acceleration, self.omega)
+        robot = self.robot if slip.weight is None else replace(self.robot, gravity=slip.weight)
+        model = joint_torques(robot, position, rate, acceleration, self.omega)
         lacking = np.array([kind == COMPENSATED for kind in self.robot.effort_kinds])
         if self.robot.gravity.any() and (lacking.any() or slip.gravity):
             rest = np.zeros_like(position)
@@ -146,6 +159,41 @@ class _Torques:
         return np.array(
             [_shares(*columns) for columns in zip(model.T, measured.T, rate.T, strict=True)]
         ).T
+
+    def turned_base(self) -> Iterator[_Slip]:
+        """Gravity along the direction that the efforts want, where that is another one.
+
+        Torques are linear in gravity: least squares beside friction and bias, every joint by its
+        own torque; the length is the robot file's.
+        """
+        robot, length = self.robot, float(np.linalg.norm(self.robot.gravity))
+        if robot.is_free or not length or COMPENSATED in robot.effort_kinds:
+            return
+        position, rate, acceleration = self.motion
+        model = [
+            joint_torques(replace(robot, gravity=g), position, r, a, self.omega)
+            for g, r, a in (
+                (np.zeros(3), rate, acceleration),
+                *((g, 0.0 * rate, 0.0 * rate) for g in np.eye(3)),
+            )
+        ]
+        columns = np.stack([self.effort - model[0], *model[1:]])
+        rows = []
+        for j, scale in enumerate(np.sqrt(np.mean(self.effort**2, axis=0))):
+            others = _others(rate[:, j])
+            left = columns[:, :, j].T / max(scale, 1e-12)
+            rows.append(left - others @ np.linalg.lstsq(others, left, rcond=None)[0])
+        known = np.vstack(rows)
+        gravity = np.linalg.lstsq(known[:, 1:], known[:, 0], rcond=None)[0]
+        if not np.any(gravity):
+            return
+        gravity *= length / np.linalg.norm(gravity)
+        if gravity @ robot.gravity < length**2 * np.cos(TURNED):
+            words = ', '.join(f'{x:.2f}' for x in gravity)
+            message = (
+                f'the weight in them is that of a base that is turned: robot.gravity [{words}]?'
+            )
+            yield _Slip(DataFault('gravity', 'joint_torque', message), weight=gravity)
 
 
 def _span(step: float) -> int:
@@ -160,10 +208,15 @@ def _at(times: Array, known: Array, values: Array) -> Array:
 
 def _shares(model: Array, measured: Array, rate: Array) -> tuple[float, float]:
     """Difference of the larger of the two torques; again with friction and bias out of both."""
-    others = np.column_stack([np.ones_like(rate), rate, np.sign(rate)])
+    others = _others(rate)
     both = np.column_stack([model, measured])
     rest = both - others @ np.linalg.lstsq(others, both, rcond=None)[0]
     return _difference(both), _difference(rest)
+
+
+def _others(rate: Array) -> Array:
+    """(N, 3) bias and friction of a joint."""
+    return np.column_stack([np.ones_like(rate), rate, np.sign(rate)])
 
 
 def _difference(pair: Array) -> float:

@@ -112,22 +112,28 @@ def _beyond_noise(record: Record, pair: Pair) -> NDArray[np.bool_]:
 
         |moved - integrated| <= 2 step + r T + EXTREME (sqrt(2) s_q + s_v sqrt(T dt))
 
-    as both ends of a motion may be read a step off, rates below r are rounded or held to zero (no
-    other joint's rate is ever smaller, unless zero), and of noise that is white the two ends and
-    the integral have these standard deviations. A column that never changes does not show its
-    step: it has the largest of the other joints.
+    as both ends of a motion may be read a step off, rates are rounded to their own steps, some of
+    which leave out zero, and below r, the larger of such a step and the smallest rate that any
+    joint says, may be held to zero; and of noise that is white the two ends and the integral have
+    these standard deviations. A column that never changes does not show its step: it has the
+    largest of the other joints.
     """
     time, q, qd = record.joint_time, record.q, np.asarray(record.qd)
-    steps = np.array([_smallest(np.diff(np.unique(column))) for column in q.T])
-    steps[steps == 0.0] = steps.max()
+    steps = _steps(q)
     said = np.abs(qd[:, np.ptp(qd, axis=0) > 0.0])
-    least = _smallest(said[said > 0.0])
+    least = np.maximum(_steps(qd), _smallest(said[said > 0.0]))
     # fourth differences of a smooth motion are noise: variance 1 + 16 + 36 + 16 + 1 times its own
     s_q, s_v = (np.std(np.diff(x, n=4, axis=0), axis=0) / np.sqrt(70.0) for x in (q, qd))
     T = time[pair.windows[:, 1]] - time[pair.windows[:, 0]]
     noise = np.sqrt(2.0) * s_q + s_v * np.sqrt(T * np.median(np.diff(time)))[:, None]
     allowed = 2.0 * steps + least * T[:, None] + EXTREME * noise
     return np.asarray(np.any(np.abs(pair.moved - pair.integrated) > allowed, axis=0))
+
+
+def _steps(values: Array) -> Array:
+    """(n,) smallest difference between the values of each column."""
+    steps = np.array([_smallest(np.diff(np.unique(column))) for column in values.T])
+    return np.where(steps == 0.0, steps.max(), steps)
 
 
 def _smallest(values: Array) -> float:

@@ -29,6 +29,7 @@ UNLIKE = 0.02  # share of a joint's torque that the model doesn't explain: less 
 ALIKE = 0.03  # a slip must leave less than this,
 GAIN = 20.0  # and this much less than none: friction and wheels leave more
 SPOILED = 1.2  # a slip may leave this much more to a joint that it does not mend: noise
+TURNED = 0.35  # rad from the file's gravity; less is a base that does not stand level
 SPAN = 0.25  # s, over which positions are smoothed to be derived twice
 ROWS = 100  # times at which torques are compared, some times a robot's unknowns
 

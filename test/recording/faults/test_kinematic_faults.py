@@ -165,3 +165,19 @@ def test_samples_that_were_lost_are_no_clock_that_jumped(seed):
     qd = [0.9, 1.7, 2.6] * np.cos(turn) + 2e-4 * rng.standard_normal(turn.shape)
     stamps = np.round(t[kept] * 1e9).astype(np.int64)
     assert find_faults(Record(JointSeries(('a', 'b', 'c'), stamps, q, qd))) == ()
+
+
+def test_rates_of_joints_at_rest_in_codes_that_leave_out_zero():
+    """Rates in whole codes and a half; a joint at rest says half a code, its angle nothing."""
+    t = np.arange(1000) * 0.02
+    step_q, step_v = 4e-4, 2e-2
+    q = np.column_stack([np.sin(t), np.full_like(t, 0.3)])
+    qd = np.column_stack([np.cos(t), np.zeros_like(t)])
+    q = np.round(q / step_q) * step_q
+    qd[:, 0] = (np.floor(qd[:, 0] / step_v / 0.5) + 0.5) * step_v * 0.5  # finer codes
+    qd[:, 1] = np.where(np.arange(1000) % 97 == 0, 0.5, -0.5) * step_v
+    stamps = np.round(t * 1e9).astype(np.int64)
+    assert find_faults(Record(JointSeries(('a', 'b'), stamps, q, qd))) == ()
+    qd[:, 1] = 0.4 * np.cos(2.0 * t)  # moves, and its angle is dead
+    (fault,) = find_faults(Record(JointSeries(('a', 'b'), stamps, q, qd)))
+    assert fault.place == 'joint_position/b'

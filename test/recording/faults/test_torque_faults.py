@@ -157,3 +157,21 @@ def test_without_efforts_or_samples_there_is_nothing_to_say(known):
     few = JointSeries(j.names, j.stamp_ns[:60], j.position[:60], None, j.effort[:60])
     assert find_torque_faults(replace(record, joints=few), model) == ()
     assert find_torque_faults(Record(), model) == ()
+
+
+def test_a_base_that_is_turned(known):
+    record, model = known['ground']
+    true = model.gravity
+    believed = replace(model, gravity=np.array([true[2], true[0], true[1]]))
+    (fault,) = find_torque_faults(record, believed)
+    assert fault.place == 'joint_torque'
+    told = np.array([float(x) for x in fault.message.split('[')[1].split(']')[0].split(',')])
+    seen = np.abs(model_axes(model)) < 0.5  # a weight along all axes turns no joint
+    np.testing.assert_allclose(told[seen], true[seen], rtol=0.0, atol=0.2)
+    level = replace(model, gravity=true + np.array([0.5, 0.0, 0.0]))  # 3 degrees: a cause, no slip
+    assert not find_torque_faults(record, level)
+
+
+def model_axes(model):
+    """(3,) mean direction of the joints' axes at zero, of a planar arm."""
+    return np.mean([np.abs(body.axis) for body in model.bodies[1:]], axis=0)
