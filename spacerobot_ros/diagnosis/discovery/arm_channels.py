@@ -20,8 +20,9 @@ from .time_sines import SWEEPS, time_sines
 FIFTHS = 5
 _HIGHEST = 2.0  # Hz, of sines of the time: half the band
 _SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
-REPLACEABLE = (*_SHAPES, 'joint_stiffness', 'joint_torque_ripple', 'joint_load_friction')
-"""Causes that are a form of the grammar, so that a law may stand in their place."""
+REPLACEABLE = ('joint_stiffness', 'joint_torque_ripple')
+"""Causes that are a form of the grammar, so that a law may stand in their place. No friction: on
+a UR10e laws would take the place of a shape of friction that has a name, and say no more."""
 
 
 @dataclass(frozen=True, eq=False)

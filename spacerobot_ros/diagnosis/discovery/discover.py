@@ -15,7 +15,7 @@ from ...estimation.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
 from ..arm_found import WORSE, ArmFound, is_clear, rms
 from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
-from .channel_laws import HeldLaw, laws_of, said_of, said_without
+from .channel_laws import HeldLaw, channel_name, laws_of, said_of, said_without
 from .discovery_limits import FED_IN, MARGIN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 from .law_search import Winner, worth
@@ -48,6 +48,8 @@ def discover(
     if not accepted:
         return found, tuple(said)
     extended, held = _applied(found, accepted, motions, replaced)
+    done = {entry.channel for entry in (*held, *said)}
+    said += [said_without(place, None) for place in replaced if channel_name(place) not in done]
     return extended, tuple(sorted([*held, *said], key=lambda entry: entry.channel))
 
 
@@ -131,7 +133,9 @@ def _applied(
         ]
         if not any(is_out):
             return fitted, [*said, *refused]
-        refused += [entry for entry, out in zip(said, is_out, strict=True) if out]
+        # of a law that is not applied causes are not said to have given way
+        entries = zip(said, pairs, is_out, strict=True)
+        refused += [entry for entry, (it, _), out in entries if out and not replaced[it.place]]
         pairs = [pair for pair, out in zip(pairs, is_out, strict=True) if not out]
 
 
