@@ -11,10 +11,11 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
-from operator import itemgetter
+from pathlib import Path
 from typing import Any, Protocol, TypeVar, cast
 
 from ..display import Section, Table
+from ..model.files import read_yaml
 
 _T = TypeVar('_T')
 
@@ -84,7 +85,6 @@ class Campaign:
         is_kept: Whether records are kept, to go on where it stopped, and tables stand in a file
             beside the page.
         alone: Beginnings of keys that are run before other processes compete.
-        key_of: The key of a record that was kept.
     """
 
     name: str
@@ -97,7 +97,6 @@ class Campaign:
     headlines: str = ''
     is_kept: bool = False
     alone: tuple[str, ...] = ()
-    key_of: Callable[[Record], str] = itemgetter('case')
 
     @property
     def file(self) -> str:
@@ -142,142 +141,14 @@ def without(record: Record, *names: str) -> Record:
     return {name: value for name, value in record.items() if name not in names}
 
 
-def _coverage_key(record: Record) -> str:
-    return key('coverage', record['axes'], record['seed']) if record['methods'] else ''
+def _described(name: str, values: dict[str, Any]) -> Campaign:
+    return Campaign(name=name, **{**values, 'alone': tuple(values.get('alone', ()))})
 
 
-WHEEL_MOMENTUM = Campaign(
-    name='wheel-momentum',
-    help="""\
-momentum-based identification of the captured wheels (docs/reproduction.md):
-minimal sets, condition numbers, Table III without and with noise, estimators against the
-Cramer-Rao bound, tracking with and without knowledge of the wheels (Figs 4-7), on the correct
-plant and on the one that the paper's equations describe""",
-    module='wheel_experiments',
-    title='Wheel-momentum identification, reproduced',
-    subtitle='Robot of Table I, motion of Table II; seeded, joint axes named by their letters',
-    runs=10,
-    quick_runs=2,
-    headlines='^condition.*symmetric moving|zyx, no_aam, correct',
-)
-COVERAGE = Campaign(
-    name='coverage',
-    help='wheel-momentum: do 95 % intervals hold in many runs?',
-    module='coverage',
-    title='Coverage of the stated standard deviations',
-    subtitle='Seeded noisy records of the motion of Table II, wrong inertial parameters',
-    runs=200,
-    quick_runs=12,
-    headlines='covered',
-    is_kept=True,
-    key_of=_coverage_key,
-)
-ADAPTIVE_CONTROL = Campaign(
-    name='adaptive-control',
-    help="""\
-adaptive control of base attitude and joints (docs/adaptive.md), on a robot of
-our own, since the paper's is not published: set-points with wrong parameters, Lambda sweep,
-harmonic tracking with all laws, inertia histories, noise, sampling limit, time of a cycle""",
-    module='adaptive_control',
-    title='Adaptive control of a mini space robot, reproduced',
-    subtitle="Our own robot (config/minisat.yaml): the paper's Table 1 is not published as text; "
-    'seeded',
-    runs=6,
-    quick_runs=2,
-    headlines='adaptive_rls.*worst of|^(noise|cycle|Lyapunov)',
-    alone=('["cycle"',),
-)
-DIAGNOSIS = Campaign(
-    name='diagnosis',
-    help="""\
-hidden effects found and named (docs/diagnosis.md): clean records, every effect at
-several strengths, pairs, triples, effects taken out of the catalogue; confusion, detection, false
-alarms. A night's work; --quick takes minutes""",
-    module='diagnosis_campaign',
-    title='Diagnosis: hidden effects, found and named',
-    subtitle="Seeded records of the project's own plant",
-    runs=600,
-    quick_runs=6,
-    is_kept=True,
-)
-MONITOR = Campaign(
-    name='monitor',
-    help="""\
-false alarms in nominal flight and delays of detection of the monitor node
-(docs/nodes/monitor.md): quarter hours without a fault, and faults of several sizes that set in""",
-    module='monitor_campaign',
-    title='Monitor: false alarms, and delays of detection',
-    subtitle='Seeded flights in closed loop, random motions, noise of the robot files',
-    runs=4,
-    quick_runs=2,
-    headlines='^alarms',
-    is_kept=True,
-)
-ARMS = Campaign(
-    name='arms',
-    help="""\
-causes named on arms whose noise nobody knows (docs/real_machines.md): simulated
-ones with a coloured leftover, as they should be and with one cause, alone and compared""",
-    module='arm_campaign',
-    title='Arms whose noise nobody knows: causes and changes, found and named',
-    subtitle='Seeded machines with a coloured leftover, torques by Pinocchio',
-    runs=300,
-    quick_runs=14,
-    headlines='name',
-    is_kept=True,
-)
-DISCOVERY = Campaign(
-    name='discovery',
-    help="""\
-laws that no catalogue knows, hidden in simulated arms (docs/discovery.md): inside
-and outside the grammar, at three times and once the noise, in noise of five colours; and machines
-without any""",
-    module='discovery_campaign',
-    title='What no catalogue knows: laws hidden and found',
-    subtitle='Seeded machines, torques by Pinocchio, noise of five colours',
-    runs=6,
-    quick_runs=1,
-    headlines='variables|discovery',
-    is_kept=True,
-)
-EVENTS = Campaign(
-    name='events',
-    help="""\
-pulses hidden in arms that move and that stand, in free bases with unknown wheels and in bodies
-without joints (docs/events.md): which are named, when and how large; what is named in quiet""",
-    module='event_campaign',
-    title='Events: pulses hidden and named, and what is named in quiet',
-    subtitle='Seeded machines, what is left of arms in five colours',
-    runs=20,
-    quick_runs=2,
-    headlines='false events',
-    is_kept=True,
-)
-FAULTS = Campaign(
-    name='faults',
-    help="""\
-odd messages, floods of them, streams that go astray, damaged bags, malformed files, processes that
-are killed (docs/faults.md): what ends a node, what passes for data. Needs ROS 2""",
-    module='.nodes.fault_campaign',
-    title='Faults: what ends a node, and what passes for data',
-    subtitle='Seeded; the servicer, all nodes',
-    runs=20,
-    quick_runs=1,
-    headlines='raised',
-    alone=('["kills"', '["starved"', '["floods"'),
-    is_kept=True,
-)
 EXPERIMENTS = {
-    c.name: c
-    for c in (
-        WHEEL_MOMENTUM,
-        ADAPTIVE_CONTROL,
-        DIAGNOSIS,
-        MONITOR,
-        ARMS,
-        DISCOVERY,
-        EVENTS,
-        FAULTS,
-    )
+    name: _described(name, values)
+    for name, values in read_yaml(Path(__file__).with_name('campaigns.yaml'), 'campaigns').items()
 }
-"""By the name of the sub-command; coverage is a campaign of the first."""
+"""By the name of the sub-command, as `campaigns.yaml` has them."""
+COVERAGE = EXPERIMENTS.pop('coverage')
+"""A campaign of the first."""

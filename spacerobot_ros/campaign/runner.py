@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from itertools import chain, islice, takewhile
-from operator import itemgetter
 from pathlib import Path
 from typing import IO, Any
 
@@ -31,11 +30,9 @@ class Kept:
 
     Args:
         path: The file; None keeps nothing.
-        key_of: The key of a record.
     """
 
     path: Path | None
-    key_of: Callable[[Record], str] = itemgetter('case')
 
     def read(self) -> list[Record]:
         """Finished tasks, none where nothing has begun; a line that was cut off is none.
@@ -65,7 +62,7 @@ class Kept:
         """The record that a line holds, None where it holds none."""
         try:
             record: Record = json.loads(line)
-            self.key_of(record)
+            str(record['case'])
         except (ValueError, TypeError, KeyError):
             return None
         return record
@@ -110,7 +107,7 @@ def finish(
     minutes: float = math.inf,
 ) -> Finished:
     """Run the trials of a campaign that a folder lacks; the folder exists, else as `complete`."""
-    kept = Kept(folder / campaign.file if campaign.file else None, campaign.key_of)
+    kept = Kept(folder / campaign.file if campaign.file else None)
     tasks = Tasks(run=campaign.load().run, kept=kept, alone=campaign.alone)
     return complete(tasks, keys, workers, done, minutes)
 
@@ -140,7 +137,7 @@ def complete(
         OSError: a record can't be written; those before it are kept.
     """
     last = time.monotonic() + 60.0 * minutes
-    there = {tasks.kept.key_of(record): record for record in tasks.kept.read()}
+    there = {record['case']: record for record in tasks.kept.read()}
     over = len(there.keys() & set(keys))
     done(over)
     missing = [key for key in keys if key not in there]

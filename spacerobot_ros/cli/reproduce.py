@@ -29,7 +29,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..campaign.description import COVERAGE, EXPERIMENTS, WHEEL_MOMENTUM, Campaign, Check
+from ..campaign.description import COVERAGE, EXPERIMENTS, Campaign, Check
 from ..display import KeyFigure, KeyFigures, Plot, Report, Section, Status, Table, table_of
 from ..errors import ConfigurationError
 from .options import (
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     started, campaign = time.monotonic(), EXPERIMENTS[args.experiment]
     folder = check_folder(args.out)  # before the work is done, not after
     folder.mkdir(parents=True, exist_ok=True)
-    if args.campaign and campaign is not WHEEL_MOMENTUM:
+    if args.campaign and campaign.name != 'wheel-momentum':
         raise ConfigurationError('--campaign coverage', 'belongs to wheel-momentum')
     campaign = COVERAGE if args.campaign else campaign
     experiment, workers = campaign.load(), workers_of(args, isolated=False)

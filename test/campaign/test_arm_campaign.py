@@ -7,7 +7,7 @@ import pytest
 
 from spacerobot_ros.campaign import arm_campaign as campaign
 from spacerobot_ros.campaign.arm_campaign import CAUSES, judge, results, run, tables, trials
-from spacerobot_ros.campaign.description import ARMS, key
+from spacerobot_ros.campaign.description import EXPERIMENTS, key
 from spacerobot_ros.campaign.real_arm import HIDDEN, JOINTS, RealArm, arm_file
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.main import main
@@ -113,7 +113,7 @@ def test_the_command_goes_on_where_it_stopped(tmp_path, capsys, monkeypatch):
     command = ['reproduce', 'arms', '--quick', '--jobs', '1', '--json', '--out']
     for _ in range(2):
         assert main([*command, str(tmp_path / 'new')]) == 1  # nothing is named first
-    lines = (tmp_path / 'new' / ARMS.file).read_text(encoding='utf-8').splitlines()
-    assert len(lines) == 2 * ARMS.quick_runs
+    lines = (tmp_path / 'new' / EXPERIMENTS['arms'].file).read_text(encoding='utf-8').splitlines()
+    assert len(lines) == 2 * EXPERIMENTS['arms'].quick_runs
     assert '"arms"' in capsys.readouterr().out
-    assert (tmp_path / 'new' / ARMS.markdown).exists()
+    assert (tmp_path / 'new' / EXPERIMENTS['arms'].markdown).exists()

@@ -31,7 +31,7 @@ def test_a_few_runs_are_covered(tmp_path, capsys):
     assert 'Coverage campaign' in (tmp_path / 'report.html').read_text(encoding='utf-8')
 
 
-def test_goes_on_where_an_older_file_stopped(tmp_path, monkeypatch):
+def test_goes_on_where_it_stopped(tmp_path, monkeypatch):
     calls = []
 
     def run(key):
@@ -40,14 +40,12 @@ def test_goes_on_where_an_older_file_stopped(tmp_path, monkeypatch):
         return made_up(axes, seed)
 
     monkeypatch.setattr(coverage, 'run', run)
-    old = [made_up(coverage.AXES[seed % 2], seed) for seed in range(3)]
-    text = ''.join(json.dumps(record) + '\n' for record in old)  # without keys
-    (tmp_path / COVERAGE.file).write_text(text, encoding='utf-8')
+    finish(COVERAGE, coverage.trials(3, False), tmp_path)
     runs = finish(COVERAGE, coverage.trials(50, False), tmp_path).records
-    assert calls == list(range(3, 50))
+    assert calls == list(range(50))
     assert [r['seed'] for r in runs] == list(range(50))
     assert len(finish(COVERAGE, coverage.trials(10, False), tmp_path).records) == 10
-    assert len(calls) == 47
+    assert len(calls) == 50
 
 
 def test_figures_of_errors_that_are_as_stated():

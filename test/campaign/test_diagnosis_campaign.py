@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from spacerobot_ros.campaign.description import DIAGNOSIS
+from spacerobot_ros.campaign.description import EXPERIMENTS
 from spacerobot_ros.campaign.diagnosis_campaign import HiddenCase, run, trials
 from spacerobot_ros.campaign.diagnosis_campaign_tables import CONFUSION, ROC
 from spacerobot_ros.campaign.diagnosis_draw import drawn, places
@@ -205,10 +205,10 @@ def test_page_and_files_of_scores(tmp_path):
         gyro: line('single', [GYRO], [GYRO]),
     }
     text = ''.join(json.dumps({**record, 'case': key}) + '\n' for key, record in records.items())
-    (tmp_path / DIAGNOSIS.file).write_text(text, encoding='utf-8')
+    (tmp_path / EXPERIMENTS['diagnosis'].file).write_text(text, encoding='utf-8')
     command = ['reproduce', 'diagnosis', '--quick', '--runs', '2', '--minutes', '1e-9']
     assert main([*command, '--jobs', '1', '--out', str(tmp_path)]) == 0
-    text = (tmp_path / DIAGNOSIS.markdown).read_text(encoding='utf-8')
+    text = (tmp_path / EXPERIMENTS['diagnosis'].markdown).read_text(encoding='utf-8')
     assert '| gyro_bias | 1.000 (0.207 to 1.000) of 1 |' in text
     for name in (ROC, CONFUSION):
         svg = ElementTree.fromstring((tmp_path / name).read_text(encoding='utf-8'))

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from spacerobot_ros.campaign import monitor_campaign as campaign
-from spacerobot_ros.campaign.description import MONITOR
+from spacerobot_ros.campaign.description import EXPERIMENTS
 from spacerobot_ros.campaign.monitor_campaign import faulty, judge, nominal, results, trials
 from spacerobot_ros.campaign.monitor_flights import FAULTS, Flight, in_flight
 from spacerobot_ros.cli.main import main
@@ -77,13 +77,13 @@ def test_a_quick_campaign_goes_on_where_it_stopped(tmp_path, capsys, monkeypatch
     )
     command = ['reproduce', 'monitor', '--quick', '--jobs', '1', '--json', '--out', str(tmp_path)]
     assert main(command) == 0
-    first = (tmp_path / MONITOR.file).read_text(encoding='utf-8')
+    first = (tmp_path / EXPERIMENTS['monitor'].file).read_text(encoding='utf-8')
     assert main(command) == 0
-    assert (tmp_path / MONITOR.file).read_text(encoding='utf-8') == first
+    assert (tmp_path / EXPERIMENTS['monitor'].file).read_text(encoding='utf-8') == first
     data = json.loads(capsys.readouterr().out.split('\n}\n')[0] + '\n}')
     assert data['monitor']['nominal']['servicer']['alarms'] == 0
     assert '| servicer | gyro bias | 0.001 rad/s | 1 of 1 | 2 | 9 | gyro x |' in (
-        tmp_path / MONITOR.markdown
+        tmp_path / EXPERIMENTS['monitor'].markdown
     ).read_text(encoding='utf-8')
 
 

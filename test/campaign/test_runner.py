@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from spacerobot_ros.campaign.description import MONITOR, Campaign, key, kinds
+from spacerobot_ros.campaign.description import EXPERIMENTS, Campaign, key, kinds
 from spacerobot_ros.campaign.runner import Kept, finish
 from spacerobot_ros.errors import RecordingError
 
@@ -32,7 +32,7 @@ class Rooted(Campaign):
 @pytest.fixture
 def campaign():
     """Return a campaign that keeps its records."""
-    given = {name: getattr(MONITOR, name) for name in Campaign.__dataclass_fields__}
+    given = {name: getattr(EXPERIMENTS['monitor'], name) for name in Campaign.__dataclass_fields__}
     return Rooted(**{**given, 'name': 'roots'}, seen=[])
 
 

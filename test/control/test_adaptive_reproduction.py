@@ -10,7 +10,7 @@ import pytest
 
 from spacerobot_ros.campaign import adaptive_control
 from spacerobot_ros.campaign.adaptive_judge import median, select, worst
-from spacerobot_ros.campaign.description import ADAPTIVE_CONTROL
+from spacerobot_ros.campaign.description import EXPERIMENTS
 from spacerobot_ros.campaign.runner import finish
 from spacerobot_ros.cli.main import main
 
@@ -54,7 +54,7 @@ def test_the_command_writes_its_page_and_lists_what_is_missed(short, tmp_path, c
 def one_diverged(short, tmp_path_factory):
     """Results of very short runs, one of which counts as diverged."""
     keys = adaptive_control.trials(1, True)
-    records = finish(ADAPTIVE_CONTROL, keys, tmp_path_factory.mktemp('one')).records
+    records = finish(EXPERIMENTS['adaptive-control'], keys, tmp_path_factory.mktemp('one')).records
     gone = ['harmonic', 'iid', 0.4, 'adaptive_rls', 'none', 0]
     for record in records:
         record |= {'diverged': True} if record.get('key') == gone else {}

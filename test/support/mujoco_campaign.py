@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from spacerobot_ros.campaign import diagnosis_campaign as campaign
-from spacerobot_ros.campaign.description import DIAGNOSIS
+from spacerobot_ros.campaign.description import EXPERIMENTS
 from spacerobot_ros.campaign.runner import finish
 from spacerobot_ros.display import Section, markdown
 from spacerobot_ros.effects.effect import Effect
@@ -151,15 +151,17 @@ def main() -> None:
     """Run what is missing, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--out', default='out/mujoco-campaign', type=Path)
-    parser.add_argument('--runs', default=DIAGNOSIS.runs, type=int, help='clean records')
+    parser.add_argument(
+        '--runs', default=EXPERIMENTS['diagnosis'].runs, type=int, help='clean records'
+    )
     parser.add_argument('--minutes', default=1e9, type=float, help='begin nothing new after that')
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     keys = campaign.trials(args.runs, False, 'support.mujoco_campaign')
-    records = finish(DIAGNOSIS, keys, args.out, minutes=args.minutes).records
+    records = finish(EXPERIMENTS['diagnosis'], keys, args.out, minutes=args.minutes).records
     results = campaign.results(records)
     tables = [Section(table.title, [table]) for table in campaign.tables(results)]
-    page = args.out / DIAGNOSIS.markdown
+    page = args.out / EXPERIMENTS['diagnosis'].markdown
     page.write_text(markdown('Diagnosis campaign on records of MuJoCo', tables), encoding='utf-8')
 
 
