@@ -17,19 +17,8 @@ from __future__ import annotations
 
 import argparse
 
-from .options import Subparsers, add_command, check_file
+from .options import check_file
 from .terminal import print_json, print_sections
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'check', __doc__).add_argument
-    add('data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')
-    add('--robot', metavar='YAML', help='robot file')
-    add('--map', metavar='YAML', help='column mapping of CSV, JSON or npz data (docs/data.md)')
-    add('--report', metavar='HTML', help='write a report with plots')
-    add('--force', action='store_true', help='replace a report that is there')
-    add('--json', action='store_true', help='print JSON, and nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -22,25 +22,10 @@ from __future__ import annotations
 import argparse
 import shlex
 
-from .options import Subparsers, add_command, add_recording_options, check_folder
+from .options import check_folder
 from .terminal import print_json, print_sections, progress
 
 JSON_NAME, REPORT_NAME = 'comparison.json', 'report.html'
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'compare', __doc__)
-    add_recording_options(parser)
-    add = parser.add_argument
-    add('first', metavar='BEFORE', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON')
-    add('second', metavar='AFTER', help='the same machine later')
-    add('--before', metavar='DATA', nargs='+', default=[], help='further recordings like BEFORE')
-    add('--after', metavar='DATA', nargs='+', default=[], help='further recordings like AFTER')
-    add('--robot', required=True, metavar='YAML', help='robot file')
-    add('--out', '-o', required=True, metavar='DIR', help='folder to write')
-    add('--force', action='store_true', help='replace an earlier comparison')
-    add('--json', action='store_true', help='print comparison.json, nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,15 +13,9 @@ from __future__ import annotations
 
 import argparse
 
-from .options import Subparsers, add_command
+from .options import Subparsers
 
 _FOLDERS = ('DIR', 'FOLDER')
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'completion', __doc__)
-    parser.add_argument('shell', choices=('bash', 'zsh'), help='which shell')
 
 
 def run(args: argparse.Namespace) -> int:

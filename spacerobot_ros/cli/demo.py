@@ -31,7 +31,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .options import Subparsers, add_command, check_folder, seed
+from .options import check_folder
 from .terminal import Stage, print_sections, progress
 
 if TYPE_CHECKING:
@@ -44,20 +44,6 @@ if TYPE_CHECKING:
 
 
 _BAGS = ('bag', 'bag_no_aam', 'bag_identified')
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'demo', __doc__).add_argument
-    add('--out', default='out/demo', metavar='DIR', help='folder for the results')
-    add('--robot', metavar='YAML', help='robot file (default: the servicer of the package)')
-    add('--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)")
-    add('--quick', action='store_true', help='identify from one pass of the motion, not from two')
-    add(
-        '--live',
-        action='store_true',
-        help='let other ROS 2 processes on this machine see the topics while it runs',
-    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -28,38 +28,8 @@ from __future__ import annotations
 
 import argparse
 
-from .options import Subparsers, add_command, add_recording_options, check_folder
+from .options import check_folder
 from .terminal import print_json, print_sections, progress
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'diagnose', __doc__)
-    add_recording_options(parser)
-    add = parser.add_argument
-    add(
-        'data',
-        metavar='DATA',
-        nargs='+',
-        help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON; several of one machine together',
-    )
-    add('--robot', required=True, metavar='YAML', help='robot file')
-    add('--out', '-o', required=True, metavar='DIR', help='folder to write')
-    add(
-        '--payload',
-        metavar='DATA',
-        nargs='+',
-        default=[],
-        help='further recordings, with a load at the end of an arm that the robot file lacks',
-    )
-    add('--score', metavar='DATA2', help='another recording: what the extended model misses of it')
-    add(
-        '--no-closed-loop',
-        action='store_true',
-        help='do not simulate what the extended model is worth to a controller',
-    )
-    add('--force', action='store_true', help='replace an earlier diagnosis')
-    add('--json', action='store_true', help='print diagnosis.json, nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

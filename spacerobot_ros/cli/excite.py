@@ -31,40 +31,14 @@ from typing import TYPE_CHECKING
 
 from ..display import Item, Section, table_of
 from ..errors import ConfigurationError
-from .options import Subparsers, add_command, check_file, positive_float, seed, whole_number
+from .options import check_file
 from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
     from ..effects.robot_file import RobotFile
     from ..excitation.separation import Place, Separated
 
-CRITERIA = ('information', 'condition', 'unit_condition')
-
 _NESTED = 1e-3  # sine of the angle between signatures; below, one is a special case of the other
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'excite', __doc__).add_argument
-    add('--robot', required=True, metavar='YAML', help='robot file')
-    add(
-        '-o', '--output', required=True, metavar='YAML', help='robot file with the motion to write'
-    )
-    add(
-        '--separate',
-        nargs=2,
-        metavar='EFFECT[@WHERE]',
-        help='design the motion that tells two effects of the diagnosis apart instead',
-    )
-    add('--criterion', choices=CRITERIA, help="what to optimize (default: file's)")
-    add('--duration', type=positive_float, metavar='S', help="of the motion (default: the file's)")
-    add(
-        '--starts', type=whole_number(1), metavar='N', help="starting points (default: the file's)"
-    )
-    add('--seed', type=seed, metavar='N', help="seed of the starting points (default: the file's)")
-    add('--report', metavar='HTML', help='write a report with plots')
-    add('--force', action='store_true', help='replace files that are there')
-    add('--json', action='store_true', help='print JSON, and nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

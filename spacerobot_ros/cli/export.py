@@ -19,18 +19,8 @@ from __future__ import annotations
 import argparse
 
 from ..display import Section
-from .options import Subparsers, add_command, check_file
+from .options import check_file
 from .terminal import print_json, print_sections
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'export', __doc__).add_argument
-    add('--robot', required=True, metavar='YAML', help='robot file')
-    add('--to', required=True, choices=('mjcf', 'urdf'), help='format')
-    add('-o', '--output', required=True, metavar='FILE', help='file to write')
-    add('--force', action='store_true', help='replace a file that is there')
-    add('--json', action='store_true', help='print JSON, and nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

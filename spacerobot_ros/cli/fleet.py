@@ -30,10 +30,6 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError
 from .options import (
-    Subparsers,
-    add_command,
-    add_recording_options,
-    add_worker_options,
     check_folder,
     tell,
     workers_of,
@@ -42,23 +38,6 @@ from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
     from ..fleet.single import Recording
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'fleet', __doc__)
-    add_recording_options(parser)
-    add = parser.add_argument
-    add('data', metavar='DATA', nargs='+', help='recordings, and folders of recordings')
-    add('--robot', required=True, metavar='YAML', help='robot file of all machines')
-    add('--out', '-o', required=True, metavar='DIR', help='folder to write')
-    add(
-        '--closed-loop',
-        action='store_true',
-        help='simulate what each extended model is worth to a controller, too',
-    )
-    add('--json', action='store_true', help='print what was said of every recording as JSON')
-    add_worker_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..display import Section, Table
 from ..errors import IdentificationError
-from .options import Subparsers, add_command, add_recording_options, check_file
+from .options import check_file
 from .terminal import print_json, print_sections
 
 if TYPE_CHECKING:
@@ -32,26 +32,6 @@ if TYPE_CHECKING:
     from ..identification.estimate import Estimate
     from ..model.robot import Robot
     from ..recording.record import Record
-
-METHODS = ('ml', 'recursive', 'ls')
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'identify', __doc__)
-    add_recording_options(parser)
-    add = parser.add_argument
-    add('bag', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')
-    add('--robot', required=True, metavar='YAML', help='robot file')
-    add('--method', choices=METHODS, default='ml', help='estimator')
-    add(
-        '--manifold',
-        choices=('physical', 'linear'),
-        help='ml only: over physical bodies, or over the free minimal set (default: robot file)',
-    )
-    add('--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF')
-    add('--force', action='store_true', help='overwrite what --write names')
-    add('--json', action='store_true', help='print JSON, and nothing else')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -28,7 +28,7 @@ from collections.abc import Sequence
 
 from ..errors import SpaceRobotError
 from ..interrupts import interruptible
-from .options import Formatter, help_texts
+from .options import Formatter, add_command, help_texts
 
 COMMANDS = {
     'demo': 'the whole loop on ROS 2 nodes, with a report',
@@ -89,9 +89,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(words: Sequence[str], asked: str) -> int:
     """Parse, with the parser of the one command that is asked for, and run it.
 
-    A sub-command is a light module with `add_parser(subparsers)` and `run(args) -> int` that
-    imports what is heavy inside `run`; its docstring is its help. Only the one that is asked for
-    is imported at all.
+    A sub-command is a light module with `run(args) -> int` that imports what is heavy inside it;
+    its docstring is its help, its arguments stand in `options.yaml`, and `known()`, where there is
+    one, says what these take from the code. Only the one that is asked for is imported at all.
     """
     args = _parser(asked).parse_args(words)
     return int(importlib.import_module(f'{__package__}.{asked}').run(args))
@@ -111,7 +111,9 @@ def _parser(*asked: str) -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)
     for name, summary in COMMANDS.items():
         if name in asked:
-            importlib.import_module(f'{__package__}.{name}').add_parser(subparsers)
+            command = importlib.import_module(f'{__package__}.{name}')
+            known = command.known() if hasattr(command, 'known') else {}
+            add_command(subparsers, name, command.__doc__, **known)
         else:
             subparsers.add_parser(name, help=summary)
     return parser

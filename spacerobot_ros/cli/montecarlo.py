@@ -39,11 +39,7 @@ from typing import TYPE_CHECKING
 
 from ..display import Section
 from .options import (
-    Subparsers,
-    add_command,
-    add_worker_options,
     check_folder,
-    whole_number,
     workers_of,
 )
 from .terminal import print_json, print_sections, progress
@@ -52,30 +48,6 @@ if TYPE_CHECKING:
     from ..campaign.ranges import Ranges
 
 _BLOCKS = {False: 4, True: 500}  # runs of a task: seconds of work
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    parser = add_command(subparsers, 'montecarlo', __doc__)
-    add = parser.add_argument
-    add('ranges', metavar='RANGES', help='YAML of what is drawn')
-    add('--robot', required=True, metavar='YAML', help='robot file: what the controller believes')
-    add('--out', '-o', required=True, metavar='DIR', help='folder to write')
-    add('--runs', type=whole_number(1), metavar='N', help="in place of the file's")
-    add(
-        '--dynamics',
-        action='store_true',
-        help='dynamics alone: computed torque in continuous time, exact sensors; a hundred times '
-        'as fast',
-    )
-    add(
-        '--replay',
-        type=whole_number(0),
-        metavar='RUN',
-        help='one run again: its numbers and, but for --dynamics, its bag in DIR/run_RUN',
-    )
-    add('--json', action='store_true', help='print percentiles and worst runs as JSON')
-    add_worker_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -9,8 +9,10 @@ import argparse
 import math
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError
@@ -43,49 +45,69 @@ def help_texts(text: str | None) -> dict[str, Any]:
 
 
 def add_command(
-    subparsers: Subparsers[argparse.ArgumentParser], name: str, text: str | None
+    subparsers: Subparsers[argparse.ArgumentParser],
+    name: str,
+    text: str | None,
+    choices: Mapping[str, Sequence[str]] | None = None,
+    **words: str,
 ) -> argparse.ArgumentParser:
-    """The parser of a command of `spacerobot`, whose module has the docstring `text`."""
-    texts = help_texts(text)
+    """The parser of a command of `spacerobot`, its arguments those of `options.yaml`.
+
+    Args:
+        subparsers: Of `spacerobot`.
+        name: Of the command.
+        text: Docstring of its module.
+        choices: Of arguments, where the code knows them.
+        words: What is put into the texts, by its name in braces.
+    """
+    texts: dict[str, Any] = {key: _with(words, value) for key, value in help_texts(text).items()}
     # shells show the first line beside the name
     summary = texts['description'].partition('\n')[0].replace('%', '%%')
-    return subparsers.add_parser(name, help=summary, formatter_class=Formatter, **texts)
+    parser = subparsers.add_parser(name, help=summary, formatter_class=Formatter, **texts)
+    add_arguments(parser, name, choices or {}, words)
+    return parser
 
 
-def add_recording_options(parser: argparse.ArgumentParser) -> None:
-    """How recordings are read."""
-    add = parser.add_argument
-    add('--map', metavar='YAML', help='column mapping of CSV, JSON or npz data (docs/data.md)')
-    add(
-        '--split-gaps',
-        action='store_true',
-        help='take a recording as several, split at long pauses and where a table begins anew',
-    )
+def add_arguments(
+    parser: argparse.ArgumentParser,
+    group: str,
+    choices: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    words: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Add the arguments that stand below a name in `options.yaml`."""
+    for entry in _arguments()[group]:
+        if isinstance(entry, str):
+            add_arguments(parser, entry, choices, words)
+            continue
+        ((key, given),) = entry.items()
+        spec = dict(given) if isinstance(given, Mapping) else {'help': given}
+        names = [word for word in key.split() if word == word.lower()]
+        of_value = key.split()[len(names) :]
+        own = choices.get(names[0].lstrip('-'))
+        spec |= {'metavar': of_value[0]} if of_value else {}
+        spec |= {'choices': tuple(own)} if own else {}
+        if names[0].startswith('-') and not of_value and 'choices' not in spec:
+            spec['action'] = 'store_true'
+        if kind := spec.get('type'):
+            spec['type'] = positive_float if kind == 'positive' else whole_number(*kind)
+        parser.add_argument(*names, **{**spec, 'help': _with(words, spec['help'])})
 
 
-def add_worker_options(parser: argparse.ArgumentParser) -> None:
-    """Who does the work (docs/fleet.md)."""
-    add = parser.add_argument
-    add('--jobs', type=whole_number(1), metavar='N', help='processes (default: one a core)')
-    add(
-        '--scheduler',
-        default='',
-        metavar='ADDRESS',
-        help='Dask cluster that does the work, such as tcp://10.0.0.1:8786, in place of processes',
-    )
-    add('--memory', type=positive_float, metavar='GB', help='of a process (default: its share)')
-    add(
-        '--timeout',
-        type=positive_float,
-        default=3600.0,
-        metavar='S',
-        help='time after which a task hangs, and is tried again elsewhere',
-    )
-    add('--dashboard', action='store_true', help="Dask's page of the work, on this machine only")
+@cache
+def _arguments() -> dict[str, list[Any]]:
+    from ..model.files import read_yaml
+
+    return dict(read_yaml(Path(__file__).with_name('options.yaml'), 'arguments'))
+
+
+def _with(words: Mapping[str, str], text: str) -> str:
+    for name, word in words.items():
+        text = text.replace(f'{{{name}}}', word)
+    return text
 
 
 def workers_of(args: argparse.Namespace, *, isolated: bool) -> Workers:
-    """Who works, from the options of `add_worker_options`.
+    """Who works, from the options of `workers` in `options.yaml`.
 
     Args:
         args: Parsed.
@@ -143,9 +165,6 @@ def whole_number(least: int, most: float = math.inf) -> Callable[[str], int]:
         return value
 
     return parse
-
-
-seed = whole_number(0)
 
 
 def check_file(path: str, force: bool, source: str = '') -> Path:

@@ -27,18 +27,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..campaign.description import COVERAGE, EXPERIMENTS, Campaign, Check
 from ..display import KeyFigure, KeyFigures, Plot, Report, Section, Status, Table, table_of
 from ..errors import ConfigurationError
 from .options import (
-    Subparsers,
-    add_command,
-    add_worker_options,
     check_folder,
-    positive_float,
-    whole_number,
     workers_of,
 )
 
@@ -46,38 +41,15 @@ if TYPE_CHECKING:
     from ..campaign.runner import Finished
 
 
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    campaigns = '\n\n'.join(map(_help, EXPERIMENTS.values()))
-    parser = add_command(
-        subparsers, 'reproduce', (__doc__ or '').replace('{campaigns}', campaigns)
-    )
-    add = parser.add_argument
-    add('experiment', choices=tuple(EXPERIMENTS), help='which experiments')
-    add('--json', action='store_true', help='print JSON, and nothing else')
-    add('--out', default='out/reproduce', metavar='DIR', help='folder to write to')
-    add_worker_options(parser)
-    add(
-        '--minutes',
-        type=positive_float,
-        metavar='M',
-        help='of campaigns that go on where they stopped: begin nothing new after that time '
-        '(default: none)',
-    )
-    add('--quick', action='store_true', help='a fifth of the work')
-    add(
-        '--campaign',
-        choices=(COVERAGE.name,),
-        help=f'{COVERAGE.help.replace("%", "%%")} {_goes_on(COVERAGE)}',
-    )
-    runs = ', '.join(f'{c.name} {c.runs}' for c in (*EXPERIMENTS.values(), COVERAGE))
-    add(
-        '--runs',
-        type=whole_number(2, 10_000),
-        metavar='N',
-        help='noisy records an estimator, wrong priors a law, clean records, or quarter hours of '
-        f'nominal flight a robot (default: {runs}; fewer with --quick)',
-    )
+def known() -> dict[str, Any]:
+    """What the arguments' texts and choices take from the code."""
+    every = (*EXPERIMENTS.values(), COVERAGE)
+    return {
+        'choices': {'experiment': tuple(EXPERIMENTS), 'campaign': (COVERAGE.name,)},
+        'campaigns': '\n\n'.join(map(_help, EXPERIMENTS.values())),
+        'coverage': f'{COVERAGE.help.replace("%", "%%")} {_goes_on(COVERAGE)}',
+        'runs': ', '.join(f'{c.name} {c.runs}' for c in every),
+    }
 
 
 def _help(campaign: Campaign) -> str:

@@ -17,18 +17,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .options import Subparsers, add_command, check_file
-
-
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'show', __doc__).add_argument
-    add('data', metavar='DATA', help='rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz)')
-    add('--robot', required=True, metavar='YAML', help='robot file')
-    add('-o', '--output', required=True, metavar='HTML', help='page to write')
-    add('--map', metavar='YAML', help='column mapping of CSV, JSON or npz data (docs/data.md)')
-    add('--no-prediction', action='store_true', help="leave the model's ghost out")
-    add('--force', action='store_true', help='replace a page that is there')
+from .options import check_file
 
 
 def run(args: argparse.Namespace) -> int:

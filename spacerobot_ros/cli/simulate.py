@@ -25,11 +25,10 @@ import shutil
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError
 from ..model.motion_settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
-from .options import Subparsers, add_command, positive_float, seed
 from .terminal import progress
 
 if TYPE_CHECKING:
@@ -39,30 +38,9 @@ _LAST_STAMP = 2**31 - 1  # s, of builtin_interfaces/Time
 _STEP_BYTES = 500  # of joints and commands in a period, at least
 
 
-def add_parser(subparsers: Subparsers[argparse.ArgumentParser]) -> None:
-    """Add the sub-command's arguments."""
-    add = add_command(subparsers, 'simulate', __doc__).add_argument
-    add('--robot', required=True, metavar='YAML', help='robot file')
-    add('-o', '--output', required=True, metavar='BAG', help='folder to create')
-    add(
-        '--duration',
-        type=positive_float,
-        metavar='S',
-        help='simulated time [s] (default: reference.duration of the robot file)',
-    )
-    add('--seed', type=seed, metavar='N', help="seed of the sensor noise (default: the file's)")
-    add(
-        '--law',
-        choices=(*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS),
-        help="control law (default: the file's)",
-    )
-    add(
-        '--reference',
-        choices=('fourier', 'harmonic', 'hold', 'set_point', 'step'),
-        help="motion to follow (default: the file's)",
-    )
-    add('--no-noise', action='store_true', help='exact sensors')
-    add('--force', action='store_true', help='replace a bag that is there')
+def known() -> dict[str, Any]:
+    """What the arguments' texts and choices take from the code."""
+    return {'choices': {'law': (*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS)}}
 
 
 def run(args: argparse.Namespace) -> int:

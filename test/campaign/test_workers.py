@@ -137,7 +137,7 @@ def test_without_dask_there_is_one_process(monkeypatch, capsys):
 
     monkeypatch.setattr(workers_module, 'has_dask', lambda: False)
     parser = argparse.ArgumentParser()
-    options.add_worker_options(parser)
+    options.add_arguments(parser, 'workers')
     found = options.workers_of(parser.parse_args(['--jobs', '4']), isolated=True)
     assert found.number == 0
     assert capsys.readouterr().err.count('\n') == 1
