@@ -102,43 +102,38 @@ def cause_name(cause: Row) -> str:
 
 def _quantities(one: Row) -> Iterator[tuple[str, str, float | None, float | None]]:
     """Name, unit, value and standard deviation of all that may drift."""
+    yield from _estimates(one)
+    for r in one['residuals']:
+        yield f'residual {r["channel"]}', r['unit'], r['rms_before'], None
+
+
+def _estimates(one: Row) -> Iterator[tuple[str, str, float | None, float | None]]:
+    """The same of what was estimated."""
     for cause in one['causes']:
         for name, p in cause['parameters'].items():
             yield f'{cause_name(cause)}.{name}', p['unit'] or '1', p['value'], p['std']
     for link, axes in one['momentum'].items():
         for axis, p in zip(_AXES, axes, strict=True):
             yield f'wheel_momentum@{link}.{axis}', 'N m s', p['value'], p['std']
-    for r in one['residuals']:
-        yield f'residual {r["channel"]}', r['unit'], r['rms_before'], None
 
 
 def _row(one: Row) -> dict[str, Any]:
     row = {
         'recording': one['name'],
-        'machine': one['machine'],
-        'path': one['path'],
-        'time': one.get('time'),
+        **{name: one.get(name) for name in ('machine', 'path', 'time')},
         'duration [s]': one.get('duration'),
-        'verdict': one.get('verdict'),
-        'error': one['error'],
+        **{name: one.get(name) for name in ('verdict', 'error')},
         'causes': None if one['error'] else '; '.join(map(cause_name, one['causes'])),
         'health': None if one['error'] else '; '.join(one['health']) or 'good',
         'run time [s]': one.get('run_time'),
-        'version': one.get('version'),
-        'report': one.get('report'),
+        **{name: one.get(name) for name in ('version', 'report')},
     }
     if one['error']:
         return row
     gain = one['gain']
     row |= {'held out before [1]': gain['before'], 'held out after [1]': gain['after']}
-    for cause in one['causes']:
-        for name, p in cause['parameters'].items():
-            row[f'{cause_name(cause)}.{name} [{p["unit"] or "1"}]'] = p['value']
-            row[f'{cause_name(cause)}.{name} std'] = p['std']
-    for link, axes in one['momentum'].items():
-        for axis, p in zip(_AXES, axes, strict=True):
-            row[f'wheel_momentum@{link}.{axis} [N m s]'] = p['value']
-            row[f'wheel_momentum@{link}.{axis} std'] = p['std']
+    for name, unit, value, std in _estimates(one):
+        row |= {f'{name} [{unit}]': value, f'{name} std': std}
     for r in one['residuals']:
         for name in ('rms_before', 'rms_after', 'noise_floor'):
             row[f'{r["channel"]} {name} [{r["unit"]}]'] = r[name]

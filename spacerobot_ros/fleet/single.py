@@ -207,30 +207,27 @@ def _said(answer: Findings) -> dict[str, Any]:
         'causes': [
             {
                 'effect': cause.applied.id,
-                'where': cause.applied.where,
-                'title': cause.applied.title,
+                **_values(cause.applied, 'where title'),
                 'parameters': {
-                    name: {'value': p.value, 'std': p.std, 'unit': p.unit}
-                    for name, p in cause.parameters.items()
+                    n: _values(p, 'value std unit') for n, p in cause.parameters.items()
                 },
             }
             for cause in diagnosis.causes
         ],
         'momentum': _momentum(answer),
         'residuals': [
-            {
-                'channel': r.channel,
-                'unit': r.unit,
-                'rms_before': r.rms_before,
-                'rms_after': r.rms_after,
-                'noise_floor': r.noise_floor,
-            }
+            _values(r, 'channel unit rms_before rms_after noise_floor')
             for r in diagnosis.residuals
         ],
-        'gain': {'before': diagnosis.gain.before, 'after': diagnosis.gain.after},
+        'gain': _values(diagnosis.gain, 'before after'),
         'health': _health(record, answer),
         'version': __version__,
     }
+
+
+def _values(of: object, names: str) -> dict[str, Any]:
+    """Some attributes by their names."""
+    return {name: getattr(of, name) for name in names.split()}
 
 
 def _date(stamp_ns: int) -> str | None:
