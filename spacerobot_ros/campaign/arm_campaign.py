@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..diagnosis.answer.result import Estimated, Rival
 from ..diagnosis.arm_conclusion import conclude_arm
 from ..diagnosis.arms import find_arm_causes
 from ..diagnosis.change_conclusion import conclude_changes
@@ -32,6 +31,7 @@ from ..estimation.observations import observed
 from ..estimation.scaling import PROPORTIONAL
 from ..types import Array
 from .description import Check, Record, Results, grouped, key
+from .diagnosis_judge import cause_record
 from .real_arm import HIDDEN, RealArm, arm_file
 from .shares import share_of
 
@@ -217,7 +217,7 @@ def _diagnosed(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[Record], Sel
     found = find_arm_causes([record], file.robot, file.effects, kinds, lambda what, share: None)
     causes = conclude_arm(found, None, ()).causes
     return [
-        _plain(c.applied.id, c.applied.where, c.parameters, c.rivals) for c in causes
+        cause_record(c.applied.id, c.applied.where, c.parameters, c.rivals) for c in causes
     ], found.selection
 
 
@@ -227,22 +227,10 @@ def _compared(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[Record], Sele
     before, after = [RealArm(seed).record(0)], [RealArm(seed, hidden).record(1)]
     found = compare(before, after, file.robot, file.effects)
     changes = conclude_changes(found).changes
-    return [_plain(c.effect, c.where, c.parameters, ()) for c in changes], found.selection
+    return [cause_record(c.effect, c.where, c.parameters, ()) for c in changes], found.selection
 
 
 _ASKED = {'diagnose': _diagnosed, 'compare': _compared}
-
-
-def _plain(
-    effect: str, where: str | None, parameters: Mapping[str, Estimated], rivals: Sequence[Rival]
-) -> Record:
-    """A cause with its values and their standard deviations."""
-    return {
-        'effect': effect,
-        'where': where,
-        'rivals': [[r.effect, r.where] for r in rivals],
-        'values': {name: [e.value, e.std] for name, e in parameters.items()},
-    }
 
 
 def _drawn(selection: Selection, cause: str, rng: np.random.Generator) -> Effect | None:

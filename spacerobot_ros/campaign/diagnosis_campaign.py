@@ -29,7 +29,7 @@ from .description import Record, grouped
 from .diagnosis_campaign_tables import drawings as drawings
 from .diagnosis_campaign_tables import tables as tables
 from .diagnosis_draw import drawn, places
-from .diagnosis_judge import NOT_SIMULATED, REFUSED
+from .diagnosis_judge import NOT_SIMULATED, REFUSED, cause_record
 from .diagnosis_scenario import DURATION, truth_of
 from .diagnosis_score import judge as judge
 from .diagnosis_score import results as results
@@ -232,18 +232,11 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
         'null_p': diagnosis.null_p,
         'evidence': max((r.evidence for r in diagnosis.ranking), default=0.0),
         'after': diagnosis.gain.after,
-        'causes': [_plain(cause) for cause in diagnosis.causes],
-        'minor': [_plain(cause) for cause in diagnosis.minor],
+        'causes': [_named(cause) for cause in diagnosis.causes],
+        'minor': [_named(cause) for cause in diagnosis.minor],
     }
 
 
-def _plain(cause: Cause) -> dict[str, Any]:
-    """A cause with its values and their standard deviations."""
-    return {
-        'effect': cause.applied.id,
-        'where': cause.applied.where,
-        'rivals': [[r.effect, r.where] for r in cause.rivals],
-        'values': {
-            name: [estimated.value, estimated.std] for name, estimated in cause.parameters.items()
-        },
-    }
+def _named(cause: Cause) -> Record:
+    a = cause.applied
+    return cause_record(a.id, a.where, cause.parameters, cause.rivals)

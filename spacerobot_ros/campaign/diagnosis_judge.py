@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..diagnosis.answer.result import Estimated, Rival
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..effects.parameter import Parameter
@@ -49,6 +50,18 @@ Late clocks are not, either: joints late by t look like gyro and tracker early b
 is."""
 
 _PAIRS = {frozenset(entry[:2]) for entry in EQUIVALENTS}
+
+
+def cause_record(
+    effect: str, where: str | None, parameters: Mapping[str, Estimated], rivals: Iterable[Rival]
+) -> Line:
+    """A cause as records have it: its rivals, its values with their standard deviations."""
+    return {
+        'effect': effect,
+        'where': where,
+        'rivals': [[rival.effect, rival.where] for rival in rivals],
+        'values': {name: [e.value, e.std] for name, e in parameters.items()},
+    }
 
 
 def is_equivalent(one: tuple[str, str | None], other: tuple[str, str | None]) -> bool:
