@@ -10,7 +10,7 @@ from ...effects.learned_torque import LearnedTorque
 from ...estimation.prediction_rows import LABELS
 from ...types import Array
 from ..answer.result import Estimated, LawRival, Leftover
-from .discovery_limits import AGREEING, BEYOND_PLACEBO, HELD_OUT, NEEDS_OTHER, OWN_SHARE
+from .discovery_limits import AGREEING, BEYOND_PLACEBO, DEAD_HEAT, HELD_OUT, NEEDS_OTHER, OWN_SHARE
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
 from .possible_laws import Law, is_of_another
@@ -110,6 +110,8 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     if own is None:
         return True
     alone = parts.judge(own, others, has_placebo=False)
+    if not search.channel.place:  # in flight noise is known, and squares over it are nats
+        return alone.left - out.left > 2.0 * DEAD_HEAT
     return out.left <= NEEDS_OTHER * alone.left or alone.share <= OWN_SHARE * out.share
 
 
