@@ -38,8 +38,7 @@ from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
 from .maximum_likelihood import Known, MaximumLikelihood, prepare
-from .outliers import without_outliers
-from .pauses import LONGEST_PAUSE, common_time, first_pause
+from .outliers import LONGEST_PAUSE, common_time, first_pause, without_outliers
 from .saved_knowledge import load, save
 from .summary import Identification, Source, conclude, nothing_known
 from .validity_limits import FIRST, MOVED

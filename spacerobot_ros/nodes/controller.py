@@ -27,7 +27,7 @@ from ..recording.message_types import composer, encoded
 from ..ros import convert
 from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
-from ..ros.scheduling import answer_first
+from ..ros.run_node import answer_first
 from .base import SensorNode
 from .controller_status import (
     adaptation_status,

@@ -14,9 +14,8 @@ from ..campaign.description import Check, Record, Results, grouped, key, kinds
 from ..display import Table, table_of
 from ..ros.convert import estimate_message
 from ..ros.session import Session
-from .floods import FLOODED, flooded
-from .kills import RELEASED, STOPPED, broken_in_the_loop
 from .message_fuzz import interleaved
+from .process_faults import FLOODED, RELEASED, STOPPED, broken_in_the_loop, flooded
 from .process_loop import resident
 from .program import NODES
 from .wrong_streams import (

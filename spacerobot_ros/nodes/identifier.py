@@ -25,7 +25,7 @@ from ..ros import convert
 from ..ros.convert import compose
 from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
-from ..ros.scheduling import give_way
+from ..ros.run_node import give_way
 from ..sensing.faults import SensorFaults
 from .base import SensorNode, outliers
 from .beside import Beside

@@ -28,7 +28,7 @@ from ..recording.buffer import sensors_of
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
-from ..ros.scheduling import give_way
+from ..ros.run_node import give_way
 from .base import TOPICS, SensorNode, outliers
 from .event_recorder import EventRecorder
 

@@ -22,7 +22,7 @@ from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import SAMPLES, STATE, best_effort
-from spacerobot_ros.ros.scheduling import answer_first, give_way
+from spacerobot_ros.ros.run_node import answer_first, give_way
 
 pytestmark = pytest.mark.ros
 

@@ -20,7 +20,7 @@ from support.bench import MS, NAMES, Bench
 from spacerobot_ros.campaign import damage
 from spacerobot_ros.campaign.diagnosis_scenario import packaged
 from spacerobot_ros.nodes import fault_campaign as campaign
-from spacerobot_ros.nodes import floods, process_loop, wrong_streams
+from spacerobot_ros.nodes import process_faults, process_loop, wrong_streams
 from spacerobot_ros.nodes.message_fuzz import Patient, is_finite, spoilt
 from spacerobot_ros.nodes.program import NODES
 from spacerobot_ros.nodes.simulator import SimulatorNode
@@ -214,7 +214,7 @@ def test_a_loop_that_harms_is_seen():
 
 
 def test_half_of_a_flood_is_odd():
-    kind, messages = floods._messages('/imu/data', 1)
+    kind, messages = process_faults._messages('/imu/data', 1)
     clean = CanonicalMessages(type_name(kind))  # what is in the gaps is chance
     good = {clean(serialize_message(m)) for name, m in campaign.flight() if name == '/imu/data'}
     share = sum(clean(message) in good for message in messages) / len(messages)
@@ -222,7 +222,7 @@ def test_half_of_a_flood_is_odd():
 
 
 def test_a_flood_of_torques_moves_no_plant():
-    _, messages = floods._messages('/base_torque', 1)
+    _, messages = process_faults._messages('/base_torque', 1)
     assert all(b'nowhere' in message for message in messages)
 
 
