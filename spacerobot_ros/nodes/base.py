@@ -235,7 +235,7 @@ class SensorNode(RobotNode):
 
         Args:
             why: In words.
-            jump_ns: By how much stamps jumped [ns]; None: /clock went back.
+            jump_ns: By how much stamps jumped [ns]; None: back, and /clock with them.
         """
         self.restart(why)
 
@@ -274,7 +274,7 @@ class SensorNode(RobotNode):
             on_clock_change=False,
         )
         self._jump = self.get_clock().create_jump_callback(
-            moves, post_callback=lambda jump: self._on_clock(jump.delta.nanoseconds < 0)
+            moves, post_callback=lambda _: self._use(self._jumps.judge_held(self.now_ns()))
         )
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -315,17 +315,6 @@ class SensorNode(RobotNode):
         stamp, *content = read(message)
         self._use(self._jumps.judge(Sample(sensor, stamp, tuple(content)), self._clock_ns))
 
-    def _on_clock(self, is_back: bool) -> None:
-        """/clock moved: back, or to where stamps that were doubted are."""
-        now_ns = self.now_ns()
-        if is_back and (self._jumps.newest_ns or 0) > now_ns + self.jump_ns:
-            held = self._jumps.clear()
-            self.latest = {}
-            self.begin_segment('/clock went back', None)
-            for sample in held:
-                self._use(self._jumps.judge(sample, lambda: now_ns))
-        self._use(self._jumps.judge_held(now_ns))
-
     def _clock_ns(self) -> int | None:
         """Time of /clock [ns]; None where the node runs on another one."""
         return self.now_ns() if self.get_clock().ros_time_is_active else None
@@ -337,8 +326,14 @@ class SensorNode(RobotNode):
         jump_ns = judgement.jump_ns
         if jump_ns is not None and not 0 <= jump_ns <= self.bridged_ns:
             self.latest = {}
-            where = TOPICS[judgement.taken[0].sensor][0]
-            self.begin_segment(f'stamps of {where} jumped by {jump_ns * 1e-9:.3f} s', jump_ns)
+            where, now_ns = TOPICS[judgement.taken[0].sensor][0], self._clock_ns()
+            is_now = (
+                now_ns is not None and abs(judgement.taken[-1].stamp_ns - now_ns) <= self.jump_ns
+            )
+            if jump_ns < 0 and is_now:  # a wrong /clock alone goes nowhere
+                self.begin_segment('/clock went back', None)
+            else:
+                self.begin_segment(f'stamps of {where} jumped by {jump_ns * 1e-9:.3f} s', jump_ns)
         for sensor, stamp, content in judgement.taken:
             try:
                 self.take(sensor, stamp, *content)

@@ -74,6 +74,18 @@ def test_a_time_before_zero_on_clock_ends_no_node(node):
         assert patient.node.now_ns() == 5000 * MS
 
 
+def test_a_wrong_time_on_clock_begins_no_motion_anew():
+    with Session() as session:
+        patient = wrong_streams.patient_of(session, 'controller')
+        patient.node.restart = patient.node.begin_segment = None  # not to be called
+        for k, (topic, message) in enumerate(campaign.flight()):
+            if patient.hears(topic):
+                patient.give(topic, message)
+                if k % 50 == 20:
+                    patient.give('/clock', Clock(clock=compose.time(0)))
+        assert patient.node.last_command.mode == 'tracking'
+
+
 def test_what_a_node_raises_or_says_is_seen(monkeypatch):
     from spacerobot_ros.nodes.controller import ControllerNode
 
