@@ -21,13 +21,14 @@ from scipy.signal import savgol_filter
 from ...dynamics.equations import joint_torques
 from ...model.robot import Robot
 from ...model.robot_settings import COMPENSATED
-from ...types import Array
+from ...types import Array, BoolArray
 from ..record import Record
 from .kinematics import DEGREES
 from .thresholds import (
     ALIKE,
     FEWEST_SAMPLES,
     GAIN,
+    MOVED,
     ROWS,
     SPAN,
     SPOILED,
@@ -142,7 +143,8 @@ class _Torques:
     def unlike(self, slip: _Slip) -> Array:
         """(2, n) share of each joint's torque that the model does not explain, the slip undone.
 
-        As it is, and with friction and bias taken out of both.
+        As it is, and with friction and bias taken out of both; none of a joint at rest, which
+        friction holds under any torque.
         """
         position, rate, acceleration = map(slip.undone, self.motion)
         measured = slip.undone(self.effort, effort=True)
@@ -156,9 +158,13 @@ class _Torques:
             # of any scale would look right.
             model = model - (lacking & (not slip.gravity)) * weight
             measured = measured + (~lacking & slip.gravity) * weight
-        return np.array(
-            [_shares(*columns) for columns in zip(model.T, measured.T, rate.T, strict=True)]
-        ).T
+        columns = zip(model.T, measured.T, rate.T, strict=True)
+        return np.array([_shares(*each) for each in columns]).T * self.moves
+
+    @property
+    def moves(self) -> BoolArray:
+        """(n,) whether a joint moves."""
+        return np.asarray(np.ptp(self.motion[0], axis=0) > MOVED)
 
     def turned_base(self) -> Iterator[_Slip]:
         """Gravity along the direction that the efforts want, where that is another one.
@@ -167,7 +173,12 @@ class _Torques:
         own torque; the length is the robot file's.
         """
         robot, length = self.robot, float(np.linalg.norm(self.robot.gravity))
-        if robot.is_free or not length or COMPENSATED in robot.effort_kinds:
+        if (
+            robot.is_free
+            or not length
+            or COMPENSATED in robot.effort_kinds
+            or not self.moves.any()
+        ):
             return
         position, rate, acceleration = self.motion
         model = [
@@ -179,12 +190,12 @@ class _Torques:
         ]
         columns = np.stack([self.effort - model[0], *model[1:]])
         rows = []
-        for j, scale in enumerate(np.sqrt(np.mean(self.effort**2, axis=0))):
+        for j in np.flatnonzero(self.moves):
             others = _others(rate[:, j])
-            left = columns[:, :, j].T / max(scale, 1e-12)
+            left = columns[:, :, j].T / max(float(np.std(self.effort[:, j])), 1e-12)
             rows.append(left - others @ np.linalg.lstsq(others, left, rcond=None)[0])
         known = np.vstack(rows)
-        gravity = np.linalg.lstsq(known[:, 1:], known[:, 0], rcond=None)[0]
+        gravity = np.asarray(np.linalg.lstsq(known[:, 1:], known[:, 0], rcond=None)[0], float)
         if not np.any(gravity):
             return
         gravity *= length / np.linalg.norm(gravity)

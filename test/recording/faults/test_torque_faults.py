@@ -175,3 +175,11 @@ def test_a_base_that_is_turned(known):
 def model_axes(model):
     """(3,) mean direction of the joints' axes at zero, of a planar arm."""
     return np.mean([np.abs(body.axis) for body in model.bodies[1:]], axis=0)
+
+
+def test_joints_at_rest_hold_any_torque(known):
+    """Motors that are idle while brakes hold: their efforts are no weight, and no slip."""
+    record, model = known['ground']
+    still = np.tile(record.q[:1], (len(record.q), 1))
+    at_rest = JointSeries(record.joints.names, record.joints.stamp_ns, still, effort=0.0 * still)
+    assert not find_torque_faults(replace(record, joints=at_rest), model)
