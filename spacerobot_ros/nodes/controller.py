@@ -20,6 +20,7 @@ from trajectory_msgs.msg import JointTrajectory
 from ..control.controllers import FreeFlyingController
 from ..control.loop import Command, ControlLoop
 from ..control.plausible import EstimateCheck
+from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..recording.buffer import check_later
@@ -28,7 +29,7 @@ from ..ros import convert
 from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.run_node import answer_first
-from .base import SensorNode
+from .base import TOPICS, SensorNode
 from .controller_status import (
     adaptation_status,
     control_status,
@@ -239,7 +240,11 @@ class ControllerNode(SensorNode):
     def _answer(self, joints: tuple[Any, ...]) -> None:
         self._pairing.waiting = None
         if self.is_active:
-            self._answered = self.loop.add_joints(*joints)
+            try:
+                self._answered = self.loop.add_joints(*joints)
+            except MessageRejectedError as error:  # perhaps asked for by another sensor's sample
+                self.health.reject(TOPICS['joints'][0], error)
+                return
             self._publish(self._answered)
 
     def _repeat(self, stamp: int) -> None:

@@ -451,6 +451,19 @@ def test_lockstep_waits_for_the_gyro_of_the_same_stamp(rig, servicer):
     rig.until(lambda: bench.answered() == [0, 10, 20])
 
 
+def test_joints_that_waited_and_can_not_be_answered_end_nothing(rig, servicer):
+    bench = Bench(rig, servicer, **{'simulator.lockstep': True})
+    bench.joint(0, qd=(1e200, 0.0, 0.0))  # no gyro comes: a timer answers
+    rig.until(lambda: bench.node.health.count('/joint_states') == 1)
+    bench.joint(10, qd=(1e200, 0.0, 0.0))
+    bench.gyro(10)
+    assert bench.node.health.count('/joint_states') == 2
+    assert bench.node.health.count() == 2
+    bench.gyro(20)
+    bench.joint(20)
+    assert bench.answered() == [20]
+
+
 def test_a_repeated_sample_gets_its_answer_again(bench):
     bench.sample(0)
     bench.joint(0)
