@@ -224,7 +224,8 @@ class Search:
     def _choose(self, fit: Fit, wanted: Sequence[Judged]) -> tuple[Fit, list[Choice]]:
         """The best of the shortlist, and of its like elsewhere, each fitted as it really is.
 
-        Several simpler ones take its place where they do better together.
+        Several simpler ones take its place where they do better together by more than its freedom
+        alone may have cost it.
         """
         tried = shortlist(wanted)
         fits = [self._with(fit, j) for j in tried]
@@ -235,7 +236,7 @@ class Search:
         top = order[0]
         if len(simpler := self._simpler(fit, wanted, tried[top])) > 1:
             together, choices = self._all(fit, simpler)
-            if together.evidence > fits[top].evidence:
+            if together.evidence > fits[top].evidence and not is_rival(fits[top], together):
                 return together, choices
         rivals = tuple(
             (*tried[i].candidate.key, fits[top].evidence - fits[i].evidence)
