@@ -96,9 +96,9 @@ noise of the sensors to be tried: what a mass matrix at other angles, and a nois
 itself estimated, may be off by. On measured arms 10 to 100 times are left."""
 
 OTHERS = 0.1
-"""Share of what a cause adds to all parts that parts other than the best must have: what a tenth
-of the information predicts has three times the standard deviation. What is in one part alone is no
-machine's: a blip of a logger's clock passed for a rotor inertia."""
+"""Share of what a cause gains in its best part of the data that the next one must gain: what a
+tenth of the information predicts has three times the standard deviation. What is in one part alone
+is no machine's: a blip of a logger's clock passed for a rotor inertia."""
 
 TELLING = 0.01
 """Share of what all recordings say of a cause from which one says something: a prediction from a

@@ -338,9 +338,12 @@ def holds(gains: Array) -> bool:
     """Whether a cause predicts parts of the data that it was not fitted to.
 
     The worst part loses less than half of what the others gain, and of three or more no single
-    one has nearly all that is gained: it would be judged by next to nothing.
+    one decides: all others gain together, and the next one shows the same.
     """
     total, worst = float(np.sum(gains)), min(float(np.min(gains)), 0.0)
     if total <= HELD_OUT or -worst > 0.5 * (total - worst):
         return False
-    return len(gains) < 3 or total - float(np.max(gains)) > OTHERS * total
+    if len(gains) < 3:
+        return True
+    *_, second, best = np.sort(gains).tolist()
+    return bool(total > best and second > OTHERS * best)

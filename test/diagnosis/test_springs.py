@@ -63,12 +63,12 @@ def test_a_spring_between_guesses_of_its_rest_is_first(tmp_path):
 
 def test_a_spring_is_named_where_another_cause_proves_unsound(tmp_path, monkeypatch):
     """A motor that gives nothing takes most of the misfit, but is no constant cause."""
-    preferred, shortlist = OTHERS[0], search._shortlist
+    preferred, shortlist = OTHERS[0], search.shortlist
 
     def partial(wanted):
         return [j for j in wanted if j.candidate.kind.id == preferred][:1] or shortlist(wanted)
 
-    monkeypatch.setattr(search, '_shortlist', partial)
+    monkeypatch.setattr(search, 'shortlist', partial)
     record, robot = spring(tmp_path, 'joint_1', -0.19, 2, 'measured')
     assert_found(diagnose(record, robot, catalogue=[CATALOGUE[e] for e in (*OTHERS, SPRING)]))
 
