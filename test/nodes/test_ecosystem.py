@@ -14,11 +14,11 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 from support.bench import MS, NAMES
 
-from spacerobot_ros.nodes import controller, identifier, monitor
 from spacerobot_ros.nodes.base import TOPICS
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.monitor import MonitorNode
+from spacerobot_ros.nodes.program import program
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import SAMPLES, STATE, best_effort
@@ -256,10 +256,8 @@ def test_all_threads_of_a_controller_answer_first_where_that_is_permitted(monkey
 
 
 @pytest.mark.parametrize(
-    ('module', 'schedule'),
-    [(controller, answer_first), (identifier, give_way), (monitor, give_way)],
-    ids=['controller', 'identifier', 'monitor'],
+    ('node', 'schedule'),
+    [('controller', answer_first), ('identifier', give_way), ('monitor', give_way)],
 )
-def test_who_answers_goes_before_who_looks_on(monkeypatch, module, schedule):
-    monkeypatch.setattr(module, 'run_node', lambda *a: a)
-    assert module.main()[2] is schedule
+def test_who_answers_goes_before_who_looks_on(node, schedule):
+    assert program(node).keywords['schedule'] is schedule

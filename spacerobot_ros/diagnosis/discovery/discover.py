@@ -59,7 +59,7 @@ def _asked(
     """Laws of a joint, what else won there, and the causes in whose place these laws stand.
 
     Several causes can stand in for one law, a spring and a ripple for a spring that stiffens:
-    where laws explain more in their place, by all prices, they are none.
+    where fewer laws explain more in their place, by all prices, they are none.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
     channel = JointChannel(motions, j, found.levels[j], chosen)
@@ -69,12 +69,12 @@ def _asked(
         for i in found.clear
         if candidates[i].where == channel.place and candidates[i].kind.id in REPLACEABLE
     )
-    if instead:
+    if len(instead) > 1:
         kept = tuple(i for i in chosen if i not in instead)
         other = JointChannel(motions, j, found.levels[j], kept)
         laws, left = laws_of(other)
         beyond = worth(other, [it.step for it in laws]) - worth(channel, [it.step for it in held])
-        if laws and beyond > MARGIN:
+        if 0 < len(laws) < len(instead) and beyond > MARGIN:
             return other, laws, left, instead
     return channel, held, rest, ()
 
