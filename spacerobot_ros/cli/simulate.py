@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError
-from ..model.motion_settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
+from ..model.control_settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
 from .terminal import progress
 
 if TYPE_CHECKING:

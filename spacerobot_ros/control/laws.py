@@ -35,7 +35,7 @@ from ..effects.motion import Motion
 from ..errors import ConfigurationError
 from ..identification.estimate import Estimate
 from ..identification.reduced import EstimatedDynamics
-from ..model.motion_settings import COMPUTED_TORQUE_LAWS
+from ..model.control_settings import COMPUTED_TORQUE_LAWS
 from ..model.robot import Robot
 from ..types import Array, Vector3
 from .command import Feedback, Torque

@@ -13,7 +13,7 @@ import numpy as np
 from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..identification.estimate import Estimate
-from ..model.motion_settings import ADAPTIVE_LAWS
+from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..recording.buffer import check_later

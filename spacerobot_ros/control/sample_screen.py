@@ -16,7 +16,7 @@ import numpy as np
 
 from ..dynamics.rotation import rotation_between
 from ..identification.outliers import FURTHEST
-from ..model.motion_settings import ControllerSettings
+from ..model.control_settings import ControllerSettings
 from ..model.robot_settings import SensorSettings
 from ..types import Array, Quaternion, Vector3
 from .command import NS

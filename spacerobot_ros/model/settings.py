@@ -14,13 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from .motion_settings import (
-    AdaptationSettings,
-    ControllerSettings,
-    ExcitationSettings,
-    InitialSettings,
-    ReferenceSettings,
-)
+from .control_settings import AdaptationSettings, ControllerSettings
+from .motion_settings import ExcitationSettings, InitialSettings, ReferenceSettings
 from .robot_settings import RobotSettings, SensorSettings
 from .schema import FloatList, FreeMaps, TextList, param, parse_section
 

@@ -17,13 +17,14 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from ..errors import SimulationDivergedError
-from ..model.motion_settings import ADAPTIVE_LAWS
+from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
 from ..recording import messages
 from ..recording.message_types import composer, encoded
 from ..ros.diagnostics import ERROR, OK, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES, STATE
-from ..simulation.plant import THRUSTERS, Firings, Plant
+from ..simulation.firings import THRUSTERS, Firings
+from ..simulation.plant import Plant
 from ..simulation.truth import build_plant, build_sensors, wheels_of
 from .base import RobotNode
 from .commands import Answer, HeldCommands

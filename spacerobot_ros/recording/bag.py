@@ -20,11 +20,11 @@ from ..model.robot import Robot
 from ..types import Array, IntArray
 from . import messages
 from .bag_storage import StoredMessages, read_messages
-from .mapped_columns import SI_UNITS
 from .mapped_inputs import INPUTS
 from .message_types import decoded
 from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, shown
 from .series import InputSeries
+from .units import SI_UNITS
 
 LATE_LIMIT = 10  # messages in a row behind the newest stamp: more is a clock that jumped back
 _TYPES = {

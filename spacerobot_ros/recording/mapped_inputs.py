@@ -18,20 +18,11 @@ import numpy as np
 from ..errors import RecordingError
 from ..model.robot import Robot
 from ..types import Array, BoolArray
-from .mapped_columns import (
-    CURRENT,
-    FIELD,
-    FORCE,
-    LENGTH,
-    SI_UNITS,
-    TORQUE,
-    ColumnReader,
-    is_current,
-    spread,
-)
+from .mapped_columns import ColumnReader, spread
 from .mapping import ColumnMapping, EffortColumns, MappedColumns
 from .robot_inputs import EXTRA
 from .series import InputSeries
+from .units import CURRENT, FIELD, FORCE, LENGTH, SI_UNITS, TORQUE, is_current
 
 
 def check_kinds(place: str, robot: Robot | None, columns: Iterable[tuple[str, str, str]]) -> None:

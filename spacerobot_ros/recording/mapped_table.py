@@ -16,13 +16,14 @@ from scipy.spatial.transform import Rotation
 from ..errors import RecordingError
 from ..model.robot import Robot
 from ..types import Array
-from .mapped_columns import ANGLE, ANGULAR_RATE, FORCE, LENGTH, LINEAR_RATE, TORQUE, ColumnReader
+from .mapped_columns import ColumnReader
 from .mapped_inputs import read_efforts, read_inputs
 from .mapping import DIRECTIONS, AttitudeColumns, ColumnMapping, JointColumns, MappedColumns
 from .messages import NORM_LIMIT
 from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record
 from .robot_inputs import order_of
 from .table import FORMATS, SampleTable, kind_of, read_table
+from .units import ANGLE, ANGULAR_RATE, FORCE, LENGTH, LINEAR_RATE, TORQUE
 
 _JOINT_UNITS = (('position', ANGLE, LENGTH), ('velocity', ANGULAR_RATE, LINEAR_RATE))
 _MAY_LACK = ('position', 'velocity', 'effort', 'enabled')  # what a joint may have no sensor for

@@ -16,7 +16,8 @@ from ..simulation.replay.scene import scene_of
 from . import diagnosis_plots as curves
 from . import diagnosis_tables as tables
 from .diagnosis_tables import is_balance
-from .event_tables import event_table, leftover_items, limit_table, possible_lines
+from .event_tables import event_table, limit_table, possible_lines
+from .leftover_tables import leftover_items
 
 _SHORT = 20  # characters of a cell that stays on one line
 _SIGNALS, _SPECTRA = 3, 3

@@ -15,7 +15,8 @@ from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events
 from ..display import Section, Table, table_of
 from ..formats import number, percent, probability, value_with
-from .event_tables import event_table, leftover_lines, limit_table, possible_lines
+from .event_tables import event_table, limit_table, possible_lines
+from .leftover_tables import leftover_lines
 
 RATIOS = 'ratios, which hold for any scale of the torques'
 _RANKED = 10  # rows

@@ -1,16 +1,12 @@
-"""Events, and what a leftover depends on: tables and lines for page and terminal."""
+"""Events in tables, the same on the page and in the terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-import yaml
-
-from ..diagnosis.answer.extended_model import effects_section
-from ..diagnosis.answer.result import Diagnosis, Leftover, Order
 from ..diagnosis.events.event import Event, EventLimit, Events, PossibleEvent
-from ..display import Item, Table, table_of
-from ..formats import UNTESTED, number, percent, probability, value_with
+from ..display import Table, table_of
+from ..formats import number
 
 _REASONS = {
     'weak': 'below the limit',
@@ -63,93 +59,3 @@ def _peaks(event: Event) -> str:
 
 def _span(event: PossibleEvent) -> str:
     return f'{event.start:.2f} to {event.end:.2f} s'
-
-
-_HEAD = (
-    'channel',
-    'depends on',
-    'form',
-    'coefficients',
-    'resembles',
-    'p',
-    'held out',
-    'placebo',
-    'other recording',
-)
-
-
-def leftover_lines(diagnosis: Diagnosis) -> list[str]:
-    """One line a channel of which something can be said."""
-    laws = [_line(entry) for entry in diagnosis.leftover or () if _says_something(entry)]
-    return [*laws, *(_order_line(order) for order in diagnosis.orders or ())]
-
-
-def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
-    """For the page: a table, and the YAML entry of every law, to paste under `effects`."""
-    yield _table(
-        diagnosis,
-        'p: of such a law by chance; held out: share that it explains of parts it was not fitted '
-        'to, placebo: the best of columns without meaning; other recording: share of one that was '
-        'not used.',
-    )
-    yield from (_order_line(order) for order in diagnosis.orders or ())
-    for entry in diagnosis.leftover or ():
-        if entry.applied is not None:
-            section = effects_section([entry.applied])
-            text = yaml.safe_dump(section, sort_keys=False, default_flow_style=True, width=1e9)
-            yield (
-                f'To keep the law of {entry.channel} in a robot file, under a name of yours, '
-                f'paste under effects: {text.strip().removeprefix("{").removesuffix("}")}'
-            )
-
-
-def _table(diagnosis: Diagnosis, caption: str) -> Table:
-    rows = [
-        (
-            entry.channel,
-            ', '.join(entry.depends_on),
-            entry.form or '',
-            _coefficients(entry),
-            entry.resembles,
-            '' if entry.p_value is None else probability(entry.p_value),
-            *(
-                '' if share is None else percent(share, nothing=UNTESTED)
-                for share in (entry.held_out_gain, entry.placebo_gain, entry.other_recording)
-            ),
-        )
-        for entry in diagnosis.leftover or ()
-    ]
-    return Table(_HEAD, rows, caption)
-
-
-def _order_line(order: Order) -> str:
-    """A candidate of the catalogue, as an entry of a robot file."""
-    return (
-        f'{order.joint}: its raw effort has a line at {order.order:.1f} periods a turn (p '
-        f'{probability(order.p_value)}); as an entry of effects: ripple_{order.joint}: {{effect: '
-        f'joint_torque_ripple, where: {order.joint}, amplitude: {order.amplitude:.3g}, harmonic: '
-        f'{order.order:.1f}, phase: {order.phase:.3g}}}'
-    )
-
-
-def _says_something(entry: Leftover) -> bool:
-    return entry.form is not None or entry.p_value is not None or entry.one_speed
-
-
-def _line(entry: Leftover) -> str:
-    if entry.form is None:
-        speed = ' (it moves at one speed only: see what to fly next)' if entry.one_speed else ''
-        return f'{entry.channel}: {entry.resembles}{speed}'
-    learned = '' if entry.applied is None else f', in the extended model as {entry.applied.name}'
-    rivals = '; or '.join(f'{r.form} of {", ".join(r.depends_on)}' for r in entry.rivals)
-    return (
-        f'{entry.channel}: {entry.resembles}: {entry.form} of {", ".join(entry.depends_on)} '
-        f'({_coefficients(entry)}), explains {percent(entry.held_out_gain or 0.0)} of left-out '
-        f'parts{learned}{f"; or {rivals}" if rivals else ""}'
-    )
-
-
-def _coefficients(entry: Leftover) -> str:
-    return ', '.join(
-        f'{value_with(c.value, c.std)} +- {number(c.std, 2)} {c.unit}' for c in entry.coefficients
-    )

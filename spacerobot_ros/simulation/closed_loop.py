@@ -24,7 +24,7 @@ from ..model.settings import Settings
 from ..recording.bag_writer import BagWriter
 from ..sensing.sensors import SensorSamples
 from ..types import Array
-from .plant import THRUSTERS, Firings
+from .firings import THRUSTERS, Firings
 from .truth import build_plant, build_sensors, sample_messages
 
 

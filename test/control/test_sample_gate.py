@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.control.sample_screen import ErrorScale, SampleScreen
-from spacerobot_ros.model.motion_settings import ControllerSettings
+from spacerobot_ros.model.control_settings import ControllerSettings
 from spacerobot_ros.model.robot_settings import SensorSettings
 
 PERIOD, MS = 0.01, 1_000_000

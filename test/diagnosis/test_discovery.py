@@ -15,7 +15,7 @@ from spacerobot_ros.diagnosis.discovery.other_recording import judged_on
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.recording.record import to_stamps
 from spacerobot_ros.recording.series import InputSeries
-from spacerobot_ros.report.event_tables import leftover_items, leftover_lines
+from spacerobot_ros.report.leftover_tables import leftover_items, leftover_lines
 
 FEW = [CATALOGUE[f'joint_{name}_friction'] for name in ('coulomb', 'viscous')]
 MOVING, DURATION = ('joint_2', 'joint_3'), 20.0

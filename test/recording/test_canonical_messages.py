@@ -9,9 +9,9 @@ import pytest
 from rosbags.interfaces import Nodetype
 
 from spacerobot_ros.errors import MessageRejectedError
+from spacerobot_ros.recording.cdr import Layout
 from spacerobot_ros.recording.message_types import (
     CanonicalMessages,
-    Layout,
     composer,
     decoded,
     encoded,

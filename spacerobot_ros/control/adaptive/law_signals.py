@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ...errors import ConfigurationError
-from ...model.motion_settings import AdaptationSettings
+from ...model.control_settings import AdaptationSettings
 from ...model.settings import Settings
 from ...types import Array, Quaternion, Vector3
 

@@ -16,7 +16,8 @@ from ...control.loop import ControlLoop
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
 from ...errors import ConfigurationError, SpaceRobotError
-from ...model.motion_settings import COMPUTED_TORQUE_LAWS, ReferenceSettings
+from ...model.control_settings import COMPUTED_TORQUE_LAWS
+from ...model.motion_settings import ReferenceSettings
 from ...model.settings import Settings, TruthSettings
 from ...simulation.closed_loop import ClosedLoop
 from ...types import Array
