@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .schema import FloatList, param
+from .schema import TIMES, FloatList, param
 
 ADAPTIVE_LAWS = (
     'passivity',
@@ -56,8 +56,8 @@ class ControllerSettings:
     torque_limit: FloatList = param((), 'N m', above=0.0)
     base_torque_limit: FloatList = param((), 'N m', above=0.0)
     damping: float = param(1.0, '1/s', minimum=0.01, maximum=100.0)
-    state_timeout: float = param(0.1, 's', minimum=1e-6, maximum=1e9)
-    attitude_timeout: float = param(1.0, 's', minimum=1e-6, maximum=1e9)
+    state_timeout: float = param(0.1, 's', **TIMES)
+    attitude_timeout: float = param(1.0, 's', **TIMES)
     hold_compensation: bool = param(True)
     save_parameters: str = param('')
     save_file: str = param('')

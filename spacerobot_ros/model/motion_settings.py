@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .schema import FloatList, param
+from .schema import TIMES, FloatList, param
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class ReferenceSettings:
     kind: str = param(
         'hold', choices=('hold', 'fourier', 'set_point', 'step', 'harmonic', 'topic')
     )
-    duration: float = param(20.0, 's', minimum=1e-6, maximum=1e9)
+    duration: float = param(20.0, 's', **TIMES)
     harmonics: int = param(3, minimum=1, maximum=20)
     sine: FloatList = param((), 'rad/s')
     cosine: FloatList = param((), 'rad/s')
@@ -73,7 +73,7 @@ class ExcitationSettings:
         seed: Seed of the starting points.
     """
 
-    duration: float = param(20.0, 's', minimum=1e-6, maximum=1e9)
+    duration: float = param(20.0, 's', **TIMES)
     harmonics: int = param(3, minimum=1, maximum=20)
     start: str = param('auto', choices=('auto', 'initial', 'rest', 'spin_up'))
     joint_range: FloatList = param((3.0543261909900763,), 'rad', above=0.0)

@@ -87,6 +87,13 @@ class Allowed(Bounds):
                 self.check(entry, where, self.unit)
 
 
+LONGEST = 1e9
+"""Longest time [s] and highest rate [Hz]: whole nanoseconds of it fill a ninth of 64 bits."""
+
+TIMES = {'minimum': 1e-6, 'maximum': LONGEST}
+"""Limits of a time or rate that is not zero."""
+
+
 def param(default: Any = MISSING, unit: str = '', **limits: Any) -> Any:
     """A field of a settings dataclass, see `Allowed`; without a default it must be given."""
     return field(default=default, metadata={'allowed': Allowed(unit=unit, **limits)})

@@ -17,7 +17,7 @@ from typing import Any
 from .control_settings import AdaptationSettings, ControllerSettings
 from .motion_settings import ExcitationSettings, InitialSettings, ReferenceSettings
 from .robot_settings import RobotSettings, SensorSettings
-from .schema import FloatList, FreeMaps, TextList, param, parse_section
+from .schema import LONGEST, TIMES, FloatList, FreeMaps, TextList, param, parse_section
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,13 +47,13 @@ class IdentifierSettings:
     structure: str = param('symmetric', choices=('symmetric', 'generic'))
     manifold: str = param('physical', choices=('physical', 'linear'))
     nuisances: TextList = param(('gyro_bias', 'torque_hold'))
-    torque_hold_period: float = param(0.0, 's', minimum=0.0, maximum=1e9)
-    solve_period: float = param(1.0, 's', minimum=1e-6, maximum=1e9)
+    torque_hold_period: float = param(0.0, 's', minimum=0.0, maximum=LONGEST)
+    solve_period: float = param(1.0, 's', **TIMES)
     prior_std: float = param(1.0, above=0.0)
     momentum_prior_std: float = param(1000.0, 'N m s', above=0.0)
     valid_std: float = param(0.05, above=0.0)
     lateness: float = param(0.5, 's', minimum=0.0, maximum=10.0)
-    buffer: float = param(120.0, 's', minimum=1e-6, maximum=1e9)
+    buffer: float = param(120.0, 's', **TIMES)
     save_file: str = param('')
 
 
@@ -80,8 +80,8 @@ class MonitorSettings:
 
     learn: float = param(8.0, 's', minimum=3.0, maximum=120.0)
     block: float = param(1.0, 's', minimum=0.2, maximum=10.0)
-    false_alarm_interval: float = param(3600000.0, 's', minimum=3600.0, maximum=1e9)
-    clear_after: float = param(5.0, 's', minimum=0.0, maximum=1e9)
+    false_alarm_interval: float = param(3600000.0, 's', minimum=3600.0, maximum=LONGEST)
+    clear_after: float = param(5.0, 's', minimum=0.0, maximum=LONGEST)
     whiteness_window: float = param(30.0, 's', minimum=5.0, maximum=600.0)
     target_momentum: str = param('estimated', choices=('estimated', 'believed'))
     on_event: str = param('report', choices=('report', 'damp', 'hold'))
@@ -135,15 +135,15 @@ class SimulatorSettings:
     period: float = param(0.01, 's', minimum=1e-6, maximum=1.0)
     substeps: int = param(1, minimum=1, maximum=1000)
     integrator: str = param('dop853', choices=('dop853', 'rk4'))
-    joint_rate: float = param(100.0, 'Hz', minimum=1e-6, maximum=1e9)
-    imu_rate: float = param(100.0, 'Hz', minimum=1e-6, maximum=1e9)
-    attitude_rate: float = param(10.0, 'Hz', minimum=1e-6, maximum=1e9)
+    joint_rate: float = param(100.0, 'Hz', **TIMES)
+    imu_rate: float = param(100.0, 'Hz', **TIMES)
+    attitude_rate: float = param(10.0, 'Hz', **TIMES)
     noise: bool = param(True)
     seed: int = param(1, minimum=0)
     lockstep: bool = param(False)
-    lockstep_timeout: float = param(5.0, 's', minimum=1e-6, maximum=1e9)
+    lockstep_timeout: float = param(5.0, 's', **TIMES)
     real_time_factor: float = param(1.0, minimum=1e-6, maximum=1e6)
-    command_timeout: float = param(0.5, 's', minimum=1e-6, maximum=1e9)
+    command_timeout: float = param(0.5, 's', **TIMES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
