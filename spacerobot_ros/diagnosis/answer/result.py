@@ -28,7 +28,7 @@ class Evidence:
     """How surely a cause is one; nan is what was not computed.
 
     Args:
-        log_likelihood_gain: On the first part of the record.
+        log_likelihood_gain: On the whole record, beside the other causes.
         bic_gain: The same against the price of its parameters.
         p_value: Of such a gain by chance, for one candidate.
         held_out_gain: Share of the held-out excess misfit that it removes, from 0 to 1.
