@@ -45,10 +45,11 @@ def started(robot: str) -> list[subprocess.Popen]:
     common = ['--ros-args', '--params-file', robot]
     for setting in ('simulator.lockstep:=false', 'reference.repeat:=true'):
         common += ['-p', setting]
-    commands = [
-        ['-m', f'spacerobot_ros.nodes.{node}', *common, '-p', f'use_sim_time:={node != NODES[0]}']
-        for node in NODES
-    ]
+    commands = []
+    for node in NODES:
+        clock = ['-p', f'use_sim_time:={node != NODES[0]}']
+        begin = f'from spacerobot_ros.nodes.entry import {node}; {node}()'
+        commands.append(['-c', begin, *common, *clock])
     return [subprocess.Popen([sys.executable, *c]) for c in (*commands, [__file__, '--echo'])]
 
 

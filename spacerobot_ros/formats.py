@@ -1,8 +1,9 @@
-"""Numbers as text, for people: as many digits as are known, and words where there is no number."""
+"""Numbers and units as text for people: as many digits as are known; words where none are."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 SMALLEST = 1e-99  # probability that is worth its digits
 UNTESTED = 'not tested'
@@ -51,3 +52,19 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def either(units: Iterable[str]) -> str:
+    """Unit of what has several, such as `N m or N` of joints of which some slide."""
+    return ' or '.join(dict.fromkeys(units))
+
+
+def counted(count: int, one: str, many: str = '') -> str:
+    """How many of something there are, such as `1 table` and `2 tables`.
+
+    Args:
+        count: Their number.
+        one: What one is called.
+        many: What others are called, where an `s` does not do.
+    """
+    return f'{count} {one if count == 1 else many or f"{one}s"}'

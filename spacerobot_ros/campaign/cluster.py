@@ -27,6 +27,7 @@ from distributed import Client, Future, LocalCluster, wait
 
 from .. import __version__
 from ..errors import ConfigurationError
+from ..formats import counted
 from .workers import ATTEMPTS, Outcome, Workers, attempt, in_a_line
 
 _HOST = '127.0.0.1'
@@ -154,7 +155,7 @@ class _Spread:
                 if why:
                     self._workers.notice(f'worker {address} is not used: {why}')
         if there and not any(self._fits[address] for address in there):
-            why = f'none of its {len(there)} workers fits: '
+            why = f'none of {counted(len(there), "worker")} fits: '
             why += _difference(own, said[new[0]]) if new else 'they have other versions'
             raise ConfigurationError(f'--scheduler {self._workers.scheduler}', why)
         return [address for address in there if self._fits[address]]

@@ -21,6 +21,7 @@ from ..effects.learned_torque import LearnedTorque
 from ..effects.motion import Motion
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed
+from ..estimation.rows import Rows
 from ..estimation.runs import Run
 from ..recording.record import Record
 from ..types import Array
@@ -46,7 +47,7 @@ class LawFlight:
     Args:
         seed: Of robot, place and noise.
         law: One of `FLOWN`; empty: none.
-        ratio: Rms of the law by that of a joint's torque noise in the band.
+        ratio: Rms of the law by that of what its sensors' noise leaves of its torque in the band.
         base: `FREE` or `FIXED`.
     """
 
@@ -73,39 +74,47 @@ class LawFlight:
         hidden = [self._hidden] if self._law else []
         return simulated(self._name, 'fast', self._seed, hidden, _DURATION)
 
-    @cached_property
+    @property
     def motion(self) -> Motion:
         """That of the record, without the law."""
-        return self._motion(self._seed)
+        return self._quiet.motion
+
+    @cached_property
+    def _quiet(self) -> Rows:
+        return self._rows(self._seed)
 
     @cached_property
     def _hidden(self) -> Effect:
-        quiet = self.motion
-        noise = float(self._robot.sensors.std('joint_effort') or 0.0)
-        size = self._ratio * noise * np.sqrt(_BAND * float(np.median(np.diff(quiet.time))))
+        """By its squares over the noise of all sensors: efforts have a part of that only.
+
+        A slow law hides behind encoders' noise where a joint is heavy; on the base there is none.
+        """
+        one, quiet = self._sized(1.0), self.motion
+        force = one.force(quiet, one.driven(quiet))[:, :, None]
+        squares = float(np.sum(self._quiet.whitened(force, {}) ** 2))
+        return self._sized(self._ratio * np.sqrt(_BAND * _DURATION / squares))
+
+    def _sized(self, size: float) -> Effect:
+        """The law, so many times its own words."""
         place, inputs, law = self.where, self.variables, self._table
         if self._law == FIELD:
             place, inputs = f'{self._robot.base_link}/x', [f'attitude/{i}x' for i in 'xyz']
             law = self._by_attitude
         values = {'inputs': inputs, 'range': {name: [-1e3, 1e3] for name in inputs}, **_BOUNDS}
-        values |= law(quiet, size)
-        return bind_effect('hidden', 'learned_torque', place, values, self._robot)
+        return bind_effect('hidden', 'learned_torque', place, values | law(size), self._robot)
 
-    def _by_attitude(self, quiet: Motion, size: float) -> dict[str, Any]:
-        seen = quiet.rotation[:, :, 0] @ self._way
-        way = size / float(np.std(seen)) * self._way
-        return {'form': 'sum of 3', 'coefficients': way.tolist()}
+    def _by_attitude(self, size: float) -> dict[str, Any]:
+        return {'form': 'sum of 3', 'coefficients': (size * self._way).tolist()}
 
-    def _table(self, quiet: Motion, size: float) -> dict[str, Any]:
-        j, k = self._j, self._k
+    def _table(self, size: float) -> dict[str, Any]:
+        j, k, quiet = self._j, self._k, self.motion
         series = {'v': quiet.qd[:, j], 'w': quiet.qd[:, k], 'q': quiet.q[:, j], 'p': quiet.q[:, k]}
         own = [series[letter] for letter in LAWS[self._law][1]]
         reach = np.linspace(-1.0, 1.0, _KNOTS[len(own)])
         knots = [0.5 * (np.max(x) + np.min(x)) + np.ptp(x) * reach for x in own]
         grid = [x.ravel() for x in np.meshgrid(*knots, indexing='ij')]
-        values = size / float(np.std(self._torque(own))) * self._torque(grid)
         by_name = {name: x.tolist() for name, x in zip('xy', knots, strict=False)}
-        return {'form': 'table', 'knots': by_name, 'values': values.tolist()}
+        return {'form': 'table', 'knots': by_name, 'values': (size * self._torque(grid)).tolist()}
 
     def _torque(self, inputs: Sequence[Array]) -> Array:
         """(N,) of any size, against the motion where it is friction."""
@@ -115,15 +124,15 @@ class LawFlight:
         q, v = (np.column_stack([of.get(a, none), of.get(b, none)]) for a, b in ('qp', 'vw'))
         return -law(q, v, np.zeros_like(q), none, 0, 1)
 
-    def _motion(self, seed: int) -> Motion:
+    def _rows(self, seed: int) -> Rows:
         """Of a flight without the law."""
         record = observed(simulated(self._name, 'fast', seed, (), _DURATION), self._robot)
         noise, _ = noise_levels(self._robot.sensors, record)
-        return Run(record, self._robot, self.file.effects, noise).rows(()).motion
+        return Run(record, self._robot, self.file.effects, noise).rows(())
 
     def transferred(self, added: Sequence[Effect]) -> float:
         """Share of the law's variance along another motion that what was added explains there."""
-        motion, at = self._motion(self._seed + 1), 3 if self._law == FIELD else 6 + self._j
+        motion, at = self._rows(self._seed + 1).motion, 3 if self._law == FIELD else 6 + self._j
         every = [e for e in added if e.where == self._hidden.where]
         true, *own = (e.force(motion, e.driven(motion))[:, at] for e in (self._hidden, *every))
         return 1.0 - float(np.var(true - np.sum(own, axis=0)) / np.var(true))

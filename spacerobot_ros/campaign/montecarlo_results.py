@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from ..display import Curve, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, table_of
+from ..formats import counted
 from .montecarlo_trial import LARGEST, RUN, Row
 from .ranges import Ranges
 
@@ -85,7 +86,7 @@ def sections(ranges: Ranges, rows: Sequence[Row], replay: Sequence[str]) -> list
     heads = 'run | largest joint error [rad] | why it ended | replay'
     table = table_of('', '', commands, heads, '{run} | {error:.4g} | {why} | {command}')
     said.append(Section('worst runs', [table]))
-    said.append(Section('', [f'{len(rows)} runs, {len(failed)} of them did not end']))
+    said.append(Section('', [f'{counted(len(rows), "run")}, {len(failed)} of them did not end']))
     return said
 
 

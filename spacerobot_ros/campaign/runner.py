@@ -12,11 +12,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from io import RawIOBase
 from itertools import chain, islice, takewhile
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from ..errors import RecordingError
+from ..errors import ConfigurationError, RecordingError
 from ..json_values import json_value
 from .description import Campaign, Record
 from .workers import ATTEMPTS, Outcome, Workers, attempt
@@ -49,14 +50,34 @@ class Kept:
             raise RecordingError(where, 'is no case of a campaign')
         return [record for record in records if record is not None]
 
-    def appending(self) -> AbstractContextManager[IO[str] | None]:
+    def appending(self) -> AbstractContextManager[RawIOBase | None]:
         """The file to add to, without what an interruption left of a line; None: no file."""
         if self.path is None:
             return nullcontext()
-        if self.path.exists():
-            with self.path.open('rb+') as file:
-                file.truncate(file.read().rfind(b'\n') + 1)
-        return self.path.open('a', encoding='utf-8')
+        try:
+            if self.path.exists():
+                with self.path.open('rb+') as file:
+                    file.truncate(file.read().rfind(b'\n') + 1)
+            return self.path.open('ab', buffering=0)  # no rest that fails again when it is closed
+        except OSError as error:
+            raise self._unwritable(error) from error
+
+    def add(self, file: RawIOBase, record: Mapping[str, Any]) -> None:
+        """Write a finished task.
+
+        Raises:
+            ConfigurationError: the disk is full, or the file can't be written any more.
+        """
+        rest = memoryview(f'{json.dumps(record)}\n'.encode())
+        try:
+            while rest:
+                rest = rest[file.write(rest) or 0 :]
+        except OSError as error:
+            raise self._unwritable(error) from error
+
+    def _unwritable(self, error: OSError) -> ConfigurationError:
+        why = f'can not be written: {error.strerror}; what was finished before stays'
+        return ConfigurationError(str(self.path), why)
 
     def _record(self, line: str) -> Record | None:
         """The record that a line holds, None where it holds none."""
@@ -133,8 +154,8 @@ def complete(
 
     Raises:
         RecordingError: the file of what is kept is none.
-        ConfigurationError: workers that can't be used.
-        OSError: a record can't be written; those before it are kept.
+        ConfigurationError: workers that can't be used, or a record that can't be written; those
+            before it are kept.
     """
     last = time.monotonic() + 60.0 * minutes
     there = {record['case']: record for record in tasks.kept.read()}
@@ -155,8 +176,7 @@ def complete(
                 record = json_value(tasks.record_of(outcome.key, outcome.result))
                 there[outcome.key] = record
                 if file is not None:
-                    file.write(json.dumps(record) + '\n')
-                    file.flush()
+                    tasks.kept.add(file, record)
             over += 1
             done(over)
     return Finished([there[key] for key in keys if key in there], failures)

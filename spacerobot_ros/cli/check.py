@@ -34,10 +34,12 @@ def run(args: argparse.Namespace) -> int:
     file = None if args.robot is None else load_robot_file(args.robot)
     record = read_record(args.data, None if file is None else file.robot, args.map)
     quality = quality_of(record, file)
-    if args.report:
-        write_report(quality_page(quality), args.report)
-    if args.json:
-        print_json(quality)
-    else:
-        print_sections(quality_sections(quality, is_whole=False))
+    try:
+        if args.report:
+            write_report(quality_page(quality), args.report)
+    finally:  # what was found is said even where no page can be written
+        if args.json:
+            print_json(quality)
+        else:
+            print_sections(quality_sections(quality, is_whole=False))
     return 1 if quality.findings else 0

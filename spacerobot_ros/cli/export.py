@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 
 from ..display import Section
+from ..formats import counted
 from .options import check_file
 from .terminal import print_json, print_sections
 
@@ -45,7 +46,8 @@ def run(args: argparse.Namespace) -> int:
             }
         )
         return 0
-    count = f'{len(exported.said)} effects written, {len(exported.lost)} things lost'
+    count = f'{counted(len(exported.said), "effect")} written'
+    count += f', {counted(len(exported.lost), "thing")} lost'
     lines = [f'written: {args.output}: {count}', *(f'lost: {one}' for one in exported.lost)]
     print_sections([Section('', lines)])
     return 0

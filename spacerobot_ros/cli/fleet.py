@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError
+from ..formats import counted
 from .options import (
     check_folder,
     tell,
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     load_robot_file(args.robot)  # before the work is done, not after
     found, tables = find_recordings(args.data, bool(args.map), out)
     if tables:
-        tell(f'{len(tables)} tables are left out, such as {tables[0]}: they need --map')
+        tell(f'{counted(len(tables), "table")} left out for lack of --map, such as {tables[0]}')
     if all(recording.fault for recording in found):
         raise ConfigurationError(args.data[0], found[0].fault)
     recordings = without_duplicates(found)
@@ -69,21 +70,26 @@ def run(args: argparse.Namespace) -> int:
     said.sort(key=lambda one: one['name'])
     failures = {keys[key].name: why for key, why in finished.failures.items()}
     rows = [*table_rows(said), *_failed(failures)]
-    written = write_table(sorted(rows, key=lambda row: row['recording']), out / 'fleet', COLUMNS)
-    page = write_report(fleet_page(f'Fleet: {Path(args.robot).stem}', said, failures),
-                        out / 'report.html')  # fmt: skip
-    if args.json:
+    if args.json:  # before anything is written: what was found is said where that fails, too
         print_json({'schema': 1, 'recordings': said, 'failures': failures})
     else:
         print_sections(summary(said, failures))
+    written = write_table(sorted(rows, key=lambda row: row['recording']), out / 'fleet', COLUMNS)
+    page = write_report(fleet_page(f'Fleet: {Path(args.robot).stem}', said, failures),
+                        out / 'report.html')  # fmt: skip
+    if not args.json:
         print(f'written: {", ".join(map(str, (*written, page)))}')
     is_good = all(one.get('verdict') == 'consistent' for one in said) and not failures
     return 0 if is_good else 1
 
 
 def digest(args: argparse.Namespace) -> str:
-    """What answers depend on beside the recordings: robot, mapping, options, version."""
+    """What answers depend on beside the recordings.
+
+    Robot, effects of one's own, mapping, options and version.
+    """
     from .. import __version__
+    from ..effects.own_kinds import source_files
     from ..effects.robot_file import load_robot_file
     from ..model.files import read_text
 
@@ -91,7 +97,8 @@ def digest(args: argparse.Namespace) -> str:
     parts = [__version__, Path(args.robot).read_text(encoding='utf-8'), file.robot.urdf]
     parts += [read_text(Path(args.map), 'mapping')] if args.map else []
     parts += [str(args.split_gaps), str(args.closed_loop)]
-    return hashlib.sha256('\0'.join(parts).encode()).hexdigest()[:16]
+    own = [path.read_bytes() for path in source_files(file.settings.robot.effect_modules)]
+    return hashlib.sha256(b'\0'.join([*(p.encode() for p in parts), *own])).hexdigest()[:16]
 
 
 def _key(recording: Recording, args: argparse.Namespace, own: str) -> str:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 def run(args: argparse.Namespace) -> int:
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
+    from ..dynamics.blocks import check_momentum
     from ..effects.robot_file import load_robot_file
     from ..estimation.minimal import minimal_set
     from ..estimation.momentum_process import MomentumModel
@@ -49,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
     if args.write:
         check_file(args.write, args.force)
     file = load_robot_file(args.robot)
+    check_momentum(file.robot)  # before the recording, which may lack what only that needs
     record = _read(args, file.robot)
     if file.robot.joints:
         record = corrected_record(record, file.robot, file.effects)
@@ -118,10 +120,10 @@ def _sections(
     reason = [] if estimate.valid else [f'not valid: {estimate.reason}']
     yield Section('', [head, *(f'note: {note}' for note in estimate.notes), *reason])
     if advice:
-        told = [(one.motion or 'none of those tried', '\n'.join(one.tells)) for one in advice]
+        tells = [(one.motion or 'none of those tried', '\n'.join(one.tells)) for one in advice]
         caption = '(A with -1.00 B: where A and B change so together, the data stay the same)'
         title = 'what the data cannot tell, and the cheapest motions that would, in this order'
-        yield Section(title, [Table(('extra motion', 'tells'), told, caption)])
+        yield Section(title, [Table(('extra motion', 'tells'), tells, caption)])
 
 
 def _estimates(title: str, unit: str, rows: Iterable[tuple[Any, ...]]) -> Section:

@@ -25,6 +25,8 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 from ..errors import SpaceRobotError
 from ..interrupts import interruptible
@@ -78,9 +80,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _fails(asked, 2, why)
         return _fails(asked, 3, _fault(error, words))
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
-            return _fails(asked, 3, _fault(error, words))
-        return _fails(asked, 2, f'{error.filename or "results"}: {error.strerror}')
+        if error.errno in (errno.ENOSPC, errno.EDQUOT) or _is_given(error.filename, words):
+            return _fails(asked, 2, f'{error.filename or "results"}: {error.strerror}')
+        return _fails(asked, 3, _fault(error, words))
     except Exception as error:  # noqa: BLE001  whatever nobody foresaw is a fault of ours
         return _fails(asked, 3, _fault(error, words))
     return status
@@ -117,6 +119,12 @@ def _parser(*asked: str) -> argparse.ArgumentParser:
         else:
             subparsers.add_parser(name, help=summary)
     return parser
+
+
+def _is_given(path: Any, words: Sequence[str]) -> bool:
+    """Whether a path stands on the command line, or is below one that does."""
+    given = [Path(word).absolute() for word in words if word]
+    return isinstance(path, str) and any(Path(path).absolute().is_relative_to(g) for g in given)
 
 
 def _fails(command: str, status: int, why: str) -> int:

@@ -186,6 +186,7 @@ def check_file(path: str, force: bool, source: str = '') -> Path:
         raise ConfigurationError(path, 'is the robot file itself')
     if target.exists() and not force:
         raise ConfigurationError(path, 'is already there; --force replaces it')
+    _check_writable(path, target.parent)
     return target
 
 
@@ -201,11 +202,16 @@ def check_folder(path: str, holds: tuple[str, str] = ('', ''), force: bool = Fal
         ConfigurationError: it can't be written to, or is taken.
     """
     folder, (marker, what) = Path(path), holds
-    above = next(p for p in (folder, *folder.absolute().parents) if p.exists())
-    if not above.is_dir():
-        raise ConfigurationError('--out', f'{above} is a file, not a folder')
-    if not os.access(above, os.W_OK | os.X_OK):
-        raise ConfigurationError('--out', f'{above} can not be written to')
+    _check_writable('--out', folder)
     if marker and (folder / marker).exists() and not force:
         raise ConfigurationError('--out', f'{folder} holds {what} already (--force replaces it)')
     return folder
+
+
+def _check_writable(place: str, folder: Path) -> None:
+    """Refuse, before any work, a folder that is none or can't be written to, there or not."""
+    above = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not above.is_dir():
+        raise ConfigurationError(place, f'{above} is a file, not a folder')
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise ConfigurationError(place, f'{above} can not be written to')

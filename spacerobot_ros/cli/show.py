@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..formats import counted
 from .options import check_file
 
 
@@ -39,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     title = f'{file.robot.name}: {Path(args.data).name}'
     write_report(Report(title, record.source, [section]), target)
     length = scene.measured.time[-1] - scene.measured.time[0]
-    print(f'written: {target}: {length:.3g} s in {len(scene.measured.time)} pictures')
+    print(f'written: {target}: {length:.3g} s in {counted(len(scene.measured.time), "picture")}')
     for note in scene.notes:
         print(f'note: {note}')
     return 0

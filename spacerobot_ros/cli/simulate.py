@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError
+from ..formats import counted
 from ..model.control_settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
 from .terminal import progress
 
@@ -90,12 +91,19 @@ def _check_duration(duration: float, period: float, output: Path) -> None:
 
 
 def _line(path: str, summary: RunSummary, wall: float) -> str:
-    cut = f', torque limits cut {summary.saturated} commands' if summary.saturated else ''
+    cut = (
+        f', torque limits cut {counted(summary.saturated, "command")}' if summary.saturated else ''
+    )
     attitude = ''
     if summary.max_attitude_error is not None:
         attitude = f', of the attitude {math.degrees(summary.max_attitude_error):.3g} deg'
+    errors = []
+    if summary.max_joint_error is not None:
+        errors.append(f'{math.degrees(summary.max_joint_error):.3g} deg')
+    if summary.max_slide_error is not None:
+        errors.append(f'{1e3 * summary.max_slide_error:.3g} mm')
     return (
         f'{path}: {summary.duration:g} s in {summary.messages} messages, largest joint error '
-        f'{math.degrees(summary.max_joint_error):.3g} deg{attitude}{cut}, momentum drift '
+        f'{" and ".join(errors) or "0 deg"}{attitude}{cut}, momentum drift '
         f'{summary.momentum_drift:.1e}, {summary.duration / wall:.0f} times real time'
     )

@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..formats import counted
 from ..model.motion_settings import ReferenceSettings
 from ..types import Array
 
@@ -231,7 +232,7 @@ def check_reference(settings: ReferenceSettings, n_joints: int) -> None:
         ConfigurationError: wrong numbers of coefficients or of goals.
     """
     size = n_joints * settings.harmonics
-    fourier = f'{n_joints} joints x {settings.harmonics} harmonics'
+    fourier = f'{counted(n_joints, "joint")} x {counted(settings.harmonics, "harmonic")}'
     needed = {
         'set_point': (('set_point', n_joints, 'one a joint'),),
         'step': (('set_point', n_joints, 'one a joint'),),
@@ -241,7 +242,7 @@ def check_reference(settings: ReferenceSettings, n_joints: int) -> None:
     for name, count, what in needed.get(settings.kind, ()):
         got = len(getattr(settings, name))
         if got != count:
-            why = f'expected {count} numbers ({what}), got {got}'
+            why = f'expected {counted(count, "number")} ({what}), got {got}'
             raise ConfigurationError(f'reference.{name}', why)
 
 

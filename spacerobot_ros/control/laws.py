@@ -33,6 +33,7 @@ from ..dynamics.state import State
 from ..effects.effect import Effect
 from ..effects.motion import Motion
 from ..errors import ConfigurationError
+from ..formats import counted
 from ..identification.estimate import Estimate
 from ..identification.reduced import EstimatedDynamics
 from ..model.control_settings import COMPUTED_TORQUE_LAWS
@@ -252,6 +253,6 @@ def torque_limits(limits: tuple[float, ...], otherwise: Array, name: str, each: 
         ConfigurationError: a wrong number of limits.
     """
     if len(limits) not in (0, len(otherwise)):
-        expected = f'expected {len(otherwise)} numbers (one {each}), got {len(limits)}'
+        expected = f'expected {counted(len(otherwise), "number")} (one {each}), got {len(limits)}'
         raise ConfigurationError(f'controller.{name}', expected)
     return np.minimum(limits, otherwise) if limits else otherwise

@@ -36,6 +36,7 @@ class MotionLimits:
 
     def __init__(self, robot: Robot, joint_rate: float) -> None:
         self.joints = robot.joints
+        self._units = [robot.unit_of('rad', joint) for joint in robot.joints]
         self.lower, self.upper = robot.position_limits.T
         self._countable = np.pi * joint_rate
         self.rate = np.minimum(robot.velocity_limits, self._countable)
@@ -59,17 +60,17 @@ class MotionLimits:
             raise MessageRejectedError('the motion is not finite')
         ends = np.stack([q.min(axis=0), q.max(axis=0), np.abs(qd).max(axis=0)], axis=1)
         limits = np.column_stack([self.lower, self.upper, self.rate])
-        for name, (low, high, fast), (lower, upper, rate) in zip(
-            self.joints, ends, limits, strict=True
+        for name, unit, (low, high, fast), (lower, upper, rate) in zip(
+            self.joints, self._units, ends, limits, strict=True
         ):
             if low < lower or high > upper:
                 raise MessageRejectedError(
-                    f'{name} would move to {low if low < lower else high:.6g} rad, its range is '
-                    f'{lower:.6g} to {upper:.6g} rad'
+                    f'{name} would move to {low if low < lower else high:.6g} {unit}, its range '
+                    f'is {lower:.6g} to {upper:.6g} {unit}'
                 )
             if fast > rate:
                 raise MessageRejectedError(
-                    f'{name} would move at {fast:.6g} rad/s, its limit is {rate:.6g} rad/s'
+                    f'{name} would move at {fast:.6g} {unit}/s, its limit is {rate:.6g} {unit}/s'
                 )
 
     def check_joined(self, reference: Waypoints, joined: Blend | None) -> None:

@@ -136,15 +136,21 @@ class Tolerances:
 
         return cls(column('position'), column('velocity'))
 
-    def broken(self, command: Command, names: list[str]) -> str:
-        """Which joint is how far beyond; empty where none is."""
-        for what, unit, error, limit in (
-            ('position', 'rad', command.error, self.position),
-            ('rate', 'rad/s', command.error_rate, self.rate),
+    def broken(self, command: Command, units: Mapping[str, str]) -> str:
+        """Which joint is how far beyond; empty where none is.
+
+        Args:
+            command: With the errors.
+            units: Of the joints' positions, by their names.
+        """
+        for what, per, error, limit in (
+            ('position', '', command.error, self.position),
+            ('rate', '/s', command.error_rate, self.rate),
         ):
-            for name, value, most in zip(names, np.abs(error), limit, strict=True):
+            every = zip(units.items(), np.abs(error), limit, strict=True)
+            for (name, unit), value, most in every:
                 if value > most:
-                    return f'{name}: {what} off by {value:.4g} {unit}, at most {most:.4g}'
+                    return f'{name}: {what} off by {value:.4g} {unit}{per}, at most {most:.4g}'
         return ''
 
 
@@ -152,16 +158,16 @@ class TrajectoryGoal:
     """Judges commands on the way to the end of a trajectory and after it.
 
     Args:
-        names: Of the n joints.
+        units: Of the n joints' positions, by their names.
         path: Tolerances on the way.
         goal: Tolerances at the end.
         patience: Time after the end by which those must hold [s]; zero: any.
     """
 
     def __init__(
-        self, names: list[str], path: Tolerances, goal: Tolerances, patience: float
+        self, units: Mapping[str, str], path: Tolerances, goal: Tolerances, patience: float
     ) -> None:
-        self._names, self._path, self._goal, self._patience = names, path, goal, patience
+        self._units, self._path, self._goal, self._patience = units, path, goal, patience
 
     def judge(self, command: Command, time_left: float) -> GoalEnd | None:
         """How the goal ended at a command; None while it goes on.
@@ -171,9 +177,9 @@ class TrajectoryGoal:
             time_left: Time to the end of the trajectory [s]; negative after it.
         """
         if time_left > 0.0:
-            broken = self._path.broken(command, self._names)
+            broken = self._path.broken(command, self._units)
             return GoalEnd(PATH_TOLERANCE_VIOLATED, broken) if broken else None
-        broken = self._goal.broken(command, self._names)
+        broken = self._goal.broken(command, self._units)
         if not broken:
             return GoalEnd(SUCCESSFUL, '')
         is_late = self._patience > 0.0 and -time_left > self._patience

@@ -87,9 +87,11 @@ def check_file(file: RobotFile) -> None:
     """
     settings = file.settings
     if settings.reference.kind != 'fourier':
-        raise ConfigurationError('reference.kind', "the demonstration needs 'fourier'")
+        why = "the demonstration needs 'fourier': `spacerobot excite` designs such a motion"
+        raise ConfigurationError('reference.kind', why)
     if not file.robot.target_wheels:
-        raise ConfigurationError('robot.target_wheels', 'the demonstration needs a captured body')
+        why = 'the demonstration needs a captured body: name its link under links'
+        raise ConfigurationError('robot.target_wheels', why)
     if round(settings.simulator.joint_rate * settings.simulator.period) != 1:
         raise ConfigurationError('simulator.joint_rate', 'must be the control rate here')
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects.effect import Effect
-from ..estimation.arm_priors import RUN_TO_RUN, torque_tolerance
 from ..estimation.evidence import chi_square_tail
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
@@ -27,16 +26,18 @@ from .answer.result import (
     RecordingMisfit,
     Residual,
 )
-from .answer.words import cause_in_words, first_few, verdict_of
+from .answer.words import verdict_of
 from .arm_evidence import rivals_of
 from .arm_found import WORSE, ArmFound, rms
 from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
+from .arm_verdict import Left, overall, sentence
 from .discovery.orders import find_orders
 from .events.answer import with_events
 from .friction_law import friction_laws
 from .limits import RELEVANT
 from .ratios import ratios, scale_notes
 from .selection import Selection
+from .spring_rest import with_rests
 
 
 def conclude_arm(
@@ -54,13 +55,14 @@ def conclude_arm(
         key=lambda k: -found.selection.gain(found.clear[k]),
     )
     usual = usual_scatter(found)
-    causes = tuple(_cause(found, k, usual) for k in order)
+    causes = with_rests([_cause(found, k, usual) for k in order], found.robot)
     constants = tuple(_constant(found, effect) for effect in found.constants)
     named = tuple(c for c in causes if c.relevant)
     minor = tuple(c for c in causes if not c.relevant)
-    before, after = rms(found.fit.rows.balances), rms(found.extended)
-    verdict = _verdict(found, bool(named), after)
-    laws = [entry for entry in leftover or () if entry.form is not None]
+    left = Left.of(found)
+    verdict = verdict_of(not left.unusual, bool(named))
+    laws = [entry for entry in leftover or () if left.matters(entry)]
+    words = sentence(verdict, named, left) + _law_words(laws)
     if laws:  # a law is no named cause, and it is no noise
         verdict = 'partly_explained'
     channels = series(
@@ -75,11 +77,11 @@ def conclude_arm(
             rms_after=float(a),
             noise_floor=s.noise_floor,
         )
-        for s, b, a in zip(channels, before, after, strict=True)
+        for s, b, a in zip(channels, left.before, left.after, strict=True)
     )
     diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, named, _overall(before), _overall(after)) + _law_words(laws),
+        sentence=words,
         causes=(*constants, *named),
         minor=minor,
         residuals=residuals,
@@ -117,7 +119,9 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
         applied=applied,
         parameters={
             p.name: Estimated(
-                value=applied.values[p.name], std=whole_std(found, k, p.name, std), unit=p.unit
+                value=applied.values[p.name],
+                std=whole_std(found, k, p.name, std),
+                unit=applied.unit_at(found.robot, applied.where, p),
             )
             for p, std in zip(applied.parameters, stds, strict=True)
         },
@@ -143,7 +147,9 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
         applied=effect,
         parameters={
             p.name: Estimated(
-                value=effect.values[p.name], std=std * effect.values[p.name], unit=p.unit
+                value=effect.values[p.name],
+                std=std * effect.values[p.name],
+                unit=effect.unit_at(found.robot, effect.where, p),
             )
             for p in effect.parameters
         },
@@ -157,22 +163,7 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
 def _by_recording(found: ArmFound, i: int) -> tuple[float, ...] | None:
     """Log evidence that a cause adds to each recording; None where only one could judge it."""
     gains = found.selection.held_out(i)
-    return tuple(gains.tolist()) if found.selection.is_told_by_recordings(i) else None
-
-
-def _verdict(found: ArmFound, is_named: bool, after: Array) -> str:
-    """Explained is what leaves no more than what any machine differs from its file by."""
-    rows, deviations = found.fit.rows, found.fit.rows.tolerances.copy()
-    for i, candidate in enumerate(rows.candidates):
-        at = rows.places[i]
-        if candidate.kind.id == 'joint_torque_constant':  # below, with friction that is named, too
-            deviations[at] = 0.0
-        elif i in found.fit.chosen and candidate.kind.id.endswith('_friction'):
-            deviations[at] = np.hypot(deviations[at], RUN_TO_RUN * found.fit.values[at])
-    gain = torque_tolerance(found.robot) * rows.scale
-    usual = np.hypot(rows.torque_of(deviations), gain)
-    is_small = bool(np.all((after <= usual) | np.isnan(after)))
-    return verdict_of(is_small, is_named)
+    return tuple(gains.tolist()) if found.selection.is_judged_by_recordings(i) else None
 
 
 def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelError]:
@@ -181,10 +172,6 @@ def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelEr
         replace(channel, noise_floor=float(np.sqrt(np.sum(variances))))
         for channel, variances in zip(channels, levels, strict=False)
     ]
-
-
-def _overall(values: Array) -> float:
-    return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else math.nan
 
 
 def _gain(found: ArmFound) -> Gain:
@@ -221,8 +208,8 @@ def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:
     return tuple(
         RecordingMisfit(
             source=record.source,
-            rms_before=_overall(rms([before])),
-            rms_after=_overall(rms([after])),
+            rms_before=overall(rms([before])),
+            rms_after=overall(rms([after])),
             worse={
                 joint: float(ratio)
                 for joint, ratio in zip(found.robot.joints, ratios, strict=True)
@@ -233,22 +220,11 @@ def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:
     )
 
 
-def _sentence(verdict: str, named: Sequence[Cause], before: float, after: float) -> str:
-    """The verdict as a test engineer would say it: the three causes that matter, and the rest."""
-    left = f'{after:.3g} of {before:.3g} N m (rms)'
-    if verdict == 'consistent':
-        return f'The model explains the data up to {after:.3g} N m (rms).'
-    if not named:
-        return f'The model does not explain the data ({left} is left), and no known effect does.'
-    what = first_few([cause_in_words(cause, 1) for cause in named])
-    rest = 'is left, no more than usual' if verdict == 'explained' else 'remains unexplained'
-    return f'The data differ from the model by {what}. {left} {rest}.'
-
-
 def _law_words(laws: Sequence[Leftover]) -> str:
-    """What the leftover goes with."""
-    return ''.join(
+    """What the leftover goes with; laws that read alike are said once."""
+    said = (
         f' What is left of {law.channel} goes with {" and ".join(law.depends_on)} like '
         f'{law.resembles}.'
         for law in laws
     )
+    return ''.join(dict.fromkeys(said))

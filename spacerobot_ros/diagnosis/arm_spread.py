@@ -7,27 +7,37 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..estimation.arm_priors import DRY, RUN_TO_RUN, Machine, is_kind_of, torque_tolerance
+from ..effects.effect import Effect
+from ..estimation.arm_priors import (
+    DRY,
+    NOTHING,
+    RUN_TO_RUN,
+    Machine,
+    is_kind_of,
+    torque_tolerance,
+)
 from ..estimation.evidence import score
 from ..estimation.scaling import value_std
-from ..types import Array
+from ..types import Array, BoolArray
 from .arm_found import ArmFound
 
 
 def values_std(found: ArmFound, i: int, spread: Array) -> list[float]:
     """Standard deviations of a candidate's parameters from those of its coefficients.
 
-    NaN of those that it is not linear in: they are chosen, not fitted.
+    NaN of those that it is not linear in, which are chosen, and of those that it holds.
     """
     candidate, applied = found.fit.rows.candidates[i], found.named[found.clear.index(i)]
     mean = found.fit.values[found.fit.rows.places[i]]
+    held = _held(found.fit.rows.sizes[found.fit.rows.places[i]], applied)
     here = candidate.values(mean)
     total = dict.fromkeys(here, 0.0)
     for k, std in enumerate(spread):
         step = 1e-3 * float(std) * np.eye(len(mean))[k]
         moved = candidate.values(mean + step)
         for name in total:
-            total[name] += ((moved[name] - here[name]) / 1e-3) ** 2
+            change = ((moved[name] - here[name]) / 1e-3) ** 2
+            total[name] += math.nan if held[k] and change else change
     stds = {name: math.sqrt(square) for name, square in total.items()}
     for p in applied.parameters:
         if p.role in ('reciprocal', 'square'):
@@ -35,6 +45,12 @@ def values_std(found: ArmFound, i: int, spread: Array) -> list[float]:
         elif p.role == 'search':
             stds[p.name] = math.nan
     return [stds[p.name] for p in applied.parameters]
+
+
+def _held(sizes: Array, effect: Effect) -> BoolArray:
+    """(K,) coefficients whose prior leaves them where they are, beside others of their unit."""
+    is_of_one_unit = len({p.unit for p in effect.parameters}) == 1
+    return (sizes <= NOTHING * np.max(sizes)) & is_of_one_unit
 
 
 def whole_std(found: ArmFound, k: int, name: str, std: float) -> float:

@@ -21,7 +21,8 @@ from ..types import Array, BoolArray
 from .answer.result import Evidence
 from .arm_evidence import evidence_of
 from .arm_found import WORSE, ArmFound, balances_of, is_clear, refuse_rest
-from .events.arm_events import arm_events
+from .events.arm_events import Spans, arm_events
+from .held_out_checks import check_bodies, check_held_out, check_plain
 from .selection import Selection
 
 _ROUNDS = 4
@@ -111,9 +112,11 @@ def _found(
     report('choosing causes at the level that is left', 0.6)
     selection = Selection.of(rows, levels)
     selection.run()
-    selection.check_held_out()
+    check_held_out(selection)
+    check_bodies(selection)
     equal = np.ones((len(records), robot.n_joints))
-    selection.check_plain(plain_of(selection, levels, equal))
+    check_plain(selection, plain_of(selection, levels, equal))
+    selection = _loaded(selection, levels, records, believed, events.left_out)
     evidence = _beyond_placebos(selection, levels)
     report('fitting all causes together', 0.8)
     found = ArmFound(
@@ -122,7 +125,7 @@ def _found(
         tuple(believed),
         first,
         selection,
-        ArmFit(rows, selection.whole, ()),
+        ArmFit(selection.rows, selection.whole, ()),
         evidence,
         np.array(levels),
         equal,
@@ -146,6 +149,29 @@ def _with_zeros(rough: Selection, zeros: Sequence[int]) -> Selection:
         return rough
     beside.run()
     return beside
+
+
+def _loaded(
+    selection: Selection,
+    levels: Sequence[Array],
+    records: Sequence[Record],
+    believed: Sequence[Effect],
+    left_out: Sequence[Spans],
+) -> Selection:
+    """The choice on rows with friction of the load that all of it makes, see `ArmRows.loaded`."""
+    rows = selection.rows
+    fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
+    found = fit.effects([*fit.chosen, *fit.calibration])
+    if not any(e.follows_load for e in found):
+        return selection
+    moving = [e for e in found if e.acts('force') or e.acts('change')]
+    try:
+        balances = balances_of(records, rows.robot, (*believed, *moving), left_out)
+    except ConfigurationError:  # together they are no robot
+        return selection
+    out = Selection.of(rows.loaded(balances, fit.chosen), levels)
+    out.chosen = list(selection.chosen)
+    return out
 
 
 def levels_of(rows: ArmRows, chosen: Selection, more: Sequence[int] = ()) -> list[Array]:

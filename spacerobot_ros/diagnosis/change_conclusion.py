@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 
 from ..estimation.arm_priors import torque_tolerance
+from ..formats import either
 from ..types import Array
 from .answer.result import Estimated, Rival, Series
 from .answer.words import at, first_few, value_in_words
 from .arm_evidence import rivals_of
 from .changes import Changes
+
+_UNSEEN = 1e3  # plausible sizes: what must change by more is not seen at all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +61,8 @@ class Comparison:
         changes: By evidence.
         detectable: Of every cause the change that would have been seen; infinite where the motion
             shows nothing of it.
-        left: Rms of what no cause explains of each joint's torque [N m].
+        left: Rms of what no cause explains of each joint's torque.
+        units: Of each joint's torque.
         is_repeated: Whether all recordings are of one motion, judged by the scatter between
             the reference runs.
         series: What is missed of the torques of the first recording afterwards, with what both
@@ -70,6 +74,7 @@ class Comparison:
     changes: tuple[Change, ...]
     detectable: tuple[Detectable, ...]
     left: Mapping[str, float]
+    units: Mapping[str, str]
     is_repeated: bool
     series: tuple[Series, ...]
 
@@ -82,7 +87,11 @@ class Comparison:
             'causes': [asdict(change) for change in self.changes],
             'detectable': [asdict(one) for one in self.detectable],
             'repeats': self.is_repeated,
-            'left_unexplained': {'unit': 'N m', 'joints': dict(self.left)},
+            'left_unexplained': {
+                'unit': either(self.units.values()),
+                'units': dict(self.units),
+                'joints': dict(self.left),
+            },
         }
 
 
@@ -99,6 +108,7 @@ def conclude_changes(found: Changes) -> Comparison:
         changes=changes,
         detectable=tuple(_detectable(found, i) for i in selection.live),
         left=dict(zip(found.robot.joints, levels.tolist(), strict=False)),
+        units={joint: found.robot.unit_of('N m', joint) for joint in found.robot.joints},
         is_repeated=found.is_repeated,
         series=_series(found, levels),
     )
@@ -125,7 +135,7 @@ def _series(found: Changes, levels: Array) -> tuple[Series, ...]:
     return tuple(
         Series(
             channel=f'joint_torque/{found.robot.joints[j]}',
-            unit='N m',
+            unit=found.robot.unit_of('N m', found.robot.joints[j]),
             time=balance.row_times[at],
             measured=np.zeros(0),
             before=before[at, j],
@@ -154,7 +164,11 @@ def _change(found: Changes, i: int) -> Change:
         where=candidate.where,
         title=candidate.kind.title,
         parameters={
-            p.name: Estimated(value=float(value), std=math.hypot(std, scale * value), unit=p.unit)
+            p.name: Estimated(
+                value=float(value),
+                std=math.hypot(std, scale * value),
+                unit=candidate.kind.unit_at(found.robot, candidate.where, p),
+            )
             for p, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
         },
         log_evidence=selection.gain(i),
@@ -167,12 +181,13 @@ def _detectable(found: Changes, i: int) -> Detectable:
     """Of the first parameter alone."""
     candidate = found.selection.rows.candidates[i]
     first = candidate.kind.parameters[0]
+    limit = found.selection.limit(i, np.eye(len(candidate.sizes))[0])
     return Detectable(
         effect=candidate.kind.id,
         where=candidate.where,
         parameter=first.name,
-        value=found.selection.limit(i, np.eye(len(candidate.sizes))[0]),
-        unit=first.unit,
+        value=limit if limit < _UNSEEN * first.size else math.inf,
+        unit=candidate.kind.unit_at(found.robot, candidate.where, first),
     )
 
 

@@ -29,6 +29,7 @@ from ..recording.record import Record
 from ..types import Array, IntArray
 from .arm_found import refuse_rest
 from .changes import ChangeRows, Changes, is_lasting
+from .held_out_checks import check_held_out
 from .repeats import FEWEST, aligned, find_changes_of_repeats
 from .selection import Selection
 
@@ -149,7 +150,7 @@ def find_changes(
         _doubled(sum_of(first.parts(levels)), shared, is_changed=False) + _both_held(both.held),
     )
     selection.run()
-    selection.check_held_out()
+    check_held_out(selection)
     _drop_smaller_than_rest(selection)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
     return Changes(robot, selection, fit, np.array(levels), len(before))

@@ -75,7 +75,11 @@ def _cause(found: Found, index: int) -> Cause:
     return Cause(
         applied=applied,
         parameters={
-            p.name: Estimated(value=applied.values[p.name], std=spread[p.name], unit=p.unit)
+            p.name: Estimated(
+                value=applied.values[p.name],
+                std=spread[p.name],
+                unit=applied.unit_at(fit.run.robot, applied.where, p),
+            )
             for p in own
         },
         evidence=Evidence(

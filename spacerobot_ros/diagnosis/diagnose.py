@@ -160,7 +160,7 @@ def _lacks_efforts(record: Record) -> bool:
 def _is_like_noise(found: ArmFound, noise: NoiseLevels) -> bool:
     """Whether no more is left of the torques than sensor noise leaves in the band."""
     left = rms(found.extended)
-    floor = noise_in_band(found.extended[0], noise)
+    floor = noise_in_band(found.extended[0], noise.joint_position, noise.joint_effort)
     return bool((left <= LIKE_NOISE * floor)[left == left].all())
 
 

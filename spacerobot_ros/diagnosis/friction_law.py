@@ -10,13 +10,17 @@ from ..estimation.balance import Balance
 from ..types import Array
 from .answer.result import FrictionLaw
 from .arm_found import ArmFound
+from .spring_rest import OFFSET, SPRING
+
+_ROUNDING = 1e-9  # share of a joint's friction: a line through one of its two columns
 
 
 def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
     """Coulomb and viscous friction that come closest to each joint's, over its rates.
 
     Least squares of the torques of all named frictions, and of learned ones, on [sign(q'), q'],
-    where the joint moves; friction with a history as it is once the joint slides. A Coulomb torque
+    where the joint moves; friction with a history as it is once the joint slides, and friction of
+    the load as it is under the torques of the extended model. A Coulomb torque
     beside friction that goes with the load, or beside a law that takes a share of it, is not what
     a textbook calls one.
     """
@@ -27,14 +31,17 @@ def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
         effects += [e for e in found.learned if _is_friction(e, joint)]
         if effects:
             rates, torques = zip(
-                *(_friction(balance, effects, joint) for balance in found.fit.rows.balances),
+                *(_friction(balance, effects, joint) for balance in found.extended),
                 strict=True,
             )
             rate = np.concatenate(rates)
             design = np.column_stack([np.sign(rate), rate])
-            coulomb, viscous = np.linalg.lstsq(design, -np.concatenate(torques))[0].tolist()
+            torque = -np.concatenate(torques)
+            coulomb, viscous = _rounded(np.linalg.lstsq(design, torque)[0], design).tolist()
             law = FrictionLaw(
                 joint=joint,
+                unit=found.robot.unit_of('N m', joint),
+                viscous_unit=found.robot.unit_of('N m s/rad', joint),
                 coulomb=coulomb,
                 viscous=viscous,
                 coulomb_forward=coulomb + _offset(found, joint),
@@ -42,6 +49,12 @@ def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
             )
             laws.append(law)
     return tuple(laws)
+
+
+def _rounded(coefficients: Array, design: Array) -> Array:
+    """(2,) coefficients without those that rounding makes, beside the largest of their torques."""
+    torques = np.abs(coefficients) * np.sqrt(np.mean(design**2, axis=0))
+    return np.where(torques > _ROUNDING * np.max(torques), coefficients, 0.0)
 
 
 def _is_friction(law: Effect, joint: str) -> bool:
@@ -52,9 +65,9 @@ def _is_friction(law: Effect, joint: str) -> bool:
 
 
 def _offset(found: ArmFound, joint: str) -> float:
-    """Of a joint's measured torque, where one is named [N m]."""
-    biases = (e for e in found.named if (e.id, e.where) == ('torque_sensor_bias', joint))
-    return sum(e['bias'] for e in biases if e.recordings is None)
+    """Of a joint's measured torque, where one is named [N m]; beside a spring it is its rest's."""
+    own = {e.id: e for e in found.named if e.where == joint and e.recordings is None}
+    return 0.0 if SPRING in own or OFFSET not in own else own[OFFSET]['bias']
 
 
 def _friction(balance: Balance, effects: list[Effect], joint: str) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from .answer.result import Cause, Estimated, Evidence
 def cause_of(
     kind: str,
     where: str | None,
-    told: Mapping[str, tuple[float, float]],
+    estimates: Mapping[str, tuple[float, float]],
     evidence: Evidence,
     robot: Robot,
 ) -> Cause:
@@ -24,21 +24,22 @@ def cause_of(
     Args:
         kind: Its id.
         where: Its place.
-        told: Value and standard deviation of every parameter that is told; the others are nominal.
+        estimates: Value and standard deviation of every parameter that is observable; the others
+            are nominal.
         evidence: What speaks for it.
         robot: The body.
     """
     parameters = {p.name: p for p in CATALOGUE[kind].parameters_at(robot, where)}
-    values = CATALOGUE[kind].nominal() | {name: value for name, (value, _) in told.items()}
+    values = CATALOGUE[kind].nominal() | {name: value for name, (value, _) in estimates.items()}
     return Cause(
         applied=CATALOGUE[kind](name=kind, where=where, values=values),
         parameters={
             name: Estimated(value=value, std=std, unit=parameters[name].unit)
-            for name, (value, std) in told.items()
+            for name, (value, std) in estimates.items()
         },
         evidence=evidence,
         thresholds=parameters,
-        relevant=any(is_relevant(parameters[name], values[name]) for name in told),
+        relevant=any(is_relevant(parameters[name], values[name]) for name in estimates),
     )
 
 

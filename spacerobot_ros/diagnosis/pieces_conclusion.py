@@ -21,6 +21,7 @@ import numpy as np
 from scipy.special import bdtrc
 
 from ..estimation.evidence import chi_square_tail
+from ..formats import counted
 from ..types import Array
 from .answer.result import (
     Cause,
@@ -65,14 +66,15 @@ def combined(
     events = _events(answers)
     words = [cause_in_words(cause) for cause in causes]
     if events is not None and events.named:
-        words.append(f'{len(events.named)} events')
+        words.append(counted(len(events.named), 'event'))
     verdict = _verdict(answers, bool(words))
     where = [_place(_key(c), at, spans) for c, at in named if len(at) < len(answers)]
     where += [f'{_place(key, at, spans)}: as many as by chance, not named' for key, at in rare]
     others = dict.fromkeys(note for answer in answers for note in answer.notes)
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, ' and '.join(words)),
+        sentence=_sentence(verdict, ' and '.join(words))
+        + ('' if verdict in _GOOD else _left_over(answers, spans)),
         causes=causes,
         residuals=tuple(map(_residual, _common(answers, 'residuals'))),
         series=tuple(map(_joined, _common(answers, 'series'))),
@@ -111,6 +113,14 @@ def _sentence(verdict: str, what: str) -> str:
         'unexplained': 'The model does not explain the data, and no cause is named in more pieces '
         'than by chance.',
     }[verdict]
+
+
+def _left_over(answers: Sequence[Diagnosis], spans: Sequence[tuple[float, float]]) -> str:
+    """What the first piece says that has something left, if one has."""
+    for answer, (start, end) in zip(answers, spans, strict=True):
+        if answer.verdict not in _GOOD:
+            return f' From {start:.0f} to {end:.0f} s: {answer.sentence}'
+    return ''
 
 
 def _key(cause: Cause) -> Key:

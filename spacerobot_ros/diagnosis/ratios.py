@@ -97,10 +97,18 @@ def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
             of=of,
             value=value,
             std=math.sqrt(max(float(slope @ covariance @ slope), 0.0)),
-            unit=_UNITS[ratio],
+            unit=_unit(found.robot, joint, ratio, of),
         )
         for ((joint, ratio, of), value), slope in zip(own.items(), slopes.values(), strict=True)
     )
+
+
+def _unit(robot: Robot, joint: str, ratio: str, of: str | None) -> str:
+    if of is None:
+        return robot.unit_of(_UNITS[ratio], joint)
+    # a coupling is in kg m^2, kg m or kg, by which of its two joints slide
+    ways = robot.unit_of('rad', joint), robot.unit_of('rad', of)
+    return {('m', 'rad'): 'm', ('rad', 'm'): '1/m'}.get(ways, '')
 
 
 def _places(found: ArmFound) -> list[str]:

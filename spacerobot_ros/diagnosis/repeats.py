@@ -25,6 +25,7 @@ from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
 from .changes import ChangeRows, Changes
+from .held_out_checks import check_held_out
 from .selection import Selection
 
 FEWEST = 3
@@ -109,7 +110,7 @@ def find_changes_of_repeats(
     )
     selection = Selection.of(rows, levels)
     selection.run()
-    selection.check_held_out()
+    check_held_out(selection)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
     return Changes(robot, selection, fit, np.array(levels), 0, is_repeated=True)
 

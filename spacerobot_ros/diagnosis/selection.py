@@ -3,14 +3,14 @@
 Columns hold for effects of any size, so every hypothesis is algebra on sums over the rows. What
 every machine has (its tolerance) stands beside all of them. A cause is worth its name where the
 evidence of its plausible size over its tolerance exceeds what the number of hypotheses makes
-likely by chance, where every part of the data is better predicted with it from the others, and
-where it lowers what is left as it is, too, not only its fast content.
+likely by chance; `held_out_checks` asks the other parts of the data.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from copy import copy
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ..estimation.arm_priors import DRY, NOTHING, VISCOUS, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.evidence import Fold, Gram, Score, price, score, sum_of
 from ..types import Array, IntArray
-from .limits import FAMILYWISE, HELD_OUT, MOST_PRUNED, OTHERS, SIMPLER_MARGIN, SPECIAL, TELLING
+from .limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
 _AFTER_FRICTION = (
     'joint_stribeck_friction',
@@ -64,8 +64,8 @@ class Selection:
         self._folds: dict[bytes, list[Fold]] = {}
         self._kept: dict[int, tuple[Gram, Posterior]] = {}
         self._kept_of: frozenset[int] = frozenset()
-        self._told = np.diag(self.whole.matrix)
-        self._is_own = np.zeros(len(self._told), dtype=bool)
+        self._information = np.diag(self.whole.matrix)
+        self._is_own = np.zeros(len(self._information), dtype=bool)
         for candidate, at in zip(rows.candidates, rows.places, strict=True):
             self._is_own[at] = candidate.recordings is not None
         seen = np.diag(sum_of(parts).matrix) > 0.0
@@ -90,19 +90,19 @@ class Selection:
         """
         numbers = np.unique(self._recording)
         own = slice(None) if i is None else self.rows.places[i]
-        told = np.array(
+        information = np.array(
             [np.diag(r.matrix)[own] @ self.rows.sizes[own] ** 2 for r in self.recordings]
         )
         which = np.searchsorted(numbers, self._recording)
-        judges = np.flatnonzero(told > TELLING * told.sum())
+        judges = np.flatnonzero(information > TELLING * information.sum())
         if len(judges) < 2:
-            judges = np.array([np.argmax(told)])
+            judges = np.array([np.argmax(information)])
         elif not self.rows.has_load:
             return which
         place = np.arange(len(which)) - np.searchsorted(which, which)
         return np.where(np.isin(which, judges), place, -1)
 
-    def is_told_by_recordings(self, i: int) -> bool:
+    def is_judged_by_recordings(self, i: int) -> bool:
         """Whether each of two recordings or more judges a cause."""
         several = len(self.recordings) > 1 and bool(np.all(self.labels(i) >= 0))
         return several and not self.rows.has_load
@@ -268,34 +268,17 @@ class Selection:
         rests = [self.posterior(both, fold.rest) for fold in self.folds(i)]
         return np.array([whole - self._score(rest, i).evidence for rest in rests])
 
-    def check_held_out(self) -> None:
-        """Drop what does not hold on parts that it was not fitted to, weakest first."""
-        while self.chosen:
-            gains = {i: self.held_out(i) for i in self.chosen}
-            failing = {i: float(np.sum(g)) for i, g in gains.items() if not holds(g)}
-            if not failing:
-                return
-            self.drop(min(failing, key=failing.__getitem__))
+    def instead_of(self, i: int, barred: Iterable[int]) -> Selection:
+        """What is chosen in the place of a cause, others barred."""
+        other = copy(self)
+        other.chosen = [k for k in self.chosen if k != i]
+        other._pruned = {**self._pruned, **dict.fromkeys(barred, MOST_PRUNED)}
+        other.run()
+        return other
 
-    def check_plain(self, plain: Selection) -> None:
-        """Drop what only helps after whitening, weakest first.
-
-        Args:
-            plain: The same choice on rows that are not whitened: without a cause no more may be
-                left of parts that it was not fitted to.
-        """
-        while self.chosen:
-            gains = {}
-            for i in self.chosen:
-                others = [k for k in self.chosen if k != i]
-                with_it, without = (
-                    plain.held_out_misfit(chosen, i) for chosen in (self.chosen, others)
-                )
-                gains[i] = without - with_it
-            worst = min(gains, key=gains.__getitem__)
-            if gains[worst] > 0.0:
-                return
-            self.drop(worst)
+    def take(self, other: Selection) -> None:
+        """Choose as another does, and bar what it bars."""
+        self.chosen, self._pruned = other.chosen, other._pruned
 
     def held_out_misfit(self, chosen: Sequence[int], i: int | None = None) -> float:
         """Squared rows of every part with the coefficients that all others give.
@@ -319,8 +302,8 @@ class Selection:
 
     def _with_own(self, found: Posterior, fold: Fold) -> Array:
         """(K,) most probable coefficients, those of recordings of which only the part knows."""
-        mean, told = found.mean.copy(), np.diag(fold.rest.matrix) > _ROUNDING * self._told
-        own = np.flatnonzero(self._is_own & ~told)
+        mean, information = found.mean.copy(), np.diag(fold.rest.matrix)
+        own = np.flatnonzero(self._is_own & (information <= _ROUNDING * self._information))
         if len(own):
             mean[own] = 0.0
             part = fold.part.part(own)
@@ -332,18 +315,3 @@ class Selection:
         """Of causes, one of which is not there at all; see `posterior`."""
         own = self.rows.places[i]
         return self.posterior(chosen, gram).under(own, NOTHING * self.rows.sizes[own])
-
-
-def holds(gains: Array) -> bool:
-    """Whether a cause predicts parts of the data that it was not fitted to.
-
-    The worst part loses less than half of what the others gain, and of three or more no single
-    one decides: all others gain together, and the next one shows the same.
-    """
-    total, worst = float(np.sum(gains)), min(float(np.min(gains)), 0.0)
-    if total <= HELD_OUT or -worst > 0.5 * (total - worst):
-        return False
-    if len(gains) < 3:
-        return True
-    *_, second, best = np.sort(gains).tolist()
-    return bool(total > best and second > OTHERS * best)

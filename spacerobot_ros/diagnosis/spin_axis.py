@@ -90,7 +90,7 @@ def tilt_of(
         other = i if j == main else j
         lean = abs(moments[main] - moments[other]) * spread[other] if main in (i, j) else 0.0
         stds[name] = float(moment_std if i == j == main else lean + moment_std * abs(axis[other]))
-    told = {name for name, value in change.items() if value}
+    changed = {name for name, value in change.items() if value}
     likely = (
         f'likely its principal axis lies {" and ".join(parts)}, or gyro and magnetometer sit on '
         'one tilted board'
@@ -99,8 +99,8 @@ def tilt_of(
     )
     notes += [likely] if likely else []
     return Tilt(
-        {n: change[n] for n in told},
-        {n: stds[n] for n in told},
+        {n: change[n] for n in changed},
+        {n: stds[n] for n in changed},
         likely,
         '; '.join(notes),
         bool(parts),

@@ -21,7 +21,7 @@ from ..types import Array, IntArray
 
 KINDS = ('gyro_bias', 'gyro_scale', 'gyro_misalignment')
 """Ids of the faults of a gyro."""
-_TOLD = 0.5  # of a plausible size that a number's deviation may be, to be fitted at all
+_OBSERVABLE = 0.5  # of a plausible size that a number's deviation may be, to be fitted at all
 _WIDE = 20.0  # plausible sizes that a chip's faults may reach: those listed are of space practice
 _SAME_AXIS = math.cos(math.radians(5.0))  # a magnetometer tells a window's axis to some degrees
 _STEP = 1e-6
@@ -73,7 +73,7 @@ class SpinMeans:
         self.error = np.array([w.mean for w in windows]) - self.spin
         self.time = np.array([np.mean(w.time) for w in windows])
         self.noise = np.full(3, _QUIET)
-        for _ in range(2):  # what is told depends on the noise itself
+        for _ in range(2):  # what is observable depends on the noise itself
             full = self.fit(KINDS)
             free = max(len(windows) - len(full.values) / 3.0, 1.0)
             self.noise = np.sqrt(np.sum(full.left**2, axis=0) / free)
@@ -120,8 +120,8 @@ class SpinMeans:
             design = (columns / self.noise[:, None])[used].reshape(len(target), -1)
             sizes = _WIDE * np.array([self._size(*name) for name in names])
             spread = np.linalg.inv(design.T @ design + np.diag(sizes**-2.0))
-            told = np.flatnonzero(np.sqrt(np.diag(spread)) < _TOLD * sizes)
-            names, columns, design = [names[i] for i in told], columns[..., told], design[:, told]
+            seen = np.flatnonzero(np.sqrt(np.diag(spread)) < _OBSERVABLE * sizes)
+            names, columns, design = [names[i] for i in seen], columns[..., seen], design[:, seen]
             values = np.linalg.lstsq(design, target, rcond=None)[0]
             covariance = np.linalg.pinv(design.T @ design)
             left -= columns @ values

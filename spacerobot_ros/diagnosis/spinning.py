@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import RecordingError
 from ..estimation.evidence import chi_square_tail
 from ..estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
+from ..formats import counted
 from ..model.robot import Robot
 from ..recording.record import Record
 from .answer.residuals import residuals
@@ -51,8 +52,8 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
     if len(windows) < _FEWEST:
         raise RecordingError(
             records[0].source,
-            f'{len(windows)} windows in which the magnetometer sees the body spin, at least '
-            f'{_FEWEST} of 1.5 turns are needed: without an attitude nothing else is judged',
+            f'{counted(len(windows), "window")} in which the magnetometer sees the body spin, at '
+            f'least {_FEWEST} of 1.5 turns are needed: without an attitude nothing else is judged',
         )
     means = SpinMeans(windows, robot)
     rows = 3 * len(windows)
@@ -66,7 +67,8 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
     before, after = (math.sqrt(means.held_out(k) / rows) for k in ((), best.kinds))
     said = () if tilt is None else (tilt.in_words,)
     count = len({w.recording for w in windows})
-    spans = f'{len(windows)} windows of up to {LONGEST:g} s of {count} recordings'
+    spans = f'{counted(len(windows), "window")} of up to {LONGEST:g} s of '
+    spans += counted(count, 'recording')
     return Diagnosis(
         verdict='partly_explained' if named else 'consistent',
         sentence=_sentence(named, tilt),
@@ -98,9 +100,9 @@ def _chosen(means: SpinMeans) -> tuple[MeanFit, dict[str, tuple[Rival, ...]]]:
             if t.bic(rows) - least < 2.0 * EQUIVALENT
         )
         best = ahead
-    told = means.fit(KINDS).names
+    observable = means.fit(KINDS).names
     for kind in best.kinds:  # at one rate of one sense a bias, a scale and a tilt are alike
-        if any(name not in told for name in best.names if name[0] == kind):
+        if any(name not in observable for name in best.names if name[0] == kind):
             others = (k for k in KINDS if k != kind)
             rivals[kind] = tuple(Rival(effect=k, where=None, bic_gap=0.0) for k in others)
     return best, rivals
@@ -131,13 +133,13 @@ def _cause(means: SpinMeans, fit: MeanFit, kind: str) -> Cause:
         rows,
         (held_without - held) / max(held_without - rows, 1.0),
     )
-    told = {fit.names[i][1]: (float(fit.values[i]), float(stds[i])) for i in own}
-    return cause_of(kind, None, told, evidence, means.robot)
+    estimates = {fit.names[i][1]: (float(fit.values[i]), float(stds[i])) for i in own}
+    return cause_of(kind, None, estimates, evidence, means.robot)
 
 
 def _tilt_cause(tilt: Tilt, robot: Robot) -> Cause:
-    told = {name: (value, tilt.stds[name]) for name, value in tilt.change.items()}
-    cause = cause_of('inertial_parameters', robot.base_link, told, Evidence(), robot)
+    estimates = {name: (value, tilt.stds[name]) for name, value in tilt.change.items()}
+    cause = cause_of('inertial_parameters', robot.base_link, estimates, Evidence(), robot)
     board = Rival(
         effect='gyro_misalignment',
         where='gyro and magnetometer on one board',

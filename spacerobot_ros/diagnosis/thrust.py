@@ -17,6 +17,7 @@ import numpy as np
 from ..effects.catalogue import CATALOGUE
 from ..errors import RecordingError
 from ..estimation.momentum_windows import MomentumWindows, Name, WindowGrams, all_grams
+from ..formats import counted
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array, IntArray
@@ -99,7 +100,7 @@ class _Search:
         if self.count < _FEWEST:
             raise RecordingError(
                 records[0].source,
-                f'{self.count} windows with a pose, at least {_FEWEST} are needed',
+                f'{counted(self.count, "window")} with a pose, at least {_FEWEST} are needed',
             )
         self.every = np.arange(self.count)
         self.levels = np.ones(2)
@@ -175,8 +176,8 @@ def diagnose_thrust(records: Sequence[Record], robot: Robot, notes: Sequence[str
         ranking=tuple(c.ranked for c in causes),
         notes=(
             *notes,
-            f'judged by {search.count} windows of pose, start and rate of each free; thrust is '
-            'told by mass and inertia of the file, of which only ratios to it are seen',
+            f'judged by {counted(search.count, "window")} of pose, start and rate of each free; '
+            'thrust is told by mass and inertia of the file, of which only ratios to it are seen',
             _gains_in_words(names, best),
         ),
     )
@@ -196,8 +197,8 @@ def _cause(search: _Search, index: int, name: Name, robot: Robot, after: float) 
     std = math.sqrt(float(search.best.covariance[index, index]))
     without = search.held_out(search.best.delay, index)
     evidence = _evidence(change, std, search, after, without)
-    told = {parameter: (max(p.minimum, p.nominal + change), std)}
-    return cause_of(kind, where, told, evidence, robot)
+    estimates = {parameter: (max(p.minimum, p.nominal + change), std)}
+    return cause_of(kind, where, estimates, evidence, robot)
 
 
 def _delay_cause(search: _Search, robot: Robot, after: float) -> Cause:

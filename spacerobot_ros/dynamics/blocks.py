@@ -30,10 +30,10 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..model.robot import Body, Robot
-from ..types import Array, IntArray, Vector3
-from .compiling import compiled, inner
+from ..types import Array, Vector3
+from .block_kernels import fill_blocks, fill_changes, fill_regressor
 from .forward_kinematics import forward_kinematics
-from .rotation import cross_rows, skew
+from .rotation import cross_rows
 from .tree import tree_of
 
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -41,6 +41,21 @@ _AXES = 'xyz'
 
 Wheels = Sequence[tuple[int, Vector3]]
 """Bodies that have wheels, with the wheels' momentum in their axes [N m s]."""
+
+
+def check_momentum(robot: Robot) -> None:
+    """Refuse a robot whose momentum does not tell its parameters.
+
+    Raises:
+        ConfigurationError: fixed base or prismatic joint, for which the maps do not hold.
+    """
+    if not robot.is_free:
+        why = 'momentum-based identification needs a free base'
+        raise ConfigurationError('robot.base', f'{why}; for an arm on the ground use `diagnose`')
+    for name, body in zip(robot.joints, robot.bodies[1:], strict=True):
+        if body.is_prismatic:
+            why = 'momentum-based identification needs revolute joints; use `diagnose`'
+            raise ConfigurationError(f'joint {name!r}', why)
 
 
 class BlockTree:
@@ -54,18 +69,13 @@ class BlockTree:
     """
 
     def __init__(self, robot: Robot) -> None:
-        if not robot.is_free:
-            why = 'momentum-based identification needs a free base'
-            raise ConfigurationError('robot.base', why)
-        for name, body in zip(robot.joints, robot.bodies[1:], strict=True):
-            if body.is_prismatic:
-                why = 'momentum-based identification needs revolute joints'
-                raise ConfigurationError(f'joint {name!r}', why)
+        check_momentum(robot)
         self.n = robot.n_joints
         self.bodies = robot.bodies
         self.pairs = tuple(itertools.combinations(range(self.n + 1), 2))
-        self.moves = robot.moves
+        self._moves = robot.moves.astype(float)
         self._tree = tree_of(robot)
+        self._axes = np.array([body.axis for body in robot.bodies[1:]]).reshape(-1, 3)
         self._links = _link_vectors(robot.bodies)
         self._pair_indices = np.array(self.pairs, dtype=np.int64).reshape(-1, 2)
 
@@ -83,11 +93,10 @@ class BlockTree:
 
     def rate_maps(self, rotations: Array) -> Array:
         """(N, n+1, 3, 3+n) maps P_k with w_k = P_k [w_0; q'] in base coordinates."""
-        maps = np.zeros((len(rotations), self.n + 1, 3, 3 + self.n))
+        axes = (rotations[:, 1:] @ self._axes[..., None])[..., 0]
+        maps = np.empty((len(rotations), self.n + 1, 3, 3 + self.n))
         maps[..., :3] = np.eye(3)
-        for j in range(self.n):
-            axis = rotations[:, j + 1] @ self.bodies[j + 1].axis
-            maps[..., 3 + j][:, self.moves[j]] = axis[:, None, :]
+        maps[..., 3:] = self._moves.T[:, None] * np.swapaxes(axes, 1, 2)[:, None]
         return maps
 
     def regressor(self, rotations: Array, maps: Array, u: Array) -> Array:
@@ -100,44 +109,27 @@ class BlockTree:
         """
         w = np.einsum('nkai,ni->nka', maps, u)
         out = np.empty((len(u), 3, 6 * (self.n + 1) + 9 * len(self.pairs)))
-        _fill_regressor(rotations, w, self._pair_indices, out)
+        fill_regressor(rotations, w, self._pair_indices, out)
         return out
 
     def inertia(self, rotations: Array, maps: Array, pi: Array) -> Array:
         """(N, 3+n, 3+n) inertia [[D, Dq], [Dq^T, Dqq]] of u = [w_0; q'], linear in pi (K,)."""
-        stacked = _stack_maps(maps)
-        return np.swapaxes(stacked, 1, 2) @ _stack_blocks(self._blocks(rotations, pi)) @ stacked
+        return _inertia(self._blocks(rotations, pi), maps)
 
-    def inertia_gradient(self, rotations: Array, maps: Array, pi: Array) -> tuple[Array, Array]:
-        """Inertia as `inertia` and its (N, n, 3+n, 3+n) derivatives by each joint position.
+    def inertia_turned(
+        self, rotations: Array, maps: Array, pi: Array, u: Array
+    ) -> tuple[Array, Array]:
+        """Inertia as `inertia`, and (N, n, 3+n) its derivatives by each joint position, times u.
 
         Turning with joint j, a block obeys B_kl' = tr(G') 1 - G'^T with G'^T = m_l a^x G^T - m_k
         G^T a^x, where m_k says whether the joint moves body k; an axis obeys a_i' = a_j x a_i
-        where joint j moves joint i's body.
+        where joint j moves joint i's body. The diagonal blocks turn like tensors, which the same
+        expressions give.
         """
         blocks = self._blocks(rotations, pi)
-        stacked = _stack_maps(maps)
-        weighted = _stack_blocks(blocks) @ stacked
-        value = np.swapaxes(stacked, 1, 2) @ weighted
-        # The diagonal blocks turn like tensors, which the same expressions give.
-        g_t = (0.5 * np.trace(blocks, axis1=3, axis2=4)[..., None, None] * np.eye(3) - blocks)[
-            :, None
-        ]
-        joints = np.arange(self.n)
-        axes = maps[:, joints + 1, :, 3 + joints].swapaxes(0, 1)
-        turn = skew(axes)
-        moved = self.moves.astype(float)
-        wide = turn[:, :, None, None]
-        turned = moved[:, None, :, None, None] * (wide @ g_t) - moved[:, :, None, None, None] * (
-            g_t @ wide
-        )
-        turned = np.trace(turned, axis1=4, axis2=5)[..., None, None] * np.eye(3) - turned
-        slipped = (turn[:, :, None] @ maps[:, None, :, :, 3:]) * moved[:, None, None, 1:]
-        half = np.swapaxes(_stack_maps(slipped), -1, -2) @ weighted[:, None]
-        gradient = np.swapaxes(stacked, 1, 2)[:, None] @ _stack_blocks(turned) @ stacked[:, None]
-        gradient[..., 3:, :] += half
-        gradient[..., 3:] += np.swapaxes(half, -1, -2)
-        return value, gradient
+        turned = np.zeros((len(u), self.n, 3 + self.n))
+        fill_changes(blocks, maps, np.ascontiguousarray(u), self._moves, turned)
+        return _inertia(blocks, maps), turned
 
     def equation(
         self, q: Array, u: Array, pi: Array, wheels: Wheels, joint_reaction: bool = True
@@ -156,8 +148,7 @@ class BlockTree:
         """
         rotations = self.rotations(q)
         maps = self.rate_maps(rotations)
-        M, gradient = self.inertia_gradient(rotations, maps, pi)
-        changes = (gradient @ u[:, None, :, None])[..., 0]
+        M, changes = self.inertia_turned(rotations, maps, pi, u)
         bias = (u[:, None, 3:] @ changes)[:, 0]
         bias[:, 3:] -= 0.5 * (changes @ u[:, :, None])[..., 0]
         bias[:, :3] += cross_rows(u[:, :3], np.einsum('nab,nb->na', M[:, :3], u))
@@ -206,24 +197,10 @@ class BlockTree:
 
     def _blocks(self, rotations: Array, pi: Array) -> Array:
         """(N, n+1, n+1, 3, 3) blocks B_kl."""
-        bodies = self.n + 1
-        own = np.zeros((bodies, bodies, 3, 3))
-        diagonal = np.arange(bodies)
-        for index, (a, b) in enumerate(_SYMMETRIC):
-            own[diagonal, diagonal, a, b] = own[diagonal, diagonal, b, a] = pi[
-                index : 6 * bodies : 6
-            ]
-        for index, (k, m) in enumerate(self.pairs):
-            start = 6 * bodies + 9 * index
-            own[k, m] = pi[start : start + 9].reshape(3, 3)
-            own[m, k] = own[k, m].T
-        out = rotations[:, :, None] @ own @ np.swapaxes(rotations, 2, 3)[:, None]
-        off = ~np.eye(bodies, dtype=bool)
-        g = out[:, off]
-        out[:, off] = np.trace(g, axis1=2, axis2=3)[..., None, None] * np.eye(3) - np.swapaxes(
-            g, 2, 3
-        )
-        return out
+        blocks = np.empty((len(rotations), self.n + 1, self.n + 1, 3, 3))
+        pi = np.ascontiguousarray(pi, dtype=float)
+        fill_blocks(rotations, pi, self._pair_indices, blocks)
+        return blocks
 
 
 def _link_vectors(bodies: tuple[Body, ...]) -> Array:
@@ -237,64 +214,9 @@ def _link_vectors(bodies: tuple[Body, ...]) -> Array:
     return vectors
 
 
-def _stack_maps(maps: Array) -> Array:
-    """(..., b, 3, m) maps one below the other: (..., 3 b, m)."""
-    return maps.reshape(*maps.shape[:-3], 3 * maps.shape[-3], maps.shape[-1])
-
-
-def _stack_blocks(blocks: Array) -> Array:
-    """(..., b, b, 3, 3) blocks as one matrix (..., 3 b, 3 b)."""
-    size = 3 * blocks.shape[-3]
-    return np.swapaxes(blocks, -3, -2).reshape(*blocks.shape[:-4], size, size)
-
-
-# Vectorised over samples NumPy needs 7 us a sample-row here (strided temporaries of 9 columns a
-# pair of bodies); compiled it is 0.15 us on one core.
-@compiled  # type: ignore[untyped-decorator]
-def _fill_regressor(rotations: Array, w: Array, pairs: IntArray, out: Array) -> None:
-    """Write the regressor's columns, bodies' blocks first and pairs' blocks behind.
-
-    Args:
-        rotations: (N, b, 3, 3) body to base coordinates.
-        w: (N, b, 3) angular velocities in base coordinates [rad/s].
-        pairs: (P, 2) indices k < m of the pairs of bodies.
-        out: (N, 3, 6 b + 9 P) written.
-    """
-    bodies = rotations.shape[1]
-    for s in range(rotations.shape[0]):
-        for k in range(bodies):
-            _fill_body(rotations, w, s, k, out)
-        for p in range(pairs.shape[0]):
-            _fill_pair(rotations, w, s, pairs[p, 0], pairs[p, 1], 6 * bodies + 9 * p, out)
-
-
-# Whole arrays and indices are passed: views of them would cost more than the arithmetic.
-@inner  # type: ignore[untyped-decorator]
-def _fill_body(R: Array, w: Array, s: int, k: int, out: Array) -> None:
-    """Columns of J_k: e_a (e_b . w), and e_b (e_a . w) too where a and b differ."""
-    x = R[s, k, 0, 0] * w[s, k, 0] + R[s, k, 1, 0] * w[s, k, 1] + R[s, k, 2, 0] * w[s, k, 2]
-    y = R[s, k, 0, 1] * w[s, k, 0] + R[s, k, 1, 1] * w[s, k, 1] + R[s, k, 2, 1] * w[s, k, 2]
-    z = R[s, k, 0, 2] * w[s, k, 0] + R[s, k, 1, 2] * w[s, k, 1] + R[s, k, 2, 2] * w[s, k, 2]
-    for i in range(3):
-        out[s, i, 6 * k] = R[s, k, i, 0] * x
-        out[s, i, 6 * k + 1] = R[s, k, i, 1] * y
-        out[s, i, 6 * k + 2] = R[s, k, i, 2] * z
-        out[s, i, 6 * k + 3] = R[s, k, i, 0] * y + R[s, k, i, 1] * x
-        out[s, i, 6 * k + 4] = R[s, k, i, 0] * z + R[s, k, i, 2] * x
-        out[s, i, 6 * k + 5] = R[s, k, i, 1] * z + R[s, k, i, 2] * y
-
-
-@inner  # type: ignore[untyped-decorator]
-def _fill_pair(R: Array, w: Array, s: int, k: int, m: int, start: int, out: Array) -> None:
-    """Columns of Q_km: e_ka x (w_m x e_mb) + e_mb x (w_k x e_ka), the triple products expanded."""
-    for a in range(3):
-        for b in range(3):
-            dot, along_m, along_k = 0.0, 0.0, 0.0
-            for i in range(3):
-                dot += R[s, k, i, a] * R[s, m, i, b]
-                along_m += R[s, k, i, a] * w[s, m, i]
-                along_k += R[s, m, i, b] * w[s, k, i]
-            for i in range(3):
-                turning = (w[s, k, i] + w[s, m, i]) * dot
-                column = turning - R[s, m, i, b] * along_m - R[s, k, i, a] * along_k
-                out[s, i, start + 3 * a + b] = column
+def _inertia(blocks: Array, maps: Array) -> Array:
+    """(N, m, m) P^T B P of blocks (N, b, b, 3, 3) and maps P (N, b, 3, m)."""
+    count, size, rates = len(blocks), 3 * blocks.shape[1], maps.shape[-1]
+    stacked = maps.reshape(count, size, rates)
+    square = np.swapaxes(blocks, 2, 3).reshape(count, size, size)
+    return np.asarray(np.swapaxes(stacked, 1, 2) @ square @ stacked)

@@ -90,19 +90,19 @@ class InertialParameters(MovingBodyEffect):
         """As uncertain as the robot file says, in proportion to the body itself.
 
         A body without joints shows no mass, and where no momentum of its wheels is known, only the
-        ratios of its inertia, which are told with ixx as the file has it. Known forces on it show
+        ratios of its inertia, which are given with ixx as the file has it. Known forces on it show
         all but the mass, and that where its position is measured.
         """
         scales = _scales(robot, where)
         inputs = robot.inputs
         is_spun = robot.servicer_momentum.any() or (inputs is not None and inputs.wheels)
-        told: tuple[str, ...] = _INERTIAS if is_spun else _INERTIAS[1:]
+        observable: tuple[str, ...] = _INERTIAS if is_spun else _INERTIAS[1:]
         if inputs is not None and (inputs.commands or inputs.wrench):
-            told = NAMES if inputs.is_located else NAMES[1:]
+            observable = NAMES if inputs.is_located else NAMES[1:]
         return tuple(
             replace(p, size=robot.inertia_uncertainty * scale, relevant=_RELEVANT * scale)
             for p, scale in zip(cls.parameters, scales, strict=True)
-            if robot.joints or p.name in told
+            if robot.joints or p.name in observable
         )
 
 

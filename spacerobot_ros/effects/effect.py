@@ -73,6 +73,8 @@ class Effect:
         refines: Ids of simpler laws that are special cases of it.
         is_rare: Whether the diagnosis looks for it only where a test of whiteness asks for more
             than common causes: beside an unknown leftover it would take what is theirs.
+        follows_load: Whether its force goes with the torque of its joint's motor, so that whatever
+            else is found there changes it, too.
         is_own: Whether a user wrote it: its sizes are taken as they are on an arm, too.
         is_fitted: Whether the diagnosis considers it as a cause; False for what a record can not
             tell from another effect of the catalogue, and for events, which have a scan of their
@@ -90,6 +92,7 @@ class Effect:
     excludes: ClassVar[tuple[str, ...]] = ()
     is_rare: ClassVar[bool] = False
     is_fitted: ClassVar[bool] = True
+    follows_load: ClassVar[bool] = False
     is_own: ClassVar[bool] = False
     refines: ClassVar[tuple[str, ...]] = ()
 
@@ -180,6 +183,11 @@ class Effect:
             else p
             for p in cls.parameters
         )
+
+    @classmethod
+    def unit_at(cls, robot: Robot, where: str | None, parameter: Parameter) -> str:
+        """Unit of one of its parameters at a place."""
+        return parameter.unit
 
     @classmethod
     def nominal(cls) -> dict[str, float]:

@@ -24,7 +24,6 @@ from .formula_quantities import (
     at_rest,
     is_axis,
     is_known,
-    joint_unit,
     known_quantities,
     listed,
     parts,
@@ -163,7 +162,7 @@ class Formula:
     def _unit(self, robot: Robot, where: str | None) -> str:
         """Unit of the formula."""
         if self.channel in MEASURED or self.is_at_joint:
-            return joint_unit(MEASURED.get(self.channel, 'effort'), robot, str(where))
+            return robot.unit_of(OF_JOINTS[MEASURED.get(self.channel, 'effort')], str(where))
         axis = {'torque': 'N m', 'force': 'N', 'gyro': 'rad/s', 'attitude': 'rad'}
         return axis[self.channel or self.key]
 

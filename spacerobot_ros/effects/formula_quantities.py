@@ -12,7 +12,8 @@ from .joint import STICTION_RATE
 from .law_inputs import AXES
 
 READING = 'reading'
-OF_JOINTS = ('position', 'rate', 'effort')
+OF_JOINTS = {'position': 'rad', 'rate': 'rad/s', 'effort': 'N m'}
+"""With units of joints that turn."""
 OF_BASE = {'base_rate': tuple(AXES), 'attitude': tuple(a + b for a in AXES for b in AXES)}
 """With what may be in brackets behind them."""
 CHANNELS = {
@@ -79,15 +80,8 @@ def unit_of(name: str, robot: Robot, where: str | None) -> str:
     """Unit of a quantity of joints, of the base or of time."""
     what, whose = parts(name)
     if what in OF_JOINTS:
-        return joint_unit(what, robot, whose or str(where))
+        return robot.unit_of(OF_JOINTS[what], whose or str(where))
     return {'time': 's', 'base_rate': 'rad/s', 'attitude': ''}[what]
-
-
-def joint_unit(what: str, robot: Robot, joint: str) -> str:
-    """Unit of position, rate or effort of a joint."""
-    slides = robot.bodies[1 + robot.joints.index(joint)].is_prismatic
-    units = ('m', 'm/s', 'N') if slides else ('rad', 'rad/s', 'N m')
-    return units[OF_JOINTS.index(what)]
 
 
 def at_rest(name: str) -> Array:

@@ -7,13 +7,14 @@ simulator, the controller and the search for what a leftover depends on use the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
+from ..model.body import joint_unit
 from ..types import Array
 from .dimensions import powers_of, unit_text
 from .hysteresis import followed
@@ -177,18 +178,18 @@ _FORMS = (
 FORMS: Mapping[str, Form] = MappingProxyType({form.name: form for form in _FORMS})
 """Every form by its name."""
 
-QUANTITIES: Mapping[str, Mapping[str, int]] = MappingProxyType(
+QUANTITIES: Mapping[str, str] = MappingProxyType(
     {
-        'rate': {'rad': 1, 's': -1},
-        'angle': {'rad': 1},
-        'load': {'N': 1, 'm': 1},
-        'acceleration': {'rad': 1, 's': -2},
-        'time': {'s': 1},
-        'attitude': {},
-        'base_rate': {'rad': 1, 's': -1},
+        'rate': 'rad/s',
+        'angle': 'rad',
+        'load': 'N m',
+        'acceleration': 'rad/s^2',
+        'time': 's',
+        'attitude': '',
+        'base_rate': 'rad/s',
     }
 )
-"""Units of what an input may be, as powers of base units; that of `extra` goes by its name."""
+"""Units of what an input may be, those of joints that turn; that of `extra` goes by its name."""
 
 
 def quantity(name: str) -> tuple[str, str]:
@@ -197,17 +198,26 @@ def quantity(name: str) -> tuple[str, str]:
     return what, whose
 
 
-def unit_of(powers: Sequence[float], inputs: Sequence[str], unit: str = 'N m') -> str:
+def unit_of(
+    powers: Sequence[float],
+    inputs: Sequence[str],
+    unit: str = 'N m',
+    sliding: Collection[str] = (),
+) -> str:
     """Unit of a coefficient.
 
     Args:
         powers: Of each input in its column.
         inputs: Their names.
         unit: Of the sum.
+        sliding: Joints that slide.
     """
     total = powers_of(unit)
     for power, name in zip(powers, inputs, strict=True):
         what, whose = quantity(name)
-        for base, own in QUANTITIES.get(what, {whose: 1}).items():
-            total[base] = total.get(base, 0) - power * own
+        own = {whose: 1.0}
+        if what in QUANTITIES:
+            own = powers_of(joint_unit(QUANTITIES[what], {whose in sliding}))
+        for base, count in own.items():
+            total[base] = total.get(base, 0) - power * count
     return unit_text(total) or '1'

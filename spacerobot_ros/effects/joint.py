@@ -10,6 +10,7 @@ from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
 from .motion import Motion, inverse_mass
+from .parameter import Parameter
 
 STICTION_RATE = 2e-3
 """Rate over which dry friction changes its sign [rad/s]: sign(v) is smoothed to tanh(v / this)."""
@@ -34,6 +35,13 @@ class JointEffect(Effect):
             return robot.with_current
         passive = robot.passive_joints if cls.needs_motor else ()
         return tuple(joint for joint in robot.arm if joint not in passive)
+
+    @classmethod
+    def unit_at(cls, robot: Robot, where: str | None, parameter: Parameter) -> str:
+        """Unit of one of its parameters: of a joint that slides by ways and forces."""
+        if where not in robot.joints or parameter.role == 'phase':
+            return parameter.unit
+        return robot.unit_of(parameter.unit, where)
 
     def mobility(self, robot: Robot) -> float:
         """Acceleration of the joint by its own torque, all joints at zero [1/(kg m^2)]."""

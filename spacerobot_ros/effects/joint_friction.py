@@ -199,6 +199,7 @@ class LoadFriction(JointTorque):
 
     id = 'joint_load_friction'
     needs_motor = True
+    follows_load = True
     title = 'friction in proportion to the load of a joint'
     parameters = (amount('coefficient', '', 0.1, 1e-3, maximum=1.0),)
 

@@ -7,13 +7,13 @@ import importlib.util
 import sys
 import traceback
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
-from functools import partial
+from functools import partial, wraps
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, SpaceRobotError
 from .effect import Effect
 
 GROUP = 'spacerobot.effects'
@@ -61,6 +61,8 @@ def add_module(known: MutableMapping[str, type[Effect]], module: ModuleType, pla
         other = known.get(kind.id)
         if other is not None and not _is_same(other, kind):
             raise ConfigurationError(f'{place}: {kind.__name__}', f'its id {kind.id!r} is taken')
+        if not vars(kind).get('is_own', False):
+            _guard(kind, f'{place}: {kind.__name__}', module)
         kind.is_own = True
         known[kind.id] = kind
 
@@ -83,17 +85,60 @@ def _faults(kind: type[Effect]) -> Iterator[str]:
         yield f'does nothing: it overrides none of {", ".join(_ACTIONS)}'
 
 
+def _guard(kind: type[Effect], place: str, module: ModuleType) -> None:
+    """Make what its actions raise, or what of theirs is no force or signal, name the kind."""
+    for action in filter(kind.acts, _ACTIONS):
+        setattr(kind, action, _naming(getattr(kind, action), f'{place}.{action}', module))
+
+
+def _naming(method: Callable[..., Any], place: str, module: ModuleType) -> Callable[..., Any]:
+    @wraps(method)
+    def answer(*args: Any, **named: Any) -> Any:
+        try:
+            return method(*args, **named)
+        except SpaceRobotError:
+            raise
+        except Exception as error:
+            raise ConfigurationError(place, _raised(error, module.__file__)) from error
+
+    return answer
+
+
 def _loaded(load: Callable[[], ModuleType], place: str) -> ModuleType:
     """A module; what it raises becomes one line with its place."""
     try:
         return load()
     except ConfigurationError:
         raise
-    except Exception as error:
-        frames = traceback.extract_tb(error.__traceback__)
-        at = frames[-1]
-        why = f'raises {type(error).__name__}: {error} ({Path(at.filename).name}:{at.lineno})'
-        raise ConfigurationError(place, why) from error
+    except (Exception, SystemExit) as error:
+        raise ConfigurationError(place, _raised(error)) from error
+
+
+def _raised(error: BaseException, path: str | None = None) -> str:
+    """What was raised and where: in a file, if it went through that, else at its end."""
+    if isinstance(error, SyntaxError) and error.filename:  # it has no frame of its own
+        where = f'{Path(error.filename).name}:{error.lineno}'
+        return f'raises {type(error).__name__}: {error.msg} ({where})'
+    frames = traceback.extract_tb(error.__traceback__)
+    at = ([frame for frame in frames if frame.filename == path] or frames)[-1]
+    return f'raises {type(error).__name__}: {error} ({Path(at.filename).name}:{at.lineno})'
+
+
+def source_files(names: Sequence[str]) -> Iterator[Path]:
+    """Files of modules as `add_named` takes them, and of the installed ones.
+
+    Of a package every module, of a module its file alone; none of what has no file.
+    """
+    installed = (point.module for point in entry_points(group=GROUP))
+    for name in (*names, *sorted(installed)):
+        if name.endswith('.py'):
+            yield Path(name)
+            continue
+        spec = importlib.util.find_spec(name)
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            yield from sorted(Path(folder).rglob('*.py'))
+        if spec and spec.origin and spec.has_location:
+            yield Path(spec.origin)
 
 
 def _from_file(name: str, folder: Path | None, place: str) -> ModuleType:

@@ -115,8 +115,27 @@ class ArmRows:
 
     def linearized(self, about: Array) -> ArmRows:
         """The same rows about other coefficients (K,)."""
-        if not self._own_scale.any():
-            return self
+        return self._alike(about) if self._own_scale.any() else self
+
+    def loaded(self, balances: Sequence[Balance], chosen: Iterable[int]) -> ArmRows:
+        """The same rows with what follows the load by a motor's whole torque.
+
+        A model that lacks friction and bodies lacks their share of it. Causes are chosen without:
+        any friction of a joint with little to carry would pass for one that goes with its load.
+
+        Args:
+            balances: Of a model with all that was found.
+            chosen: Numbers of candidates.
+        """
+        own = [i for i in chosen if self.candidates[i].kind.follows_load]
+        out = self._alike(self.about)
+        out.__dict__['columns'] = [full.copy() for full in self.columns]
+        for balance, full in zip(balances, out.columns, strict=True):
+            for i in own:
+                full[:, :, self.places[i]] = balance.columns(self.candidates[i].small_steps)
+        return out
+
+    def _alike(self, about: Array | None) -> ArmRows:
         out = replace(self, about=about)
         shared = ('columns', '_own_scale', 'anchors', 'unanchored', 'blocks', 'scale')
         out.__dict__.update({name: getattr(self, name) for name in shared})

@@ -27,7 +27,8 @@ from ..types import Array
 from .arm_motion import ArmMotion
 from .columns import Signatures
 from .motor_constants import in_newton_metres
-from .reference import Kinematics, NoiseLevels
+from .noise_levels import fourth_difference_std
+from .reference import Kinematics
 from .rows import ChannelError
 from .torque_process import TorqueDriven
 
@@ -134,7 +135,12 @@ class Balance:
         time, moving = self.arm.times[::stride], self.arm.is_shown[::stride]
         return tuple(
             ChannelError(
-                f'joint_torque/{name}', 'N m', time[at], np.zeros(0), error[at, i], np.nan
+                f'joint_torque/{name}',
+                self.robot.unit_of('N m', name),
+                time[at],
+                np.zeros(0),
+                error[at, i],
+                np.nan,
             )
             for i, (name, at) in enumerate(zip(self.robot.joints, moving.T, strict=True))
         )
@@ -208,14 +214,32 @@ def _compensation(arm: ArmMotion, robot: Robot) -> Array | float:
     return np.asarray(process.needed(process.motion(still, arm.effort))[:, 6:] * lacking)
 
 
-def noise_in_band(balance: Balance, noise: NoiseLevels) -> Array:
+def noise_in_band(balance: Balance, position: float | Array, effort: float | Array) -> Array:
     """(n,) rms of the torques that sensor noise alone leaves in the band [N m].
 
     White noise of a sample keeps 2 B dt of its variance below B. Of positions it is that of the
     accelerations: ((2 pi B)^4 / 5)^1/2 times it on the joint's own inertia.
+
+    Args:
+        balance: Of a recording.
+        position: Standard deviation of a sample, of all joints or one each [rad].
+        effort: The same [N m].
     """
     band, n = balance.arm.band, balance.robot.n_joints
     kept = np.sqrt(2.0 * band * balance.arm.interval)
     inertia = np.diag(Dynamics(balance.robot).mass_matrix(np.zeros(n)))[-n:]
-    moved = (2.0 * np.pi * band) ** 2 / np.sqrt(5.0) * noise.joint_position * inertia
-    return np.asarray(kept * np.hypot(noise.joint_effort, moved))
+    moved = (2.0 * np.pi * band) ** 2 / np.sqrt(5.0) * position * inertia
+    return np.asarray(kept * np.hypot(effort, moved))
+
+
+def own_noise_in_band(balance: Balance) -> Array:
+    """(n,) rms that the noise of each joint's own sensors leaves in the band [N m].
+
+    By the fourth differences of its samples, whatever the robot file states of all joints.
+    """
+    record = balance.arm.record
+    position, effort = (
+        np.array([fourth_difference_std(column[:, None]) for column in values.T])
+        for values in (record.q, np.asarray(record.effort))
+    )
+    return noise_in_band(balance, position, effort)

@@ -111,9 +111,9 @@ class _Windows:
         lacking = self._lacking(q, qd, qdd)
         inertia = np.empty((len(q), p, p))
         for k, joint in enumerate(self._joints):
-            pushed = qdd.copy()
-            pushed[:, joint] = 1.0
-            inertia[:, :, k] = self._lacking(q, qd, pushed) - lacking
+            accelerated = qdd.copy()
+            accelerated[:, joint] = 1.0
+            inertia[:, :, k] = self._lacking(q, qd, accelerated) - lacking
         bend = -np.linalg.solve(inertia, lacking[:, :, None])[:, :, 0]
         return np.concatenate([flat[:, p:], bend], axis=1).reshape(state.shape)
 

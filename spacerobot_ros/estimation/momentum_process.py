@@ -149,14 +149,13 @@ class MomentumModel:
         offset = known - self._h0 + added
         external = self.other.start + np.flatnonzero(self.nuisances.is_external)
         total = columns[..., :3] @ constants[:3] + columns[..., external] @ constants[external]
-        inertia, gradient = self.tree.inertia_gradient(
-            moving.rotations, moving.maps, self.minimal.expansion @ constants[self.x]
-        )
+        pi = self.minimal.expansion @ constants[self.x]
+        inertia, changes = self.tree.inertia_turned(moving.rotations, moving.maps, pi, moving.u)
         inverse = np.linalg.inv(inertia[:, :3, :3])
         state = np.empty((len(offset), 3, 3 + 2 * self.n))
         # R^T h_W turns with the attitude, the wheels with their links, the rest with D and Dq.
         state[..., :3] = skew(total)
-        state[..., 3 : 3 + self.n] = -np.einsum('njab,nb->naj', gradient[:, :, :3], moving.u)
+        state[..., 3 : 3 + self.n] = -np.swapaxes(changes[..., :3], 1, 2)
         state[..., 3 : 3 + self.n] -= self._turned_wheels(moving, columns, constants)
         state[..., 3 + self.n :] = -inertia[:, :3, 3:]
         placebo = np.zeros_like(columns)

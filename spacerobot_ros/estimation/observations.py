@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..errors import RecordingError
+from ..formats import counted
 from ..model.robot import Robot
 from ..recording.record import Record
 
@@ -24,7 +25,7 @@ def observed(record: Record, robot: Robot) -> Record:
     if len(joints) < _FEWEST_SAMPLES:
         raise RecordingError(
             '/joint_states',
-            f'has {len(joints)} samples; a diagnosis needs {_FEWEST_SAMPLES} or more',
+            f'has {counted(len(joints), "sample")}; a diagnosis needs {_FEWEST_SAMPLES} or more',
         )
     if not robot.is_free:
         return replace(record, zero_ns=record.origin_ns, rates=None, attitudes=None)

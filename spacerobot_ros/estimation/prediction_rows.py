@@ -75,13 +75,14 @@ class PredictionRows(Innovations):
         out = []
         for c, name in enumerate(CHANNELS):
             label, unit = LABELS[name]
-            for axis, axis_name in enumerate(self.robot.joints if name[0] == 'j' else 'xyz'):
+            is_joint = name.startswith('joint')
+            for axis, axis_name in enumerate(self.robot.joints if is_joint else 'xyz'):
                 at = self._settled_rows(c, axis)
                 if len(at):
                     out.append(
                         ChannelError(
                             f'{label}/{axis_name}',
-                            unit,
+                            self.robot.unit_of(unit, axis_name) if is_joint else unit,
                             self.row_times[at],
                             self.measured[at],
                             (self.data * self.stds)[at],
@@ -99,9 +100,10 @@ class PredictionRows(Innovations):
         base = self.m - self.n
         names = [f'angular_momentum/{axis}' for axis in 'xyz'[:base]]
         names += [f'joint_torque/{joint}' for joint in self.robot.joints]
+        units = ['N m'] * base + [self.robot.unit_of('N m', joint) for joint in self.robot.joints]
         floor, none = np.sqrt(np.mean(spread**2, axis=0)), np.zeros(0)
         return [
-            ChannelError(names[i], 'N m', time, none, values[:, i], float(floor[i]))
+            ChannelError(names[i], units[i], time, none, values[:, i], float(floor[i]))
             for i in [*range(base, self.m), *range(base)]
         ]
 

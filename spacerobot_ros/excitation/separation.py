@@ -76,8 +76,8 @@ class Contrast(NamedTuple):
 
     def to_json(self) -> dict[str, float]:
         """As in the command's JSON."""
-        told = {'seen': self.visible, 'told': self.apart}
-        return {**told, 'sine': self.sine, 'smallest': self.smallest}
+        shares = {'seen': self.visible, 'told': self.apart}
+        return {**shares, 'sine': self.sine, 'smallest': self.smallest}
 
     @classmethod
     def of(cls, own: Array, other: Array) -> Contrast:

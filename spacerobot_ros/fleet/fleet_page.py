@@ -22,7 +22,7 @@ from ..display import (
     Table,
     table_of,
 )
-from ..formats import number, probability, value_with
+from ..formats import counted, number, probability, value_with
 from .fleet_table import FEWEST, SIGNIFICANT, Trend, cause_name, courses, in_order, trends
 
 _BAND = 3.0  # standard deviations
@@ -44,7 +44,9 @@ def fleet_page(title: str, said: Sequence[Row], failures: Mapping[str, str]) -> 
     """
     lines = trends(courses(said))
     machines = {one['machine'] for one in said}
-    subtitle = f'{len(said) + len(failures)} recordings of {len(machines)} machines'
+    subtitle = (
+        f'{counted(len(said) + len(failures), "recording")} of {counted(len(machines), "machine")}'
+    )
     return Report(
         title, subtitle, [Section('', [_figures(said, failures, lines)]), *_parts(said, lines),
                           *unreadable(said, failures)]
@@ -61,7 +63,9 @@ def summary(said: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Sectio
     yield Section(title, [appeared] if appeared.rows else ['none'])
     yield from unreadable(said, failures)
     counts = ', '.join(f'{n} {verdict}' for verdict, n in _verdicts(said).items())
-    yield Section('', [f'{len(said) + len(failures)} recordings: {counts or "none diagnosed"}'])
+    yield Section(
+        '', [f'{counted(len(said) + len(failures), "recording")}: {counts or "none diagnosed"}']
+    )
 
 
 def unreadable(said: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
@@ -86,7 +90,7 @@ def _figures(said: Sequence[Row], failures: Mapping[str, str], lines: Sequence[T
         [
             KeyFigure('recordings', str(len(said) + len(failures))),
             KeyFigure('differ from the model', str(found), status='bad' if found else 'good'),
-            KeyFigure('drifts', str(drifts), remark=f'of {len(lines)} trends',
+            KeyFigure('drifts', str(drifts), remark=f'of {counted(len(lines), "trend")}',
                       status='bad' if drifts else 'good'),
             KeyFigure('could not be used', str(bad), status='bad' if bad else 'good'),
         ]

@@ -17,8 +17,10 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +51,8 @@ _LARGEST = 20_000
 """Samples of one sensor in one solution: it takes 36 kB of memory for each (servicer)."""
 _FAILURES = (ArithmeticError, LookupError, RuntimeError, ValueError)
 """What numerical libraries raise where data defeat them (`LinAlgError` is a ValueError)."""
+_Screened = tuple[Record, Callable[..., Counter[str]]]
+"""A record without outliers, and what counts them between two times [s]."""
 _WORDS = {'joints': 'joint states', 'imu': 'gyro', 'attitude': 'attitude'}
 
 
@@ -168,7 +172,8 @@ class OnlineIdentifier:
             IdentificationError: the newest samples defeat the solution; it goes on behind them.
         """
         try:
-            return self._use(until_ns)
+            with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+                return self._use(until_ns)  # what is not finite is no solution
         except IdentificationError:
             raise
         except _FAILURES as error:
@@ -184,23 +189,24 @@ class OnlineIdentifier:
         record = self.samples.record(None, until_ns).between(self._start, np.inf)
         if missing or not (len(record.joint_time) and len(record.rate_time)):
             return self._nothing(f'no {" and no ".join(missing or _WORDS.values())} yet')
-        tail = self._screened(record.between(self._done - _CONTEXT, np.inf))[0]
+        tail, count = self._screened(record.between(self._done - _CONTEXT, np.inf))
         if not (len(tail.joint_time) and len(tail.rate_time)):
             return self._nothing('no samples that agree with each other')
         end = float(min(tail.joint_time[-1], tail.rate_time[-1])) - self._lag
         end = min(end, *(self._longest(time) for time in (record.joint_time, record.rate_time)))
         before, after = first_pause(tail)
         if end <= before:
-            return self._solve(record, end)
+            return self._solve(record, end, (tail, count))
         if min(after, end) - before <= LONGEST_PAUSE:  # late samples may still fill it
-            return self._solve(record, before)
+            return self._solve(record, before, (tail, count))
+        record, tail = (each.between(-np.inf, before) for each in (record, tail))
         with suppress(IdentificationError):
-            self._solve(record.between(-np.inf, before), before)
+            self._solve(record, before, (tail, count))
         self._begin(0.5 * (before + after), self._known)
         return self._use(until_ns)
 
-    def _solve(self, record: Record, end: float) -> Estimate:
-        """Use a record without long pauses up to a time [s]."""
+    def _solve(self, record: Record, end: float, newest: _Screened) -> Estimate:
+        """Use a record without long pauses up to a time [s], of which the newest is screened."""
         is_first, known = self._noise is None, self._known
         seconds = common_time(record, end)
         if end - self._done < 1e-3 or (is_first and seconds < FIRST):
@@ -211,43 +217,40 @@ class OnlineIdentifier:
             if is_first or (self._is_whole(end) and self._is_rerun_due(end)):
                 self._run_all(record, end)
             else:
-                self._run_new(record, end)
+                self._run_new(record, end, *newest)
             return self._conclude(end)
         except _FAILURES as error:
             self._begin(end, known)
             raise _unusable(f'samples up to {end:.6g} s', error) from error
 
-    def _screened(
-        self, record: Record, after: float = -np.inf, until: float = np.inf
-    ) -> tuple[Record, Counter[str]]:
-        """A record without outliers, and how many there were after and until some times [s]."""
+    def _screened(self, record: Record) -> _Screened:
         noise = self._noise
         if noise is None:
             noise, _ = noise_levels(self._model.robot.sensors, record, is_checked=False)
         kept, found = without_outliers(record, noise)
-        return kept, found.counted(record, after, until)
+        return kept, partial(found.counted, record)
 
     def _run_all(self, record: Record, end: float) -> None:
         record = record.between(-np.inf, end)
         self._noise, notes = noise_levels(self._model.robot.sensors, record, is_checked=False)
-        record, left_out = self._screened(record)
+        record, count = self._screened(record)
         stretch = prepare(record, self._noise, self._holds(record))
         self._likelihood.solve(stretch)
         self._rerun_constants, self._rerun_std = self._likelihood.constants, self._likelihood.std
         samples = self._earlier.samples + len(record.joint_time)
         self._source = Source(samples, 0, notes, contradictions(record))
-        self.left_out = self._left_out_earlier + left_out
+        self.left_out = self._left_out_earlier + count()
         self._done = float(stretch.reference.times[-1])
         begun = max(self._start, 0.0)
         self._next_rerun = begun + 2.0 * (end - begun)
 
-    def _run_new(self, record: Record, end: float) -> None:
-        whole = record.between(self._done - _CONTEXT, np.inf)
-        context, left_out = self._screened(whole, self._done, end)
+    def _run_new(
+        self, record: Record, end: float, context: Record, count: Callable[..., Counter[str]]
+    ) -> None:
         new = context.between(self._done, end)
         if self._noise is None or not (len(new.joint_time) or len(new.rate_time)):
             return
-        self.left_out = self.left_out + left_out
+        self.left_out = self.left_out + count(self._done, end)
         stretch = self._likelihood.extend(new, context, self._noise, self._holds(record))
         samples = self._source.samples + len(new.joint_time)
         self._source = replace(self._source, samples=samples)

@@ -5,13 +5,35 @@ Links joined by fixed joints become one rigid body (`merge_bodies`).
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
 
+from ..formats import either
 from ..types import Matrix3, Vector3
 from .urdf import Tree, by_parent
+
+SLIDING = {
+    'N m': 'N',
+    'N m/rad': 'N/m',
+    'N m s/rad': 'N s/m',
+    'N m/A': 'N/A',
+    'kg m^2': 'kg',
+    'rad': 'm',
+    'rad/s': 'm/s',
+    'rad/s^2': 'm/s^2',
+    'rad/s^2/A': 'm/s^2/A',
+    'A s/rad': 'A s/m',
+}
+"""Units of what a joint has that turns, and of the same of one that slides."""
+
+
+def joint_unit(unit: str, slides: Collection[bool] = (False, True)) -> str:
+    """What a unit of joints that turn is where some slide, or nobody says whether they do."""
+    units = ((False, unit), (True, SLIDING.get(unit, unit)))
+    return either(u for is_sliding, u in units if is_sliding in slides)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

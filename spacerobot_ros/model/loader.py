@@ -80,7 +80,7 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         ConfigurationError: settings that don't fit the URDF.
     """
     tree, options = parse_urdf(urdf, urdf_name), settings.robot
-    if tree.root != options.base_link:
+    if options.base_link not in ('', tree.root):
         why = f'{options.base_link!r} is not the root link {tree.root!r} of the URDF'
         raise ConfigurationError('robot.base_link', why)
     for place, why in _faulty_joints(options, tree):
@@ -132,7 +132,8 @@ def _each(options: RobotSettings, place: str, given: Any) -> tuple[Any, ...]:
         return (given,) * n
     if len(given) != n:
         raise ConfigurationError(
-            place, f'expected one entry for all joints or {n}, one a joint; got {len(given)}'
+            place,
+            f'expected one for all joints, or a list of {n}; got a list of {len(given)}',
         )
     return given
 

@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from ..errors import ConfigurationError
 from ..types import Array, BoolArray, Vector3
-from .body import Body, Gyrostat, Rotor, last_bodies, tree_order
+from .body import Body, Gyrostat, Rotor, joint_unit, last_bodies, tree_order
 from .inputs import Inputs, MountedThruster
 from .robot_settings import SensorSettings
 
@@ -126,6 +126,16 @@ class Robot:
     def effort_kind(self, joint: str) -> str:
         """What the measured effort of a joint of the arm is."""
         return self.effort_kinds[self.arm.index(joint)] if self.effort_kinds else 'motor'
+
+    def unit_of(self, unit: str, *joints: str) -> str:
+        """Unit of a quantity of joints, such as `N` for `N m` of one that slides.
+
+        Args:
+            unit: Of joints that turn.
+            joints: Whose it is; all joints of the arm where none is named.
+        """
+        bodies = (self.bodies[1 + self.joints.index(joint)] for joint in joints or self.arm)
+        return joint_unit(unit, {body.is_prismatic for body in bodies} or {False})
 
     @property
     def n_joints(self) -> int:

@@ -65,7 +65,7 @@ class RobotSettings:
     Args:
         urdf: package:// URL, absolute path, or path beside the robot file.
         base: Free-floating base, or fixed for a ground test.
-        base_link: Root link of the URDF.
+        base_link: Root link of the URDF; empty: whichever it is.
         gravity: Gravity in the inertial frame.
         inertia_uncertainty: Standard deviation of every inertial parameter, as a share of its
             magnitude.
@@ -80,7 +80,7 @@ class RobotSettings:
 
     urdf: str = param('')
     base: str = param('free', choices=('free', 'fixed'))
-    base_link: str = param('base_link')
+    base_link: str = param('')
     gravity: FloatList = param((0.0, 0.0, 0.0), 'm/s^2', length=3)
     inertia_uncertainty: float = param(0.1, above=0.0, maximum=1.0)
     joints: TextList = param()

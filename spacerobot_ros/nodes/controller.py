@@ -298,10 +298,10 @@ class ControllerNode(SensorNode):
 
     def _watch(self) -> None:
         """Say on /diagnostics how things are."""
-        law = self.settings.controller.law
+        law, unit = self.settings.controller.law, self.loop.robot.unit_of('rad')
         self.health.watch(
             self._sensor_status,
-            lambda: control_status(self.is_active, self.last_command, law),
+            lambda: control_status(self.is_active, self.last_command, law, unit),
             lambda: estimate_status(self.loop, self._estimate_note),
         )
         if (law_in_force := self.loop.adaptive) is not None:

@@ -33,15 +33,22 @@ def input_status(loop: ControlLoop, joints_ns: int | None, age: float, reason: s
     return Status('inputs', OK, 'fresh', values)
 
 
-def control_status(is_active: bool, command: Command | None, law: str) -> Status:
-    """What the loop is doing."""
+def control_status(is_active: bool, command: Command | None, law: str, unit: str) -> Status:
+    """What the loop is doing.
+
+    Args:
+        is_active: Whether it commands torques.
+        command: The last one.
+        law: Its name.
+        unit: Of joint positions.
+    """
     if not is_active:
         return Status('control', OK, 'inactive: no torque is commanded')
     if command is None:
         return Status('control', STALE, 'active, nothing to answer yet')
     values: dict[str, object] = {
         'law': law,
-        'largest joint error [rad]': float(np.abs(command.error).max()),
+        f'largest joint error [{unit}]': float(np.abs(command.error).max()),
         'saturated joints': int(np.count_nonzero(command.saturated)),
     }
     if command.attitude_error is not None:

@@ -171,7 +171,7 @@ class MonitorNode(SensorNode):
             'size by its std': event.z,
         }
         for name, size in event.peak.items():
-            values[f'{name} [{event.unit}]'] = f'{size:.4g} +- {event.peak_std[name]:.2g}'
+            values[f'{name} [{event.units[name]}]'] = f'{size:.4g} +- {event.peak_std[name]:.2g}'
         if event.ongoing:
             return Status('events', WARN, event.in_words(), values)
         return Status('events', OK, f'over: {event.in_words()}', values)

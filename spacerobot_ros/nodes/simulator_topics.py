@@ -69,7 +69,11 @@ class SimulatorTopics:
             self._publishers[topic].publish(cdr)
 
     def resend(self, *, with_attitude: bool) -> None:
-        """Send the last samples again, that of the star tracker only where it is asked for."""
-        for sensor, (topic, _) in TOPICS.items():
-            if topic in self._last and (sensor != 'attitude' or with_attitude):
+        """Send the last samples again, that of the star tracker only where it is asked for.
+
+        The clock goes before them: who heard another simulator believes it, not a stamp alone.
+        """
+        left_out = '' if with_attitude else TOPICS['attitude'][0]
+        for topic in ('/clock', *(topic for topic, _ in TOPICS.values())):
+            if topic in self._last and topic != left_out:
                 self._publishers[topic].publish(self._last[topic])

@@ -100,7 +100,8 @@ class TrajectoryAction:
             return
         self.replaced('a newer goal has taken its place')
         self._handle = handle
-        self._goal = TrajectoryGoal(self._names, path, goal, patience)
+        units = {name: self._loop.robot.unit_of('rad', name) for name in self._names}
+        self._goal = TrajectoryGoal(units, path, goal, patience)
 
     def _hold(self) -> None:
         """Come to rest where the motion is."""

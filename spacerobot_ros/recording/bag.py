@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import MessageRejectedError, RecordingError
+from ..formats import counted
 from ..model.robot import Robot
 from ..types import Array, IntArray
 from . import messages
@@ -24,7 +25,7 @@ from .mapped_inputs import INPUTS
 from .message_types import decoded
 from .record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, shown
 from .series import InputSeries
-from .units import SI_UNITS
+from .units import LARGEST, SI_UNITS
 
 LATE_LIMIT = 10  # messages in a row behind the newest stamp: more is a clock that jumped back
 _TYPES = {
@@ -124,6 +125,8 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
         try:
             message = decoded(msgtype, data, with_package=False)
             row = _row(kind, message, channel, None if robot is None else robot.base_link)
+            if np.any(np.abs(row) > LARGEST):
+                raise MessageRejectedError(f'has a number of no machine, beyond {LARGEST:g}')
             channel.stamps.append(messages.stamp_ns(message.header.stamp))
             channel.rows.append(row)
         except MessageRejectedError as error:
@@ -244,7 +247,7 @@ def _sorted(path: Path, channel: _Channel) -> tuple[IntArray, Array] | None:
     if not channel.rows:
         if channel.bad:
             kind, count = channel.bad.most_common(1)[0]
-            reason = f'no usable message: {channel.reasons[kind]} ({count} messages)'
+            reason = f'no usable message: {channel.reasons[kind]} ({counted(count, "message")})'
             raise RecordingError(place, reason)
         return None
     stamps = np.array(channel.stamps, dtype=np.int64)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RecordingError
+from ..formats import counted
 from ..types import Array, IntArray
 from .faults.thresholds import is_short
 from .record import SENSORS, Record, shown
@@ -48,7 +49,7 @@ def split_at_gaps(record: Record) -> tuple[Record, ...]:
     if record.joints is None:
         raise RecordingError(record.source, 'can not be split at gaps: it has no joints')
     time = record.joint_time
-    cuts = 0.5 * (time[:-1] + time[1:])[np.diff(time) > _longest(time)]
+    cuts = 0.5 * (time[:-1] + time[1:])[np.diff(time) > longest_pause(time)]
     edges = [-np.inf, *cuts.tolist(), np.inf]
     stretches = [record.between(*ends) for ends in itertools.pairwise(edges)]
     kept = [(i, part) for i, part in enumerate(stretches, 1) if not is_short(part.joint_time)]
@@ -59,7 +60,11 @@ def split_at_gaps(record: Record) -> tuple[Record, ...]:
     if len(stretches) == 1:
         return (record,)
     left_out = len(stretches) - len(kept)
-    also = (f'{left_out} stretches between gaps are too short: left out',) if left_out else ()
+    also = (
+        (f'{counted(left_out, "stretch", "stretches")} between gaps left out: too short',)
+        if left_out
+        else ()
+    )
     return tuple(_own(part, f'stretch {i} of {len(stretches)}', also) for i, part in kept)
 
 
@@ -69,11 +74,13 @@ def continued(seconds: Array) -> Array:
     Where the clock goes back another run begins, after a pause that `split_at_gaps` splits at.
     """
     back = np.diff(seconds, prepend=seconds[:1])
-    return np.asarray(seconds + np.cumsum(np.where(back < 0.0, 2.0 * _longest(seconds) - back, 0)))
+    return np.asarray(
+        seconds + np.cumsum(np.where(back < 0.0, 2.0 * longest_pause(seconds) - back, 0))
+    )
 
 
-def _longest(time: Array) -> float:
-    """The longest pause within a recording [s]."""
+def longest_pause(time: Array) -> float:
+    """The longest pause that samples at (N,) times have within a recording [s]."""
     period = float(np.median(np.abs(np.diff(time)))) if len(time) > 1 else 0.0
     return max(SPLIT_PERIODS * period, SPLIT_PAUSE)
 
@@ -98,6 +105,6 @@ def _gap(name: str, stamps: IntArray) -> list[str]:
         return []
     worst = int(np.argmax(steps))
     return [
-        f'{name}: {int(long.sum())} gaps, the longest {steps[worst] / 1e9:.3g} s '
+        f'{name}: {counted(int(long.sum()), "gap")}, the longest {steps[worst] / 1e9:.3g} s '
         f'after {shown((stamps[worst] - stamps[0]) / 1e9)}'
     ]

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RecordingError
+from ..formats import counted
 from ..types import Array, IntArray
 from .gaps import continued
 from .mapping import ColumnMapping, MappedColumns
 from .record import shown, to_stamps
 from .sample_clock import rebuilt
 from .table import SampleTable
-from .units import TIME, si_size
+from .units import LARGEST, TIME, si_size
 
 T = TypeVar('T')
 
@@ -55,7 +56,12 @@ class ColumnReader:
             np.array(spread(getattr(columns, key), k, f'{place}.{key}'))
             for key in ('sign', 'scale', 'offset')
         )
-        return np.asarray((sign * scale * values + offset) * np.array(sizes))
+        out = np.asarray((sign * scale * values + offset) * np.array(sizes))
+        for row, i in np.argwhere(np.abs(out) > LARGEST).tolist():
+            if quantities[i] not in ('', TIME):  # a time has its own limit, an extra none
+                why = f'{out[row, i]:g} in SI is of no machine: is its unit right?'
+                raise RecordingError(self.table.row(row), f'column {names[i]!r}: {why}')
+        return out
 
     def sampled(
         self,
@@ -74,7 +80,9 @@ class ColumnReader:
         for key, values in parts.items():
             if len(values) != len(seconds):
                 raise RecordingError(
-                    f'{place}: {key}', f'{len(values)} samples, but {len(seconds)} sample times'
+                    f'{place}: {key}',
+                    f'{counted(len(values), "sample")}, but '
+                    f'{counted(len(seconds), "sample time")}',
                 )
         missing = np.hstack([_missing(values, key in may_lack) for key, values in parts.items()])
         empty = np.asarray(missing.all(axis=1))
@@ -117,7 +125,9 @@ def spread(given: tuple[T, ...], size: int, place: str) -> list[T]:
     """Entries given once for all, or one each."""
     values = list(given) * size if len(given) == 1 else list(given)
     if len(values) != size:
-        raise RecordingError(place, f'has {len(given)} entries, expected 1 or {size}')
+        raise RecordingError(
+            place, f'has {counted(len(given), "entry", "entries")}, expected 1 or {size}'
+        )
     return values
 
 
@@ -139,10 +149,11 @@ def _nanoseconds(seconds: Array, row: Callable[[int], str]) -> IntArray:
         index = int(np.argmax(steps <= 0)) + 1
         back = -steps[index - 1] / 1e9
         what = f'jumps back by {shown(back)}' if back else 'stands still'
+        joined = '; --split-gaps takes runs that were joined as several' if back else ''
         raise RecordingError(
             row(index),
             f'the clock {what} at {shown(seconds[index])}, '
             f'{shown(seconds[index] - seconds[0])} after the first sample (a counter of the '
-            'samples, `sample_index` of the mapping, may tell the times)',
+            f'samples, `sample_index` of the mapping, may tell the times{joined})',
         )
     return stamps

@@ -191,7 +191,8 @@ def unit(q_xyzw: Quaternion) -> Quaternion:
         MessageRejectedError: wrong length, not finite, or a norm off by more than 1e-3.
     """
     q_xyzw = vector(q_xyzw, 4, 'quaternion')
-    norm = float(np.linalg.norm(q_xyzw))
+    with np.errstate(over='ignore'):  # numbers near the largest there are
+        norm = float(np.linalg.norm(q_xyzw))
     if abs(norm - 1.0) > NORM_LIMIT:
         raise MessageRejectedError(f'quaternion has norm {norm:.6g}, not 1')
     return q_xyzw / norm

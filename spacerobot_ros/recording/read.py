@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, RecordingError
+from ..formats import counted
 from ..model.robot import Robot
 from ..model.urdf import parse_urdf
 from .bag import Topics, read_bag
@@ -143,7 +144,7 @@ def _refuse_short(record: Record, path: str | Path) -> None:
     if record.joints is not None and is_short(record.joint_time):
         raise RecordingError(
             str(path),
-            f'is too short: {len(record.joint_time)} samples of the joints in '
+            f'is too short: {counted(len(record.joint_time), "sample")} of the joints in '
             f'{np.ptp(record.joint_time):.3g} s, at least {FEWEST_SAMPLES} in '
             f'{SHORTEST:g} s are needed',
         )

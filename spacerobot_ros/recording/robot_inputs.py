@@ -59,7 +59,9 @@ def order_of(names: Sequence[str], wanted: tuple[str, ...], place: str) -> list[
         return joint_order(names, wanted)
     except MessageRejectedError as error:
         reason = str(error).removeprefix('joint names: ')
-        raise RecordingError(place, f'{reason} (the robot has {", ".join(wanted)})') from error
+        raise RecordingError(
+            place, f'{reason} (the robot has {", ".join(wanted) or "none"})'
+        ) from error
 
 
 EXTRA = 'extra/'

@@ -9,6 +9,7 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from ..errors import RecordingError
+from ..formats import counted
 from ..types import Array, IntArray
 
 SeriesType = TypeVar('SeriesType', bound='SampleSeries')
@@ -77,7 +78,8 @@ class InputSeries(SampleSeries):
         object.__setattr__(self, 'units', tuple(self.units) or ('',) * len(names))
         if len(self.units) != len(names):
             raise RecordingError(
-                'inputs.units', f'has {len(self.units)} entries, expected {len(names)}'
+                'inputs.units',
+                f'has {counted(len(self.units), "entry", "entries")}, expected {len(names)}',
             )
         self._freeze('inputs', values=names)
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RecordingError
+from ..formats import counted
 from ..types import Array
 from .npz import read_arrays
 
@@ -187,7 +188,10 @@ def _read_text(path: Path) -> str:
         if path.name.lower().endswith(_COMPRESSED):
             return gzip.decompress(path.read_bytes()).decode('utf-8-sig')
         return path.read_text(encoding='utf-8-sig')
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        why = f'is not UTF-8 (byte {error.start}): save it as that'
+        raise RecordingError(str(path), why) from error
+    except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, 'strerror', None) or str(error)
         raise RecordingError(str(path), f'can not be read: {reason}') from error
 
@@ -211,16 +215,34 @@ def _read_csv(path: Path, delimiter: str, header: str) -> SampleTable:
         expected = 'numbers' if header == 'none' else 'a line of names, then numbers'
         raise RecordingError(str(path), f'has no sample: expected {expected}')
     (_, names), *samples = rows
-    twice = next((name for name in names if name and names.count(name) > 1), None)
-    if twice is not None:
-        raise RecordingError(f'{path}: line {rows[0][0]}', f'names column {twice!r} twice')
+    if why := _unlike_names(names):
+        raise RecordingError(f'{path}: line {rows[0][0]}', why)
     for line, cells in samples:
         if len(cells) != len(names):
             raise RecordingError(
-                f'{path}: line {line}', f'has {len(cells)} cells, expected {len(names)}'
+                f'{path}: line {line}', f'has {counted(len(cells), "cell")}, expected {len(names)}'
             )
     columns = {name: [cells[i] for _, cells in samples] for i, name in enumerate(names) if name}
     return SampleTable(str(path), columns, 'line', tuple(line for line, _ in samples))
+
+
+def _unlike_names(names: list[str]) -> str:
+    """Why cells are no names of columns; empty where they may be."""
+    other = next((char for char in ';\t| ' if char in names[0]), '')
+    if len(names) == 1 and other:
+        return f'is one column: write `delimiter: {other!r}` into the mapping'
+    if all(map(_is_number, names)) and not all(name.isdecimal() for name in names):
+        return 'holds numbers, no names: write `header: none` into the mapping'
+    twice = next((name for name in names if name and names.count(name) > 1), '')
+    return twice and f'names column {twice!r} twice'
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _read_json(path: Path, rows: str) -> SampleTable:

@@ -26,8 +26,8 @@ def summary(comparison: Comparison) -> Iterator[Section]:
     yield Section(
         'change of one parameter that would have been named', [detectable_table(comparison)]
     )
-    left = ', '.join(f'{joint} {number(rms, 3)}' for joint, rms in comparison.left.items())
-    yield Section('', [f'left unexplained, rms [N m]: {left}'])
+    left = ', '.join(' '.join(row) for row in _left(comparison))
+    yield Section('', [f'left unexplained, rms: {left}'])
     if comparison.is_repeated:
         line = 'repeats of one motion: judged by the scatter between the runs before'
         yield Section('', [line])
@@ -108,14 +108,19 @@ def _changes(comparison: Comparison) -> Iterator[Item]:
 
 
 def _torques(comparison: Comparison) -> Iterator[Item]:
-    rows = [(joint, number(rms, 3)) for joint, rms in comparison.left.items()]
-    yield Table(('joint', 'left unexplained, rms [N m]'), rows)
+    yield Table(('joint', 'left unexplained, rms', 'unit'), list(_left(comparison)))
     yield Plot(
         partial(curves.error_panels, comparison.series, ()),
         'First recording afterwards, each joint where it moves: torque that is missed with what '
         'both groups share (before), and with what changed as well (after).',
         height=1.5,
     )
+
+
+def _left(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
+    """Each joint with what no cause explains of its torque, and the unit."""
+    for joint, rms in comparison.left.items():
+        yield joint, number(rms, 3), comparison.units[joint]
 
 
 def _how(comparison: Comparison, command: str) -> Iterator[Item]:

@@ -121,9 +121,9 @@ def _verdict(answer: Findings) -> Iterator[Item]:
         ),
     ]
     if closed is not None:
-        remark = f'with the old model: {number(closed.rms_before, 2)} rad'
+        remark = f'with the old model: {number(closed.rms_before, 2)} {closed.unit}'
         rms = number(closed.rms_after, 2)
-        figures.append(KeyFigure('rms joint error in closed loop', rms, 'rad', remark))
+        figures.append(KeyFigure('rms joint error in closed loop', rms, closed.unit, remark))
     yield KeyFigures(figures)
 
 

@@ -14,7 +14,7 @@ from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events
 from ..display import Section, Table, table_of
-from ..formats import number, percent, probability, value_with
+from ..formats import counted, number, percent, probability, value_with
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_lines
 
@@ -114,9 +114,9 @@ def friction_table(diagnosis: Diagnosis, caption: str = '') -> Table:
         '',
         caption,
         diagnosis.friction,
-        'joint | Coulomb [N m] | forward | backward | viscous [N m s/rad]',
+        'joint | Coulomb | forward | backward | unit | viscous | unit',
         '{joint} | {coulomb:number 3} | {coulomb_forward:number 3} | '
-        '{coulomb_backward:number 3} | {viscous:number 3}',
+        '{coulomb_backward:number 3} | {unit} | {viscous:number 3} | {viscous_unit}',
     )
 
 
@@ -133,8 +133,9 @@ def ratio_table(diagnosis: Diagnosis, caption: str = '') -> Table:
 def free_motion_line(free: FreeMotion) -> str:
     """How far a joint without a motor is predicted, in a line."""
     return (
-        f'{free.joint}, free, predicted over {free.horizon:g} s ({free.windows} times): '
-        f'{number(free.rms_before, 3)} {free.unit} rms before, {number(free.rms_after, 3)} after '
+        f'{free.joint}, free, predicted over {free.horizon:g} s '
+        f'({counted(free.windows, "time")}): {number(free.rms_before, 3)} {free.unit} rms before, '
+        f'{number(free.rms_after, 3)} after '
         f'(median {number(free.median_before, 3)}, {number(free.median_after, 3)})'
     )
 
@@ -179,12 +180,14 @@ def appearance_table(appearances: Mapping[str, Appearance], caption: str) -> Tab
 
 def closed_loop_table(closed: ClosedLoopGain) -> Table:
     """One row a joint, and all of them."""
+    units = {**closed.units, 'all': closed.unit}
     every = [*closed.joints.items(), ('all', (closed.rms_before, closed.rms_after))]
     rows = [
-        (joint, number(before, 3), number(after, 3), percent(after / before) if before else '')
+        (joint, units[joint], number(before, 3), number(after, 3),
+         percent(after / before) if before else '')
         for joint, (before, after) in every
-    ]
-    head = ('joint', 'rms error before [rad]', 'rms error after [rad]', 'of it left')
+    ]  # fmt: skip
+    head = ('joint', 'unit', 'rms error before', 'rms error after', 'of it left')
     return Table(head, rows)
 
 
@@ -212,10 +215,10 @@ def _values(cause: Cause) -> str:
 
 def score_line(scores: Sequence[JointScore]) -> str:
     """What the extended model is worth on another record, in a line."""
-    before, after = total(scores)
+    before, after, unit = total(scores)
     return (
-        f'on the other recording the model misses {before:.3g} N m (rms over joints, below '
-        f'{BAND:g} Hz), the extended one {after:.3g} N m'
+        f'on the other recording the model misses {before:.3g} {unit} (rms over joints, below '
+        f'{BAND:g} Hz), the extended one {after:.3g} {unit}'
     )
 
 
@@ -238,8 +241,8 @@ def closed_loop_line(closed: ClosedLoopGain) -> str:
     """Tracking error before and after."""
     return (
         f'closed loop in simulation, {closed.task}, {closed.duration:g} s: rms joint error '
-        f'{number(closed.rms_before, 3)} rad with the old model, {number(closed.rms_after, 3)} '
-        'rad with the extended one'
+        f'{number(closed.rms_before, 3)} {closed.unit} with the old model, '
+        f'{number(closed.rms_after, 3)} {closed.unit} with the extended one'
     )
 
 

@@ -52,7 +52,7 @@ def _limits(limit: EventLimit) -> list[str]:
 
 def _peaks(event: Event) -> str:
     return ', '.join(
-        f'{name} {number(peak, 3)} +- {number(event.peak_std[name], 2)} {event.unit}'
+        f'{name} {number(peak, 3)} +- {number(event.peak_std[name], 2)} {event.units[name]}'
         for name, peak in event.peak.items()
     )
 

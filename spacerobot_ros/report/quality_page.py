@@ -97,8 +97,9 @@ def _delays(quality: Quality) -> Table:
         '',
         '',
         [{'d': d, 'delay': 1e3 * d.delay, 'std': 1e3 * d.std} for d in quality.delays],
-        'sensor | against the integral of | late by [ms] | +- std | makes, rms [rad]',
-        '{d.late} | {d.reference} | {delay:number 3} | {std:number 2} | {d.error:number 2}',
+        'sensor | against the integral of | late by [ms] | +- std | makes, rms | unit',
+        '{d.late} | {d.reference} | {delay:number 3} | {std:number 2} | {d.error:number 2} | '
+        '{d.unit}',
     )
 
 
@@ -115,12 +116,12 @@ def _channels(channels: tuple[Reading, ...]) -> Table:
 
 def _walks(curves: tuple[Allan, ...]) -> Table:
     rows = [
-        (a.channel, _or_unseen(a.white), _or_unseen(a.random_walk), number(a.most_walk, 2),
-         _or_unseen(a.angle))
+        (a.channel, a.unit, _or_unseen(a.white), _or_unseen(a.random_walk),
+         number(a.most_walk, 2), _or_unseen(a.angle))
         for a in curves
     ]  # fmt: skip
-    head = 'white [rad/s/sqrt(Hz)]', 'random walk [rad/s/sqrt(s)]', 'a walk that would be seen'
-    return Table(('rate', *head, 'angle it is compared with, white [rad]'), rows)
+    head = 'white [unit/s/sqrt(Hz)]', 'random walk [unit/s/sqrt(s)]', 'a walk that would be seen'
+    return Table(('rate', 'unit', *head, 'what it is compared with, white [unit]'), rows)
 
 
 def _or_unseen(value: float | None) -> str:
@@ -138,7 +139,7 @@ def _curves(curves: tuple[Allan, ...]) -> Iterator[Plot]:
         fitted = [Curve(name, tau, y) for name, y in terms.items() if np.any(y)]
         panel = Panel(
             f'Allan deviation of {one.channel}',
-            'rad/s',
+            f'({one.unit})/s' if ' ' in one.unit else f'{one.unit}/s',
             [Curve('measured', tau, one.deviation), *fitted],
             log=True,
         )

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from ..formats import counted
 from ..recording.messages import kind_of
 from .qos import STATE
 
@@ -96,7 +97,7 @@ class NodeHealth:
             for (topic, reason), n in sorted(self.rejected.items())
         }
         total = self.count()
-        text = f'{total} messages rejected' if total else 'no message rejected'
+        text = f'{counted(total, "message")} rejected' if total else 'no message rejected'
         return Status('rejected', WARN if total else OK, text, values)
 
     def _to_message(self, status: Status) -> DiagnosticStatus:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import NotInitializedException, ParameterException
@@ -30,14 +31,14 @@ STOPPED = (
 def run_nodes(
     factories: Sequence[Callable[[], Node]],
     args: Sequence[str] | None = None,
-    schedule: Callable[[], object] = lambda: None,
+    schedule: Callable[[Any], object] = lambda node: None,
 ) -> int:
     """Spin nodes in one process until they are stopped.
 
     Args:
         factories: Make the nodes.
         args: Command line; None: that of the process.
-        schedule: Called when the nodes are there.
+        schedule: Called with the last of the nodes when all are there.
 
     Returns:
         0 when stopped from outside, 1 when the run failed, 2 for an unusable configuration.
@@ -57,7 +58,7 @@ def run_nodes(
                     stack.callback(node.destroy_node)
                     executor.add_node(node)
                 gc.freeze()  # what stays is no garbage: looking for it takes 0.1 s now and then
-                schedule()
+                schedule(node)
                 executor.spin()
             except STOPPED:
                 if rclpy.ok():  # otherwise stopped while nodes were made, or in a callback

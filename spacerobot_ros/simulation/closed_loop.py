@@ -147,7 +147,9 @@ class RunSummary:
         steps: Control periods.
         duration: Simulated time [s].
         messages: Messages in the bag.
-        max_joint_error: Largest |reference - true position| of any joint [rad].
+        max_joint_error: Largest |reference - true position| of any joint that turns [rad]; None
+            where all slide.
+        max_slide_error: Of any joint that slides [m]; None where all turn.
         momentum_drift: Relative, see `MomentumLedger`.
         energy_drift: [J].
         saturated: Commands that a torque limit cut.
@@ -158,7 +160,8 @@ class RunSummary:
     steps: int
     duration: float
     messages: int
-    max_joint_error: float
+    max_joint_error: float | None
+    max_slide_error: float | None
     momentum_drift: float
     energy_drift: float
     saturated: int
@@ -188,7 +191,8 @@ def record_run(
     """
     plant = loop.plant
     every = max(1, round(LEDGER_PERIOD / plant.period))
-    error, saturated = 0.0, 0
+    slides = np.array([b.is_prismatic for b in loop.controller.robot.bodies[1:]], dtype=bool)
+    error, saturated = np.zeros(len(slides)), 0
     attitude_error: float | None = None
     with BagWriter(path, overwrite=overwrite) as bag:
         if plant.robot.urdf:
@@ -199,7 +203,7 @@ def record_run(
                 book = bag.compose.ledger(step.stamp_ns, plant.ledger())
                 bag.add('/simulator/ledger', book)
             if step.command is not None:
-                error = max(error, _joint_error(step, step.command))
+                error = np.maximum(error, _joint_error(step, step.command))
                 saturated += bool(step.command.saturated.any() or step.command.base_saturated)
                 if step.command.attitude_error is not None:
                     angle = float(np.linalg.norm(step.command.attitude_error))
@@ -210,7 +214,8 @@ def record_run(
         steps=steps,
         duration=steps * plant.period,
         messages=bag.message_count,
-        max_joint_error=error,
+        max_joint_error=_largest(error[~slides]),
+        max_slide_error=_largest(error[slides]),
         momentum_drift=ledger.momentum_drift,
         energy_drift=ledger.energy_drift,
         saturated=saturated,
@@ -218,9 +223,12 @@ def record_run(
     )
 
 
-def _joint_error(step: Step, command: Command) -> float:
-    n = len(command.tau)
-    return float(np.max(np.abs(command.setpoint.q - step.state.q[:n]), initial=0.0))
+def _joint_error(step: Step, command: Command) -> Array:
+    return np.asarray(np.abs(command.setpoint.q - step.state.q[: len(command.tau)]))
+
+
+def _largest(errors: Array) -> float | None:
+    return float(errors.max()) if len(errors) else None
 
 
 def _write(bag: BagWriter, loop: ClosedLoop, step: Step) -> None:

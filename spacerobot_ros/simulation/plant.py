@@ -16,6 +16,7 @@ from ..dynamics.ledger import MomentumLedger
 from ..dynamics.state import State
 from ..effects.effect import Effect
 from ..errors import ConfigurationError, MessageRejectedError, SimulationDivergedError
+from ..formats import counted
 from ..model.robot import Robot
 from ..types import Array, Vector6
 from .forced import ForcedMotion
@@ -58,7 +59,8 @@ class Plant:
             why = f'period {period:g} s and {substeps} substeps must be positive'
             raise ConfigurationError('simulator', why)
         if initial.q.shape != (robot.n_joints,) or initial.qd.shape != (robot.n_joints,):
-            why = f'expected {robot.n_joints} joints, rotors included, got {len(initial.q)}'
+            expected = f'{counted(robot.n_joints, "joint")}, rotors included'
+            why = f'expected {expected}, got {len(initial.q)}'
             raise ConfigurationError('initial', why)
         self.dynamics = Dynamics(robot)
         self.step_index = 0
@@ -95,6 +97,7 @@ class Plant:
         """Own states of all effects, one effect after the other (`effects.effect.own_states`)."""
         return self._forced.hidden
 
+    @np.errstate(over='ignore', invalid='ignore', divide='ignore')  # such states are refused
     def step(
         self, tau: Array, base_wrench: Vector6 | None = None, *, fastest: float = math.inf
     ) -> None:
@@ -115,17 +118,17 @@ class Plant:
         """
         tau = _checked(tau, self.n_arm, 'joint torque') * self._driven
         wrench = None if base_wrench is None else _checked(base_wrench, 6, 'base wrench')
-        is_pushed = wrench is not None and self.robot.is_free and bool(wrench.any())
+        has_wrench = wrench is not None and self.robot.is_free and bool(wrench.any())
         torque, arm = self._torque, self._arm
         torque[: self.n_arm] = tau
         t = self.time_ns / 1e9
         integrals = None
-        if self._forced.is_free_of_forces and not is_pushed:
+        if self._forced.is_free_of_forces and not has_wrench:
             x = self._free.step(self._x, torque, None, t)
         else:
-            push = wrench if is_pushed and wrench is not None else np.zeros(6)
-            x, integrals = self._forced.step(self._x, torque, push, t)
-        if fastest < math.inf and (is_pushed or tau.any()):
+            external = wrench if has_wrench and wrench is not None else np.zeros(6)
+            x, integrals = self._forced.step(self._x, torque, external, t)
+        if fastest < math.inf and (has_wrench or tau.any()):
             turning = 10 + self.robot.n_joints  # rates of the base, then those of the joints
             rate = float(np.abs(x[turning : turning + 3 + self.n_arm]).sum())
             if rate > fastest:

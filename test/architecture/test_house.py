@@ -33,14 +33,21 @@ MESSAGES = ('_msgs', '_srvs', '_interfaces')
 
 
 @cache
-def sources() -> dict[str, ast.Module]:
-    """Every module of the package with its syntax tree."""
+def sources() -> dict[str, tuple[ast.AST, ...]]:
+    """Every module of the package with all nodes of its syntax tree."""
     out = {}
     for path in sorted((ROOT / PACKAGE).rglob('*.py')):
         parts = path.relative_to(ROOT).with_suffix('').parts
         name = '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
-        out[name] = ast.parse(path.read_text(encoding='utf-8'))
+        out[name] = tuple(ast.walk(ast.parse(path.read_text(encoding='utf-8'))))
     return out
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _forgotten_at_the_end():
+    """A million objects that every garbage collection of later tests would go through."""
+    yield
+    sources.cache_clear()
 
 
 def is_package(name):
@@ -49,7 +56,7 @@ def is_package(name):
 
 def imports(name):
     """Full names that a module imports, anywhere in it."""
-    for node in ast.walk(sources()[name]):
+    for node in sources()[name]:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -155,9 +162,9 @@ def test_what_belongs_to_a_room_stays_there(what, belongs, rooms):
 def test_only_the_command_line_prints():
     printing = {
         short((name,))[0]
-        for name, tree in sources().items()
+        for name, nodes in sources().items()
         if room_of(name) != 'cli'
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
         and node.func.id == 'print'
@@ -173,8 +180,8 @@ def test_no_function_has_eight_parameters():
 
     long = {
         f'{short((name,))[0]}.{node.name}'
-        for name, tree in sources().items()
-        for node in ast.walk(tree)
+        for name, nodes in sources().items()
+        for node in nodes
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and count(node) >= 8
     }
     assert not long
@@ -189,8 +196,8 @@ def test_no_file_of_the_product_looks_like_a_test():
 def test_no_two_classes_have_one_name():
     names = Counter(
         node.name
-        for tree in sources().values()
-        for node in ast.walk(tree)
+        for nodes in sources().values()
+        for node in nodes
         if isinstance(node, ast.ClassDef)
     )
     assert not {name for name, count in names.items() if count > 1}

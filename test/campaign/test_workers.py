@@ -71,7 +71,7 @@ def test_workers_of_another_version_are_refused(monkeypatch):
     ) as there:
         plain = Workers(scheduler=there.scheduler_address)
         monkeypatch.setattr(cluster, '_own', lambda: own)
-        with pytest.raises(ConfigurationError, match=r'none of its 1 .*numpy .*here it is 0\.1'):
+        with pytest.raises(ConfigurationError, match=r'none of 1 .*numpy .*here it is 0\.1'):
             list(outcomes(tasks.draw, KEYS, plain))
 
 
@@ -92,7 +92,7 @@ def test_a_worker_that_ends_before_it_is_asked_ends_nothing():
     assert [spread._alive(), spread._alive()] == [[], ['a']]
     unheard = cluster._Spread(client, tasks.draw, Workers(scheduler='there'))
     assert [unheard._alive(), unheard._alive()] == [[], []]
-    with pytest.raises(ConfigurationError, match=r'none of its 1 workers fits: .*gone'):
+    with pytest.raises(ConfigurationError, match=r'none of 1 worker fits: .*gone'):
         unheard._alive()
 
 

@@ -7,8 +7,10 @@ import pytest
 from support.contracts import keeps
 
 from spacerobot_ros.cli import main
+from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.record import RateSeries, Record
+from spacerobot_ros.report import html
 
 
 @pytest.fixture
@@ -39,6 +41,19 @@ def test_json_alone_and_findings(gyro, tmp_path, capsys):
     assert said['faults'][0].startswith('/joint_states: is missing')
     assert said['excitation'] is None
     assert said['sensors'][0]['rate'] == pytest.approx(100.0)
+
+
+def test_what_was_found_is_said_even_where_no_page_can_be_written(
+    gyro, tmp_path, capsys, monkeypatch
+):
+    def full(*_):
+        raise ConfigurationError('page.html', 'can not be written: No space left on device')
+
+    monkeypatch.setattr(html, 'write_report', full)
+    assert main.main(['check', gyro, '--report', str(tmp_path / 'page.html')]) == 2
+    printed = capsys.readouterr()
+    assert 'verdict: good' in printed.out
+    assert printed.err.count('\n') == 1
 
 
 def test_unusable_input(tmp_path, capsys):

@@ -268,6 +268,11 @@ def test_identify_refusals(capsys, bag, tmp_path):
     (tmp_path / 'other.yaml').write_text(other.replace('joint_3', 'wrist'))
     err = fails(capsys, 2, 'identify', bag, '--robot', tmp_path / 'other.yaml')
     assert 'lacks wrist and has foreign joint_3' in err
+    fixed = Path(ROBOT).read_text().replace('base: free', 'base: fixed')
+    (tmp_path / 'fixed.yaml').write_text(fixed)
+    err = fails(capsys, 2, 'identify', bag, '--robot', tmp_path / 'fixed.yaml')
+    assert 'robot.base: momentum-based identification needs a free base' in err
+    assert 'use `diagnose`' in err
 
 
 @pytest.mark.parametrize(
@@ -309,6 +314,11 @@ def test_no_command_and_version(capsys):
             OSError(errno.ENOSPC, 'No space left on device', 'out/a'),
             2,
             'spacerobot identify: out/a: No space left on device\n',
+        ),
+        (
+            OSError(errno.ENAMETOOLONG, 'File name too long', 'x/below'),  # x is an argument
+            2,
+            'spacerobot identify: x/below: File name too long\n',
         ),
         (
             ModuleNotFoundError(name='rclpy'),
@@ -370,6 +380,18 @@ def test_a_run_that_never_ends_is_not_begun(capsys, tmp_path, duration, why):
         capsys, 2, *args, '--duration', duration
     )
     assert not list(tmp_path.iterdir())
+
+
+def test_what_can_not_be_written_is_refused_before_the_work(capsys, tmp_path):
+    (tmp_path / 'file').write_text('')
+    target = str(tmp_path / 'file' / 'page')
+    for words in (
+        ['export', '--robot', 'none.yaml', '--to', 'urdf', '-o', target],
+        ['excite', '--robot', 'none.yaml', '-o', target],
+        ['check', 'none', '--report', target],
+        ['fleet', 'none', '--robot', 'none.yaml', '--out', target],
+    ):
+        assert 'file is a file, not a folder' in fails(capsys, 2, *words)
 
 
 def test_a_fault_of_ours_is_status_3_and_says_what_to_send(capsys, monkeypatch, tmp_path):

@@ -14,6 +14,7 @@ from support.diagnosis import hand_made
 from spacerobot_ros.cli import main
 from spacerobot_ros.cli.options import check_folder
 from spacerobot_ros.cli.terminal import print_sections
+from spacerobot_ros.diagnosis.answer import findings
 from spacerobot_ros.diagnosis.answer.closed_loop_gain import ClosedLoopGain
 from spacerobot_ros.diagnosis.answer.findings import Findings
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
@@ -133,7 +134,9 @@ def answer(tmp_path, verdict='explained'):
         ),
         added=(hand_made().causes[0].applied,),
         calibration=(),
-        closed_loop=ClosedLoopGain(task='a task', duration=5.0, joints={'joint_2': (1e-2, 1e-3)}),
+        closed_loop=ClosedLoopGain(
+            task='a task', duration=5.0, joints={'joint_2': (1e-2, 1e-3)}, units={'joint_2': 'rad'}
+        ),
         why_open='',
         appearances={},
         command='spacerobot diagnose bag --robot robot.yaml --out out',
@@ -254,6 +257,14 @@ def test_unusable_data_are_one_line(capsys, bag, model, tmp_path):
     assert '--map' in fails(capsys, tmp_path / 'table.csv', *usual)
     assert 'no.yaml' in fails(capsys, bag, '--robot', tmp_path / 'no.yaml', '--out', out)
     assert not out.exists()
+
+
+def test_a_recording_to_be_scored_is_read_before_the_work(
+    capsys, monkeypatch, bag, model, tmp_path
+):
+    monkeypatch.setattr(findings, 'diagnose', lambda *_, **__: pytest.fail('worked before'))
+    usual = (bag, '--robot', model, '--out', tmp_path / 'out')
+    assert 'no such file' in fails(capsys, *usual, '--score', tmp_path / 'nothing')
 
 
 def test_data_of_another_robot_are_refused(capsys, model, tmp_path):

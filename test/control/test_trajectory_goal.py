@@ -26,7 +26,12 @@ def command(position, rate=(0.0, 0.0)):
 
 
 def goal(path=(), end=(), patience=0.0):
-    return TrajectoryGoal(NAMES, Tolerances.of(path, NAMES), Tolerances.of(end, NAMES), patience)
+    return TrajectoryGoal(
+        dict.fromkeys(NAMES, 'rad'),
+        Tolerances.of(path, NAMES),
+        Tolerances.of(end, NAMES),
+        patience,
+    )
 
 
 def test_without_tolerances_it_is_reached_when_its_time_is_over():

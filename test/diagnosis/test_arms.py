@@ -13,6 +13,7 @@ from spacerobot_ros.diagnosis.answer.extended_model import effects_section, name
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.arm_found import rms
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.held_out_checks import check_bodies
 from spacerobot_ros.diagnosis.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.errors import RecordingError
@@ -181,6 +182,29 @@ def test_beside_a_load_quarters_of_all_recordings_are_held_out():
     assert labels['inertial_parameters', 'link_6', (1,)].tolist() == [-1] * 4 + quarters
 
 
+def test_a_body_has_to_beat_the_simple_causes_that_could_stand_in_its_place():
+    """It predicts the quarters of a machine with rotors well, and of one with that body best."""
+    file = arm_file()
+    kinds = [CATALOGUE['inertial_parameters'], CATALOGUE['motor_inertia']]
+    rotors = [bound('motor_inertia', f'joint_{k}', inertia=6.0) for k in (1, 2)]
+    heavier = dict.fromkeys(PAYLOAD, 0.0) | {'mass': 6.0, 'mx': 1.5, 'iyy': 0.4, 'izz': 0.4}
+    chosen = {}
+    for name, hidden in (
+        ('rotors', rotors),
+        ('body', [bound('inertial_parameters', 'link_3', **heavier)]),
+    ):
+        balance = balance_of(RealArm(4, hidden).record(0), file.robot, file.effects)
+        rows = ArmRows.of([balance], kinds)
+        selection = Selection.of(rows, rows.levels(rows.sizes, rows.friction))
+        keys = [c.key for c in rows.candidates]
+        link = 'link_2' if name == 'rotors' else 'link_3'
+        selection.chosen = [keys.index(('inertial_parameters', link))]
+        check_bodies(selection)
+        chosen[name] = {keys[i] for i in selection.chosen}
+    assert chosen['rotors'] == {('motor_inertia', 'joint_1'), ('motor_inertia', 'joint_2')}
+    assert chosen['body'] == {('inertial_parameters', 'link_3')}
+
+
 def test_blocks_have_as_much_motion_each():
     """Of 24 s of motion and 24 s of rest after it no quarter is without."""
     record, file = RealArm(3).record(0), arm_file()
@@ -278,24 +302,66 @@ def test_what_a_held_out_recording_has_of_its_own_is_not_held_against_it(rng):
     assert selection.held_out_misfit([0, 1]) < 1e-4
 
 
+def lone_joint(kind, axis):
+    """A body of 3 kg on a joint, whose inertia about its axis is 0.05 kg m^2 where it turns."""
+    inertia = '<inertia ixx="0.05" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/>'
+    urdf = f"""<robot name="lone"><link name="floor"/>
+      <link name="body"><inertial><mass value="3"/>{inertia}</inertial></link>
+      <joint name="joint" type="{kind}"><parent link="floor"/><child link="body"/>
+        <axis xyz="{axis}"/><limit lower="-6" upper="6" effort="100" velocity="5"/></joint>
+      </robot>"""
+    own = {'base': 'fixed', 'base_link': 'floor', 'joints': ['joint']}
+    return build_robot(parse_settings({'robot': own | {'gravity': [0.0, 0.0, -9.81]}}), urdf)
+
+
+def seen(rng, q, effort, std):
+    """Angles or ways (N, 1) and efforts at 100 Hz, with noise of 1e-5 and `std`."""
+    noise = np.array([[[1e-5]], [[std]]]) * rng.standard_normal((2, *q.shape))
+    stamps = to_stamps(np.arange(len(q)) / 100.0)
+    series = JointSeries(('joint',), stamps, q + noise[0], None, effort + noise[1])
+    return Record(joints=series)
+
+
+def test_a_joint_that_slides_has_forces(rng):
+    """A carriage of 3 kg with a spring and dry friction that its file lacks."""
+    time = np.arange(2400)[:, None] / 100.0
+    terms = ((0.3, 1.3, 0.0), (0.2, 3.1, 1.0))
+    q, qd, qdd = (
+        sum(a * w**k * np.sin(w * time + phase + 0.5 * np.pi * k) for a, w, phase in terms)
+        for k in range(3)
+    )
+    effort = 3.0 * qdd + 5.0 * np.sign(qd) + 40.0 * q
+    found = diagnose(seen(rng, q, effort, 0.05), lone_joint('prismatic', '1 0 0'))
+    said = {c.applied.id: {n: p.unit for n, p in c.parameters.items()} for c in found.causes}
+    assert said['joint_coulomb_friction'] == {'torque': 'N'}
+    assert said['joint_stiffness'] == {'stiffness': 'N/m', 'rest_angle': 'm'}
+    assert [r.unit for r in found.residuals] == ['N']
+
+
+def test_a_law_of_a_joint_that_slides_has_its_units(rng):
+    time, w, a = np.arange(4001)[:, None] / 100.0, 2.0 * np.pi * np.array([0.1, 0.23, 0.37]), 0.1
+    q, qd, qdd = (
+        a * np.sum(x, axis=1, keepdims=True)
+        for x in (np.sin(w * time), w * np.cos(w * time), -(w**2) * np.sin(w * time))
+    )
+    found = diagnose(
+        seen(rng, q, 3.0 * qdd + 60.0 * qd**3, 0.05), lone_joint('prismatic', '1 0 0')
+    )
+    (entry,) = found.leftover
+    assert entry.form == 'x^3'
+    (coefficient,) = entry.coefficients
+    assert abs(coefficient.value + 60.0) < 4.0 * coefficient.std
+    assert coefficient.unit == 'N s^3/m^3'
+
+
 def test_one_joint_in_the_noise_of_nobody_knows_what_sensors(rng):
     """A turntable whose friction is three times the torque that its inertia takes."""
-    inertia = '<inertia ixx="0.05" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/>'
-    urdf = f"""<robot name="table"><link name="floor"/>
-      <link name="disc"><inertial><mass value="3"/>{inertia}</inertial></link>
-      <joint name="pivot" type="revolute"><parent link="floor"/><child link="disc"/>
-        <axis xyz="0 0 1"/><limit lower="-6" upper="6" effort="100" velocity="5"/></joint>
-      </robot>"""
-    own = {'base': 'fixed', 'base_link': 'floor', 'joints': ['pivot']}
-    robot = build_robot(parse_settings({'robot': own | {'gravity': [0.0, 0.0, -9.81]}}), urdf)
     time = np.arange(1200)[:, None] / 100.0
     q, qd, qdd = (0.5 * 1.3**k * np.sin(1.3 * time + 0.5 * np.pi * k) for k in range(3))
     effort = (0.05 + 0.1) * qdd + 0.5 * np.sign(qd)
-    noise = np.array([[[1e-5]], [[0.02]]]) * rng.standard_normal((2, *time.shape))
-    series = JointSeries(('pivot',), to_stamps(time[:, 0]), q + noise[0], None, effort + noise[1])
-    found = diagnose(Record(joints=series), robot)
+    found = diagnose(seen(rng, q, effort, 0.02), lone_joint('revolute', '0 0 1'))
     values = {key: next(iter(p.values())) for key, p in causes_of(found).items()}
     assert found.verdict == 'explained', found.sentence
-    assert set(values) == {('joint_coulomb_friction', 'pivot'), ('motor_inertia', 'pivot')}
+    assert set(values) == {('joint_coulomb_friction', 'joint'), ('motor_inertia', 'joint')}
     for (_, estimated), truth in zip(sorted(values.items()), (0.5, 0.1), strict=True):
         assert abs(estimated.value - truth) < 4.0 * estimated.std

@@ -15,7 +15,7 @@ from spacerobot_ros.campaign.real_arm import RealArm, arm_file
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.compare import compare
-from spacerobot_ros.diagnosis.selection import holds
+from spacerobot_ros.diagnosis.held_out_checks import holds
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
@@ -71,6 +71,7 @@ def test_nothing_changed_on_another_motion(unchanged):
     seen = {(d.effect, d.where): d.value for d in found.detectable}
     # a mass in the last joint's origin alone; that of the other tests has a lever
     assert seen['inertial_parameters', 'link_6'] < 1.5
+    assert seen['encoder_offset', 'joint_1'] == np.inf  # about the vertical: not 1e11 rad
     assert set(found.left) == set(arm_file().robot.joints)
 
 

@@ -46,8 +46,7 @@ def friction(balance, named, learned):
     """As of a diagnosis that found these."""
     robot = balance.robot
     named, learned = (bind_effects(section, robot) for section in (named, learned))
-    fit = SimpleNamespace(rows=SimpleNamespace(balances=(balance,)))
-    found = SimpleNamespace(robot=robot, named=named, learned=learned, fit=fit)
+    found = SimpleNamespace(robot=robot, named=named, learned=learned, extended=(balance,))
     return {it.joint: it for it in friction_laws(found)}
 
 
@@ -85,3 +84,11 @@ def test_an_offset_makes_friction_of_two_sizes(balance):
     bias = {'effect': 'torque_sensor_bias', 'where': JOINT, 'bias': 0.7}
     it = friction(balance, {**NAMED, 'bias': bias}, {})[JOINT]
     assert it.coulomb_forward - it.coulomb_backward == pytest.approx(1.4)
+
+
+@pytest.mark.parametrize(('law', 'missing'), [('dry', 'viscous'), ('wet', 'coulomb')])
+def test_what_is_not_named_is_nothing(law, missing, balance):
+    """Rounding of the fit, 1e-15 of the other, is printed as a negative friction otherwise."""
+    ((joint, it),) = friction(balance, {law: NAMED[law]}, {}).items()
+    assert (joint, it.unit) == (JOINT, 'N m')
+    assert abs(getattr(it, missing)) < (0.2 if law == 'dry' else 1e-300)  # dry friction creeps

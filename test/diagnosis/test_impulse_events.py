@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.diagnosis.events import impulse_scan
+from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
 from spacerobot_ros.diagnosis.events.impulses import spans_of, steps_beside_wheels
 from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.estimation.noise_levels import noise_levels
@@ -64,6 +66,22 @@ def test_two_that_one_would_cover_are_two(robot):
     for event, (start, end, _) in zip(named, pair, strict=True):
         off = 0.5 * (event.start + event.end) - 0.5 * (start + end)
         assert abs(off) < 4.0 * event.middle_std < 0.1
+
+
+def test_as_many_as_are_looked_for_are_named(bumped, monkeypatch):
+    monkeypatch.setattr(impulse_scan, '_MOST', len(STEPS))
+    assert len(steps_beside_wheels(bumped[0]).named) == len(STEPS)
+
+
+def test_what_changes_all_the_time_is_no_step_and_is_not_taken_apart(robot, monkeypatch, rng):
+    monkeypatch.setattr(impulse_scan, '_MOST', 4)
+    refined = []
+    monkeypatch.setattr(ImpulseFit, 'refined', lambda self: refined.append(self) or self)
+    walk = [(0.6 * k, 0.6 * (k + 1), rng.normal(size=3)) for k in range(12)]
+    events = steps_beside_wheels(run_of(robot, walk, 8.0))
+    assert events.named == events.possible == ()
+    assert 'is no noise' in events.notes[0]
+    assert max(len(fit.times) for fit in refined) == 0
 
 
 def test_limits_know_that_the_wheels_are_unknown(bumped):

@@ -102,7 +102,9 @@ def test_one_bad_piece_is_told_and_one_that_can_not_be_read_is_left_out():
         found = joined([*answers, replace(bad, fit_p=p)])
         assert found.verdict == verdict, p  # the last: other pieces have a test that is good
     untested = [replace(one, fit_p=None) for one in (*answers, bad)]
-    assert joined(untested).verdict == 'partly_explained'
+    found = joined(untested)
+    assert found.verdict == 'partly_explained'
+    assert f' s: {bad.sentence}' in found.sentence  # of the piece that has something left
     queue = iter(answers)
 
     def judge(piece):

@@ -473,8 +473,10 @@ def test_effects_of_a_module_are_as_those_of_the_catalogue(with_module, rng):
         ('x = 1', 'has no effect'),
         (MODULE.replace('{id}', 'joint_coulomb_friction'), "'joint_coulomb_friction' is taken"),
         (IDLE, 'does nothing'),
+        ('raise SystemExit(0)', r'raises SystemExit: 0 \(raising_5\.py:1\)'),
+        ('x = 1\ndef f(:', r'raises SyntaxError: invalid syntax \(raising_6\.py:2\)'),
     ],
-    ids=range(5),
+    ids=range(7),
 )
 def test_modules_that_can_not_be_used_are_refused_in_one_line(with_module, text, why, request):
     name = f'raising_{request.node.callspec.id}.py'
@@ -482,3 +484,15 @@ def test_modules_that_can_not_be_used_are_refused_in_one_line(with_module, text,
         with_module(text, name)
     assert str(refused.value).startswith('robot.effect_modules[0] (')
     assert '\n' not in str(refused.value)
+
+
+def test_effects_of_a_module_that_raise_later_are_one_line_with_their_place(with_module, rng):
+    for i, body in enumerate(
+        ['raise ValueError("no")', 'return np.zeros(7)', 'return q[9:10, 0]']
+    ):
+        text = MODULE.replace('{id}', f'late_{i}').split('def torque')[0]
+        text += f'def torque(self, q, qd, effort):\n        import numpy as np\n        {body}\n'
+        entry = {'effect': f'late_{i}', 'where': 'joint_1', 'coefficient': 0.5}
+        file = with_module(text, f'late_{i}.py', effects={'own': entry})
+        with pytest.raises(ConfigurationError, match=rf'{i}.py\): \w+.force: raises .*\.py:'):
+            file.effects[0].force(motion_of(file.robot, rng, 3), np.zeros((3, 0)))

@@ -336,3 +336,5 @@ def test_coefficients_have_the_units_of_a_data_sheet():
     assert unit_of((1,), [ANGLE]) == 'N m/rad'
     assert unit_of((0, 1), [RATE, LOAD]) == '1'
     assert unit_of((1,), ['time'], 'kg m^2') == 'kg m^2/s'
+    assert unit_of((1,), ['rate/rail'], 'N', {'rail'}) == 'N s/m'
+    assert unit_of((2,), ['angle/rail'], 'N m', {'rail'}) == 'N/m'

@@ -106,6 +106,30 @@ def test_a_gain_is_that_of_the_motor():
     assert named['gain'] == pytest.approx(1.25, abs=4e-3)
 
 
+def test_friction_of_the_load_is_of_a_motor_s_whole_torque():
+    """Once its friction is found: a file that lacks it has half of the elbow's torque."""
+    load = CATALOGUE['joint_load_friction'](
+        name='load', where='joint_3', values={'coefficient': 0.1}
+    )
+    file = arm_file(has_friction=False)
+    friction = arm_file().effects
+    record = observed(RealArm(0, [load], leftover=0.0).record(0, duration=12.0), file.robot)
+    bare, without, whole = (
+        balance_of(record, file.robot, effects) for effects in ((), friction, (*friction, load))
+    )
+    rows = ArmRows.of([bare], [CATALOGUE['joint_load_friction']])
+    moving = bare.arm.is_moving[:: bare.arm.stride, 2]
+    applied = (without.torque - whole.torque)[moving, 2]
+    numbers = [c.where for c in rows.candidates].index('joint_3')
+    (at,) = rows.places[numbers]
+    off = [
+        np.std(0.1 * found.columns[0][moving, 2, at] - applied) / np.std(applied)
+        for found in (rows, rows.loaded([whole], [numbers]))
+    ]
+    assert off[0] > 0.2
+    assert off[1] < 0.02  # links and motion are the file's; rates are smoothed
+
+
 def test_friction_keeps_its_sign():
     """A joint that runs easier than its file has no friction below zero added."""
     easier = CATALOGUE['joint_viscous_friction'](

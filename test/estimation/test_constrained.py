@@ -58,3 +58,24 @@ def test_a_body_that_the_data_leave_one_is_as_they_say(rng: np.random.Generator)
     body = PhysicalBody(np.arange(10), file.toDynamicParameters())
     found = problem(rows, rows @ change, -FREE, FREE, (body,)).solve()
     np.testing.assert_allclose(found, change, rtol=0.0, atol=1e-5)  # barrier 0.01, info 4e9
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_it_ends_at_the_least_cost_however_much_there_is_to_gain(seed: int) -> None:
+    """A flange that carries a load, beside friction of both signs: the walls are far from zero.
+
+    Nothing feasible is cheaper by the slope there than the last barrier of 0.01 nats a bound.
+    """
+    rng = np.random.default_rng(seed)
+    lower = np.concatenate([FREE * -1.0, np.zeros(20)])
+    upper = np.full(30, np.inf)
+    flange = pin.Inertia(0.2, np.array([0.0, 0.09, 0.0]), np.diag([3e-4, 1e-4, 3e-4]))
+    load = pin.Inertia(3.0, np.array([0.03, 0.15, -0.17]), np.diag([0.01, 0.01, 0.004]))
+    body = PhysicalBody(np.arange(10), flange.toDynamicParameters())
+    truth = np.concatenate([load.toDynamicParameters(), rng.uniform(0.0, 2.0, 20)])
+    rows = rng.normal(size=(400, 30)) @ (np.eye(30) + 0.3 * rng.normal(size=(30, 30)))
+    data = 300.0 * (rows @ truth + 0.2 * rng.normal(size=400))
+    posed = problem(300.0 * rows, data, lower, upper, (body,))
+    found = posed.solve()
+    slope = posed.information @ found - posed.vector
+    assert slope @ (truth - found) > -0.01 * (20 + 4 + 1)  # one more: rounding and the last step

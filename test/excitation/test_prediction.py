@@ -20,7 +20,7 @@ def run_of(problem: Problem, x: np.ndarray) -> Run:
     time = np.arange(round(100 * problem.family.duration) + 1) / 100.0
     m = problem.move(x[None], problem.family.at(time))
     attitude = Rotation.from_matrix(m.R_WB[0]).as_quat()
-    return Run([], time, m.q[0], m.qd[0], m.omega[0], attitude, m.h_W[0])
+    return Run('', time, m.q[0], m.qd[0], m.omega[0], attitude, m.h_W[0])
 
 
 def whitened(errors: np.ndarray, prediction: Prediction) -> np.ndarray:

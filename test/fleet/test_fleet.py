@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import errno
+import io
 import json
 import os
 import shutil
@@ -16,6 +17,7 @@ from scipy.stats import linregress
 from support.diagnosis import hand_made
 
 from spacerobot_ros.campaign import workers
+from spacerobot_ros.campaign.runner import Kept
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis.answer.findings import Findings
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -106,7 +108,7 @@ def test_one_table_that_goes_on(data, asked, tmp_path, capsys):
     out = data / 'out'  # among the recordings, and none of them
     assert fleet(data, out) == 1
     said = capsys.readouterr()
-    assert '1 tables are left out' in said.err
+    assert '1 table left out' in said.err
     assert '--map' in said.err
     assert 'one process' in said.err
     table = rows(out)
@@ -199,6 +201,88 @@ def test_another_robot_file_asks_again(data, asked, tmp_path):
     count = len(asked)
     assert main(['fleet', str(data / 'arm_1'), '--robot', str(robot), '-o', str(tmp_path / 'out')])
     assert len(asked) == 2 * count
+
+
+EFFECT = '''
+from spacerobot_ros.effects.joint import JointTorque
+from spacerobot_ros.effects.parameter import amount
+
+
+class Grease(JointTorque):
+    """tau = -c."""
+
+    id = 'fleet_grease'
+    title = 'grease'
+    parameters = (amount('coefficient', 'N m', 1.0),)
+
+    def torque(self, q, qd, effort):
+        return -self['coefficient'] + 0.0 * qd
+'''
+
+
+def test_a_changed_module_of_effects_asks_again(data, asked, tmp_path):
+    text = Path(ROBOT).read_text(encoding='utf-8')
+    named = text.replace(
+        '      base: free\n', '      base: free\n      effect_modules: [own.py]\n'
+    )
+    robot, module = tmp_path / 'own.yaml', tmp_path / 'own.py'
+    robot.write_text(named, encoding='utf-8')
+    module.write_text(EFFECT)
+    again = ['fleet', str(data / 'arm_1'), '--robot', str(robot), '-o', str(tmp_path / 'out')]
+    counts = []
+    for written in (EFFECT, EFFECT, EFFECT.replace('0.0 *', '0.1 *')):
+        module.write_text(written)
+        assert main(again) == 1
+        counts.append(len(asked))
+    assert counts[1] == counts[0]
+    assert counts[2] == 2 * counts[0]
+
+
+def test_a_disk_that_fills_meanwhile_keeps_what_was_finished(data, asked, tmp_path, capsys):
+    out = tmp_path / 'out'
+
+    class Full(io.RawIOBase):
+        """A file on a disk with room for a record and a half."""
+
+        def __init__(self, path):
+            self.file, self.room = path.open('ab', buffering=0), None
+
+        def write(self, some):
+            if self.room is None:
+                self.room = 3 * len(some) // 2
+            if not self.room:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            some = bytes(some)[: self.room]
+            self.room -= len(some)
+            return self.file.write(some)
+
+        def close(self):
+            self.file.close()
+            super().close()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Kept, 'appending', lambda kept: Full(kept.path))
+        assert fleet(data, out) == 2
+    captured = capsys.readouterr()
+    why = (
+        'fleet.jsonl: can not be written: No space left on device; what was finished before stays'
+    )
+    assert captured.err.splitlines()[-1].endswith(why)
+    count = len(asked)
+    assert fleet(data, out) == 1
+    assert len(asked) == count + 7 - 1  # seven recordings can be read, one stayed
+    assert len(rows(out)) == 11
+
+
+def test_what_was_found_is_said_where_no_page_can_be_written(data, asked, tmp_path, capsys):
+    (tmp_path / 'out' / 'report.html').mkdir(parents=True)
+    assert fleet(data, tmp_path / 'out') == 2
+    captured = capsys.readouterr()
+    assert 'recordings' in captured.out
+    assert captured.err.splitlines()[-1].endswith(
+        'report.html: can not be written: Is a directory'
+    )
+    assert len(rows(tmp_path / 'out')) == 11
 
 
 @pytest.mark.parametrize('name', ['nothing', 'arm_1/table.csv/none', 'none'])

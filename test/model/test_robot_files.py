@@ -62,6 +62,11 @@ def test_servicer_is_table_one():
         np.testing.assert_array_equal(body.axis, other.axis)
 
 
+def test_the_base_is_the_root_of_the_urdf_where_no_name_is_given(load):
+    urdf = to_urdf(table_one()).replace('"base_link"', '"bus"')
+    assert load(TEXT, urdf).robot.base_link == 'bus'
+
+
 def test_relative_urdf_lies_beside_the_file(load):
     file = load(TEXT)
     assert file.robot.joints == ('j_link_1', 'j_link_2', 'j_link_3')
@@ -151,7 +156,7 @@ FILES = [
     (
         'effort kinds of two',
         TEXT.replace('urdf: ', 'effort_kind: [motor, link]\n      urdf: '),
-        'robot.effort_kind: expected one entry for all joints or 3, one a joint; got 2',
+        'robot.effort_kind: expected one for all joints, or a list of 3; got a list of 2',
     ),
     (
         'motor constant',
@@ -161,12 +166,12 @@ FILES = [
     (
         'noise of two joints',
         TEXT.replace('{gyro_std', '{joint_effort_std: [0.1, 0.2], gyro_std'),
-        'sensors.joint_effort_std: expected one entry for all joints or 3, one a joint; got 2',
+        'sensors.joint_effort_std: expected one for all joints, or a list of 3; got a list of 2',
     ),
     (
         'noise of no joint',
         TEXT.replace('{gyro_std', '{joint_effort_std: [], gyro_std'),
-        'sensors.joint_effort_std: expected one entry for all joints or 3, one a joint; got 0',
+        'sensors.joint_effort_std: expected one for all joints, or a list of 3; got a list of 0',
     ),
     ('NaN', TEXT.replace('27.0', '.nan'), r'servicer_wheels.momentum\[1\]: nan is not a finite'),
     ('infinite', TEXT.replace('2.0e-5', '.inf'), r'sensors.gyro_std: inf is not a finite'),

@@ -39,12 +39,12 @@ class Bench:
 
     def gyro(self, ms, omega=(0.1, 0.12, 0.08), frame='base_link'):
         self.imu.publish(compose.imu(ms * MS, frame, np.array(omega), None))
-        self.rig.drain()
+        self.rig.deliver()
 
     def joint(self, ms, q=(0.0, 0.0, 0.0), qd=(0.0, 0.0, 0.0), names=NAMES):
         message = compose.joint_state(ms * MS, list(names), np.array(q), np.array(qd))
         self.joints.publish(message)
-        self.rig.drain()
+        self.rig.deliver()
 
     def sample(self, ms, **joint):
         self.rig.set_time(ms * MS)
@@ -128,13 +128,13 @@ def test_an_event_is_answered_as_the_robot_file_says(rig, servicer, answer, stat
     events = bench.probe.create_publisher(DiagnosticArray, '/events', LATCHED)
     bench.sample(0)
     events.publish(event(0, DiagnosticStatus.WARN, 'a push'))
-    rig.drain()
+    rig.deliver()
     bench.sample(10)
     assert bench.tracking[-1].state == state
     assert bench.node.last_command.reason == reason
     assert bench.status('inputs').message == 'fresh'
     events.publish(event(10, DiagnosticStatus.OK, 'over'))
-    rig.drain()
+    rig.deliver()
     bench.sample(20)
     assert bench.tracking[-1].state in ('hold', 'tracking')
     assert bench.node.last_command.reason == ''
@@ -145,7 +145,7 @@ def test_a_monitor_that_knows_nothing_yet_says_of_no_event(rig, servicer):
     events = bench.probe.create_publisher(DiagnosticArray, '/events', LATCHED)
     bench.sample(0)
     events.publish(event(0, DiagnosticStatus.STALE, 'nothing acts from outside'))
-    rig.drain()
+    rig.deliver()
     bench.sample(10)
     assert bench.tracking[-1].state == 'hold'
 
@@ -157,7 +157,7 @@ def test_an_event_of_which_nothing_more_is_said_is_forgotten(rig, servicer, is_l
     if not is_latched:
         bench.sample(0)
     events.publish(event(0, DiagnosticStatus.WARN, 'a push'))
-    rig.drain()
+    rig.deliver()
     if is_latched:
         bench.sample(0)
     for ms in range(10, 2100, 50):
@@ -312,7 +312,7 @@ def estimate(bench, **changes):
 def test_a_valid_estimate_changes_the_torque(bench):
     bench.sample(0)
     bench.estimates.publish(estimate(bench))
-    bench.rig.drain()
+    bench.rig.deliver()
     bench.sample(10)
     assert bench.tracking[-1].uses_estimate
     difference = np.subtract(bench.commands[1].effort, bench.commands[0].effort)
@@ -333,7 +333,7 @@ def test_a_valid_estimate_changes_the_torque(bench):
 )
 def test_bad_estimates_are_counted_and_not_used(bench, changes, reason):
     bench.estimates.publish(estimate(bench, **changes))
-    bench.rig.drain()
+    bench.rig.deliver()
     counted = [r for (topic, r), n in bench.node.health.rejected.items() if topic == '/estimate']
     assert len(counted) == 1
     assert reason in counted[0]
@@ -344,7 +344,7 @@ def test_bad_estimates_are_counted_and_not_used(bench, changes, reason):
 @pytest.mark.parametrize('changes', [{'aam': [1e6, 0.0, 0.0]}, {'parameters': [1e9] * 19}])
 def test_estimates_beyond_what_the_robot_file_thinks_possible(bench, changes):
     bench.estimates.publish(estimate(bench, **changes))
-    bench.rig.drain()
+    bench.rig.deliver()
     assert bench.node.health.count('/estimate') == 1
     bench.sample(0)
     assert not bench.tracking[-1].uses_estimate
@@ -353,7 +353,7 @@ def test_estimates_beyond_what_the_robot_file_thinks_possible(bench, changes):
 def test_an_estimate_that_contradicts_the_last_one_needs_another_that_agrees(bench):
     def send(first):
         bench.estimates.publish(estimate(bench, aam=[first, 49.0, 41.0]))
-        bench.rig.drain()
+        bench.rig.deliver()
         used = bench.node.loop.estimate
         return None if used is None else used.aam[0]
 
@@ -364,9 +364,9 @@ def test_an_estimate_that_contradicts_the_last_one_needs_another_that_agrees(ben
 
 def test_an_estimate_that_is_not_valid_leaves_the_last_valid_one(bench):
     bench.estimates.publish(estimate(bench))
-    bench.rig.drain()
+    bench.rig.deliver()
     bench.estimates.publish(estimate(bench, valid=False, reason='too early'))
-    bench.rig.drain()
+    bench.rig.deliver()
     bench.sample(0)
     assert bench.tracking[-1].uses_estimate
     assert bench.node.health.count() == 0
@@ -387,7 +387,7 @@ def reference(times, positions, names=NAMES, rates=None, more=None):
 def test_a_trajectory_is_followed_from_where_the_motion_is(bench):
     bench.sample(0)
     bench.references.publish(reference([2], [(0.1, 0.2, 0.3)]))
-    bench.rig.drain()
+    bench.rig.deliver()
     for k in range(1, 31):
         bench.sample(100 * k)
     first, last = bench.tracking[1], bench.tracking[-1]
@@ -415,7 +415,7 @@ def test_a_trajectory_is_followed_from_where_the_motion_is(bench):
 def test_bad_trajectories_are_counted(bench, message):
     bench.sample(0)
     bench.references.publish(message)
-    bench.rig.drain()
+    bench.rig.deliver()
     assert bench.node.health.count('/reference') == 1
     bench.sample(10)
     assert bench.answered() == [0, 10]
@@ -434,7 +434,7 @@ def test_a_joint_stays_within_its_range(rig, servicer):
     bench.sample(0)
     for q, refused in ((1.4, 0), (1.6, 1), (-1.1, 2)):
         bench.references.publish(reference([60], [(q, 0.0, 0.0)]))
-        bench.rig.drain()
+        bench.rig.deliver()
         assert bench.node.health.count('/reference') == refused
 
 

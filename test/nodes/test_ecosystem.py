@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from spacerobot_ros.nodes.base import TOPICS
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.monitor import MonitorNode
-from spacerobot_ros.nodes.program import program
+from spacerobot_ros.nodes.program import node_class, program
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import SAMPLES, STATE, best_effort
@@ -50,7 +51,7 @@ class Drivers:
         level = np.array([0.0, 0.0, 0.0, 1.0])
         self.out['/attitude'].publish(compose.quaternion(ms * MS, level))
         self.out['/joint_states'].publish(compose.joint_state(ms * MS, names, q, zero, effort))
-        self.rig.drain()
+        self.rig.deliver()
 
 
 @pytest.mark.parametrize('node_type', FOLLOWING)
@@ -260,4 +261,13 @@ def test_all_threads_of_a_controller_answer_first_where_that_is_permitted(monkey
     [('controller', answer_first), ('identifier', give_way), ('monitor', give_way)],
 )
 def test_who_answers_goes_before_who_looks_on(node, schedule):
-    assert program(node).keywords['schedule'] is schedule
+    assert node_class(node).schedule is schedule
+
+
+@pytest.mark.parametrize('is_lockstep', [False, True])
+def test_in_lockstep_all_nodes_share_the_processor(is_lockstep):
+    called = []
+    settings = SimpleNamespace(simulator=SimpleNamespace(lockstep=is_lockstep))
+    node = SimpleNamespace(settings=settings, schedule=lambda: called.append(True))
+    program('identifier').keywords['schedule'](node)
+    assert bool(called) is not is_lockstep

@@ -117,9 +117,9 @@ class Bench:
         self.imu.publish(compose.imu(ns, 'base_link', np.zeros(3), None))
         if attitude is not None:
             self.attitude.publish(compose.quaternion(ns, np.array(attitude)))
-        self.rig.drain()
+        self.rig.deliver()
         self.joints.publish(compose.joint_state(ns, list(JOINTS), np.ones(4), np.zeros(4)))
-        self.rig.drain()
+        self.rig.deliver()
 
     def call(self, service):
         client = self.probe.create_client(Trigger, service)
@@ -240,11 +240,11 @@ def test_an_estimate_starts_the_adaptation_and_an_indefinite_one_does_not(rig):
     bad[0, 1] = bad[1, 0] = 2.0 * np.sqrt(bad[0, 0] * bad[1, 1])
     kept, good.covariance = good.covariance, bad.ravel().tolist()
     bench.estimates.publish(good)
-    rig.drain()
+    rig.deliver()
     assert bench.node.health.rejected['/estimate', 'estimate: the covariance is indefinite'] == 1
     good.covariance = kept
     bench.estimates.publish(good)
-    rig.drain()
+    rig.deliver()
     bench.sample(50)
     assert bench.tracking[-1].uses_estimate
     assert 'started from an estimate' in bench.status('estimate').message

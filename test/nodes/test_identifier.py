@@ -61,7 +61,7 @@ def test_a_sensor_that_never_comes_is_named(bench):
 def test_bad_samples_are_counted_and_the_rest_is_used(bench, send, topic, reason):
     bench.all(0, 2000)
     send(bench)
-    bench.rig.drain()
+    bench.rig.deliver()
     assert bench.node.health.rejected[topic, reason] == 1
     before = len(bench.estimates)
     bench.all(2000, 3500)
@@ -135,7 +135,7 @@ def test_a_sensor_that_starts_late_ends_nothing(bench, late):
             bench.joint(ms)
         if ms % 100 == 0:
             bench.star(ms)
-            bench.rig.drain()
+            bench.rig.deliver()
     bench.node.flush()
     assert bench.node.estimate is not None
     assert bench.node.estimate.samples >= 50 * 6

@@ -61,8 +61,8 @@ class Bench:
                 j = said.joints
                 self.joint(s.stamp_ns, j.position, j.velocity, j.effort)
             if k % 50 == 49:  # less than the queues hold
-                self.rig.drain()
-        self.rig.drain()
+                self.rig.deliver()
+        self.rig.deliver()
 
     def status(self, name):
         return next(s for s in self.node.health.statuses() if s.name == name)
@@ -174,7 +174,7 @@ def test_without_a_folder_nothing_is_recorded(rig, parameters):
 def test_bad_messages_are_counted(rig, parameters, send, topic, reason):
     bench = Bench(rig, parameters)
     send(bench)
-    rig.drain()
+    rig.deliver()
     assert bench.node.health.rejected[topic, reason] == 1
 
 

@@ -101,7 +101,7 @@ def test_one_solution_takes_no_more_samples_than_its_share(rig, servicer, monkey
     bench = Bench(rig, servicer)
     seen = []
 
-    def note(self, record, end):
+    def note(self, record, end, newest):
         seen.append((self._done, end))
         return self._nothing('only looked at')
 

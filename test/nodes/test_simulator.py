@@ -114,9 +114,11 @@ def test_samples_whose_answer_was_lost_are_sent_again(bench):
 
 def test_unanswered_samples_are_sent_again_to_who_came_late(bench):
     bench.rig.until(lambda: bench.sim.awaited_ns == 0)
-    late = bench.rig.listen(bench.rig.plain('late'), JointState, '/joint_states', STATE)
-    bench.rig.until(lambda: late)
-    assert messages.stamp_ns(late[0].header.stamp) == 0
+    node = bench.rig.plain('late')
+    late = bench.rig.listen(node, JointState, '/joint_states', STATE)
+    clock = bench.rig.listen(node, Clock, '/clock', STATE)
+    bench.rig.until(lambda: late and clock)
+    assert messages.stamp_ns(late[0].header.stamp) == messages.stamp_ns(clock[0].clock) == 0
 
 
 @pytest.mark.parametrize(

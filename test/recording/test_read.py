@@ -229,7 +229,7 @@ def test_a_long_gap_is_noted_with_its_place(tmp_path):
     rates = RateSeries(np.round(time * 1e9).astype(np.int64), np.ones((100, 3)))
     save_npz(Record(rates=rates), tmp_path / 'run.npz')
     notes = read_record(tmp_path / 'run.npz', ROBOT).notes
-    assert notes == ('rates: 1 gaps, the longest 3.51 s after 0.49 s',)
+    assert notes == ('rates: 1 gap, the longest 3.51 s after 0.49 s',)
 
 
 def cell(row, name, value):
@@ -248,6 +248,9 @@ FAULTY_FILES = {
     'clock back': (cell(3, 't', 100.0), r'line 4: the clock jumps back by 0.15 s at 0.1 s'),
     'clock stands': (cell(3, 't', 250.0), r'line 4: the clock stands still at 0.25 s'),
     'no such time': (cell(5, 't', 1e300), r'line 6: .*is no time: is its unit right\?'),
+    'of no machine': (cell(2, 'q1', 1e300), r"line 3: column 'q1': .*is its unit right\?"),
+    'another delimiter': ([[';'.join(NAMES)], *table()[1:]], r"line 1: .*`delimiter: ';'`"),
+    'no names': (table()[1:], r'line 1: holds numbers, no names: write `header: none`'),
     'no quaternion': (cell(2, 'a1', 3.0), r'attitude, sample 1: not a unit quaternion'),
     'cut': ([*table()[:3], [1.0, 2.0]], r'line 4: has 2 cells, expected 17'),
     'one name twice': ([['t', *NAMES[:-1]], *table()[1:]], r"names column 't' twice"),
@@ -313,7 +316,7 @@ def test_other_refusals(tmp_path):
     one_line(path, ROBOT, None, r'needs a column mapping \(--map YAML')
     one_line(tmp_path, ROBOT, map_path, 'is a bag, which needs no column mapping')
     path.write_bytes(b'\xff\xfe\x00')
-    one_line(path, ROBOT, map_path, 'can not be read')
+    one_line(path, ROBOT, map_path, 'is not UTF-8 .byte 0.: save it')
     path.write_text('t,"q\n')
     one_line(path, ROBOT, map_path, 'line 1')
     map_path.write_text('a: [')

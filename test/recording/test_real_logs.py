@@ -354,7 +354,7 @@ def test_a_short_stretch_is_left_out():
     cut = replace(record, joints=record.joints.at(slice(0, 2 * N + 50)))
     parts = split_at_gaps(cut)
     assert [part.source for part in parts] == ['run (stretch 1 of 3)', 'run (stretch 2 of 3)']
-    assert '1 stretches between gaps are too short: left out' in parts[0].notes
+    assert '1 stretch between gaps left out: too short' in parts[0].notes
     few = replace(record, joints=record.joints.at(slice(N - 50, N + 50)))
     one_line('run: its 2 stretches between gaps are all too short', split_at_gaps, few)
     one_line('it has no joints', split_at_gaps, Record(source='run'))

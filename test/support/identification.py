@@ -58,6 +58,7 @@ _SINE = [[0.1234, -0.1867, 0.0005], [0.1306, -0.1222, -0.3760], [0.15486, -0.126
 _COSINE = [[0.1600, -0.3808, 0.0513], [-0.1179, 0.1787, -0.1333], [-0.0458, 0.1346, 0.1389]]
 
 
+@cache  # what the product knows of a robot that it has seen it need not find again
 def servicer(axes: str = 'zyx', sensors: SensorSettings = SENSORS, *, prior: float = 1.0) -> Robot:
     """The product's robot of Table I that knows nothing of the captured wheels.
 
@@ -189,12 +190,12 @@ class Run:
     """A noise-free run at 100 Hz.
 
     Args:
-        parts: The robot that moved.
+        axes: Joint axes of the robot that moved.
         time: (N,). q, qd: (N, 3). omega: (N, 3). attitude_xyzw: (N, 4).
         momentum: (3,) total angular momentum, inertial frame.
     """
 
-    parts: list[Part]
+    axes: str
     time: np.ndarray
     q: np.ndarray
     qd: np.ndarray
@@ -272,20 +273,22 @@ def _simulated(axes: str, periods: int, motion: str) -> Run:
 
     time = np.arange(round(100 * periods * PERIOD) + 1) / 100.0
     attitude = np.empty((len(time), 4))
-    x = ATTITUDE_XYZW
-    for k in range(periods):  # each begins with a step of the jerk, where the integrator must stop
-        a, b = k * PERIOD, (k + 1) * PERIOD
-        inside = (time >= a - 1e-9) & (time <= b + 1e-9)
-        stamps = np.clip(time[inside], a, b)
-        solution = solve_ivp(
-            rate, (a, b), x, method='DOP853', t_eval=stamps, rtol=1e-11, atol=1e-12
-        )
-        attitude[inside], x = solution.y.T, solution.y[:, -1]
+    attitude[0] = ATTITUDE_XYZW
+    if periods > 1:
+        before = _simulated(axes, periods - 1, motion).attitude_xyzw
+        attitude[: len(before)] = before
+    # each period begins with a step of the jerk, where the integrator must stop
+    a, b = (periods - 1) * PERIOD, periods * PERIOD
+    last = slice(round(100 * a), None)
+    solution = solve_ivp(
+        rate, (a, b), attitude[last][0], method='DOP853', t_eval=time[last], rtol=1e-11, atol=1e-12
+    )
+    attitude[last] = solution.y.T
     attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
     to_base = np.array([quaternion_matrix(r).T for r in attitude])
     omega = base_rates(time, to_base, total)
     q, qd = moves(time)
-    return Run(parts, time, q, qd, omega, attitude, total)
+    return Run(axes, time, q, qd, omega, attitude, total)
 
 
 def measure(
@@ -335,9 +338,13 @@ def _record(joint_time, q, qd, rate_time, omega, attitude_time, attitude_xyzw) -
 
 def truth_of(run: Run, structure: str = 'symmetric') -> np.ndarray:
     """The constants [h_W; AAM; x] of a run; x by the grouping of the product's minimal set."""
-    robot = robot_of(run.parts)
-    x = minimal_set(robot, structure).regrouping @ BlockTree(robot).parameters()
-    return np.concatenate([run.momentum, H_TARGET, x])
+    return np.concatenate([run.momentum, H_TARGET, _minimal_truth(run.axes, structure)])
+
+
+@cache
+def _minimal_truth(axes: str, structure: str) -> np.ndarray:
+    robot = robot_of(table_one(axes))
+    return minimal_set(robot, structure).regrouping @ BlockTree(robot).parameters()
 
 
 def errors_of(estimate: Estimate, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

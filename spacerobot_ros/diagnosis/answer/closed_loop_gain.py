@@ -16,6 +16,7 @@ from ...control.loop import ControlLoop
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
 from ...errors import ConfigurationError, SpaceRobotError
+from ...formats import either
 from ...model.control_settings import COMPUTED_TORQUE_LAWS
 from ...model.motion_settings import ReferenceSettings
 from ...model.settings import Settings, TruthSettings
@@ -24,7 +25,7 @@ from ...types import Array
 from .extended_model import effects_section
 
 _LONGEST = 20.0  # s of simulated time a run
-_AMPLITUDE = 0.3  # rad, of the motion of a robot file that names none
+_AMPLITUDE = 0.3  # rad or m, of the motion of a robot file that names none
 _PERIOD = 20.0  # s, of the same
 _HARMONICS = 6  # of the same, at most
 _LAW = 'computed_torque'
@@ -40,21 +41,28 @@ class ClosedLoopGain:
     Args:
         task: The motion in words.
         duration: Simulated time of a run [s].
-        joints: Root mean square error of every joint, before and after [rad].
+        joints: Root mean square error of every joint, before and after.
+        units: Of each joint's.
     """
 
     task: str
     duration: float
     joints: Mapping[str, tuple[float, float]]
+    units: Mapping[str, str]
+
+    @property
+    def unit(self) -> str:
+        """Of what is said of all joints."""
+        return either(self.units.values())
 
     @property
     def rms_before(self) -> float:
-        """Over all joints, with the old model [rad]."""
+        """Over all joints, with the old model."""
         return _rms([before for before, _ in self.joints.values()])
 
     @property
     def rms_after(self) -> float:
-        """Over all joints, with the extended model [rad]."""
+        """Over all joints, with the extended model."""
         return _rms([after for _, after in self.joints.values()])
 
     @property
@@ -89,9 +97,10 @@ def closed_loop_gain(
         return None, f'the closed loop could not be simulated: {error}'
     pairs = zip(file.robot.joints, before.tolist(), after.tolist(), strict=True)
     return ClosedLoopGain(
-        task=_in_words(file.settings.reference),
+        task=_in_words(file),
         duration=_duration(old.reference),
         joints={joint: (float(b), float(a)) for joint, b, a in pairs},
+        units={joint: file.robot.unit_of('rad', joint) for joint in file.robot.joints},
     ), ''
 
 
@@ -107,7 +116,7 @@ def _task_settings(settings: Settings, n: int) -> Settings:
 
 
 def tracking_errors(file: RobotFile, plant: Settings, believed: Settings) -> Array:
-    """(N, n) reference less true position of every joint along the plant's reference [rad].
+    """(N, n) reference less true position of every joint along the plant's reference.
 
     Args:
         file: The robot.
@@ -155,9 +164,11 @@ def _duration(reference: ReferenceSettings) -> float:
     return min(reference.duration, _LONGEST)
 
 
-def _in_words(reference: ReferenceSettings) -> str:
+def _in_words(file: RobotFile) -> str:
+    reference = file.settings.reference
     if not _is_motion(reference):
-        return f'a Fourier motion of {_AMPLITUDE:g} rad (the robot file names none)'
+        unit = file.robot.unit_of('rad')
+        return f'a Fourier motion of {_AMPLITUDE:g} {unit} (the robot file names none)'
     return f"the robot file's own motion ({reference.kind.replace('_', ' ')})"
 
 

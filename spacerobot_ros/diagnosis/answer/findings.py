@@ -11,7 +11,6 @@ from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile, load_robot_file
 from ...estimation.motor_constants import as_recorded
 from ...model.robot import Robot
-from ...recording.faults.check import check_data
 from ...recording.read import read_groups, read_record
 from ...recording.record import Record
 from ..diagnose import diagnose
@@ -22,7 +21,7 @@ from .extended_model import named
 from .next_motion import with_motions
 from .output import to_dict
 from .result import Diagnosis
-from .score_on import JointScore, score_on
+from .score_on import JointScore, check_scored, score_on
 from .score_on import to_dict as score_to_dict
 
 
@@ -131,6 +130,9 @@ def findings(
         [asked.data, asked.payload], file.robot, asked.map or None, split_gaps=asked.split_gaps
     )
     records = (*without, *loaded)
+    other = read_record(asked.score, file.robot, asked.map or None) if asked.score else None
+    if other is not None:
+        check_scored(other, file.robot)
     diagnosis = diagnose(
         records,
         file.robot,
@@ -148,7 +150,6 @@ def findings(
     )
     added = named(lasting, file.effects)
     calibration = named(corrections, (*file.effects, *added))
-    other = read_record(asked.score, file.robot, asked.map or None) if asked.score else None
     diagnosis = _with_names(diagnosis, other, file, (*added, *calibration))
     learned = tuple(e.applied for e in diagnosis.leftover or () if e.applied is not None)
     extension = (*added, *calibration, *learned)
@@ -184,7 +185,6 @@ def _with_names(
     if not leftover:
         return diagnosis
     if other is not None:
-        check_data(other, file.robot)
         leftover = judged_on(other, file.robot, (*file.effects, *added), leftover)
     laws = [entry.applied for entry in leftover if entry.applied is not None]
     names = iter(named(laws, (*file.effects, *added)))

@@ -30,7 +30,7 @@ def free_motion(before: Sequence[Balance], after: Sequence[Balance]) -> tuple[Fr
             rms_after=float(np.sqrt(np.mean(squares[1][joint]))),
             median_before=float(np.sqrt(np.median(squares[0][joint]))),
             median_after=float(np.sqrt(np.median(squares[1][joint]))),
-            unit='m' if robot.bodies[1 + robot.joints.index(joint)].is_prismatic else 'rad',
+            unit=robot.unit_of('rad', joint),
         )
         for joint in squares[0]
     )

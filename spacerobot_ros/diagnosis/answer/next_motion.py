@@ -54,7 +54,7 @@ def _advice(diagnosis: Diagnosis, causes: tuple[Cause, ...], robot_file: str) ->
             f'joint_viscous_friction@{place}', f'joint_coulomb_friction@{place}', robot_file
         )
         for entry in diagnosis.leftover or ()
-        if entry.one_speed and (place := entry.channel.rpartition('/')[2])
+        if entry.one_speed and (place := entry.channel.partition('/')[2])
     ]
     if diagnosis.verdict in ('unexplained', 'partly_explained'):
         lines += [

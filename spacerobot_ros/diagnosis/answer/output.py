@@ -158,9 +158,9 @@ def _closed_loop(gain: ClosedLoopGain) -> dict[str, Any]:
         'rms_before': gain.rms_before,
         'rms_after': gain.rms_after,
         'ratio': gain.ratio,
-        'unit': 'rad',
+        'unit': gain.unit,
         'joints': {
-            joint: {'rms_before': before, 'rms_after': after}
+            joint: {'unit': gain.units[joint], 'rms_before': before, 'rms_after': after}
             for joint, (before, after) in gain.joints.items()
         },
     }

@@ -160,14 +160,17 @@ class FrictionLaw:
 
     Args:
         joint: Its name.
-        coulomb: Torque of constant size [N m], the mean of both directions.
-        viscous: [N m s/rad].
-        coulomb_forward: Of positive rates [N m]: an offset of the torque is a friction of two
+        unit: Of torques; of forces where it slides. viscous_unit: Of `viscous`.
+        coulomb: Torque of constant size, the mean of both directions.
+        viscous: By the rate.
+        coulomb_forward: Of positive rates: an offset of the torque is a friction of two
             sizes where the joint moves; only dwells tell them apart.
-        coulomb_backward: Of negative rates [N m].
+        coulomb_backward: Of negative rates.
     """
 
     joint: str
+    unit: str
+    viscous_unit: str
     coulomb: float
     viscous: float
     coulomb_forward: float

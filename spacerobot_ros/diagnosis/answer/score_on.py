@@ -15,6 +15,7 @@ from ...estimation.arm_motion import BAND as BAND
 from ...estimation.balance import balance_of
 from ...estimation.motor_constants import as_recorded
 from ...estimation.observations import observed
+from ...formats import either
 from ...model.robot import Robot
 from ...recording.faults.check import check_data
 from ...recording.record import Record
@@ -29,15 +30,28 @@ class JointScore:
 
     Args:
         joint: Its name.
-        before: Of the model as it stands [N m].
-        after: Of the extended model [N m].
+        unit: Of the torque, or of the force where it slides.
+        before: Of the model as it stands.
+        after: Of the extended model.
         free: How far the joint is predicted, where it has no motor.
     """
 
     joint: str
+    unit: str
     before: float
     after: float
     free: FreeMotion | None = None
+
+
+def check_scored(record: Record, robot: Robot) -> None:
+    """Refuse a record that no model can be held against, before one is looked for.
+
+    Raises:
+        RecordingError: faulty data, or no efforts in it.
+    """
+    check_data(record, robot)
+    if record.joints is None or record.joints.effort is None:
+        raise RecordingError(record.source or 'score', 'has no efforts to hold a model against')
 
 
 def score_on(
@@ -49,17 +63,11 @@ def score_on(
     """Hold a model with causes from one record against another; nothing is fitted.
 
     Args:
-        record: The other record, with efforts.
+        record: The other record, one that `check_scored` takes.
         robot: The robot file's robot.
         causes: What was found.
         believed: The robot file's own effects.
-
-    Raises:
-        RecordingError: faulty data, or no efforts in it.
     """
-    check_data(record, robot)
-    if record.joints is None or record.joints.effort is None:
-        raise RecordingError(record.source or 'score', 'has no efforts to hold a model against')
     measured = observed(record, robot)
     robot = as_recorded(robot, [measured])
     constants = [cause for cause in causes if isinstance(cause, MotorConstant)]
@@ -68,25 +76,34 @@ def score_on(
     ]
     free = {one.joint: one for one in free_motion(*models)}
     return tuple(
-        JointScore(joint=joint, before=float(b), after=float(a), free=free.get(joint))
+        JointScore(
+            joint=joint,
+            unit=robot.unit_of('N m', joint),
+            before=float(b),
+            after=float(a),
+            free=free.get(joint),
+        )
         for joint, b, a in zip(robot.joints, *map(rms, models), strict=True)
     )
 
 
-def total(scores: Sequence[JointScore]) -> tuple[float, float]:
-    """Root mean square over the joints, before and after [N m]."""
+def total(scores: Sequence[JointScore]) -> tuple[float, float, str]:
+    """Root mean square over the joints, before and after, and its unit."""
     before = float(np.sqrt(np.nanmean([s.before**2 for s in scores])))
-    return before, float(np.sqrt(np.nanmean([s.after**2 for s in scores])))
+    after = float(np.sqrt(np.nanmean([s.after**2 for s in scores])))
+    return before, after, either(s.unit for s in scores)
 
 
 def to_dict(scores: Sequence[JointScore]) -> dict[str, Any]:
     """Plain values."""
-    before, after = total(scores)
+    before, after, unit = total(scores)
     return {
-        'unit': 'N m',
+        'unit': unit,
         'band_hz': BAND,
         'rms_before': before,
         'rms_after': after,
-        'joints': {s.joint: {'rms_before': s.before, 'rms_after': s.after} for s in scores},
+        'joints': {
+            s.joint: {'unit': s.unit, 'rms_before': s.before, 'rms_after': s.after} for s in scores
+        },
         'free_motion': [asdict(s.free) for s in scores if s.free],
     }

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ...effects.effect import Effect
 from .result import Cause, Estimated
 
 _SHOWN = 3  # causes in one sentence; the others stand in the table
+_NOTHING = 0.01  # of the largest number: what a short sentence leaves out
 
 
 def verdict_of(is_good: bool, is_named: bool) -> str:
@@ -23,13 +24,20 @@ def value_in_words(name: str, found: Estimated, sign: str = '') -> str:
     return f'{name} {found.value:{sign}.4g} +- {found.std:.2g}{unit}'
 
 
-def cause_in_words(cause: Cause, most: int | None = None) -> str:
-    """A cause with its place and its values, all or so many."""
-    values = [value_in_words(*item) for item in cause.parameters.items()]
+def cause_in_words(cause: Cause, *, is_short: bool = False) -> str:
+    """A cause with its place and its values, all or those that say most."""
+    shown = _telling(cause.parameters) if is_short else cause.parameters
+    values = ', '.join(value_in_words(*item) for item in shown.items())
     applied = cause.applied
-    return (
-        f'{applied.title}{at(applied.where)}{in_recordings(applied)} ({", ".join(values[:most])})'
-    )
+    return f'{applied.title}{at(applied.where)}{in_recordings(applied)} ({values})'
+
+
+def _telling(parameters: Mapping[str, Estimated]) -> dict[str, Estimated]:
+    """Those of the unit of the first that are not next to nothing beside the largest."""
+    unit = next(iter(parameters.values())).unit
+    own = {name: found for name, found in parameters.items() if found.unit == unit}
+    least = _NOTHING * max(abs(found.value) for found in own.values())
+    return {name: found for name, found in own.items() if abs(found.value) >= least}
 
 
 def at(where: str | None) -> str:

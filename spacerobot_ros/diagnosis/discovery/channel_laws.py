@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from ...effects.formula_quantities import is_axis
 from ...effects.grammar import quantity, unit_of
 from ...effects.learned_torque import LearnedTorque
 from ...estimation.prediction_rows import LABELS
+from ...model.robot import Robot
 from ...types import Array
 from ..answer.result import Estimated, LawRival, Leftover
 from .discovery_limits import AGREEING, BEYOND_PLACEBO, DEAD_HEAT, HELD_OUT, NEEDS_OTHER, OWN_SHARE
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
-from .possible_laws import Law, is_of_another
+from .possible_laws import NO_LAWS, Law, is_of_another
 
 TIME = 'time'
 NOTHING_MEASURED = 'nothing measured'
@@ -33,10 +35,15 @@ class HeldLaw:
 
 def channel_name(place: str) -> str:
     """As in `Residual`: of a joint, of an axis of the base, or of a sensor."""
-    whole, _, axis = place.rpartition('/')
-    if whole in _UNITS:
+    if place.partition('/')[0] in _UNITS:
         return place
-    return f'base_torque/{axis}' if whole else f'joint_torque/{place}'
+    return f'base_torque/{place[-1]}' if is_axis(place) else f'joint_torque/{place}'
+
+
+def _unit(channel: str, robot: Robot) -> str:
+    kind, _, place = channel.partition('/')
+    unit = _UNITS.get(kind, 'N m')
+    return robot.unit_of(unit, place) if place in robot.joints else unit
 
 
 def laws_of(channel: SearchedChannel) -> tuple[list[HeldLaw], list[Winner]]:
@@ -48,7 +55,7 @@ def laws_of(channel: SearchedChannel) -> tuple[list[HeldLaw], list[Winner]]:
     return held, [step for step in steps if not any(step is k for k in kept)]
 
 
-def said_without(place: str, step: Winner | None, *, one_speed: bool = False) -> Leftover:
+def leftover_without(place: str, step: Winner | None, *, one_speed: bool = False) -> Leftover:
     """What to say of a channel without a law.
 
     Args:
@@ -104,7 +111,8 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     others = [step for step in steps if step is not it.step]
 
     def is_own(law: Law) -> bool:
-        return law.place == it.law.place and not is_of_another(law, it.place)
+        is_law = law.kind not in NO_LAWS
+        return is_law and law.place == it.law.place and not is_of_another(law, it.place)
 
     own = search.best_of(others, is_own)
     if own is None:
@@ -115,11 +123,11 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     return out.left <= NEEDS_OTHER * alone.left or alone.share <= OWN_SHARE * out.share
 
 
-def said_of(
+def leftover_of(
     it: HeldLaw,
     values: Sequence[float] | Array,
     spread: Array,
-    joints: Sequence[str],
+    robot: Robot,
     *,
     applied: LearnedTorque | None,
     is_of_several: bool,
@@ -130,18 +138,21 @@ def said_of(
         it: The law as it was judged.
         values: (k,) of its coefficients.
         spread: (k,) their standard deviations.
-        joints: All, in their order.
+        robot: The robot.
         applied: As it is simulated; None where it is not worth it.
         is_of_several: Whether whole recordings were left out.
     """
-    form, inputs = it.law.form, it.law.inputs
-    unit = _UNITS.get(it.place.rpartition('/')[0], 'N m')
+    form, inputs, joints = it.law.form, it.law.inputs, robot.joints
+    channel = channel_name(it.place)
+    unit = _unit(channel, robot)
+    bodies = zip(joints, robot.bodies[1:], strict=True)
+    sliding = [joint for joint, body in bodies if body.is_prismatic]
     coefficients = tuple(
-        Estimated(value=float(c), std=float(std), unit=unit_of(powers, inputs, unit))
+        Estimated(value=float(c), std=float(std), unit=unit_of(powers, inputs, unit, sliding))
         for c, std, powers in zip(values, spread, form.powers, strict=True)
     )
     return Leftover(
-        channel=channel_name(it.place),
+        channel=channel,
         depends_on=_ordered(inputs, joints),
         form=form.name,
         coefficients=coefficients,

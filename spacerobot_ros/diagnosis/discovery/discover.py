@@ -15,7 +15,7 @@ from ...estimation.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
 from ..arm_found import WORSE, ArmFound, is_clear, rms
 from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
-from .channel_laws import HeldLaw, channel_name, laws_of, said_of, said_without
+from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discovery_limits import FED_IN, MARGIN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 from .law_search import Winner, worth
@@ -44,12 +44,14 @@ def discover(
         replaced[channel.place] = instead
         if not laws:
             step = rest[-1] if rest else None
-            said.append(said_without(channel.place, step, one_speed=channel.has_one_speed))
+            said.append(leftover_without(channel.place, step, one_speed=channel.has_one_speed))
     if not accepted:
         return found, tuple(said)
     extended, held = _applied(found, accepted, motions, replaced)
     done = {entry.channel for entry in (*held, *said)}
-    said += [said_without(place, None) for place in replaced if channel_name(place) not in done]
+    said += [
+        leftover_without(place, None) for place in replaced if channel_name(place) not in done
+    ]
     return extended, tuple(sorted([*held, *said], key=lambda entry: entry.channel))
 
 
@@ -121,11 +123,11 @@ def _applied(
             for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]
         said = [
-            said_of(
+            leftover_of(
                 it,
                 free.coefficients,
                 fitted.fit.spread(i),
-                joints,
+                motions.rows.robot,
                 applied=None if out else law,
                 is_of_several=several,
             )

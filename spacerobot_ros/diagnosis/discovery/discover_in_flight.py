@@ -16,7 +16,7 @@ from ...estimation.refit import Fit, refine
 from ...types import Array
 from ..answer.result import Diagnosis
 from ..limits import OBVIOUS
-from .channel_laws import HeldLaw, channel_name, laws_of, said_of, said_without
+from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discover import pushes
 from .flight_channels import Component, FlightChannel, FlightRows
 from .law_search import Winner
@@ -48,14 +48,14 @@ def discover_in_flight(
     for it, values, spread in _fitted(channel, held, rest):
         law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
         applied = None if law is None or pushes(law, [flight.motion]) else law
-        joints = flight.motion.robot.joints
-        said.append(said_of(it, values, spread, joints, applied=applied, is_of_several=False))
+        robot = flight.motion.robot
+        said.append(leftover_of(it, values, spread, robot, applied=applied, is_of_several=False))
         laws += [] if applied is None else [applied]
     done = {entry.channel for entry in said}
     for place in (p for p, component in places.items() if isinstance(component, int)):
         if channel_name(place) not in done:
             own = [step for step in rest if step.law.place == place]
-            said.append(said_without(place, own[0] if own else None))
+            said.append(leftover_without(place, own[0] if own else None))
     answer = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
     if not any(entry.form for entry in said):
         return answer

@@ -7,9 +7,13 @@ CHANCE = 3e-5
 that no null has, p < 1e-3 came in 2 to 6 % of clean channels, the smallest of 360 was 4.5e-5.
 Laws as large as the noise have 1e-7 and less (docs/discovery.md)."""
 
-MARGIN = 6.0
-"""Nats beyond all prices that a law must gain: odds of 400. The best law of a clean channel gains
-less than 1; where noise grows with the rate, up to 11 in short records (docs/discovery.md)."""
+MARGIN = 5.0
+"""Nats beyond all prices that a law must gain: odds of 150, where `very strong` begins (Kass and
+Raftery 1995). The best law of a clean channel gains less than 1; where noise grows with the rate,
+up to 11 in short records (docs/discovery.md)."""
+
+LEFT = 0.05
+"""Share of a column's square that free causes and chosen laws must leave of it: less is theirs."""
 
 DEAD_HEAT = 6.0
 """Gap in nats within which two laws are not told apart, as between causes (`EQUIVALENT`)."""

@@ -138,8 +138,8 @@ class FlightRows:
         for body, row in zip(robot.bodies[first:], robot.inertial_parameters[first:], strict=True):
             candidate = candidate_at(kind, robot, body.name, {})
             if candidate is not None:
-                told = [INERTIAL.index(p.name) for p in candidate.parameters]
-                sizes = _plausible(row)[told].tolist()
+                observable = [INERTIAL.index(p.name) for p in candidate.parameters]
+                sizes = _plausible(row)[observable].tolist()
                 steps = zip(candidate.small_steps, sizes, strict=True)
                 forces += [
                     response.force(effect) * (_UNCERTAIN * size / step)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -10,11 +9,11 @@ from typing import Protocol
 
 import numpy as np
 
-from ...types import Array, IntArray
+from ...types import Array, BoolArray, IntArray
 from .chance import chance_of
-from .discovery_limits import CHANCE, DEAD_HEAT, MARGIN, MOST_LAWS
-from .possible_laws import REFINED, Law
-from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening
+from .discovery_limits import CHANCE, DEAD_HEAT, LEFT, MARGIN, MOST_LAWS
+from .possible_laws import NO_LAWS, REFINED, Law
+from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening, ways_of
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined
@@ -68,7 +67,7 @@ class Winner:
     @property
     def is_law(self) -> bool:
         """Whether it is neither a sine of the time, a drift, nor an inertial error."""
-        return self.law.kind not in ('inertial', 'clock')
+        return self.law.kind not in NO_LAWS
 
 
 def columns_of(steps: Sequence[Winner], count: int) -> Array:
@@ -79,9 +78,8 @@ def columns_of(steps: Sequence[Winner], count: int) -> Array:
 def worth(channel: SearchedChannel, steps: Sequence[Winner]) -> float:
     """Log likelihood of a channel with some laws, less all their prices [nats]."""
     terms = channel.terms
-    count = len(terms.data)
-    prices = sum(0.5 * it.columns.shape[1] * math.log(count) + it.law.price for it in steps)
-    return terms.level(columns_of(steps, count)).likelihood - prices
+    level = terms.level(columns_of(steps, len(terms.data)))
+    return level.likelihood - sum(it.law.price for it in steps)
 
 
 class LawSearch:
@@ -99,7 +97,12 @@ class LawSearch:
         own = [columns for _, columns in pairs]
         ends = np.cumsum([0, *(c.shape[1] for c in own)])
         self.groups: list[IntArray] = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
-        self.columns = np.concatenate([np.zeros((len(self.terms.data), 0)), *own], axis=1)
+        nothing = np.zeros((len(self.terms.data), 0))
+        self.columns = np.concatenate([nothing, *own], axis=1)
+        self.ways = np.zeros_like(self.columns)
+        for at, columns in zip(self.groups, own, strict=True):
+            ways, _ = ways_of(columns)
+            self.ways[:, at[: ways.shape[1]]] = ways
 
     def run(self) -> list[Winner]:
         """Laws in their order, sines of the time and inertial errors among them."""
@@ -128,12 +131,12 @@ class LawSearch:
         refitted = []
         for g in self._shortlist(scores):
             level = self.terms.level(np.concatenate([beside, self.columns[:, self.groups[g]]], 1))
-            refitted.append((level.likelihood - here.likelihood - self._price(g), g, level))
+            refitted.append((level.likelihood - here.likelihood - self.laws[g].price, g, level))
         refitted.sort(key=lambda entry: -entry[0])
         margin, g, level = refitted[0]
         if margin < MARGIN:
             return None
-        p_value = self._chance(g, beside, level)
+        p_value = self._chance(g, beside, level, judge.usable)
         if p_value > CHANCE:
             return None
         close = [(k, m) for m, k, _ in refitted[1:] if margin - m < DEAD_HEAT]
@@ -141,10 +144,10 @@ class LawSearch:
         law, columns, margin = self._refined(g, beside, here, margin)
         return Winner(law, columns, margin, p_value, rivals)
 
-    def _chance(self, g: int, beside: Array, level: Level) -> float:
-        """Under the level that the law leaves."""
+    def _chance(self, g: int, beside: Array, level: Level, usable: BoolArray) -> float:
+        """Under the level that the law leaves, among the laws that were asked."""
         both = np.concatenate([beside, self.columns[:, self.groups[g]]], axis=1)
-        judge = _Judge(self, level.scale, beside)
+        judge = _Judge(self, level.scale, beside, usable)
         return chance_of(
             float(judge.scores(judge.data[:, None])[g, 0]),
             judge.largest,
@@ -165,14 +168,10 @@ class LawSearch:
                     )
                     (moved,) = self.channel.columns([tried])
                     level = self.terms.level(np.concatenate([beside, moved], axis=1))
-                    gain = level.likelihood - here.likelihood - self._price(g)
+                    gain = level.likelihood - here.likelihood - self.laws[g].price
                     if gain > margin:
                         law, columns, margin = tried, moved, gain
         return law, columns, margin
-
-    def _price(self, g: int) -> float:
-        freedom = 0.5 * len(self.groups[g]) * math.log(len(self.terms.data))
-        return freedom + self.laws[g].price
 
     def _shortlist(self, scores: Array) -> list[int]:
         taken: dict[object, int] = {}
@@ -192,21 +191,25 @@ class _Judge:
 
     Args:
         search: The search. scale: (M,) level. beside: (M, k) columns of the chosen laws.
+        usable: (C,) directions that are asked; None: of which free causes and chosen laws leave
+            enough under this level.
     """
 
-    def __init__(self, search: LawSearch, scale: Array, beside: Array) -> None:
+    def __init__(
+        self, search: LawSearch, scale: Array, beside: Array, usable: BoolArray | None = None
+    ) -> None:
         terms = search.terms
         self.white = Whitening(terms.nuisance, scale)
         own = self.white(beside)
         self.data = _without(own, self.white(terms.data))
-        tolerated = Whitening(terms.nuisance[:, ~terms.is_free], scale)
-        before = np.sum(tolerated(search.columns) ** 2, axis=0)
-        columns = _without(own, self.white(search.columns))
-        self._basis = GroupBasis(columns, search.groups, before)
-        freedom = 0.5 * self._basis.sizes * math.log(len(scale))
-        self._prices = np.where(
-            self._basis.sizes > 0, freedom + np.array([law.price for law in search.laws]), np.inf
-        )
+        ways = _without(own, self.white(search.ways))
+        if usable is None:
+            tolerated = Whitening(terms.nuisance[:, ~terms.is_free], scale)
+            before = np.sum(tolerated(search.ways) ** 2, axis=0)
+            usable = np.sum(ways**2, axis=0) > LEFT * before
+        self.usable = usable
+        self._basis = GroupBasis(terms.size * ways * usable, search.groups)
+        self._prices = self._basis.prices + np.array([law.price for law in search.laws])
 
     def scores(self, residuals: Array) -> Array:
         """(G, F) log likelihood beyond all prices, of (M, F) residuals."""

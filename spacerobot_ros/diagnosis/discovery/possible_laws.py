@@ -22,6 +22,8 @@ _WARM_UP = (0.1, 0.3, 1.0)  # of the record's length
 _STOPS = (0.1, 0.2, 0.3)  # of the range, at either end
 REFINED = ('scale', 'displacement')
 """Options whose values are refined by the likelihood."""
+NO_LAWS = ('inertial', 'clock')
+"""Kinds that are none: where they win the leftover is an error of the masses, or follows time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +279,7 @@ def _law(
 
 def is_of_another(law: Law, place: str) -> bool:
     """Whether it needs another joint's variable than that of its place."""
-    own = place.rpartition('/')[2]
+    own = place.removeprefix('joint_rate/').removeprefix('joint_position/')
     of_joints = [quantity(name) for name in law.inputs if quantity(name)[0] in _OF_JOINTS]
     return any(whose != own for _, whose in of_joints)
 

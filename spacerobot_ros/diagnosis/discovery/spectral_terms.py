@@ -5,7 +5,8 @@ r"""Cosine terms of one channel, whitened by the level that a hypothesis itself 
 with y the discrete cosine transform of the rows, X the columns of chosen laws, Z those of named
 causes, inertial errors and tolerances times their prior deviations, and S the level: constant in
 bins of frequency, interpolated. S is estimated along with c and z (expectation maximisation), so
-that a law is no part of the noise that judges it, and the spectrum needs no model.
+that a law is no part of the noise that judges it, and the spectrum needs no model. c has a prior,
+too, of a torque as large as the data: what tolerances or another column say already costs no more.
 """
 
 from __future__ import annotations
@@ -19,10 +20,14 @@ from scipy.fft import dct, idct
 
 from ...types import Array, BoolArray, IntArray
 
-_FIRST, _WIDER = 12, 1.45  # terms of the first bin of frequency; the next one's by this
+_FIRST, _WIDER = 7, 1.25
+"""Terms of the first bin of frequency, and the next one's by it: a line of noise half a tenth of a
+hertz wide has four terms of 40 s. In bins of 12 it makes the noise beside it larger than it is; in
+bins of 5 a sine of the time passes for a line of noise."""
 _PASSES = 5
 _LEAST = 1e-6  # of the data's rms: no level is below
 _KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
+_COLLINEAR = 1e-3  # eigenvalue of normed columns: below, two are one
 _FREE = 10.0  # times what is left: an offset's prior deviation
 
 
@@ -43,7 +48,7 @@ class Level:
     """Level of what a hypothesis leaves, and how well it explains.
 
     Args:
-        scale: (M,) S. likelihood: Log likelihood, z integrated out, c and S at their best.
+        scale: (M,) S. likelihood: Log likelihood, c and z integrated out, S at its best.
         coefficients: (k,) c. deviations: (k,) their standard deviations.
     """
 
@@ -94,24 +99,28 @@ class SpectralTerms:
         middles = 0.5 * (np.array(ends[1:]) + np.array(ends[:-1]))
         return number, np.log(middles)
 
+    @cached_property
+    def size(self) -> float:
+        """Prior deviation of every direction of laws: a torque as large as the data."""
+        return float(np.linalg.norm(self.data))
+
     def level(self, columns: Array) -> Level:
         """What (M, k) columns of chosen laws leave."""
-        r = self.nuisance.shape[1]
-        both = np.concatenate([self.nuisance, columns], axis=1)
-        prior = np.concatenate([np.ones(r), np.zeros(columns.shape[1])])
-        size = np.maximum(np.sqrt(np.mean(both**2, axis=0)), 1e-300)
+        r, (ways, back) = self.nuisance.shape[1], ways_of(columns)
+        both = np.concatenate([self.nuisance, self.size * ways], axis=1)
         scale = self._smooth(self.data**2)
         for _ in range(_PASSES):
-            mean, covariance = _posterior(both, self.data, scale, prior, size)
+            mean, covariance = _posterior(both, self.data, scale)
             left = self.data - both @ mean
             known = np.sum((both @ covariance) * both, axis=1)
             scale = self._smooth(left**2 + known)
-        mean, covariance = _posterior(both, self.data, scale, prior, size)
-        spread = np.sqrt(np.maximum(np.diag(covariance)[r:], 0.0))
-        white = Whitening(self.nuisance, scale)
-        rest = white(self.data - columns @ mean[r:])
+        mean, covariance = _posterior(both, self.data, scale)
+        back = self.size * back
+        spread = np.sqrt(np.sum((back @ covariance[r:, r:]) * back, axis=1))
+        white = Whitening(both, scale)
+        rest = white(self.data)
         likelihood = -float(np.sum(np.log(scale))) - 0.5 * white.log_det - 0.5 * float(rest @ rest)
-        return Level(scale, likelihood, mean[r:], spread)
+        return Level(scale, likelihood, back @ mean[r:], spread)
 
     def _smooth(self, squares: Array) -> Array:
         """(M,) root of the mean square of each bin, between them in proportion."""
@@ -121,6 +130,16 @@ class SpectralTerms:
         logs = np.log(np.maximum(means, floor))
         at = np.log(np.arange(len(squares)) + 0.5)
         return np.asarray(np.exp(0.5 * np.interp(at, middles, logs)))
+
+
+def ways_of(columns: Array) -> tuple[Array, Array]:
+    """(M, r) orthonormal directions of (M, k) columns, and (k, r) coefficients that make them."""
+    if not columns.shape[1]:
+        return columns, np.zeros((0, 0))
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    ways, values, vectors = np.linalg.svd(columns / size, full_matrices=False)
+    kept = values**2 > _COLLINEAR
+    return ways[:, kept], (vectors[kept] / values[kept, None]).T / size[:, None]
 
 
 class Whitening:
@@ -148,54 +167,41 @@ class Whitening:
         return np.asarray(scaled - self._left @ (self._loss * inside.T).T)
 
 
-def _posterior(
-    columns: Array, data: Array, scale: Array, prior: Array, size: Array
-) -> tuple[Array, Array]:
+def _posterior(columns: Array, data: Array, scale: Array) -> tuple[Array, Array]:
     """Mean and covariance of all coefficients."""
     scaled = columns / scale[:, None]
-    matrix = scaled.T @ scaled + np.diag(prior)
-    matrix += np.diag(1e-10 * np.diag(matrix) + 1e-12 / size**2)
-    covariance = np.asarray(np.linalg.inv(matrix), dtype=float)
+    covariance = np.asarray(np.linalg.inv(scaled.T @ scaled + np.eye(columns.shape[1])))
     return covariance @ (scaled.T @ (data / scale)), covariance
 
 
 class GroupBasis:
-    """Orthonormal directions of every group of columns.
+    """Directions of every group of columns, and what they cost.
 
     Args:
-        columns: (M, C) whitened, chosen laws taken out.
+        columns: (M, C) whitened, of unit prior deviation; what is not asked is zero.
         groups: Columns of each group.
-        before: (C,) their squares before free causes and chosen laws were taken out.
     """
 
-    def __init__(self, columns: Array, groups: Sequence[IntArray], before: Array) -> None:
-        squares = np.sum(columns**2, axis=0)
-        usable = squares > LEFT * before
-        scaled = (columns * np.where(usable, 1.0, 0.0) / np.sqrt(np.maximum(squares, 1e-300))).T
+    def __init__(self, columns: Array, groups: Sequence[IntArray]) -> None:
+        scaled = columns.T
         counts = np.array([len(own) for own in groups])
         order = np.argsort(counts, kind='stable')
-        self._back, parts, sizes = np.argsort(order), [], []
+        self._back, parts, prices = np.argsort(order), [], []
         for count in np.unique(counts):
             at = np.array([groups[g] for g in order if counts[g] == count])
             own = scaled[at]  # (G, k, M)
             values, vectors = np.linalg.eigh(own @ own.transpose(0, 2, 1))
-            kept = values > _COLLINEAR
-            root = np.where(kept, 1.0 / np.sqrt(np.maximum(values, 1e-300)), 0.0)
-            parts.append(
-                (root[:, :, None] * (vectors.transpose(0, 2, 1) @ own)).reshape(-1, own.shape[2])
-            )
-            sizes.append(np.sum(kept, axis=1))
+            values = np.maximum(values, 0.0)
+            ways = vectors.transpose(0, 2, 1) @ own
+            parts.append((ways / np.sqrt(1.0 + values)[:, :, None]).reshape(-1, own.shape[2]))
+            freedom = 0.5 * np.sum(np.log1p(values), axis=1)
+            prices.append(np.where(np.any(values > 0.0, axis=1), freedom, np.inf))
         self._rows = np.concatenate(parts)
         self._starts = np.concatenate([[0], np.cumsum(counts[order])[:-1]])
-        self.sizes = np.concatenate(sizes)[self._back]
-        """(G,) number of directions."""
+        self.prices = np.concatenate(prices)[self._back]
+        """(G,) of the freedom of each [nats]: what a prior as wide as the data costs."""
 
     def gains(self, residuals: Array) -> Array:
         """(G, F) squares that each group explains of (M, F) residuals."""
         squares = (self._rows @ residuals) ** 2
         return np.asarray(np.add.reduceat(squares, self._starts, axis=0)[self._back])
-
-
-LEFT = 0.05
-"""Share of a column's square that free causes and chosen laws must leave of it: less is theirs."""
-_COLLINEAR = 1e-3  # eigenvalue of normed columns: below, two are one

@@ -43,5 +43,5 @@ def _in_words(named: Sequence[Event]) -> str:
 
 def _event(event: Event) -> str:
     name, peak = max(event.peak.items(), key=lambda item: abs(item[1]))
-    said = f'{name} {peak:.3g} +- {event.peak_std[name]:.2g} {event.unit}'
+    said = f'{name} {peak:.3g} +- {event.peak_std[name]:.2g} {event.units[name]}'
     return f'{event.effect}{at(event.where)} from {event.start:.2f} to {event.end:.2f} s ({said})'

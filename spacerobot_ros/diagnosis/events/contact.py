@@ -90,7 +90,7 @@ def event_of(robot: Robot, pulses: Sequence[Pulse], p_value: float | None, last:
         ongoing=first.end >= last,
         peak={name: p.torque for name, p in zip(names, felt, strict=True)},
         peak_std={name: p.std for name, p in zip(names, felt, strict=True)},
-        unit='N m',
+        units={name: robot.unit_of('N m', name) for name in names},
         z=abs(first.z),
         p_value=p_value,
         rivals=() if len(felt) > 1 else (f'external_wrench at {_beyond(robot, [first.joint])}',),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from ...effects.effect import Effect
+from ...formats import either
 from .event_limits import FALSE_PER_HOUR
 
 
@@ -23,7 +24,7 @@ class Event:
         peak: Largest torque from outside by joint; or impulse by axis. In flight the mean torque
             since its start, or the impulse, as of when they were seen best.
         peak_std: Their standard deviations; of a joint at rest what its friction may take.
-        unit: Of both.
+        units: Of both, by the same names.
         z: Size by standard deviation.
         p_value: Of such a size by chance; None where that was not computed.
         false_per_hour: Rate of false names that the limit is made for.
@@ -42,7 +43,7 @@ class Event:
     ongoing: bool
     peak: Mapping[str, float]
     peak_std: Mapping[str, float]
-    unit: str
+    units: Mapping[str, str]
     z: float
     p_value: float | None = None
     false_per_hour: float = FALSE_PER_HOUR
@@ -56,7 +57,13 @@ class Event:
         """One line of an event that goes on."""
         place = f' at {self.where}' if self.where else ''
         name, size = max(self.peak.items(), key=lambda item: abs(item[1]))
-        return f'{self.effect}{place} since {self.start:.2f} s ({name} {size:.3g} {self.unit})'
+        said = f'{name} {size:.3g} {self.units[name]}'
+        return f'{self.effect}{place} since {self.start:.2f} s ({said})'
+
+    @property
+    def unit(self) -> str:
+        """Of all peaks, such as `N m or N` where joints differ."""
+        return either(self.units.values())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +162,7 @@ def _event(event: Event) -> dict[str, Any]:
             for name, (value, std) in event.wrench.items()
         }
     )
-    return _plain(event) | {'impulse': impulse, 'wrench': wrench}
+    return _plain(event) | {'unit': event.unit, 'impulse': impulse, 'wrench': wrench}
 
 
 def _plain(item: Event | PossibleEvent | EventLimit) -> dict[str, Any]:

@@ -21,14 +21,14 @@ import numpy as np
 from ...effects.external import pulse_shape
 from ...estimation.refit import Fit
 from ...types import Array
-from .event_limits import LISTED_STEP
+from .event_limits import LISTED_STEP, STEADY
 from .impulse_fit import EDGE, LONGEST, Impulse, ImpulseFit, bells
 
 DURATIONS = (0.05, 0.3, 1.0, 3.0)
 """Of the bells of a scan [s]; a record shorter than one is not asked for it."""
 _END = 0.3  # s before the end of a record in which no step is judged
 _SAMPLES = 16  # times at which den is taken
-_MOST = 20  # events
+_MOST = 20  # impulses of a record
 _QUANTILE = 0.3  # of z of all times, which few events leave alone
 _DRAWS, _CLEAR = 12, 4.0  # of white noise; their deviations, beyond which a scatter is none of it
 _SETTLED = 1.5  # s in which the filter still finds its state
@@ -62,12 +62,14 @@ class ImpulseScan:
         self.colours = dict.fromkeys(self.durations, 1.0)
         self._known: dict[bytes, Array] = {}  # `_wanted` of the columns of the last fit
         self._best = self._searched(ImpulseFit(fit, _times(())))
-        self._colour()
-        while (found := sorted(self._best.found, key=self._size)) and (
-            self._size(found[0]) < LISTED_STEP
+        self._colour(self._best)
+        while (
+            self.is_steady
+            and (found := sorted(self._best.found, key=self._size))
+            and self._size(found[0]) < LISTED_STEP
         ):  # one at a time: what it takes is its neighbours', whose times it held
             self._best = self._best.at(_apart(found[1:])).refined()
-            self._colour()
+            self._colour(self._best)
         self.found = sorted(self._scaled(), key=lambda i: i.start)
 
     def _size(self, found: Impulse) -> float:
@@ -90,9 +92,20 @@ class ImpulseScan:
             count = len(best.times)
             while len(best.times) < _MOST and (window := self._largest(best)):
                 best = best.at(np.array([*best.times, window]))
-            if len(best.times) == count:
+            if len(best.times) == _MOST:
+                self._colour(best)
+            if len(best.times) == count or not self.is_steady:
                 return best
         return best.at(_apart(best.found)).refined()
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether what is left beside all that was found is noise, which a step can be told from.
+
+        Where as many as are looked for leave more, none is: they are parts of what changes all
+        the time, as a drift is.
+        """
+        return max(self.colours.values(), default=1.0) <= STEADY
 
     @property
     def is_transient(self) -> bool:
@@ -147,12 +160,11 @@ class ImpulseScan:
         wanted = [self._known[column.tobytes()] for column in best.columns.T]
         return list(np.tensordot(best.ways.T, np.reshape(wanted, (-1, len(self._grid), 3)), 1))
 
-    def _colour(self) -> None:
+    def _colour(self, best: ImpulseFit) -> None:
         """Set by how much z scatters more than in white noise, where nothing was found.
 
         Where little is noise z of one time is nearly that of the next, and its scatter one draw.
         """
-        best = self._best
         draws = np.random.default_rng(_DRAWS).standard_normal((len(best.left), _DRAWS))
         draws = best.beside(draws)
         wanted, taken = [self._wanted(x) for x in (best.left, *draws.T)], self._taken(best)

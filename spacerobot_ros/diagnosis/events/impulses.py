@@ -9,7 +9,7 @@ from ...effects.external import AngularImpulse
 from ...estimation.refit import Fit, refine
 from ...estimation.runs import Run
 from .event import Event, EventLimit, Events, PossibleEvent
-from .event_limits import NAMED, SNR, STEADY, chance, named_from
+from .event_limits import NAMED, SNR, chance, named_from
 from .impulse_fit import EDGE, Impulse
 from .impulse_scan import AXES, TAIL, ImpulseScan
 
@@ -26,7 +26,7 @@ def impulse_events(fit: Fit) -> Events:
     if _SHOWN not in scan.durations:
         why = f'{scan.seconds:.3g} s are too short for steps of the momentum to be judged'
         return Events(limits=dict.fromkeys(AXES), notes=(why,))
-    if max(scan.colours.values()) > STEADY or not scan.is_transient:
+    if not (scan.is_steady and scan.is_transient):
         why = 'what is left beside the wheels is no noise: steps of the momentum are not judged'
         return Events(limits=dict.fromkeys(AXES), notes=(why,))
     limit = named_from([i.z for i in scan.found], scan.seconds / 3600.0)
@@ -83,7 +83,7 @@ def _event(found: Impulse, cells: float, last: float) -> Event:
         ongoing=found.end >= last,
         peak=sizes,
         peak_std=dict(zip(AXES, found.std.tolist(), strict=True)),
-        unit='N m s',
+        units=dict.fromkeys(AXES, 'N m s'),
         z=found.z,
         p_value=chance(found.z, cells),
         applied=(AngularImpulse(name='event', where=None, values=values),),

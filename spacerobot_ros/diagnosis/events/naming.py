@@ -158,7 +158,11 @@ class Naming:
         for j, name in enumerate(self._joints):
             peaks = tuple(snr * self._search.usual_std(j, d) for d in DURATIONS)
             limit = EventLimit(
-                duration=_SHOWN, durations=DURATIONS, peaks=peaks, unit='N m', snr=snr
+                duration=_SHOWN,
+                durations=DURATIONS,
+                peaks=peaks,
+                unit=self._rows.robot.unit_of('N m', name),
+                snr=snr,
             )
             out[name] = limit if self._explained[j] and math.isfinite(limit.peak) else None
         return out

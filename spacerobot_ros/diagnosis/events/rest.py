@@ -4,6 +4,9 @@ At rest friction holds any torque between minus and plus its bound T, so that mo
 nothing of gravity, springs or biases, and wander. What goes farther than that, and than the model
 may be wrong while others move, is held against something from outside: an event is where the
 torque of a joint is more than `REST_SHARE` T off its usual value, and its size is known within T.
+
+Where T is small the noise of the sensors counts, too, and next to a motion what the model misses
+of it: the filter of the balance brings that into a rest, ever less of it the longer it lasts.
 """
 
 from __future__ import annotations
@@ -14,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_closing, binary_opening, label
 
-from ...estimation.balance import Balance
+from ...estimation.arm_motion import ArmMotion
+from ...estimation.balance import Balance, own_noise_in_band
 from ...model.robot import Robot
 from ...types import Array, BoolArray
 from .contact import Pulse, are_in_line, event_of, overlap
@@ -123,7 +127,10 @@ def rest_events(
         if not any(e.start < rest.time[core][-1] and rest.time[core][0] < e.end for e in named)
     ]
     limits: dict[str, EventLimit | None] = {
-        robot.joints[rest.joint]: _limit(rest) for rest in stretches if not unknown[rest.joint]
+        joint: _limit(rest, robot.unit_of('N m', joint))
+        for rest in stretches
+        for joint in [robot.joints[rest.joint]]
+        if not unknown[rest.joint]
     }
     return Events(named=tuple(named), possible=tuple(possible), limits=limits)
 
@@ -144,18 +151,21 @@ def rests(
     known = arm.is_known
     settled = round(_SETTLED / arm.step)
     labels, count = label(~arm.is_moving[:, j] & known & arm.powered[:, j])
-    missed = arm.in_band(balance.missed[:, j])
+    missed, sensor = arm.in_band(balance.missed[:, j]), own_noise_in_band(balance)
     for k in range(1, count + 1):
         at = np.flatnonzero(labels == k)
-        first = at[0] + (settled if at[0] > 0 and known[at[0] - 1] else 0)
-        last = at[-1] - (settled if at[-1] + 1 < len(known) and known[at[-1] + 1] else 0)
+        moves = at[0] > 0 and known[at[0] - 1], at[-1] + 1 < len(known) and known[at[-1] + 1]
+        first, last = at[0] + settled * moves[0], at[-1] - settled * moves[1]
         if (last - first) * arm.step < _STRETCH:
             continue
         time = arm.times[first : last + 1]
         wrong, std = _of_model(balance, scan, run, j, time)
         x = missed[first : last + 1] - wrong
-        bound = friction + LISTED / REST_SHARE * std
-        x = x - _usual(x, friction)
+        near = _reach(arm, len(at), *moves)[first - at[0] : last + 1 - at[0]] * _level(scan, j)
+        spread = np.sqrt(std**2 + near**2 + float(sensor[j]) ** 2)
+        slack = friction + LISTED / REST_SHARE * std  # its own share takes little noise
+        bound = np.maximum(slack, (friction + LISTED * spread) / REST_SHARE)
+        x = x - _usual(x, float(np.median(bound)))
         lag = max(1, round(_LAG / arm.step))
         noise = 1.5 * float(np.median(np.abs(x[lag:] - x[:-lag])))
         yield Rest(j, run, time, x, bound, noise)
@@ -175,6 +185,32 @@ def _of_model(
     columns = columns - np.mean(columns[inside], axis=0)
     wrong = columns @ scan.coefficients
     return np.interp(time, rows, wrong), np.interp(time, rows, scan.spread(columns))
+
+
+def _level(scan: PulseScan | None, j: int) -> float:
+    """Rms of what the model misses of a joint that moves [N m]."""
+    if scan is None or not len(scan.kept[j].time):
+        return 0.0
+    own = scan.kept[j]
+    left = own.rows.torque - own.rows.columns @ scan.coefficients
+    return float(np.sqrt(np.mean((left * own.scale) ** 2)))
+
+
+def _reach(arm: ArmMotion, count: int, before: bool, after: bool) -> Array:
+    """(N,) share of what is missed in motion that the filter brings to samples of a rest.
+
+    The largest of all samples farther in: it rings.
+
+    Args:
+        arm: The motion.
+        count: Number of samples.
+        before: Whether the joint moved before.
+        after: Whether it does then.
+    """
+    ended = np.append(np.ones(count), np.zeros(2 * count))
+    rings = np.abs(arm.in_band(ended)[count : 2 * count])
+    left = np.maximum.accumulate(rings[::-1])[::-1]
+    return np.maximum(left * before, left[::-1] * after)
 
 
 def _unmeasured(balance: Balance) -> BoolArray:
@@ -209,7 +245,7 @@ def _felt(robot: Robot, first: Pulse, stretches: Sequence[Rest]) -> list[Pulse]:
     return out
 
 
-def _limit(rest: Rest) -> EventLimit:
+def _limit(rest: Rest, unit: str) -> EventLimit:
     """From where on friction, which may turn from -T to T, leaves enough of a push long enough."""
     needed = (2.0 + REST_SHARE) * float(np.median(rest.bound))
     shares = np.cos(0.5 * np.pi * _SHORTEST / np.array(_DURATIONS)) ** 2
@@ -218,7 +254,7 @@ def _limit(rest: Rest) -> EventLimit:
         duration=_DURATIONS[0],
         durations=_DURATIONS,
         peaks=peaks,
-        unit='N m',
+        unit=unit,
         snr=peaks[0] / float(np.median(rest.bound)),
     )
 

@@ -22,7 +22,6 @@ _LEAST = (0.1, 0.1, 1.0)  # rad, rad/s, rad/s^2: smaller differences are the sam
 _SAME = 0.01  # of these scales
 _USUAL = 0.9  # of these scales
 _RARE = 1.3  # of the record's own 90 % distance
-_OWN = 0.1  # of a pulse's size
 
 
 class States:

@@ -81,6 +81,9 @@ class FlightFilter:
             record: From a little before the last block's end to a little after this one's.
             end: The block's end [s].
             begins: Whether sudden errors begin with it, not with an earlier one.
+
+        Raises:
+            FloatingPointError: samples so large that predictions from them are no numbers.
         """
         start = None if self._reference is None else float(self._reference.time[0])
         process = self.process.under(record)
@@ -88,8 +91,10 @@ class FlightFilter:
         filtered = BlockInnovations(measured, process, self.timing, self._covariance)
         self._newest = (self._newest + 1) % self._kept
         columns = self._columns(filtered)
-        self._carry_on(filtered, columns.acceleration.shape[2], begins)
+        self._propagate(filtered, columns.acceleration.shape[2], begins)
         rows = filtered.run(columns, self._mean)
+        if not np.isfinite(rows).all():  # not all of LAPACK's routines refuse them before
+            raise FloatingPointError('predictions from them are not finite')
         self._covariance = filtered.covariance
         self._reference = measured.reference.at(filtered.time_base.times[-1:])
         white = self._without_momentum(rows)
@@ -120,8 +125,8 @@ class FlightFilter:
         width = p + 2 * count + self._kept * filtered.m
         measured = {name: np.zeros((*size, width)) for name, size in sizes.items()}
         for k, probe in enumerate(self.probes):
-            if probe.push is not None:
-                driven[:, :, k] = filtered.rate_by_impulse[:, :, probe.push]
+            if probe.driven is not None:
+                driven[:, :, k] = filtered.rate_by_impulse[:, :, probe.driven]
             else:
                 measured[probe.channel][:, probe.axis, [p + k, p + count + k]] = 1.0
         pulses = np.zeros((len(driven), filtered.m, self._kept, filtered.m))
@@ -132,7 +137,7 @@ class FlightFilter:
         torques = pulses.reshape(len(driven), filtered.m, -1)
         return Columns(np.concatenate([momentum, driven, driven, torques], axis=2), measured)
 
-    def _carry_on(self, filtered: BlockInnovations, columns: int, begins: bool) -> None:
+    def _propagate(self, filtered: BlockInnovations, columns: int, begins: bool) -> None:
         """Express the state about the block's reference; what begins with it begins anew."""
         last, first = self._reference, filtered.reference.at(filtered.time_base.times[:1])
         d = 2 * (filtered.m + filtered.n)

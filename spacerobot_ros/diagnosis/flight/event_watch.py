@@ -59,7 +59,7 @@ class EventWatch:
 
     def __init__(self, robot: Robot, probes: Sequence[Probe], kept: int) -> None:
         self._robot = robot
-        self._sensors = [k for k, probe in enumerate(probes) if probe.push is None]
+        self._sensors = [k for k, probe in enumerate(probes) if probe.driven is None]
         self._base = 3 if robot.is_free else 0
         self._names = [*'xyz'[: self._base], *robot.joints]
         self._parts: deque[_Part] = deque(maxlen=kept)
@@ -187,18 +187,20 @@ class EventWatch:
         joints = [k - b for k in best if k >= b]
         start, end = self._parts[age].start, self._parts[0].end
         effect, where = place_of(self._robot, joints) if joints else (AngularImpulse.id, None)
-        scale, unit = (1.0, 'N m') if joints else (end - start, 'N m s')
+        scale = 1.0 if joints else end - start
         said = [i for i, k in enumerate(best) if k >= b or not joints]
+        names = tuple(self._robot.joints[j] for j in joints)
+        units = {name: self._robot.unit_of('N m', name) for name in names}
         return Event(
             effect=effect,
             where=where,
-            joints=tuple(self._robot.joints[j] for j in joints),
+            joints=names,
             start=start,
             end=end,
             ongoing=True,
             peak={self._names[best[i]]: float(torque[i]) * scale for i in said},
             peak_std={self._names[best[i]]: float(std[i]) * scale for i in said},
-            unit=unit,
+            units=units or {self._names[best[i]]: 'N m s' for i in said},
             z=z,
         )
 

@@ -78,7 +78,7 @@ class Monitor:
         self._filter: FlightFilter | None = None
         self.begin_segment()
         self._estimate: Estimate | None = None
-        self._is_told = False
+        self._is_believed = False
         self.events = EventWatch(self.robot, self.probes, _WATCHED)
         self.state = MonitorState()
 
@@ -171,13 +171,14 @@ class Monitor:
             raise MessageRejectedError(
                 f'aam is of links {list(estimate.aam_links)}, expected {list(links)}'
             )
-        if estimate.valid and self._momentum_std and not self._is_told:
-            self._estimate, self._is_told = estimate, True
+        if estimate.valid and self._momentum_std and not self._is_believed:
+            self._estimate, self._is_believed = estimate, True
 
     def step(self, now_ns: int | None = None) -> MonitorState:
         """Judge what is complete; `now_ns` is of `SampleBuffer.settled_ns`."""
-        while self._advance(now_ns):
-            pass
+        with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+            while self._advance(now_ns):  # what is not finite is skipped
+                pass
         return self.state
 
     # ------------------------------------------------------------ from block to block

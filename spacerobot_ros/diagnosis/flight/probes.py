@@ -21,7 +21,7 @@ class Probe:
         axis: Joint or axis number.
         name: For people, such as `joint_2 torque`.
         unit: Of what is unexplained.
-        push: Index among the filter's velocities of what an unknown torque drives; None for a
+        driven: Index among the filter's velocities of what an unknown torque drives; None for a
             sensor.
     """
 
@@ -29,14 +29,14 @@ class Probe:
     axis: int
     name: str
     unit: str
-    push: int | None = None
+    driven: int | None = None
 
 
 def probes_of(robot: Robot) -> tuple[Probe, ...]:
     """All probes of a robot."""
     base = 3 if robot.is_free else 0
     out = [
-        Probe('joint_torque', i, f'{joint} torque', 'N m', base + i)
+        Probe('joint_torque', i, f'{joint} torque', robot.unit_of('N m', joint), base + i)
         for i, joint in enumerate(robot.joints)
     ]
     if robot.is_free:
@@ -47,5 +47,8 @@ def probes_of(robot: Robot) -> tuple[Probe, ...]:
         for channel, unit in (('gyro', 'rad/s'), ('attitude', 'rad')):
             out += [Probe(channel, i, f'{channel} {x}', unit) for i, x in enumerate('xyz')]
     for channel, word, unit in _SENSORS:
-        out += [Probe(channel, i, f'{joint} {word}', unit) for i, joint in enumerate(robot.joints)]
+        out += [
+            Probe(channel, i, f'{joint} {word}', robot.unit_of(unit, joint))
+            for i, joint in enumerate(robot.joints)
+        ]
     return tuple(out)

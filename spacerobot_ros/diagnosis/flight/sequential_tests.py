@@ -92,7 +92,7 @@ class SequentialTests:
     @property
     def count(self) -> int:
         """Number of tests at work."""
-        sensors = sum(probe.push is None for probe in self._probes)
+        sensors = sum(probe.driven is None for probe in self._probes)
         return (_TESTS - 1) * len(self._probes) + 2 * sensors
 
     def since(self, probe: int) -> int:
@@ -149,7 +149,7 @@ class SequentialTests:
         ratios, sharpest = np.zeros((2, len(self._probes)))
         rms = np.full(len(self._probes), np.nan)
         for k, probe in enumerate(self._probes):
-            if probe.push is not None:
+            if probe.driven is not None:
                 continue
             at = (block.channel == CHANNELS.index(probe.channel)) & (block.axis == probe.axis)
             squares = block.data[at] ** 2

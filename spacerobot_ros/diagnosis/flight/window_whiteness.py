@@ -65,7 +65,7 @@ class Whiteness:
         fits = []
         for probe in self._probes:
             fit = None
-            if probe.push is None:
+            if probe.driven is None:
                 at = (channel == CHANNELS.index(probe.channel)) & (axis == probe.axis)
                 if np.count_nonzero(at) >= _FEWEST:
                     fit = channel_fit(probe.channel, probe.axis, data[at], time[at])

@@ -32,11 +32,12 @@ class Allan:
     Args:
         channel: The rate.
         tau: (M,) averaging times [s].
-        deviation: (M,) [rad/s].
-        white: Density N of white noise [rad/s/sqrt(Hz)]; None where it is not seen.
-        random_walk: K [rad/s/sqrt(s)]; None where it is not seen.
-        most_walk: Largest random walk that would have stayed unseen [rad/s/sqrt(s)].
-        angle: White error Q of the angle [rad]; None where it is not seen.
+        deviation: (M,) [unit/s].
+        white: Density N of white noise [unit/s/sqrt(Hz)]; None where it is not seen.
+        random_walk: K [unit/s/sqrt(s)]; None where it is not seen.
+        most_walk: Largest random walk that would have stayed unseen [unit/s/sqrt(s)].
+        angle: White error Q of the angle [unit]; None where it is not seen.
+        unit: Of angles, or of ways where joints slide.
     """
 
     channel: str
@@ -46,15 +47,17 @@ class Allan:
     random_walk: float | None
     most_walk: float
     angle: float | None
+    unit: str
 
 
-def allan(channel: str, time: Array, angle_error: Array) -> Allan | None:
+def allan(channel: str, time: Array, angle_error: Array, unit: str = 'rad') -> Allan | None:
     """From the integral of a rate's error.
 
     Args:
         channel: The rate.
         time: (N,) sample times; taken as even [s].
-        angle_error: (N, k) [rad].
+        angle_error: (N, k) [unit].
+        unit: Of that.
 
     Returns:
         None where the record is too short for five averaging times.
@@ -83,7 +86,8 @@ def allan(channel: str, time: Array, angle_error: Array) -> Allan | None:
         for term, is_seen in zip(terms, seen, strict=True)
     )
     unseen = 3.0 / np.linalg.norm(scaled[:, 2])
-    return Allan(channel, tau, np.sqrt(variance), white, walk, float(np.sqrt(unseen)), angle)
+    most = float(np.sqrt(unseen))
+    return Allan(channel, tau, np.sqrt(variance), white, walk, most, angle, unit)
 
 
 def _variance(error: Array, m: int) -> float:

@@ -29,6 +29,7 @@ from ...estimation.noise_levels import noise_levels
 from ...estimation.observations import observed
 from ...estimation.runs import Run
 from ...estimation.scaling import PROPORTIONAL
+from ...model.robot import Robot
 from ...recording.faults.thresholds import is_short
 from ...recording.record import Record
 from ...types import Array
@@ -85,7 +86,7 @@ def excited(record: Record, file: RobotFile) -> tuple[Excited, ...]:
         found, gram = _of_balance(record, file, kinds)
     else:
         found, gram = _of_prediction(record, file, kinds)
-    return tuple(_judged(*_compatible(found, gram)))
+    return tuple(_judged(*_compatible(found, gram), file.robot))
 
 
 def _of_balance(
@@ -137,7 +138,7 @@ def _compatible(found: Sequence[Candidate], gram: Gram) -> tuple[Sequence[Candid
     return kept, gram.part(np.array(places, dtype=int))
 
 
-def _judged(found: Sequence[Candidate], gram: Gram) -> Iterable[Excited]:
+def _judged(found: Sequence[Candidate], gram: Gram, robot: Robot) -> Iterable[Excited]:
     sizes = np.concatenate([candidate.sizes for candidate in found])
     scaled = sizes[:, None] * gram.matrix * sizes + np.eye(len(sizes))
     with np.errstate(divide='ignore'):
@@ -147,14 +148,14 @@ def _judged(found: Sequence[Candidate], gram: Gram) -> Iterable[Excited]:
     together = sizes * np.sqrt(np.sum(vectors**2 / np.maximum(eigenvalues, 1.0), axis=1))
     k = 0
     for candidate in found:
-        for name, unit in _numbers(candidate):
+        for name, unit in _numbers(candidate, robot):
             values: list[Array] = [sizes, alone, together]
             size, own, beside = (float(v[k]) for v in values)
             yield Excited(candidate.kind.id, candidate.where, name, unit, size, own, beside)
             k += 1
 
 
-def _numbers(candidate: Candidate) -> Iterable[tuple[str, str]]:
+def _numbers(candidate: Candidate, robot: Robot) -> Iterable[tuple[str, str]]:
     """Name and unit of each coefficient: the value that its direction moves."""
     still = {**candidate.kind.nominal(), **candidate.variant}
     for direction in candidate.directions:
@@ -164,5 +165,6 @@ def _numbers(candidate: Candidate) -> Iterable[tuple[str, str]]:
             if p.role in PROPORTIONAL and direction[p.name] != still[p.name]
         )
         suffix = {'reciprocal': '^-1', 'square': '^2'}.get(parameter.role, '')
-        unit = f'({parameter.unit}){suffix}' if suffix and parameter.unit else parameter.unit
+        unit = candidate.kind.unit_at(robot, candidate.where, parameter)
+        unit = f'({unit}){suffix}' if suffix and unit else unit
         yield parameter.name, unit

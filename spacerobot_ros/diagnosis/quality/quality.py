@@ -8,6 +8,7 @@ from typing import Any
 
 from ...effects.robot_file import RobotFile
 from ...errors import SpaceRobotError
+from ...formats import counted
 from ...recording.faults.check import data_faults
 from ...recording.record import Record
 from .allan import Allan, allan
@@ -79,9 +80,9 @@ def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
     """
     robot = None if file is None else file.robot
     faults = data_faults(record, robot)
-    pairs = tuple(discrepancies(record))
+    pairs = tuple(discrepancies(record, robot))
     late = (delay_of(pair) for pair in pairs)
-    curves = (allan(pair.reference, pair.time, pair.left) for pair in pairs)
+    curves = (allan(pair.reference, pair.time, pair.left, pair.unit) for pair in pairs)
     excitation, why_not = None, 'no robot file was given (--robot)'
     if file is not None:
         excitation, why_not = _excited(record, file, faults)
@@ -131,7 +132,7 @@ def _excited(
 def _of_sensors(sensors: tuple[Sampling, ...]) -> Iterator[str]:
     for one in sensors:
         if one.gaps:
-            yield f'{one.sensor}: {one.gaps} gaps, the longest {one.longest_gap:.3g} s'
+            yield f'{one.sensor}: {counted(one.gaps, "gap")}, the longest {one.longest_gap:.3g} s'
         if one.lost > _LOST:
             yield f'{one.sensor}: {100.0 * one.lost:.3g} % of the samples at its rate are missing'
 

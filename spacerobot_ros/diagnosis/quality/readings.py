@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...estimation.noise_levels import fourth_difference_std, unseen_turns
+from ...model.body import joint_unit
 from ...model.robot import Robot
 from ...model.robot_settings import SensorSettings
 from ...recording.record import Record
@@ -54,11 +55,11 @@ def readings(record: Record, robot: Robot | None) -> tuple[Reading, ...]:
 def _readings(record: Record, robot: Robot | None) -> Iterator[Reading]:
     sensors = None if robot is None else robot.sensors
     limits = None if robot is None else robot.effort_limits
-    joints = record.joints
+    joints = () if record.joints is None else record.joints.names
     for name, unit, values, names in (
-        ('joint_position', 'rad', record.q, () if joints is None else joints.names),
-        ('joint_velocity', 'rad/s', record.qd, () if joints is None else joints.names),
-        ('joint_effort', 'N m', record.effort, () if joints is None else joints.names),
+        ('joint_position', 'rad', record.q, joints),
+        ('joint_velocity', 'rad/s', record.qd, joints),
+        ('joint_effort', 'N m', record.effort, joints),
         ('gyro', 'rad/s', record.omega, 'xyz'),
         ('attitude', 'rad', unseen_turns(record), 'xyz'),
     ):
@@ -70,7 +71,13 @@ def _readings(record: Record, robot: Robot | None) -> Iterator[Reading]:
                 most = np.inf if limits is None or name != 'joint_effort' else limits[i]
                 stated = None if sensors is None else _stated(sensors, name, i)
                 is_raw = name != 'attitude'  # turns are made of quaternions
-                yield _reading(f'{name}/{axis}', unit, column, stated, most, is_raw)
+                own = _unit_of(unit, robot, axis) if names is joints else unit
+                yield _reading(f'{name}/{axis}', own, column, stated, most, is_raw)
+
+
+def _unit_of(unit: str, robot: Robot | None, joint: str) -> str:
+    """Of a joint's readings; without a robot file nobody knows whether it slides."""
+    return joint_unit(unit) if robot is None else robot.unit_of(unit, joint)
 
 
 def _reading(

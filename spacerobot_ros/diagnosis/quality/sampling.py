@@ -10,6 +10,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from ...estimation.noise_levels import unseen_turns
+from ...model.body import joint_unit
+from ...model.robot import Robot
 from ...recording.gaps import GAP_PERIODS
 from ...recording.record import SENSORS, RateSeries, Record, to_stamps
 from ...types import Array, IntArray
@@ -52,6 +54,7 @@ class Discrepancy:
 
     Args:
         late: The sensor. reference: That of the rates.
+        unit: Of the error.
         time: (N,) [s].
         error: (N, k) [rad] (of joints that slide [m]).
         rate: (N, k) [rad/s], in the axes of the error.
@@ -60,6 +63,7 @@ class Discrepancy:
 
     late: str
     reference: str
+    unit: str
     time: Array
     error: Array
     rate: Array
@@ -88,7 +92,8 @@ class ClockDelay:
         reference: The other one.
         delay: Below zero where it is early [s].
         std: Standard deviation, from parts of the record [s].
-        error: What the delay makes of a reading, rms [rad].
+        error: What the delay makes of a reading, rms.
+        unit: Of that.
     """
 
     late: str
@@ -96,6 +101,7 @@ class ClockDelay:
     delay: float
     std: float
     error: float
+    unit: str
 
 
 def samplings(record: Record) -> tuple[Sampling, ...]:
@@ -125,7 +131,7 @@ def _sampling(sensor: str, time: Array) -> Sampling:
     )
 
 
-def discrepancies(record: Record) -> Iterator[Discrepancy]:
+def discrepancies(record: Record, robot: Robot | None = None) -> Iterator[Discrepancy]:
     """Joint positions against rates, attitude against gyro, where both were measured.
 
     An offset a, a bias b and an error M of scale and axes of the rates make of it
@@ -137,7 +143,9 @@ def discrepancies(record: Record) -> Iterator[Discrepancy]:
         moved = integral(time, qd)
         spread = np.stack([np.ones_like(qd), np.tile(time[:, None], n), moved], axis=2)
         others = (np.eye(n)[None, :, :, None] * spread[:, :, None, :]).reshape(len(qd), n, -1)
-        yield Discrepancy('joint_position', 'joint_velocity', time, record.q - moved, qd, others)
+        unit = joint_unit('rad') if robot is None else robot.unit_of('rad')
+        difference = record.q - moved
+        yield Discrepancy('joint_position', 'joint_velocity', unit, time, difference, qd, others)
     if record.attitude is not None and len(record.rate_time) > len(record.attitude_time) > 3:
         start, end = record.attitude_time[[0, -1]].tolist()
         seen = record.between(start - 1e-9, end)  # turns count from the first attitude
@@ -159,7 +167,8 @@ def _of_base(record: Record, attitude: Rotation, omega: Array) -> Discrepancy:
         columns = [np.broadcast_to(np.eye(3), turned.shape), integral(time, turned)]
         columns += [integral(time, turned * w[:, None, None]) for w in at.T]
         rate, others = np.einsum('nij,nj->ni', turned, at), np.concatenate(columns, axis=2)
-        pair = Discrepancy('attitude', 'gyro', time, np.asarray(unseen_turns(seen)), rate, others)
+        turns = np.asarray(unseen_turns(seen))
+        pair = Discrepancy('attitude', 'gyro', 'rad', time, turns, rate, others)
         bias, scale = pair.fit[3:6], pair.fit[6:15].reshape(3, 3)
         omega = omega + bias + omega @ scale
     return pair
@@ -183,7 +192,7 @@ def delay_of(pair: Discrepancy) -> ClockDelay | None:
     delay = float(weights @ values / weights.sum())
     spread = float(weights @ (values - delay) ** 2 / weights.sum() / (_PARTS - 1))
     rms = float(np.sqrt(np.mean(pair.rate**2)))
-    return ClockDelay(pair.late, pair.reference, delay, spread**0.5, abs(delay) * rms)
+    return ClockDelay(pair.late, pair.reference, delay, spread**0.5, abs(delay) * rms, pair.unit)
 
 
 def _in_part(pair: Discrepancy, own: IntArray) -> tuple[float, float]:

@@ -11,12 +11,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...errors import RecordingError
+from ...formats import counted
 from ...model.robot import Robot
 from ..record import JointSeries, Record, shown
 from ..robot_inputs import EXTRA
 from .dynamics import find_torque_faults
 from .kinematics import dead_base, find_faults
-from .signals import clock_faults
+from .signals import clock_faults, torn_positions
 from .thresholds import FEWEST_SAMPLES, DataFault, in_lines
 
 _OUTSIDE = 0.02  # of the times, that may lie before or after all samples
@@ -74,6 +75,7 @@ def data_faults(record: Record, robot: Robot | None) -> tuple[str, ...]:
     for faults in (
         () if robot is None else tuple(_absent(record, robot)),
         tuple(clock_faults(record)) if record.joints is not None else (),
+        tuple(torn_positions(record)),
         (*_dead_joints(record.joints), *dead_base(record)),
         find_faults(record),
         () if robot is None else find_torque_faults(record, robot),
@@ -97,7 +99,9 @@ def _absent(record: Record, robot: Robot) -> Iterator[DataFault]:
         message = f'has joints {", ".join(joints.names)}; the robot has {", ".join(robot.joints)}'
         yield DataFault('absent', place, message)
     if len(joints) < FEWEST_SAMPLES:
-        message = f'has {len(joints)} samples; a diagnosis needs {FEWEST_SAMPLES} or more'
+        message = (
+            f'has {counted(len(joints), "sample")}; a diagnosis needs {FEWEST_SAMPLES} or more'
+        )
         yield DataFault('short', place, message)
     if robot.is_free and record.rates is None and record.attitudes is None:
         message = 'are both missing: the motion of a free base is not seen (robot.base: fixed?)'

@@ -85,7 +85,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     before = torques.unlike(_Slip(DataFault('', '', '')))
     if np.all(before < UNLIKE):
         return ()
-    slips = [*_slips(robot.joints), *_gravity_slips(robot.effort_kinds), *torques.turned_base()]
+    slips = [*_slips(robot), *_gravity_slips(robot.effort_kinds), *torques.turned_base()]
     shares = np.array([torques.unlike(slip) for slip in slips])
     for way in range(2):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
@@ -243,10 +243,10 @@ def _gravity_slips(kinds: tuple[str, ...]) -> Iterator[_Slip]:
         yield _Slip(DataFault('gravity', 'joint_torque', f'gravity {words}'), gravity=True)
 
 
-def _slips(names: tuple[str, ...]) -> Iterator[_Slip]:
+def _slips(robot: Robot) -> Iterator[_Slip]:
     """Every slip that is tried, the efforts' own first."""
     for factor, size in ((1000.0, 'large'), (1e-3, 'small')):
-        message = f'a thousand times too {size} for this robot: N m expected'
+        message = f'a thousand times too {size} for this robot: {robot.unit_of("N m")} expected'
         yield _Slip(DataFault('scale', 'joint_torque', message), effort=factor)
     message = 'all efforts are of the wrong sign'
     yield _Slip(DataFault('sign', 'joint_torque', message), effort=-1.0)
@@ -255,6 +255,7 @@ def _slips(names: tuple[str, ...]) -> Iterator[_Slip]:
         (1.0 / DEGREES, 'radians converted as if they were degrees'),
     ):
         yield _Slip(DataFault('scale', 'joints', f'positions are {words}'), motion=factor)
+    names = robot.joints
     for i, name in enumerate(names):
         flip = np.where(np.arange(len(names)) == i, -1.0, 1.0)
         yield _Slip(DataFault('sign', f'joint_torque/{name}', 'of the wrong sign'), effort=flip)

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...types import Array, IntArray
+from ..gaps import longest_pause
 from ..record import Record, shown
 from . import thresholds
 from .thresholds import AGREE, DISAGREE, FEWEST_WINDOWS, MOST_WINDOWS, MOVED, WINDOW, DataFault
@@ -151,6 +152,36 @@ def clock_jumps(record: Record) -> Iterator[DataFault]:
     """Clocks that were set forward meanwhile."""
     for signal in _signals(record):
         yield from _jumps(*signal)
+
+
+def torn_positions(record: Record) -> Iterator[DataFault]:
+    """Pauses over which a joint moves as it never does: recordings that were joined.
+
+    Its fastest motion is that over `WINDOW`, or over two samples where these are longer apart.
+    """
+    time, q = record.joint_time, record.q
+    steps = np.diff(time)
+    pauses = np.flatnonzero(steps > longest_pause(time))
+    if not q.size or not len(pauses):
+        return
+    count = max(int(WINDOW / np.median(steps)), 1)
+    spans = time[count:] - time[:-count]
+    near = spans < 2.0 * count * np.median(steps)
+    if not near.any():
+        return
+    fastest = np.max(np.abs(q[count:] - q[:-count])[near] / spans[near, None], axis=0)
+    for k in pauses.tolist():
+        moved = np.abs(q[k + 1] - q[k])
+        excess = moved - thresholds.FASTER * fastest * steps[k] - MOVED
+        joint = int(np.argmax(excess))
+        if excess[joint] > 0.0:
+            place = f'joint_position/{record.joints.names[joint] if record.joints else joint}'
+            message = (
+                f'jumps by {moved[joint]:.3g} over a pause of {shown(steps[k])}, '
+                f'{shown(time[k] - time[0])} after the start, far more than it ever moves in such '
+                'a time: recordings that were joined? --split-gaps takes them as several'
+            )
+            yield DataFault('joined', place, message)
 
 
 def _signals(record: Record) -> list[tuple[str, Array, Array, Array | None]]:

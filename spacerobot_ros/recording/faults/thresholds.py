@@ -38,6 +38,7 @@ PERIODS = (2e-5, 2.0)  # s; samples closer or farther are not stamped in seconds
 JUMP_PERIODS = 10.0  # of the usual period: a longer step is a pause or a jump
 NEAR, FEWEST_NEAR = 0.3, 8  # s and samples on each side of a pause that are looked at
 SEEN = 3.0  # of the misfit without a pause: more with it is a jump
+FASTER = 2.0  # than ever: nothing that is logged says that a joint moved so over a pause
 OVERLAP = 0.5  # share of the shorter record that two sensors must have in common
 
 # Amount.
@@ -52,7 +53,7 @@ class DataFault:
 
     Args:
         kind: `absent`, `short`, `constant`, `scale`, `sign`, `exchanged`, `order`, `frame`,
-            `gravity`, `clock` or `foreign`.
+            `gravity`, `clock`, `joined` or `foreign`.
         place: Channel, such as `joint_rate/joint_2`.
         message: What is wrong, in a sentence without the place.
     """

@@ -99,7 +99,7 @@ def scene_of(
         measured=measured,
         predicted=predicted,
         arrows=_arrows(robot, measured),
-        channels=_channels(record, measured.time),
+        channels=_channels(record, robot, measured.time),
         marks=tuple((_body(robot, place), text) for place, text in marks),
         notes=(*notes, *([why] if why else [])),
     )
@@ -127,13 +127,13 @@ def _arrows(robot: Robot, track: RobotTrack) -> tuple[Arrow, ...]:
     return tuple(arrows)
 
 
-def _channels(record: Record, time: Array) -> tuple[ShownChannel, ...]:
+def _channels(record: Record, robot: Robot, time: Array) -> tuple[ShownChannel, ...]:
     names = () if record.joints is None else record.joints.names
     found: list[ShownChannel] = []
     for title, unit, labels, at, values in (
-        ('joint positions', 'rad', names, record.joint_time, record.q),
-        ('joint rates', 'rad/s', names, record.joint_time, record.qd),
-        ('joint efforts', 'N m', names, record.joint_time, record.effort),
+        ('joint positions', robot.unit_of('rad'), names, record.joint_time, record.q),
+        ('joint rates', robot.unit_of('rad/s'), names, record.joint_time, record.qd),
+        ('joint efforts', robot.unit_of('N m'), names, record.joint_time, record.effort),
         ('gyro', 'rad/s', tuple('xyz'), record.rate_time, record.omega),
     ):
         if values is not None and len(at) > 1 and len(labels):

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...errors import ConfigurationError
+from ...formats import counted
 from ...model.body import Body, inertia_ellipsoid, merge_bodies
 from ...model.loader import resolve_urdf
 from ...model.robot import Robot
@@ -195,5 +196,5 @@ def _numbers(text: str | None, count: int, missing: float | None = None) -> tupl
     except ValueError:
         values = ()
     if len(values) != count or not np.all(np.isfinite(values)):
-        raise ConfigurationError('visual', f'expected {count} numbers, got {text!r}')
+        raise ConfigurationError('visual', f'expected {counted(count, "number")}, got {text!r}')
     return values

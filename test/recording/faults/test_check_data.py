@@ -15,6 +15,7 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.faults.check import data_faults
+from spacerobot_ros.recording.faults.signals import torn_positions
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries
 
 FREE = ['servicer', 'sixdof']
@@ -193,6 +194,19 @@ def test_a_fault_of_an_arm_on_the_ground_is_named(known, fault):
     faults = data_faults(spoil(record), model)
     assert faults
     assert words is None or words in '; '.join(faults)
+
+
+def test_recordings_that_were_joined_are_torn_and_lost_samples_are_not(known):
+    record, model = known['ground']
+    kept = np.r_[0:300, 500 : len(record.joints.stamp_ns)]
+    channels = ('stamp_ns', 'position', 'velocity', 'effort')
+    lost = chosen(record, {c: getattr(record.joints, c)[kept] for c in channels})
+    assert data_faults(lost, model) == ()
+    closed = np.where(np.arange(len(kept)) < 300, 0, 1_700_000_000)  # all but 0.3 s of the pause
+    (fault,) = data_faults(chosen(lost, {'stamp_ns': lost.joints.stamp_ns - closed}), model)
+    assert 'recordings that were joined? --split-gaps' in fault
+    of_none = {'names': (), **{c: np.zeros((len(kept), 0)) for c in channels[1:]}}
+    assert not list(torn_positions(chosen(lost, of_none)))  # a robot without joints
 
 
 def test_a_diagnosis_refuses_faulty_data_in_one_line(known):

@@ -1,0 +1,85 @@
+"""Whether what was chosen holds on parts of the data that it was not fitted to.
+
+A cause stays where every part is better predicted with it from the others, a body where it beats
+simpler causes in its place, and any where it lowers what is left as it is, too, not only its fast
+content.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..types import Array
+from .limits import HELD_OUT, OTHERS
+from .selection import Selection
+
+
+def check_held_out(selection: Selection) -> None:
+    """Drop what does not hold on parts that it was not fitted to, weakest first."""
+    while selection.chosen:
+        gains = {i: selection.held_out(i) for i in selection.chosen}
+        failing = {i: float(np.sum(g)) for i, g in gains.items() if not holds(g)}
+        if not failing:
+            return
+        selection.drop(min(failing, key=failing.__getitem__))
+
+
+def check_bodies(selection: Selection) -> None:
+    """Drop bodies of the machine without which parts are predicted as well, weakest first.
+
+    Ten numbers follow much of what several simpler causes leave. What they have to beat by
+    `HELD_OUT` is the best that does without: what is chosen in their place, no other body among
+    it.
+    """
+    bodies = {
+        i
+        for i, candidate in enumerate(selection.rows.candidates)
+        if candidate.kind.id == 'inertial_parameters' and not candidate.recordings
+    }
+    left = sorted(bodies & set(selection.chosen), key=selection.gain)
+    while left:
+        other = selection.instead_of(left[0], bodies)
+        check_held_out(other)
+        without, with_it = (s.held_out_misfit(s.chosen) for s in (other, selection))
+        if without - with_it <= 2.0 * HELD_OUT:
+            selection.take(other)
+            left = sorted(bodies & set(selection.chosen), key=selection.gain)
+        else:
+            left = left[1:]
+
+
+def check_plain(selection: Selection, plain: Selection) -> None:
+    """Drop what only helps after whitening, weakest first.
+
+    Args:
+        selection: What is chosen.
+        plain: The same choice on rows that are not whitened: without a cause no more may be left
+            of parts that it was not fitted to.
+    """
+    while selection.chosen:
+        gains = {}
+        for i in selection.chosen:
+            others = [k for k in selection.chosen if k != i]
+            with_it, without = (
+                plain.held_out_misfit(chosen, i) for chosen in (selection.chosen, others)
+            )
+            gains[i] = without - with_it
+        worst = min(gains, key=gains.__getitem__)
+        if gains[worst] > 0.0:
+            return
+        selection.drop(worst)
+
+
+def holds(gains: Array) -> bool:
+    """Whether a cause predicts parts of the data that it was not fitted to.
+
+    The worst part loses less than half of what the others gain, and of three or more no single
+    one decides: all others gain together, and the next one shows the same.
+    """
+    total, worst = float(np.sum(gains)), min(float(np.min(gains)), 0.0)
+    if total <= HELD_OUT or -worst > 0.5 * (total - worst):
+        return False
+    if len(gains) < 3:
+        return True
+    *_, second, best = np.sort(gains).tolist()
+    return bool(total > best and second > OTHERS * best)

@@ -1,0 +1,125 @@
+"""Joints that need next to no torque, where noise is no misfit; forces of joints that slide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.diagnosis.answer.result import Leftover
+from spacerobot_ros.diagnosis.arm_verdict import Left, sentence
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.events.contact import Pulse, event_of
+from spacerobot_ros.diagnosis.events.rest import rest_events
+from spacerobot_ros.diagnosis.quality.readings import readings
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.balance import balance_of, own_noise_in_band
+from spacerobot_ros.model.loader import build_robot
+from spacerobot_ros.model.settings import parse_settings
+from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+
+URDF = """<robot name="lift">
+  <link name="base_link"/>
+  <link name="car"><inertial><mass value="6"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="table"><inertial><mass value="2"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="lift" type="prismatic"><parent link="base_link"/><child link="car"/>
+    <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="300" velocity="1"/></joint>
+  <joint name="turn" type="revolute"><parent link="car"/><child link="table"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="20" velocity="3"/></joint>
+</robot>"""
+SCALE = np.array([80.0, 0.5])  # N, N m
+LAW = CATALOGUE['joint_coulomb_friction'](name='x', where='lift', values={'torque': 1.0})
+NOISE = 0.05  # N, N m: the table needs 0.006 N m
+
+
+@pytest.fixture(scope='module')
+def robot():
+    own = {'base': 'fixed', 'joints': ['lift', 'turn'], 'gravity': [0.0, 0.0, -9.81]}
+    return build_robot(parse_settings({'robot': own}), URDF)
+
+
+def record_of(robot, rng, moving, gain=1.0):
+    """A lift under its weight and a table on it, both moving for so long [s] of 20."""
+    t = np.arange(2000) / 100.0
+    rate = 2.0 * np.pi * np.array([0.23, 0.31])
+    angle = np.minimum(t, moving)[:, None] * rate  # it stops short: an impact of its own
+    q, on = [0.3, 0.9] * np.sin(angle), (t < moving)[:, None]
+    qdd = -q * rate**2 * on
+    effort = [gain, 1.0] * (qdd * [8.0, 0.01] + [8.0 * 9.81, 0.0])
+    effort += NOISE * rng.standard_normal(q.shape)
+    q = q + 1e-5 * rng.standard_normal(q.shape)
+    return Record(joints=JointSeries(robot.joints, to_stamps(t), q, None, effort))
+
+
+def test_noise_of_a_joint_without_torque_is_no_misfit(robot, rng):
+    """Beside a motor that is 4 % off, as any may be: the whole is no record of noise alone."""
+    found = diagnose(record_of(robot, rng, moving=20.0, gain=1.04), robot)
+    assert found.verdict == 'consistent'
+    assert found.sentence.startswith('The model explains the data up to ')
+    assert found.sentence.count(' N m') == found.sentence.count(' N and') == 1
+
+
+def test_what_noise_leaves_is_known_of_each_joint(robot, rng):
+    """The filter passes 13 % less than all below its band; 80 degrees of freedom in 20 s: 8 %."""
+    balance = balance_of(record_of(robot, rng, moving=20.0), robot, ())
+    left = np.sqrt(np.mean(balance.torque**2, axis=0))
+    np.testing.assert_allclose(left, own_noise_in_band(balance), rtol=0.3)
+
+
+def test_noise_at_rest_is_no_event_where_friction_is_next_to_nothing(robot, rng):
+    """Nor is what rings when a motion ends; a push of more than both is one."""
+    record, nearly = record_of(robot, rng, moving=12.0), np.array([1e-3, 1e-3])
+    assert not rest_events(balance_of(record, robot, ()), 0, nearly).named
+    effort = record.effort.copy()
+    effort[1600:1700, 1] -= np.sin(np.pi * np.arange(100) / 100.0) ** 2
+    pushed = replace(record, joints=replace(record.joints, effort=effort))
+    (event,) = rest_events(balance_of(pushed, robot, ()), 0, nearly).named
+    assert event.where == 'turn'
+    assert event.peak['turn'] == pytest.approx(1.0, abs=4.0 * NOISE)
+
+
+def test_forces_of_joints_that_slide_are_no_torques(robot):
+    units = [
+        event_of(robot, [Pulse(j, 0, 1.0, 2.0, 0.5, 9.0, 0.1, 90.0) for j in at], None, 9.0).unit
+        for at in ([0], [1], [0, 1])
+    ]
+    assert units == ['N', 'N m', 'N or N m']
+
+
+def test_readings_of_joints_that_slide_are_ways_and_forces(robot, rng):
+    units = {one.channel: one.unit for one in readings(record_of(robot, rng, moving=20.0), robot)}
+    assert units == {
+        'joint_position/lift': 'm',
+        'joint_position/turn': 'rad',
+        'joint_effort/lift': 'N',
+        'joint_effort/turn': 'N m',
+    }
+
+
+def test_the_sentence_says_what_is_left_where(robot):
+    left = Left(robot, np.array([5.0, 0.3]), np.array([0.1, 0.2]), np.array([1.0, 0.1]), SCALE)
+    assert sentence('unexplained', [], left) == (
+        'The model does not explain the data (0.1 of 5 N (rms) and 0.2 of 0.3 N m (rms) is left, '
+        'more than usual at turn: 0.2 of 0.3 N m), and no known effect does.'
+    )
+
+
+def test_a_joint_that_stands_is_not_spoken_of(robot):
+    before, after, usual = np.array([[np.nan, 0.3], [np.nan, 0.02], [np.nan, 0.1]])
+    left = Left(robot, before, after, usual, SCALE)
+    assert left.unusual == []
+    assert sentence('consistent', [], left) == 'The model explains the data up to 0.02 N m (rms).'
+
+
+def test_a_law_of_next_to_nothing_that_is_not_applied_is_none_of_the_verdict(robot):
+    """One that is applied, or of a joint with more than a hundredth left, is."""
+    left = Left(robot, np.array([5.0, 0.3]), np.array([0.5, 0.1]), np.ones(2), SCALE)
+    laws = [
+        Leftover(channel=f'joint_torque/{joint}', depends_on=(f'rate/{joint}',), form=form)
+        for joint, form in (('lift', 'x'), ('turn', 'x'), ('turn', None))
+    ]
+    assert [left.matters(law) for law in laws] == [False, True, False]
+    assert left.matters(replace(laws[0], applied=LAW))
