@@ -36,7 +36,6 @@ class Impulse:
 
     Args:
         start: [s]. end: [s]. value: (3,). std: (3,) its deviations. z: Size by these.
-        middle_std: Standard deviation of the middle of its times [s]; None where not computed.
     """
 
     start: float
@@ -44,7 +43,6 @@ class Impulse:
     value: Array
     std: Array
     z: float
-    middle_std: float | None = None
 
     @property
     def times(self) -> Array:
@@ -107,16 +105,14 @@ class ImpulseFit:
                 break
         return fit
 
-    def middle_stds(self) -> list[float]:
-        """Standard deviation of each middle [s], over all its times that are nearly as likely.
+    def middle_std(self, k: int) -> float:
+        """Standard deviation of a middle [s], over all its times that are nearly as likely.
 
         Two bells of other lengths may do as well as one another, so that curvature is too little.
+        Asked at deviations of the middle, in durations, and of the logarithm of these.
         """
-        scales = np.sqrt(np.diag(np.linalg.inv(self._by_times[1]))).reshape(2, -1).T
-        return [self._middle_std(k, *scale) for k, scale in enumerate(scales.tolist())]
-
-    def _middle_std(self, k: int, shift: float, longer: float) -> float:
-        """By deviations of its middle, in durations, and of the logarithm of these."""
+        scales = np.sqrt(np.diag(np.linalg.inv(self._by_times[1]))).reshape(2, -1)
+        shift, longer = scales[:, k].tolist()
         others = self.at(np.delete(self.times, k, axis=0))
         middle, duration = self.times[k].tolist()
         lags = shift * math.exp(duration) * _LAGS

@@ -77,10 +77,14 @@ class ImpulseScan:
         return found.z / self.colour(found)
 
     def _scaled(self) -> Iterator[Impulse]:
-        """What was found by the scatter of its duration, with the deviation of its time."""
-        for i, std in zip(self._best.found, self._best.middle_stds(), strict=True):
-            colour = self.colour(i)
-            yield replace(i, std=i.std * colour, z=self._size(i), middle_std=std * colour)
+        """What was found by the scatter of its duration."""
+        for i in self._best.found:
+            yield replace(i, std=i.std * self.colour(i), z=self._size(i))
+
+    def middle_std(self, found: Impulse) -> float:
+        """Standard deviation of the middle of one that was found [s]."""
+        k = [i.start for i in self._best.found].index(found.start)
+        return self._best.middle_std(k) * self.colour(found)
 
     def _searched(self, best: ImpulseFit) -> ImpulseFit:
         """With all impulses: the large ones first, then those that others hide."""

@@ -31,7 +31,7 @@ def impulse_events(fit: Fit) -> Events:
         return Events(limits=dict.fromkeys(AXES), notes=(why,))
     limit = named_from([i.z for i in scan.found], scan.seconds / 3600.0)
     cells = sum(2.0 / d for d in scan.durations) * scan.seconds
-    named = [_event(i, cells, scan.seconds) for i in scan.found if i.z >= limit]
+    named = [_event(scan, i, cells) for i in scan.found if i.z >= limit]
     possible = [
         PossibleEvent(start=i.start, end=i.end, joints=(), z=i.z, reason='weak')
         for i in scan.found
@@ -70,7 +70,7 @@ def spans_of(events: Events) -> tuple[tuple[float, float], ...]:
     return tuple((e.start - TAIL, e.end + TAIL) for e in events.named)
 
 
-def _event(found: Impulse, cells: float, last: float) -> Event:
+def _event(scan: ImpulseScan, found: Impulse, cells: float) -> Event:
     sizes = dict(zip(AXES, found.value.tolist(), strict=True))
     values = {'start': max(found.start, 0.0), 'end': found.end, 'edge': EDGE, **sizes}
     return Event(
@@ -79,8 +79,8 @@ def _event(found: Impulse, cells: float, last: float) -> Event:
         joints=(),
         start=values['start'],
         end=found.end,
-        middle_std=found.middle_std,
-        ongoing=found.end >= last,
+        middle_std=scan.middle_std(found),
+        ongoing=found.end >= scan.seconds,
         peak=sizes,
         peak_std=dict(zip(AXES, found.std.tolist(), strict=True)),
         units=dict.fromkeys(AXES, 'N m s'),
