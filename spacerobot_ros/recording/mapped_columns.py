@@ -32,7 +32,7 @@ class ColumnReader:
 
     def __init__(self, table: SampleTable, mapping: ColumnMapping, is_joined: bool) -> None:
         self.table, self.mapping, self._is_joined = table, mapping, is_joined
-        self.notes = [f'columns by {mapping.place}']
+        self.notes = [f'columns by {mapping.place}', *table.notes]
 
     def values(self, columns: MappedColumns, quantities: list[str]) -> Array:
         """(N, k) in SI, NaN where a cell is empty; k quantities ('': a pure number)."""

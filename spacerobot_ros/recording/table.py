@@ -12,7 +12,7 @@ import json
 import math
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +37,14 @@ class SampleTable:
         columns: Cells of each column; all of one length in CSV and JSON.
         row_name: What a row is called in messages: `line`, `entry` or `row`.
         row_numbers: The place of each row in the file; counted from zero where None.
+        notes: What was left out, in words.
     """
 
     source: str
     columns: Mapping[str, Any]
     row_name: str = 'row'
     row_numbers: tuple[int, ...] | None = None
+    notes: tuple[str, ...] = ()
 
     def row(self, index: int) -> str:
         """The place of a row, such as `run.csv: line 12`."""
@@ -78,7 +80,7 @@ class SampleTable:
             key: values[kept] if isinstance(values, np.ndarray) else [values[i] for i in kept]
             for key, values in self.columns.items()
         }
-        return SampleTable(self.source, columns, self.row_name, tuple(numbers[i] for i in kept))
+        return replace(self, columns=columns, row_numbers=tuple(numbers[i] for i in kept))
 
     def with_column(self, name: str, values: Array) -> SampleTable:
         """The same table with one column more, or with other numbers in it.
@@ -88,9 +90,7 @@ class SampleTable:
             values: (N, k); NaN for an empty cell.
         """
         cells = [None if math.isnan(v) else v for v in values[:, 0].tolist()]
-        return SampleTable(
-            self.source, {**self.columns, name: cells}, self.row_name, self.row_numbers
-        )
+        return replace(self, columns={**self.columns, name: cells})
 
     def _cells(self, name: str) -> Any:
         """A column, or an entry of one whose cells are lists, such as `command[2]`."""
@@ -197,7 +197,8 @@ def _read_text(path: Path) -> str:
 
 
 def _read_csv(path: Path, delimiter: str, header: str) -> SampleTable:
-    lines = _read_text(path).splitlines()
+    text = _read_text(path)
+    lines = text.splitlines()
     if delimiter == ' ':
         lines = [' '.join(line.split()) for line in lines]
     reader = csv.reader(lines, delimiter=delimiter, strict=True)
@@ -217,13 +218,21 @@ def _read_csv(path: Path, delimiter: str, header: str) -> SampleTable:
     (_, names), *samples = rows
     if why := _unlike_names(names):
         raise RecordingError(f'{path}: line {rows[0][0]}', why)
-    for line, cells in samples:
-        if len(cells) != len(names):
-            raise RecordingError(
-                f'{path}: line {line}', f'has {counted(len(cells), "cell")}, expected {len(names)}'
-            )
+    notes: tuple[str, ...] = ()
+    if len(samples) > 1 and len(samples[-1][1]) < len(names) and not text.endswith('\n'):
+        line, _ = samples.pop()
+        notes = (f'{path.name} ends in the middle of line {line}, which is left out',)
+    _check_lengths(path, len(names), samples)
     columns = {name: [cells[i] for _, cells in samples] for i, name in enumerate(names) if name}
-    return SampleTable(str(path), columns, 'line', tuple(line for line, _ in samples))
+    numbers = tuple(line for line, _ in samples)
+    return SampleTable(str(path), columns, 'line', numbers, notes)
+
+
+def _check_lengths(path: Path, count: int, samples: list[tuple[int, list[str]]]) -> None:
+    for line, cells in samples:
+        if len(cells) != count:
+            why = f'has {counted(len(cells), "cell")}, expected {count}'
+            raise RecordingError(f'{path}: line {line}', why)
 
 
 def _unlike_names(names: list[str]) -> str:

@@ -265,6 +265,17 @@ def test_a_faulty_file_is_one_line(tmp_path, cells, match):
     one_line(*swap(written(tmp_path, cells=cells)), match)
 
 
+def test_a_file_that_ends_in_the_middle_of_a_line_is_read_without_it(tmp_path):
+    """As a recorder leaves it that is killed."""
+    path, map_path = written(tmp_path)
+    whole, lines = read_record(path, ROBOT, map_path), path.read_text().splitlines()
+    path.write_text('\n'.join(lines)[:-20])
+    cut = read_record(path, ROBOT, map_path)
+    np.testing.assert_array_equal(cut.rates.omega, whole.rates.omega[:-1])
+    said = f'run.csv ends in the middle of line {N + 1}, which is left out'
+    assert set(cut.notes) - set(whole.notes) == {said}
+
+
 def one_line(path, robot, map_path, match):
     with pytest.raises(SpaceRobotError, match=match) as error:
         read_record(path, robot, map_path)
