@@ -9,20 +9,19 @@ from functools import partial
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
 from ..estimation.arm_rows import ArmRows
-from ..estimation.balance import Balance, balance_of, noise_in_band
+from ..estimation.balance import Balance, balance_of
 from ..estimation.motor_constants import as_recorded
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed, refuse_unbalanced
 from ..estimation.prediction import TIMINGS
-from ..estimation.reference import NoiseLevels
-from ..estimation.refit import Fit, refine
+from ..estimation.refit import Fit
 from ..estimation.runs import Run
 from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record
 from .answer.result import Diagnosis
 from .arm_conclusion import conclude_arm
-from .arm_found import ArmFound, refuse_rest, rms
+from .arm_found import refuse_rest
 from .arms import find_arm_causes
 from .conclusion import conclude
 from .discovery.discover import discover
@@ -32,12 +31,12 @@ from .events.arm_events import arm_events
 from .events.event import Event, Events
 from .events.impulses import impulse_events, spans_of, steps_beside_wheels
 from .found import Found
-from .limits import LIKE_NOISE, MISFIT, MOST
 from .pieces import diagnose_pieces, pieces_of
+from .predictable import is_predictable, one_takes_most
 from .search import Search
 from .spinning import diagnose_spin, is_spinning
 from .thrust import diagnose_thrust, has_pose_and_thrust
-from .timing import better_timing, first_timing, held_after_all, in_words
+from .timing import first_timing, held_after_all, in_words
 
 _BALANCED = (
     'the robot file states no joint_effort_std, and more is left of the torques than noise of '
@@ -110,8 +109,8 @@ def _diagnosed(
     if _is_of_unknown_noise(measured[0], robot):
         found = find_arm_causes(measured, robot, believed, kinds, report)
         is_whole = not (_lacks_efforts(measured[0]) or robot.passive_joints or robot.rate_only)
-        is_predictable = is_whole and not robot.without_constant and _is_like_noise(found, noise)
-        if not (is_predictable and _may_fit(found, noise, kinds)):
+        is_whole = is_whole and not robot.without_constant
+        if not (is_whole and is_predictable(found, noise, kinds)):
             return conclude_arm(*discover(found, report), (*notes, _BALANCED))
     report('finding how efforts act', 0.02)
     timing = first_timing(measured[0], robot, believed, noise, kinds)
@@ -155,36 +154,6 @@ def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:
 
 def _lacks_efforts(record: Record) -> bool:
     return record.joints is not None and bool(record.joints.without_effort)
-
-
-def _is_like_noise(found: ArmFound, noise: NoiseLevels) -> bool:
-    """Whether no more is left of the torques than sensor noise leaves in the band."""
-    left = rms(found.extended)
-    floor = noise_in_band(found.extended[0], noise.joint_position, noise.joint_effort)
-    return bool((left <= LIKE_NOISE * floor)[left == left].all())
-
-
-def _may_fit(found: ArmFound, noise: NoiseLevels, kinds: Sequence[type[Effect]]) -> bool:
-    """Whether a search could explain the record to the noise of its sensors.
-
-    It can where the causes that the balance of torques names do so, or where one effect with
-    states of its own, which that balance does not judge, takes most of what they leave.
-    """
-    record, robot, believed = found.records[0], found.robot, found.believed
-    run = Run(record, robot, believed, noise, first_timing(record, robot, believed, noise, kinds))
-    fit = refine(run, found.named)
-    if timing := better_timing(fit, (run.timing,)):
-        fit = refine(run.timed(timing), found.named)
-    if (fit.rows.whiteness()[0] or 0.0) >= MISFIT:
-        return True
-    left = float(fit.data @ fit.data) - len(fit.data)
-    return _one_takes_most(fit, [kind for kind in kinds if kind.hidden], left)
-
-
-def _one_takes_most(fit: Fit, kinds: Sequence[type[Effect]], left: float) -> bool:
-    """Whether one more cause may take most of a misfit."""
-    judged = Search(fit.run, kinds, lambda what, share: None).judge(fit)
-    return any(it.score.gain > MOST * left for it in judged)
 
 
 def _with(fit: Fit, named: Sequence[Event]) -> Fit:
@@ -245,7 +214,7 @@ def _predicted(
     found = _searched(run.without(spans_of(steps)), kinds, report)
     if steps.named:
         without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.named))
-        if _one_takes_most(without, kinds, _cost(without) - cost):
+        if one_takes_most(without, kinds, _cost(without) - cost):
             causes = _searched(run, kinds, report)
             if _cost(_with(causes.sound, ())) < cost:
                 found, steps = causes, Events()

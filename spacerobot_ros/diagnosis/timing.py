@@ -19,7 +19,7 @@ from ..estimation.columns import candidates
 from ..estimation.evidence import Gram, score
 from ..estimation.prediction import TIMINGS
 from ..estimation.reference import NoiseLevels
-from ..estimation.refit import Fit, refine
+from ..estimation.refit import PASSES, Fit, refine
 from ..estimation.runs import Run
 from ..model.robot import Robot
 from ..recording.record import Record
@@ -86,17 +86,18 @@ def is_simple(effect: type[Effect]) -> bool:
     return not (searched or effect.hidden or late)
 
 
-def better_timing(fit: Fit, tried: Collection[str]) -> str | None:
+def better_timing(fit: Fit, tried: Collection[str], passes: int = PASSES) -> str | None:
     """A timing under which the same causes, fitted again, clearly miss less; None: none.
 
     Args:
         fit: The causes so far.
         tried: Timings that are out of the question.
+        passes: Largest number of steps of each fit.
     """
     others = [t for t in TIMINGS if t not in tried]
     if fit.run.record.effort is None or not fit.run.robot.joints or not others:
         return None
-    fits = {t: refine(fit.run.timed(t), fit.causes) for t in others}
+    fits = {t: refine(fit.run.timed(t), fit.causes, passes) for t in others}
     best = min(fits, key=lambda t: np.nan_to_num(fits[t].misfit, nan=np.inf))
     return best if fits[best].misfit < fit.misfit - _CLEARLY else None
 

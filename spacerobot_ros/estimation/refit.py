@@ -32,7 +32,7 @@ from .scaling import (
     value_std,
 )
 
-_PASSES = 12  # a panel of a dozen numbers takes ten from a first guess of its axis
+PASSES = 12  # a panel of a dozen numbers takes ten from a first guess of its axis
 _SETTLED = 0.02  # of a standard deviation
 _HALVINGS = 3
 _SECANTS = 2
@@ -251,7 +251,7 @@ class Fit:
         return i, moved, there - here
 
 
-def refine(run: Run, causes: Sequence[Effect], passes: int = _PASSES) -> Fit:
+def refine(run: Run, causes: Sequence[Effect], passes: int = PASSES) -> Fit:
     """The most probable values of the causes' parameters, from the given ones.
 
     Args:
