@@ -36,6 +36,7 @@ from .selection import Selection
 _TOLERANCE = {
     'inertial_parameters': 0.04,
     'joint_torque_constant': 0.05,
+    'motor_inertia': 0.01,
     'effort_delay': 0.3,
     'encoder_offset': 0.02,
     'gravity_error': 0.02,

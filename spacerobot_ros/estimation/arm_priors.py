@@ -72,6 +72,11 @@ class Machine:
         return self._rms([b.motion.qd for b in self.balances])
 
     @cached_property
+    def acceleration(self) -> Array:
+        """(n,) rms [rad/s^2]."""
+        return np.maximum(self._rms([b.arm.kinematics.qdd for b in self.balances]), 1e-6)
+
+    @cached_property
     def interval(self) -> float:
         """Longest sample interval of the recordings [s]."""
         return max(b.arm.interval for b in self.balances)
@@ -119,7 +124,7 @@ class Machine:
             if not self.torque[j]:  # it never moves, or has no effort
                 return None
             torque, rate = float(self.torque[j]), max(float(self.rate[j]), 1e-6)
-            inertia = 0.5 * float(self.inertia[j])
+            inertia = max(0.5 * float(self.inertia[j]), 0.3 * torque / float(self.acceleration[j]))
         else:
             j, torque, rate, inertia = 0, 0.0, 1.0, 0.0
         own = 0.2 * np.array([torque, torque / rate])

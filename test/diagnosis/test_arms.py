@@ -68,6 +68,17 @@ def test_joints_that_stand_are_left_alone():
     assert {r.where for r in found.ranking} <= {'joint_2', None, *(f'link_{k}' for k in range(7))}
 
 
+@pytest.mark.parametrize('joint', ['joint_5', 'joint_6'])
+def test_the_rotor_of_a_wrist_is_no_body_of_ten_numbers(joint):
+    """Its reflected inertia is a hundred times that of the link, as on a geared wrist."""
+    arm = RealArm(3, [bound('motor_inertia', joint, inertia=0.7)])
+    file = arm_file()
+    found = causes_of(diagnose(arm.record(0, moving=(joint,)), file.robot, file.effects))
+    assert list(found) == [('motor_inertia', joint)]
+    rotor = found['motor_inertia', joint]['inertia']
+    assert abs(rotor.value - 0.7) < 3.0 * rotor.std < 0.7
+
+
 def test_coulomb_friction_of_two_sizes():
     bias = CATALOGUE['torque_sensor_bias'](name='bias', where='joint_1', values={'bias': 4.0})
     arm, moving = RealArm(4, [bias]), ('joint_1', 'joint_4')
