@@ -21,7 +21,7 @@ from ..recording.faults.check import check_data
 from ..recording.record import Record
 from .answer.result import Diagnosis
 from .arm_conclusion import conclude_arm
-from .arm_found import refuse_rest
+from .arm_found import ArmFound, refuse_rest
 from .arms import find_arm_causes
 from .conclusion import conclude
 from .discovery.discover import discover
@@ -31,8 +31,9 @@ from .events.arm_events import arm_events
 from .events.event import Event, Events
 from .events.impulses import impulse_events, spans_of, steps_beside_wheels
 from .found import Found
+from .limits import MOST
 from .pieces import diagnose_pieces, pieces_of
-from .predictable import is_predictable, one_takes_most
+from .predictable import is_predictable
 from .search import Search
 from .spinning import diagnose_spin, is_spinning
 from .thrust import diagnose_thrust, has_pose_and_thrust
@@ -102,6 +103,7 @@ def _diagnosed(
     balances = [balance_of(record, robot, believed) for record in measured * balanced]
     if still := _at_rest(balances, measured):
         return still
+    found: ArmFound | None = None
     if len(measured) > 1:
         found = find_arm_causes(measured, robot, believed, kinds, report, loaded)
         return conclude_arm(*discover(found, report), (_TOGETHER,))
@@ -111,11 +113,21 @@ def _diagnosed(
         is_whole = not (_lacks_efforts(measured[0]) or robot.passive_joints or robot.rate_only)
         is_whole = is_whole and not robot.without_constant
         if not (is_whole and is_predictable(found, noise, kinds)):
-            return conclude_arm(*discover(found, report), (*notes, _BALANCED))
+            return _balanced(found, notes, report)
     report('finding how efforts act', 0.02)
     timing = first_timing(measured[0], robot, believed, noise, kinds)
     run = Run(measured[0], robot, believed, noise, timing)
-    return _predicted(run, balances, kinds, notes, report)
+    answer = _predicted(run, balances, kinds, notes, report)
+    if found is None or answer.verdict in ('consistent', 'explained'):
+        return answer
+    return _balanced(found, notes, report)  # what is left is no noise of sensors, after all
+
+
+def _balanced(
+    found: ArmFound, notes: tuple[str, ...], report: Callable[[str, float], None]
+) -> Diagnosis:
+    """The answer of the balance of torques."""
+    return conclude_arm(*discover(found, report), (*notes, _BALANCED))
 
 
 def _at_rest(balances: Sequence[Balance], records: Sequence[Record]) -> Diagnosis | None:
@@ -154,6 +166,12 @@ def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:
 
 def _lacks_efforts(record: Record) -> bool:
     return record.joints is not None and bool(record.joints.without_effort)
+
+
+def _one_takes_most(fit: Fit, kinds: Sequence[type[Effect]], left: float) -> bool:
+    """Whether one more cause may take most of a misfit."""
+    judged = Search(fit.run, kinds, lambda what, share: None).judge(fit)
+    return any(it.score.gain > MOST * left for it in judged)
 
 
 def _with(fit: Fit, named: Sequence[Event]) -> Fit:
@@ -214,7 +232,7 @@ def _predicted(
     found = _searched(run.without(spans_of(steps)), kinds, report)
     if steps.named:
         without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.named))
-        if one_takes_most(without, kinds, _cost(without) - cost):
+        if _one_takes_most(without, kinds, _cost(without) - cost):
             causes = _searched(run, kinds, report)
             if _cost(_with(causes.sound, ())) < cost:
                 found, steps = causes, Events()

@@ -52,10 +52,10 @@ OWN_SHARE = 0.5
 two bodies in a row tell alike belongs to one of them, and only fits say to which."""
 
 MOST = 0.5
-"""Most of a misfit: what one effect with states of its own must take of what the causes of a
-balance of torques leave, for a search to the noise of the sensors to be tried, whose own test of
-the fit decides the rest; and what must be removed by that to which unsound causes gave way, for it
-to be named where the record is not explained: a lesser share is what any rival takes."""
+"""Most of a misfit: what one cause must take of what steps of a free base's momentum do, for
+causes to be searched in their place; and what must be removed by that to which unsound causes gave
+way, for it to be named where the record is not explained: a lesser share is what any rival takes.
+"""
 
 SHORTLIST, CLOSE_SHARE, CLOSE_GAP = 4, 0.9, 25.0
 """Who is fitted as it really is beside the best: at most so many, with this share of its evidence
