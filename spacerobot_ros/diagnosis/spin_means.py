@@ -38,6 +38,7 @@ class MeanFit:
         values: (P,). covariance: (P, P).
         left: (M, 3) of the means [rad/s].
         misfit: Sum of their squares over the noise.
+        extent: Sum of the squares of the values in plausible sizes.
     """
 
     kinds: tuple[str, ...]
@@ -46,6 +47,7 @@ class MeanFit:
     covariance: Array
     left: Array
     misfit: float
+    extent: float
 
     def bic(self, rows: int) -> float:
         """Bayesian information criterion."""
@@ -114,7 +116,7 @@ class SpinMeans:
         columns = np.stack([self._column(*name) for name in names], axis=2) if names else None
         used = np.arange(len(self.windows)) if rows is None else rows
         target = (self.error / self.noise)[used].ravel()
-        values, covariance = np.zeros(0), np.zeros((0, 0))
+        values, covariance, extent = np.zeros(0), np.zeros((0, 0)), 0.0
         left = self.error.copy()
         if columns is not None:
             design = (columns / self.noise[:, None])[used].reshape(len(target), -1)
@@ -124,9 +126,10 @@ class SpinMeans:
             names, columns, design = [names[i] for i in seen], columns[..., seen], design[:, seen]
             values = np.linalg.lstsq(design, target, rcond=None)[0]
             covariance = np.linalg.pinv(design.T @ design)
+            extent = float(np.sum((values / sizes[seen]) ** 2))
             left -= columns @ values
         misfit = float(np.sum((left / self.noise) ** 2))
-        return MeanFit(tuple(kinds), tuple(names), values, covariance, left, misfit)
+        return MeanFit(tuple(kinds), tuple(names), values, covariance, left, misfit, extent)
 
     def _column(self, kind: str, name: str) -> Array:
         """(M, 3) change of the means by one parameter of an effect."""

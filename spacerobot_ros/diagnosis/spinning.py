@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..effects.catalogue import CATALOGUE
 from ..errors import RecordingError
 from ..estimation.evidence import chi_square_tail
 from ..estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
@@ -89,15 +90,16 @@ def _chosen(means: SpinMeans) -> tuple[MeanFit, dict[str, tuple[Rival, ...]]]:
     rivals: dict[str, tuple[Rival, ...]] = {}
     while len(best.kinds) < len(KINDS):
         trials = [means.fit((*best.kinds, kind)) for kind in KINDS if kind not in best.kinds]
-        trials.sort(key=lambda fit: fit.bic(rows))
-        ahead, least = trials[0], trials[0].bic(rows)
+        least = min(fit.bic(rows) for fit in trials)
+        alike = [fit for fit in trials if fit.bic(rows) - least < 2.0 * EQUIVALENT]
+        ahead = min(alike, key=lambda fit: fit.extent)  # the least that does
         is_better = least < best.bic(rows)
         if not (is_better and means.held_out(ahead.kinds) < means.held_out(best.kinds)):
             break
         rivals[ahead.kinds[-1]] = tuple(
-            Rival(effect=t.kinds[-1], where=None, bic_gap=t.bic(rows) - least)
-            for t in trials[1:]
-            if t.bic(rows) - least < 2.0 * EQUIVALENT
+            Rival(effect=t.kinds[-1], where=None, bic_gap=max(t.bic(rows) - ahead.bic(rows), 0.0))
+            for t in alike
+            if t is not ahead
         )
         best = ahead
     observable = means.fit(KINDS).names
@@ -160,10 +162,16 @@ def _series(means: SpinMeans, null: MeanFit, best: MeanFit) -> tuple[Series, ...
     )  # fmt: skip
 
 
+def _with_rivals(cause: Cause) -> str:
+    others = [CATALOGUE[rival.effect].title for rival in cause.rivals]
+    alike = f' or {" or ".join(others)}, which these spins do not tell apart,' * bool(others)
+    return f'{cause_in_words(cause)}{alike}'
+
+
 def _sentence(named: Sequence[Cause], tilt: Tilt | None) -> str:
     gyro = [c for c in named if c.applied.group == 'sensor']
-    what = ' and '.join(cause_in_words(c) for c in gyro)
+    what = ' and '.join(map(_with_rivals, gyro))
     parts = [f'The data differ from the model by {what}' * bool(gyro)]
     parts += [tilt.likely] if tilt is not None else []
-    said = '; '.join(part for part in parts if part)
+    said = '; '.join(part.removesuffix(',') for part in parts if part)
     return f'{said}.' if said else 'The model explains the mean rates of the gyro.'

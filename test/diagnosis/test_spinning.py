@@ -96,6 +96,7 @@ def test_one_sense_of_spin_tells_no_bias_from_a_tilt(box, rng):
     for cause in found.causes:
         if cause.applied.id != 'inertial_parameters':
             assert cause.rivals, cause.applied.id
+    assert 'which these spins do not tell apart' in found.sentence
 
 
 def test_a_body_that_does_not_spin_is_refused(box, rng):
