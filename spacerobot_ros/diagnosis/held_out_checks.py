@@ -74,12 +74,13 @@ def holds(gains: Array) -> bool:
     """Whether a cause predicts parts of the data that it was not fitted to.
 
     The worst part loses less than half of what the others gain, and of three or more no single
-    one decides: all others gain together, and the next one shows the same.
+    one decides: each shows it by itself, or all others gain together and the next one shows the
+    same.
     """
     total, worst = float(np.sum(gains)), min(float(np.min(gains)), 0.0)
     if total <= HELD_OUT or -worst > 0.5 * (total - worst):
         return False
-    if len(gains) < 3:
+    if len(gains) < 3 or np.min(gains) > HELD_OUT:
         return True
     *_, second, best = np.sort(gains).tolist()
     return bool(total > best and second > OTHERS * best)

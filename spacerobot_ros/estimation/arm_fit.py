@@ -10,6 +10,7 @@ import numpy as np
 
 from ..effects.effect import Effect
 from ..types import Array, IntArray
+from .arm_candidates import ZEROS
 from .arm_rows import ArmRows
 from .constrained import ConstrainedProblem, PhysicalBody
 from .evidence import Gram
@@ -163,7 +164,8 @@ class ArmFit:
         """Some candidates with their values.
 
         With a gain of g a motor gives g times what is measured: columns are of measured torques,
-        needed / g + effects / g, so that the coefficient of the gain is 1 - 1 / g.
+        needed / g + effects / g, so that the coefficient of the gain is 1 - 1 / g. What a reading
+        is off by is no torque of the motor.
         """
         rows = self.rows
         gains = {
@@ -176,7 +178,7 @@ class ArmFit:
             c, values = rows.candidates[i], self.lasting(i, self.values)
             if self.is_gain(i):
                 values = np.array([gains[c.where] - 1.0])
-            elif c.where in gains:
+            elif c.where in gains and c.kind.id not in ZEROS:
                 values = gains[c.where] * values
             out.append(c.applied(c.values(values)).canonical())
         return out

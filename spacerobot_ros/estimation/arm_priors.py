@@ -36,6 +36,7 @@ _BY_ANGLE = (
 _POSES = 20  # of a recording, for the largest inertia
 DRY = 'joint_coulomb_friction'
 VISCOUS = 'joint_viscous_friction'
+OF_LOAD = 'joint_load_friction'
 _BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
 RUN_TO_RUN = 0.05
 """Of a friction: by so much it differs from run to run of one machine, which a single recording
@@ -65,6 +66,14 @@ class Machine:
         own = self._rms(inertial, 'unpowered')
         passive = ~np.any([b.arm.powered.any(axis=0) for b in self.balances], axis=0)
         return np.where(passive, own, measured)
+
+    @cached_property
+    def carried(self) -> Array:
+        """(n,) the same, or the rms that the model needs there if that is more [N m].
+
+        A zero that is off may be as large as the weight that efforts leave out.
+        """
+        return np.maximum(self.torque, self._rms([b.motion.effort for b in self.balances]))
 
     @cached_property
     def rate(self) -> Array:
@@ -124,9 +133,10 @@ class Machine:
             if not self.torque[j]:  # it never moves, or has no effort
                 return None
             torque, rate = float(self.torque[j]), max(float(self.rate[j]), 1e-6)
+            carried = float(self.carried[j])
             inertia = max(0.5 * float(self.inertia[j]), 0.3 * torque / float(self.acceleration[j]))
         else:
-            j, torque, rate, inertia = 0, 0.0, 1.0, 0.0
+            j, torque, rate, carried, inertia = 0, 0.0, 1.0, 0.0, 0.0
         own = 0.2 * np.array([torque, torque / rate])
         dry = self.friction(DRY, where)
         sizes: dict[str, tuple[float | Array, float]] = {
@@ -135,14 +145,14 @@ class Machine:
             'joint_stribeck_friction': (0.3 * torque, RUN_TO_RUN * dry),
             'joint_friction_curvature': (torque, RUN_TO_RUN * dry),
             'joint_presliding_friction': (torque, 0.0),
-            'joint_load_friction': (0.1, 0.0),
+            OF_LOAD: (0.1, 0.0),
             'joint_coupled_friction': (own, 0.0),
             'joint_torque_constant': (0.15, torque_tolerance(self.robot)[j]),
             'joint_torque_ripple': (0.1 * torque, 0.0),
             'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
             'motor_inertia': (inertia, 0.0),
-            'torque_sensor_bias': (0.3 * torque, 0.0),
-            'current_offset': (0.3 * torque / self._unit(where), 0.0),
+            'torque_sensor_bias': (0.3 * carried, 0.0),
+            'current_offset': (0.3 * carried / self._unit(where), 0.0),
             'joint_sensor_delay': (max(0.01, self.interval), 0.0),
             'encoder_offset': (0.02, 0.0),
             'effort_delay': (max(0.01, self.interval), 0.0),

@@ -81,6 +81,25 @@ def test_noise_at_rest_is_no_event_where_friction_is_next_to_nothing(robot, rng)
     assert event.peak['turn'] == pytest.approx(1.0, abs=4.0 * NOISE)
 
 
+def test_friction_of_the_load_holds_a_joint_at_rest(robot, rng):
+    """A drive whose integral winds up to friction's bound and slips, again and again: no push.
+
+    A tenth of the weight of 78.5 N is held beside dry friction of 2 N; a push of more is one.
+    """
+    record, dry = record_of(robot, rng, moving=10.0), np.array([2.0, 1.0])
+    effort = record.effort.copy()
+    effort[1000:, 0] += 9.0 * (np.linspace(0.0, 6.0, 1000) % 2.0 - 1.0)
+    held = replace(record, joints=replace(record.joints, effort=effort))
+    balance, of_load = balance_of(held, robot, ()), np.array([0.1, 0.0])
+    assert rest_events(balance, 0, dry).named
+    assert not rest_events(balance, 0, dry, of_load).named
+    effort = effort.copy()
+    effort[1400:1500, 0] += 60.0 * np.sin(np.pi * np.arange(100) / 100.0) ** 2
+    pushed = replace(record, joints=replace(record.joints, effort=effort))
+    (event,) = rest_events(balance_of(pushed, robot, ()), 0, dry, of_load).named
+    assert 14.0 < event.start < 15.0
+
+
 def test_forces_of_joints_that_slide_are_no_torques(robot):
     units = [
         event_of(robot, [Pulse(j, 0, 1.0, 2.0, 0.5, 9.0, 0.1, 90.0) for j in at], None, 9.0).unit

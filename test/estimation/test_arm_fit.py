@@ -106,6 +106,20 @@ def test_a_gain_is_that_of_the_motor():
     assert named['gain'] == pytest.approx(1.25, abs=4e-3)
 
 
+def test_a_reading_that_is_off_is_off_beside_a_gain_as_much():
+    """A bias is taken from what is measured, before the gain; it was multiplied by the gain."""
+    effects = [
+        CATALOGUE['joint_torque_constant'](name='g', where='joint_2', values={'gain': 1.25}),
+        CATALOGUE['torque_sensor_bias'](name='b', where='joint_2', values={'bias': 4.0}),
+    ]
+    keys = {(e.id, e.where) for e in effects}
+    fit = fit_of(effects, [kind for kind, _ in keys], keys)
+    named = {e.id: e for e in fit.effects(fit.chosen)}
+    # a bias of 4 N m is known as well as a gain of 66 N m rms is
+    assert named['joint_torque_constant']['gain'] == pytest.approx(1.25, abs=4e-3)
+    assert named['torque_sensor_bias']['bias'] == pytest.approx(4.0, abs=0.1)
+
+
 def test_friction_of_the_load_is_of_a_motor_s_whole_torque():
     """Once its friction is found: a file that lacks it has half of the elbow's torque."""
     load = CATALOGUE['joint_load_friction'](

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...estimation.arm_priors import DRY, Machine
+from ...estimation.arm_priors import DRY, OF_LOAD, Machine
 from ...estimation.arm_rows import ArmRows
 from ...estimation.balance import Balance
 from .event import Events
@@ -39,15 +39,17 @@ def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
     machine = Machine(robot, balances)
     known = [machine.friction(DRY, joint) for joint in robot.joints]
     friction = np.array(known)
+    of_load = np.array([machine.friction(OF_LOAD, joint) for joint in robot.joints])
     found, scan = Events(), None
     if rows is not None:
         search = PulseSearch(rows)
         naming, scan = Naming(search), search.scan
         found = naming.events()
         friction = np.array([naming.coulomb(j) for j in range(robot.n_joints)])
+        of_load = np.array([naming.of_load(j) for j in range(robot.n_joints)])
     friction = np.where(friction > 0.0, friction, np.nan)
     for run, balance in enumerate(balances):
-        found = found.with_more(rest_events(balance, run, friction, scan))
+        found = found.with_more(rest_events(balance, run, friction, of_load, scan))
     spans = [
         tuple((e.start - SPREAD, e.end + SPREAD) for e in found.named if e.recording == run)
         for run in range(len(balances))

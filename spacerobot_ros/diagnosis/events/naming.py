@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from ...effects.external import pulse_shape
-from ...estimation.arm_priors import DRY, is_kind_of
+from ...estimation.arm_priors import DRY, OF_LOAD, friction_of, is_kind_of
 from ...model.robot import Robot
 from .contact import Pulse, are_in_line, event_of, last_felt, overlap
 from .event import Event, EventLimit, Events, PossibleEvent
@@ -123,11 +123,21 @@ class Naming:
 
     def coulomb(self, j: int) -> float:
         """Dry friction of a joint that slides, all that was found of it [N m]."""
-        rows, found = self._rows, float(self._rows.friction[j])
-        for c, at in zip(rows.candidates, rows.places, strict=True):
-            if is_kind_of(c.kind, DRY) and c.where == self._joints[j]:
-                found += float(self._search.scan.coefficients[at[0]])
-        return max(found, 0.0)
+        return max(float(self._rows.friction[j]) + self._found(DRY, j), 0.0)
+
+    def of_load(self, j: int) -> float:
+        """Dry friction of a joint by the torque that it carries."""
+        believed = friction_of(self._rows.balances[0].effects, OF_LOAD, self._joints[j])
+        return max(believed + self._found(OF_LOAD, j), 0.0)
+
+    def _found(self, law: str, j: int) -> float:
+        """First numbers of all frictions of a kind at a joint."""
+        rows, every = self._rows, self._search.scan.coefficients
+        return sum(
+            float(every[at[0]])
+            for c, at in zip(rows.candidates, rows.places, strict=True)
+            if is_kind_of(c.kind, law) and c.where == self._joints[j]
+        )
 
     def _event(self, own: Sequence[Pulse]) -> Event:
         cells = sum(2.0 / d for d in DURATIONS) * self._seconds * len(self._joints)

@@ -100,7 +100,11 @@ class Rest:
 
 
 def rest_events(
-    balance: Balance, run: int, friction: Array, scan: PulseScan | None = None
+    balance: Balance,
+    run: int,
+    friction: Array,
+    of_load: Array | float = 0.0,
+    scan: PulseScan | None = None,
 ) -> Events:
     """Events of one recording at joints that do not move.
 
@@ -108,13 +112,15 @@ def rest_events(
         balance: The model along it.
         run: Its number.
         friction: (n,) Coulomb torques; nan where nobody knows [N m].
+        of_load: (n,) what friction holds more by the torque that a joint carries.
         scan: What joints that move tell of the model; None: none does.
     """
     robot = balance.robot
     unknown = np.isnan(friction)
     bound = np.where(unknown, FRICTION_SHARE * robot.effort_limits, friction)
+    held = bound + np.where(unknown, 0.0, of_load) * np.abs(balance.motion.effort)
     measured = np.flatnonzero(~_unmeasured(balance)).tolist()
-    stretches = [rest for j in measured for rest in rests(balance, run, j, bound[j], scan)]
+    stretches = [rest for j in measured for rest in rests(balance, run, j, held[:, j], scan)]
     found = [rest.pulse(rest.span(core)) for rest in stretches for core in rest.cores(REST_SHARE)]
     last = float(balance.arm.times[-1])
     groups = [_felt(robot, first, stretches) for first in _apart(robot, found)]
@@ -136,7 +142,7 @@ def rest_events(
 
 
 def rests(
-    balance: Balance, run: int, j: int, friction: float, scan: PulseScan | None
+    balance: Balance, run: int, j: int, friction: Array, scan: PulseScan | None
 ) -> Iterator[Rest]:
     """All stretches of rest of a joint.
 
@@ -144,7 +150,7 @@ def rests(
         balance: The model along a recording.
         run: Its number.
         j: Number of the joint.
-        friction: Its Coulomb torque [N m].
+        friction: (N,) torque that its friction holds [N m].
         scan: See `rest_events`.
     """
     arm = balance.arm
@@ -163,8 +169,9 @@ def rests(
         x = missed[first : last + 1] - wrong
         near = _reach(arm, len(at), *moves)[first - at[0] : last + 1 - at[0]] * _level(scan, j)
         spread = np.sqrt(std**2 + near**2 + float(sensor[j]) ** 2)
-        slack = friction + LISTED / REST_SHARE * std  # its own share takes little noise
-        bound = np.maximum(slack, (friction + LISTED * spread) / REST_SHARE)
+        holds = friction[first : last + 1]
+        slack = holds + LISTED / REST_SHARE * std  # its own share takes little noise
+        bound = np.maximum(slack, (holds + LISTED * spread) / REST_SHARE)
         x = x - _usual(x, float(np.median(bound)))
         lag = max(1, round(_LAG / arm.step))
         noise = 1.5 * float(np.median(np.abs(x[lag:] - x[:-lag])))
