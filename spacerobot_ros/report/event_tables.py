@@ -24,9 +24,12 @@ def event_table(events: Events, caption: str = '') -> Table:
     return table_of(
         '',
         caption,
-        [{'e': e, 'peaks': _peaks(e)} for e in events.named],
+        [
+            {'e': e, 'place': f'{e.where or ""}{events.place_of(e)}', 'peaks': _peaks(e)}
+            for e in events.named
+        ],
         'event | where | from [s] | to [s] | largest | z | p',
-        '{e.effect} | {e.where:or } | {e.start:.2f} | {e.end:.2f} | {peaks} | {e.z:number 3} | '
+        '{e.effect} | {place} | {e.start:.2f} | {e.end:.2f} | {peaks} | {e.z:number 3} | '
         '{e.p_value:probability}',
     )
 
@@ -34,7 +37,8 @@ def event_table(events: Events, caption: str = '') -> Table:
 def possible_lines(events: Events) -> Iterator[str]:
     """What is listed, and why it is not named."""
     for e in events.possible:
-        yield f'{_span(e)} at {", ".join(e.joints)}, z {e.z:.1f}: {_REASONS[e.reason]}'
+        place = f'{", ".join(e.joints)}{events.place_of(e)}'
+        yield f'{_span(e)} at {place}, z {e.z:.1f}: {_REASONS[e.reason]}'
 
 
 def limit_table(events: Events, caption: str = '') -> Table:

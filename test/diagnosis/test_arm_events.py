@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.signal import lfilter
 
 from spacerobot_ros.campaign.event_machines import MACHINES
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
+from spacerobot_ros.diagnosis.answer.result import Diagnosis
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.events.answer import with_events
 from spacerobot_ros.diagnosis.events.arm_events import arm_events
 from spacerobot_ros.diagnosis.events.contact import Pulse, place_of
 from spacerobot_ros.diagnosis.events.naming import together
@@ -22,6 +25,7 @@ from spacerobot_ros.estimation.balance import balance_of
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+from spacerobot_ros.report.event_tables import event_table
 
 PULSES = ((1, 6.0, 1.0, 25.0), (3, 12.0, 0.6, -4.0), (0, 17.0, 1.5, 30.0))
 """Joint, start [s], duration [s], torque on the joint [N m]: 0.8 to 1.5 times its friction."""
@@ -85,6 +89,28 @@ def test_what_comes_back_at_the_same_state_is_no_event():
     found = diagnose(records, file.robot, file.effects)
     assert not found.events.named
     assert {e.reason for e in found.events.possible} == {'recurs'}
+
+
+def test_a_rough_recording_among_smooth_ones_has_none(rng):
+    """A drive that chatters: a dozen were listed or named, by the level of all recordings."""
+    file, arm = arm_file(), RealArm(33)
+    smooth, rough = (arm.record(0, duration=12.0), arm.record(3, duration=5.0))
+    keep = np.exp(-1.0 / (0.1 * RATE))  # in a tenth of a second
+    noise = np.sqrt(1.0 - keep**2) * rng.standard_normal(rough.effort.shape)
+    effort = rough.effort + 0.4 * COULOMB * lfilter([1.0], [1.0, -keep], noise, axis=0)
+    rough = replace(rough, joints=replace(rough.joints, effort=effort))
+    balances = [
+        balance_of(record, file.robot, file.effects)
+        for record in (pushed(smooth, PULSES[:1]), arm.record(1, duration=12.0), rough)
+    ]
+    kinds = ('joint_coulomb_friction', 'inertial_parameters')
+    rows = ArmRows.of(balances, [CATALOGUE[kind] for kind in kinds])
+    events = arm_events(balances, rows).events
+    assert [(e.where, e.recording) for e in events.named] == [('joint_2', 0)]
+    assert not any(e.recording == 2 for e in events.possible)
+    answer = with_events(Diagnosis(verdict='consistent', sentence='Nothing else.'), events)
+    assert 'at joint_2 in recording 1 from ' in answer.sentence
+    assert event_table(events).rows[0][1] == 'joint_2 in recording 1'
 
 
 HELD = ((1, 3.0, 1.0, 60.0), (0, 6.0, 0.8, -45.0))

@@ -20,7 +20,7 @@ def with_events(diagnosis: Diagnosis, events: Events) -> Diagnosis:
     verdict, sentence = diagnosis.verdict, diagnosis.sentence
     if events.named:
         verdict = _WITH.get(verdict, verdict)
-        sentence = f'{_in_words(events.named)} Besides: {sentence}'
+        sentence = f'{_in_words(events)} Besides: {sentence}'
     notes = (*diagnosis.notes, *events.notes)
     return replace(diagnosis, verdict=verdict, sentence=sentence, notes=notes, events=events)
 
@@ -36,12 +36,15 @@ def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
     return with_events(answer, events)
 
 
-def _in_words(named: Sequence[Event]) -> str:
+def _in_words(events: Events) -> str:
+    named = events.named
     count = 'one event' if len(named) == 1 else f'{len(named)} events'
-    return f'Something from outside acts, {count}: {first_few([_event(e) for e in named])}.'
+    said = first_few([_event(event, events.place_of(event)) for event in named])
+    return f'Something from outside acts, {count}: {said}.'
 
 
-def _event(event: Event) -> str:
+def _event(event: Event, place: str) -> str:
     name, peak = max(event.peak.items(), key=lambda item: abs(item[1]))
     said = f'{name} {peak:.3g} +- {event.peak_std[name]:.2g} {event.units[name]}'
-    return f'{event.effect}{at(event.where)} from {event.start:.2f} to {event.end:.2f} s ({said})'
+    times = f'from {event.start:.2f} to {event.end:.2f} s'
+    return f'{event.effect}{at(event.where)}{place} {times} ({said})'

@@ -40,11 +40,11 @@ def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
     known = [machine.friction(DRY, joint) for joint in robot.joints]
     friction = np.array(known)
     of_load = np.array([machine.friction(OF_LOAD, joint) for joint in robot.joints])
-    found, scan = Events(), None
+    found, scan = Events(recordings=len(balances)), None
     if rows is not None:
         search = PulseSearch(rows)
         naming, scan = Naming(search), search.scan
-        found = naming.events()
+        found = found.with_more(naming.events())
         friction = np.array([naming.coulomb(j) for j in range(robot.n_joints)])
         of_load = np.array([naming.of_load(j) for j in range(robot.n_joints)])
     friction = np.where(friction > 0.0, friction, np.nan)

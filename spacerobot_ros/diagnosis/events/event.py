@@ -114,12 +114,18 @@ class Events:
         named: By time. possible: By time.
         limits: By joint or axis; None: it is not judged.
         notes: What else a user should know.
+        recordings: Number of the recordings that were looked at.
     """
 
     named: tuple[Event, ...] = ()
     possible: tuple[PossibleEvent, ...] = ()
     limits: Mapping[str, EventLimit | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    recordings: int = 1
+
+    def place_of(self, event: Event | PossibleEvent) -> str:
+        """The recording of an event, from 1, where there are several."""
+        return f' in recording {1 + event.recording}' if self.recordings > 1 else ''
 
     def with_more(self, other: Events) -> Events:
         """Those of both."""
@@ -131,6 +137,7 @@ class Events:
                 for name in {**self.limits, **other.limits}
             },
             notes=(*self.notes, *other.notes),
+            recordings=max(self.recordings, other.recordings),
         )
 
 

@@ -1,10 +1,11 @@
-r"""Where a model misses more: near a reversal, whose friction no law knows, and with the speed.
+r"""Where a model misses more: near reversals, whose friction no law knows, at speed, in one run.
 
     log |left| = x' c + noise,
 
-over features x of a joint's rows: how slow it is, how fast, how fast the whole arm is, and how
-much it accelerates. Rows are divided by exp(x' c), so that the level of what is left is that of
-all rows. Without it a reversal looks like a push, and all other rows like noise.
+over features x of a joint's rows: how slow it is, how fast, how fast the whole arm is, how much it
+accelerates, and the recording. Rows are divided by exp(x' c), so that the level of what is left is
+that of all rows. Without it a reversal looks like a push, and all other rows like noise; so does a
+rough drive's recording among smooth ones.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ def scales(scan: PulseScan, before: Sequence[Array]) -> list[Array]:
 
 
 def _features(rows: ArmRows, k: int) -> Array:
-    """(M, 4) of the rows of a set."""
+    """(M, 4 + R) of the rows of a set, the last of them each recording's."""
     out, j = [], k % rows.robot.n_joints
-    for balance in rows.balances:
+    for run, balance in enumerate(rows.balances):
         arm = balance.arm
         rate, turn = np.abs(arm.kinematics.qd), np.abs(arm.kinematics.qdd)
         usual = np.maximum(np.quantile(rate, 0.95, axis=0), 1e-9)
@@ -61,5 +62,7 @@ def _features(rows: ArmRows, k: int) -> Array:
         each.append(np.mean(turn / np.maximum(np.quantile(turn, 0.95, axis=0), 1e-9), axis=1))
         smooth = np.maximum(arm.in_band(np.column_stack(each)), 0.0)
         smooth[:, 1:] = np.log(smooth[:, 1:] + 0.05)
-        out.append(smooth[:: arm.stride][rows.rows_at(balance, k)])
+        moving = smooth[:: arm.stride][rows.rows_at(balance, k)]
+        own = np.arange(len(rows.balances)) == run
+        out.append(np.column_stack([moving, np.tile(own, (len(moving), 1))]))
     return np.concatenate(out)
