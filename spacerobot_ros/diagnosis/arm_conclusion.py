@@ -62,7 +62,8 @@ def conclude_arm(
     left = Left.of(found)
     verdict = verdict_of(not left.unusual, bool(named))
     laws = [entry for entry in leftover or () if left.matters(entry)]
-    words = sentence(verdict, named, left) + _law_words(laws)
+    has_unclear = len(found.fit.chosen) > len(found.clear) + len(found.learned)
+    words = sentence(verdict, named, left, has_unclear=has_unclear) + _law_words(laws)
     if laws:  # a law is no named cause, and it is no noise
         verdict = 'partly_explained'
     channels = series(

@@ -84,14 +84,24 @@ class Left:
             yield unit, moves & (units == unit)
 
 
-def sentence(verdict: str, named: Sequence[Cause], left: Left) -> str:
-    """The verdict as a test engineer would say it: the three causes that matter, and the rest."""
+def sentence(
+    verdict: str, named: Sequence[Cause], left: Left, *, has_unclear: bool = False
+) -> str:
+    """The verdict as a test engineer would say it: the three causes that matter, and the rest.
+
+    Args:
+        verdict: The word.
+        named: What is named.
+        left: What is left.
+        has_unclear: Whether something else predicts and is not clear enough for a name.
+    """
     if verdict == 'consistent':
         return f'The model explains the data up to {left.after_in_words()}.'
     beyond = f', more than usual at {left.unusual_in_words()}' if left.unusual else ''
     if not named:
         words = f'{left.in_words()} is left{beyond}'
-        return f'The model does not explain the data ({words}), and no known effect does.'
+        does = 'clearly does' if has_unclear else 'does'
+        return f'The model does not explain the data ({words}), and no known effect {does}.'
     what = first_few([cause_in_words(cause, is_short=True) for cause in named])
     rest = f'remains unexplained{beyond}' if beyond else 'is left, no more than usual'
     return f'The data differ from the model by {what}. {left.in_words()} {rest}.'

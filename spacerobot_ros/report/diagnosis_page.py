@@ -65,7 +65,8 @@ _KINDS = {
 def diagnosis_page(answer: Findings) -> Report:
     """The report of a diagnosis."""
     diagnosis = answer.diagnosis
-    causes = [('Causes', _causes)] if diagnosis.causes or diagnosis.minor else []
+    applied = diagnosis.causes or diagnosis.minor or answer.calibration
+    causes = [('Causes', _causes)] if applied else []
     asked = [('What the leftover depends on', _leftover)] if diagnosis.leftover else []
     events = [('Events', _events)] if diagnosis.events else []
     sections: list[tuple[str, Callable[[Findings], Iterator[Item]]]] = [
@@ -151,6 +152,8 @@ def _causes(answer: Findings) -> Iterator[Item]:
         yield line
     for line in tables.minor_lines(minor):
         yield f'Significant, but too small to matter: {line}.'
+    for line in tables.unnamed_lines(answer):
+        yield f'In the extended model without a name: {line}.'
 
 
 def _events(answer: Findings) -> Iterator[Item]:

@@ -14,7 +14,9 @@ from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events
 from ..display import Section, Table, table_of
+from ..effects.effect import Effect
 from ..formats import counted, number, percent, probability, value_with
+from ..model.robot import Robot
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_lines
 
@@ -42,6 +44,7 @@ def summary(answer: Findings) -> Iterator[Section]:
     yield from event_sections(diagnosis.events)
     yield Section('rivals:', rival_lines(causes))
     yield Section('found, but too small to matter:', minor_lines(diagnosis.minor))
+    yield Section('in the extended model without a name:', unnamed_lines(answer))
     if diagnosis.verdict != 'consistent' and diagnosis.ranking:
         title = 'best single effects, each against the model as it stands'
         yield Section(title, [ranking_table(diagnosis)])
@@ -204,6 +207,29 @@ def rival_lines(causes: Sequence[Cause]) -> list[str]:
 def minor_lines(causes: Sequence[Cause]) -> list[str]:
     """What is significant, but too small to matter."""
     return [f'{label(cause)}: {_values(cause)}' for cause in causes]
+
+
+def unnamed_lines(answer: Findings) -> list[str]:
+    """What predicts without being clear, and corrections of the file within its tolerance."""
+    minor = [(c.applied.id, c.applied.where) for c in answer.diagnosis.minor]
+    rest = [e for e in answer.calibration if (e.id, e.where) not in minor]
+    bodies = [str(e.where) for e in rest if e.id == 'inertial_parameters']
+    lines = [
+        f'{e.id}{at(e.where)}: {_applied(e, answer.file.robot)}'
+        for e in rest
+        if e.id != 'inertial_parameters'
+    ]
+    if bodies:
+        lines.append(f'bodies, within the tolerance of any file: {", ".join(bodies)}')
+    return lines
+
+
+def _applied(effect: Effect, robot: Robot) -> str:
+    each = (
+        (p.name, number(effect.values[p.name], 3), effect.unit_at(robot, effect.where, p))
+        for p in effect.parameters
+    )
+    return ', '.join(' '.join(words).rstrip() for words in each)
 
 
 def _values(cause: Cause) -> str:

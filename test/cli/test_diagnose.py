@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,32 @@ def answer(tmp_path, verdict='explained'):
         appearances={},
         command='spacerobot diagnose bag --robot robot.yaml --out out',
     )
+
+
+def test_what_is_applied_without_a_name_is_said_and_no_worth_of_it(tmp_path, monkeypatch):
+    """A model extended by what has no name tracked itself perfectly, whatever was left."""
+    said = replace(hand_made('unexplained'), causes=(), series=())
+    ripple = CATALOGUE['joint_torque_ripple'](
+        name='ripple',
+        where='joint_2',
+        values={'amplitude': 0.372, 'harmonic': 1.0, 'phase': 0.5},
+    )
+    body = CATALOGUE['inertial_parameters'](name='body', where='link_2', values={'mass': 0.1})
+    said = replace(said, calibration=(ripple, body))
+    monkeypatch.setattr(findings, 'diagnose', lambda *args, **options: said)
+    recording = tmp_path / 'short.npz'
+    save_npz(answer(tmp_path).records[0], recording)
+    found = findings.findings(findings.Question(data=(str(recording),), robot=ROBOT), 'command')
+    assert found.closed_loop is None
+    assert 'named' in found.why_open
+    lines = [
+        'joint_torque_ripple at joint_2: amplitude 0.372 N m, harmonic 1, phase 0.5 rad',
+        'bodies, within the tolerance of any file: link_2',
+    ]
+    (section,) = (s for s in summary(found) if s.title.endswith('without a name:'))
+    assert section.items == lines
+    (causes,) = (s for s in diagnosis_page(found).sections if s.title == 'Causes')
+    assert f'In the extended model without a name: {lines[0]}.' in causes.items
 
 
 GOLDEN = """\

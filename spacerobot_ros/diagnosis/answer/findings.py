@@ -158,6 +158,8 @@ def findings(
     closed, why = None, 'left out (--no-closed-loop)'
     if lacking := _uncontrolled(as_recorded(file.robot, records)):
         why = lacking
+    elif not (added or learned):
+        why = 'nothing was named that a controller could use'
     elif asked.has_closed_loop:
         report(0.95, 'simulating a controller with the old and the extended model')
         closed, why = closed_loop_gain(file, extension)

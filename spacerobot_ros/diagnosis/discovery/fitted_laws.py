@@ -11,9 +11,11 @@ import numpy as np
 from ...effects.effect import Effect
 from ...effects.learned_torque import LearnedTorque, law_at
 from ...estimation.arm_fit import ArmFit
+from ...estimation.arm_priors import NOTHING
+from ...estimation.arm_rows import ArmRows
 from ...estimation.columns import Candidate
-from ...types import Array
-from ..arm_found import ArmFound
+from ...types import Array, BoolArray
+from ..arm_found import ArmFound, is_clear
 from ..arms import levels_of, plain_of
 from ..selection import Selection
 from .arm_channels import ArmMotions
@@ -21,6 +23,9 @@ from .possible_laws import Law
 
 _SIZE = 3.0  # times the torque that is missed: a law's plausible torque
 _LIMIT = 1.5  # of its largest torque in the data
+_SAME = 1e-6
+"""Of a term's square that causes leave where it is one of theirs: rounding leaves 1e-30 of a sign
+beside dry friction, Dahl's friction 4e-3 beside one of another displacement, which is more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +103,9 @@ def with_laws(
 ) -> tuple[ArmFound, list[int]]:
     """Causes and laws fitted together, and the laws' numbers among the candidates.
 
+    What a law has in common with causes is theirs: shared out, a friction would lose half of its
+    size to a law with the same term, and all of its certainty.
+
     Args:
         found: The causes.
         laws: The laws.
@@ -105,18 +113,25 @@ def with_laws(
     """
     if not laws:
         return found, []
+    causes = [i for i in found.fit.chosen if i not in dropped]
     rows = found.fit.rows.with_more(laws)
     numbers = list(range(len(rows.candidates) - len(laws), len(rows.candidates)))
+    own = [
+        replace(law, sizes=np.where(_is_of(rows, i, causes), NOTHING, 1.0) * law.sizes)
+        for i, law in zip(numbers, laws, strict=True)
+    ]
+    rows = found.fit.rows.with_more(own)
     rough = Selection.of(rows, [*found.levels])
-    rough.chosen = [*(i for i in found.fit.chosen if i not in dropped), *numbers]
+    rough.chosen = [*causes, *numbers]
     levels = levels_of(rows, rough)
     selection = Selection.of(rows, levels)
     selection.chosen = list(rough.chosen)
     plain = plain_of(selection, levels, found.weights)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
-    unclear = [i for i in found.fit.chosen if i not in found.clear]
-    clear = tuple(i for i in found.clear if i not in dropped)
-    corrections = fit.calibration if len(found.calibration) > len(unclear) else []
+    has_corrections = len(found.calibration) > len(found.fit.chosen) - len(found.clear)
+    clear = tuple(i for i in found.clear if i in causes and is_clear(fit, i))
+    unclear = [i for i in causes if i not in clear]
+    corrections = fit.calibration if has_corrections else []
     out = replace(
         found,
         selection=selection,
@@ -127,3 +142,13 @@ def with_laws(
         calibration=tuple(fit.effects([*unclear, *corrections])),
     )
     return out, numbers
+
+
+def _is_of(rows: ArmRows, i: int, causes: Sequence[int]) -> BoolArray:
+    """(k,) whether a law's terms are those of causes."""
+    columns = rows.joints[rows.robot.joints.index(str(rows.candidates[i].where))].columns
+    law = columns[:, rows.places[i]]
+    theirs = columns[:, [int(k) for c in causes for k in rows.places[c]]]
+    theirs = theirs / np.maximum(np.linalg.norm(theirs, axis=0), 1e-300)
+    left = law - theirs @ np.linalg.lstsq(theirs, law, rcond=1e-9)[0]
+    return np.asarray(np.sum(left**2, axis=0) < _SAME * np.sum(law**2, axis=0))

@@ -1,0 +1,69 @@
+"""Laws fitted beside the causes that an arm's friction has: each keeps what is its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.real_arm import COULOMB, VISCOUS, RealArm, arm_file
+from spacerobot_ros.diagnosis.arm_found import ArmFound
+from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions
+from spacerobot_ros.diagnosis.discovery.fitted_laws import candidate_of, with_laws
+from spacerobot_ros.diagnosis.discovery.possible_laws import Law
+from spacerobot_ros.diagnosis.selection import Selection
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.grammar import FORMS
+from spacerobot_ros.estimation.arm_fit import ArmFit
+from spacerobot_ros.estimation.arm_priors import DRY
+from spacerobot_ros.estimation.arm_priors import VISCOUS as SLIDING
+from spacerobot_ros.estimation.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance import balance_of
+from spacerobot_ros.estimation.observations import observed
+
+JOINT, ASYMMETRY = 2, 4.0  # N m s/rad
+
+
+@pytest.fixture(scope='module')
+def found():
+    """An arm's search that ends with both frictions of joint_3, whose file has none."""
+    file = arm_file(has_friction=False)
+    record = observed(RealArm(0, [], leftover=0.0).record(0, duration=12.0), file.robot)
+    effort = record.effort.copy()
+    effort[:, JOINT] += ASYMMETRY * np.abs(np.gradient(record.q[:, JOINT], record.joint_time))
+    record = replace(record, joints=replace(record.joints, effort=effort))
+    balances = [balance_of(record, file.robot, ())]
+    rows = ArmRows.of(balances, [CATALOGUE[kind] for kind in (DRY, SLIDING)])
+    levels = [np.array([0.01, *[1e-12] * 5])] * (2 * file.robot.n_joints)
+    selection = Selection.of(rows, levels)
+    selection.chosen = [i for i, c in enumerate(rows.candidates) if c.where == 'joint_3']
+    fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
+    return ArmFound(
+        (record,),
+        file.robot,
+        (),
+        selection,
+        selection,
+        fit,
+        {},
+        np.array(levels),
+        np.ones((1, file.robot.n_joints)),
+        clear=fit.chosen,
+    )
+
+
+def test_friction_is_not_shared_out_with_a_law_that_has_its_terms(found):
+    """Half of a Coulomb friction went to the law, with a deviation of ten times its size."""
+    law = Law(FORMS['sign(x), x, |x|'], ('rate/joint_3',), 2.0, 'friction', 'friction')
+    fitted, (number,) = with_laws(found, [candidate_of(law, JOINT, ArmMotions(found.fit.rows))])
+    named = {effect.id: next(iter(effect.values.values())) for effect in fitted.named}
+    # the smoothing of its sign at reversals takes some of a dry friction
+    assert named[DRY] == pytest.approx(COULOMB[JOINT], rel=0.03)
+    assert named[SLIDING] == pytest.approx(VISCOUS[JOINT], rel=0.03)
+    own = fitted.fit.rows.places[number]
+    np.testing.assert_allclose(fitted.fit.values[own][:2], 0.0, atol=1e-3)
+    assert abs(fitted.fit.values[own][2]) == pytest.approx(ASYMMETRY, rel=0.03)
+    for i in found.clear:
+        values = fitted.fit.values[fitted.fit.rows.places[i]]
+        assert np.all(fitted.fit.spread(i) < 0.05 * np.abs(values))
