@@ -155,10 +155,12 @@ def _faulty_joints(options: RobotSettings, tree: Tree) -> Iterator[tuple[str, st
         if name in seen:
             yield place, f'joint {name!r} is named twice, first as {seen[name]}'
         seen[name] = place
-    for name in moving:
-        if name not in seen:
-            why = f'joint {name!r} of the URDF moves but is not named: list it or make it fixed'
-            yield 'robot.joints', why
+    left = [repr(name) for name in moving if name not in seen]
+    if left:
+        words = f'joint {left[0]} of the URDF moves but is not named: list it or make it fixed'
+        if len(left) > 1:
+            words = f'{words}; so do {", ".join(left[1:])}'
+        yield 'robot.joints', words
 
 
 def _faulty_bodies(

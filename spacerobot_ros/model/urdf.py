@@ -104,7 +104,8 @@ def parse_urdf(text: str, place: str = 'URDF') -> Tree:
     base = next((name for name in links if name not in children), '')
     for where, why in _faults_of_tree(links, joints, base, place):
         raise ModelError(where, why)
-    return Tree(root.get('name', 'robot'), base, links, joints)
+    checked = _checked(links, joints, place)
+    return Tree(root.get('name', 'robot'), base, checked, joints)
 
 
 def by_parent(joints: dict[str, Joint]) -> dict[str, list[Joint]]:
@@ -138,7 +139,6 @@ def _parse_link(element: ElementTree.Element, place: str) -> Link:
         raise ModelError(where, '<inertial> needs both <mass> and <inertia>')
     mass = _parse_numbers(mass_element.get('value', ''), 1, f'{where} mass')[0]
     inertia = rotation @ _parse_inertia(inertia_element, where) @ rotation.T
-    check_inertia(mass, inertia, where)
     return Link(name, mass, com, inertia)
 
 
@@ -176,11 +176,17 @@ def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
         ModelError: negative mass, inertia without mass, asymmetric or indefinite tensor, triangle
             inequality violated.
     """
+    if why := _fault_of(mass, inertia):
+        raise ModelError(where, why)
+
+
+def _fault_of(mass: float, inertia: Matrix3) -> str:
+    """Why no rigid body has them; empty where one may."""
     if not np.all(np.isfinite(inertia)) or not math.isfinite(mass):
-        raise ModelError(where, 'mass or inertia is not finite')
+        return 'mass or inertia is not finite'
     scale = float(np.max(np.abs(inertia)))
     a, b, c = np.linalg.eigvalsh(inertia)
-    for is_wrong, why in (
+    tests = (
         (mass < 0.0, f'negative mass {mass:g} kg'),
         (np.max(np.abs(inertia - inertia.T)) > 1e-9 * scale, 'inertia tensor is not symmetric'),
         (mass == 0.0 and scale > 0.0, 'has inertia but no mass'),
@@ -193,9 +199,45 @@ def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
             f'no rigid body has these principal moments: {c:.6g} > {a:.6g} + {b:.6g} kg m^2 '
             '(triangle inequality)',
         ),
-    ):
-        if is_wrong:
-            raise ModelError(where, why)
+    )
+    return next((why for is_wrong, why in tests if is_wrong), '')
+
+
+def _checked(links: dict[str, Link], joints: dict[str, Joint], place: str) -> dict[str, Link]:
+    """Links that are rigid bodies.
+
+    What is none, and is welded to another link, goes to that one: files give brackets and antennas
+    of grams moments that nobody has looked at. Together they must be a body.
+
+    Raises:
+        ModelError: see `check_inertia`; of the link that is none by itself.
+    """
+    out, faults = dict(links), dict[str, ModelError]()
+    above, below = {joint.child: joint for joint in joints.values()}, by_parent(joints)
+    order = [name for name in links if name not in above]
+    for name in order:
+        order += [joint.child for joint in below.get(name, ())]
+    for name in reversed(order):
+        why, joint = _fault_of(out[name].mass, out[name].inertia), above.get(name)
+        if not why:
+            continue
+        fault = faults.get(name, ModelError(f'{place}: link {name!r}', why))
+        if joint is None or joint.kind != 'fixed' or out[name].mass <= 0.0:
+            raise fault
+        faults[joint.parent] = fault
+        out[joint.parent] = _joined(out[joint.parent], out[name], joint)
+        out[name] = Link(name, 0.0, np.zeros(3), np.zeros((3, 3)))
+    return out
+
+
+def _joined(link: Link, part: Link, joint: Joint) -> Link:
+    """A link with another one on it."""
+    mass = link.mass + part.mass
+    at = joint.translation + joint.rotation @ part.com
+    apart, com = at - link.com, (link.mass * link.com + part.mass * at) / mass
+    spread = link.mass * part.mass / mass * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+    turned = joint.rotation @ part.inertia @ joint.rotation.T
+    return Link(link.name, mass, com, link.inertia + turned + spread)
 
 
 def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
@@ -207,7 +249,8 @@ def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
         known = f'{", ".join(MOVING)} or fixed'
         raise ModelError(where, f'joint type {kind!r} is not supported (use {known})')
     if element.find('mimic') is not None:
-        raise ModelError(where, 'mimic joints are not supported: list the joint or make it fixed')
+        why = 'mimic joints are not supported: make it fixed, or list it without <mimic>'
+        raise ModelError(where, why)
     parent, child = element.find('parent'), element.find('child')
     if parent is None or child is None:
         raise ModelError(where, 'needs <parent> and <child>')

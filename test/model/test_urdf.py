@@ -228,6 +228,28 @@ def test_inertial_frame_is_turned_into_the_link_frame():
     )
 
 
+WELDED = (
+    '<link name="antenna"><inertial><mass value="{mass}"/><inertia ixx="-3.5e-8" ixy="0" ixz="0" '
+    'iyy="3.5e-8" iyz="0" izz="9.1e-8"/></inertial></link><joint name="j2" type="{kind}">'
+    '<parent link="arm"/><child link="antenna"/></joint></robot>'
+)
+
+
+def test_a_body_is_what_its_welded_links_make():
+    """Of a TIAGo's two antennas moments are negative, beside the 40 kg that they stand on."""
+    links = parse_urdf(_with('</robot>', WELDED.format(mass=0.5, kind='fixed'))).links
+    assert links['antenna'].mass == 0.0
+    assert links['arm'].mass == 1.5
+    own = np.diag([-3.5e-8, 3.5e-8, 9.1e-8])  # both at the arm's origin
+    np.testing.assert_allclose(links['arm'].inertia, np.diag([0.1, 0.1, 0.2]) + own, atol=1e-15)
+    for kind in ('continuous', 'prismatic'):
+        with pytest.raises(ModelError, match="link 'antenna': inertia is not positive"):
+            parse_urdf(_with('</robot>', WELDED.format(mass=1e-6, kind=kind)))
+    heavy = WELDED.format(mass=1e-6, kind='fixed').replace('-3.5e-8', '-0.35')
+    with pytest.raises(ModelError, match="link 'antenna': inertia is not positive"):
+        parse_urdf(_with('</robot>', heavy))
+
+
 def test_redundant_but_symmetric_products_are_read():
     tree = parse_urdf(_with('ixy="0" ixz="0" iyy="1.5"', 'ixy="0.1" iyx="0.1" ixz="0" iyy="1.5"'))
     assert tree.links['base_link'].inertia[1, 0] == 0.1
