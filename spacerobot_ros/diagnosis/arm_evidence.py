@@ -17,7 +17,8 @@ from .selection import Selection
 def evidence_of(selection: Selection, levels: Sequence[Array], i: int) -> Evidence:
     """What speaks for a chosen cause beside all others.
 
-    Held-out shares are of the misfit of the model with all other causes, and nothing of this one.
+    Held-out shares are of the misfit of the model with all other causes, and nothing of this one,
+    beyond one a row; what a cause removes is such an excess, also where no other is seen.
 
     Args:
         selection: The choice.
@@ -29,12 +30,14 @@ def evidence_of(selection: Selection, levels: Sequence[Array], i: int) -> Eviden
     without, with_it = (
         selection.held_out_misfit(chosen, i) for chosen in (others, selection.chosen)
     )
-    excess = max(without - sum(fold.part.rows for fold in selection.folds(i)), 1.0)
+    removed = without - with_it
+    rows = sum(fold.part.rows for fold in selection.folds(i))
+    excess = max(without - rows, removed, 1.0)
     return Evidence(
         log_likelihood_gain=0.5 * judged.gain,
         bic_gain=judged.bic_gain,
         p_value=judged.p_value,
-        held_out_gain=(without - with_it) / excess,
+        held_out_gain=removed / excess,
         placebo_gain=_placebo(selection, levels, i) / excess,
     )
 

@@ -11,6 +11,7 @@ from spacerobot_ros.campaign.diagnosis_scenario import packaged
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, VISCOUS, RealArm, arm_file, arm_urdf
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.answer.output import to_dict
+from spacerobot_ros.diagnosis.arm_evidence import evidence_of
 from spacerobot_ros.diagnosis.arm_found import rms
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.held_out_checks import check_bodies
@@ -20,6 +21,7 @@ from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance import balance_of
 from spacerobot_ros.estimation.evidence import Gram
+from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
@@ -311,6 +313,19 @@ def test_what_a_held_out_recording_has_of_its_own_is_not_held_against_it(rng):
     selection = Selection(rows, parts, np.arange(2))
     # priors of 10 pull 2 and 5 by 1e-2 / 200 of themselves; the offset alone is 25 a row
     assert selection.held_out_misfit([0, 1]) < 1e-4
+
+
+def test_no_cause_removes_more_than_there_is():
+    """Of what is left less than its level: 8000 % of next to nothing were said."""
+    file = arm_file(has_friction=False)
+    record = observed(RealArm(0, leftover=0.0).record(0, duration=12.0), file.robot)
+    rows = ArmRows.of([balance_of(record, file.robot, ())], [CATALOGUE['joint_coulomb_friction']])
+    levels = [np.array([scale**2, *[1e-12] * 5]) for scale in np.tile(rows.scale, 2)]
+    selection = Selection.of(rows, levels)
+    selection.chosen = [i for i, c in enumerate(rows.candidates) if c.where == 'joint_3']
+    evidence = evidence_of(selection, levels, selection.chosen[0])
+    assert 0.0 < evidence.held_out_gain <= 1.0
+    assert evidence.placebo_gain < 0.5 * evidence.held_out_gain
 
 
 def lone_joint(kind, axis):
