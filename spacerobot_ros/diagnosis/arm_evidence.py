@@ -22,7 +22,7 @@ def evidence_of(selection: Selection, levels: Sequence[Array], i: int) -> Eviden
 
     Args:
         selection: The choice.
-        levels: (6,) variances of every joint's leftover.
+        levels: (8,) variances of every joint's leftover.
         i: Number of the cause.
     """
     others = [k for k in selection.chosen if k != i]

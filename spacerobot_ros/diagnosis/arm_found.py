@@ -36,7 +36,7 @@ class ArmFound:
         selection: Its end.
         fit: The chosen causes with values.
         evidence: Of every chosen cause.
-        levels: (2 n, 6) variances of every joint's leftover, see `ArmRows.joints` [N^2 m^2].
+        levels: (2 n, 8) variances of every joint's leftover, see `ArmRows.joints` [N^2 m^2].
         weights: (R, n) how many times as much rows say of the values, see `ArmRows.parts`.
         constants: Motor constants of currents that nobody made torques, estimated beside all.
         clear: Numbers of the causes that are named. named: The same as they are applied.

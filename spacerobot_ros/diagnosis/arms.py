@@ -13,6 +13,7 @@ from ..errors import ConfigurationError
 from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_priors import DRY, is_kind_of
 from ..estimation.arm_rows import ArmRows
+from ..estimation.arm_rows_about import about_delay, about_loads
 from ..estimation.evidence import sum_of
 from ..estimation.motor_constants import first_constants, scaled_constant
 from ..model.robot import Robot
@@ -26,6 +27,7 @@ from .held_out_checks import check_bodies, check_held_out, check_plain
 from .selection import Selection
 
 _ROUNDS = 4
+DELAY = 'effort_delay'
 _SETTLED = 1e-3  # of a motor constant, from round to round
 _HEAVIEST = 8.0
 """Times that a joint may count for more: values that are then 64 times its own are its alone."""
@@ -108,6 +110,7 @@ def _found(
     rough.run()
     rough = _with_zeros(rough, zeros)
     rows = rows.linearized(ArmFit(rows, rough.whole, tuple(rough.chosen)).posterior.mean)
+    rows = _delayed(rows, rough, records, believed, events.left_out)
     levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
     selection = Selection.of(rows, levels)
@@ -151,6 +154,28 @@ def _with_zeros(rough: Selection, zeros: Sequence[int]) -> Selection:
     return beside
 
 
+def _delayed(
+    rows: ArmRows,
+    rough: Selection,
+    records: Sequence[Record],
+    believed: Sequence[Effect],
+    left_out: Sequence[Spans],
+) -> ArmRows:
+    """Rows about the delay of efforts that was chosen, if one was, see `about_delay`."""
+    kinds = [rows.candidates[i].kind.id for i in rough.chosen]
+    if DELAY not in kinds:
+        return rows
+    i = rough.chosen[kinds.index(DELAY)]
+    fit = ArmFit(rows, rough.whole, tuple(rough.chosen))
+    (delay,) = fit.effects([i])
+    try:
+        whole = balances_of(records, rows.robot, (*believed, *fit.effects(fit.chosen)), left_out)
+    except ConfigurationError:  # together they are no robot
+        return rows
+    undone = balances_of(records, rows.robot, (*believed, delay), left_out)
+    return about_delay(rows, i, delay['delay'], undone, whole)
+
+
 def _loaded(
     selection: Selection,
     levels: Sequence[Array],
@@ -158,7 +183,7 @@ def _loaded(
     believed: Sequence[Effect],
     left_out: Sequence[Spans],
 ) -> Selection:
-    """The choice on rows with friction of the load that all of it makes, see `ArmRows.loaded`."""
+    """The choice on rows with friction of the load that all of it makes, see `about_loads`."""
     rows = selection.rows
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
     found = fit.effects([*fit.chosen, *fit.calibration])
@@ -169,13 +194,13 @@ def _loaded(
         balances = balances_of(records, rows.robot, (*believed, *moving), left_out)
     except ConfigurationError:  # together they are no robot
         return selection
-    out = Selection.of(rows.loaded(balances, fit.chosen), levels)
+    out = Selection.of(about_loads(rows, balances, fit.chosen), levels)
     out.chosen = list(selection.chosen)
     return out
 
 
 def levels_of(rows: ArmRows, chosen: Selection, more: Sequence[int] = ()) -> list[Array]:
-    """(6,) variances of each joint, with what is chosen, and more, beside the tolerances."""
+    """(8,) variances of each joint, with what is chosen, and more, beside the tolerances."""
     fit = ArmFit(rows, chosen.whole, tuple(chosen.chosen))
     friction = rows.friction.copy()
     for i in chosen.chosen:
@@ -191,7 +216,7 @@ def plain_of(selection: Selection, levels: Sequence[Array], weights: Array) -> S
 
     Args:
         selection: The choice.
-        levels: (6,) variances of every set of `ArmRows.joints`.
+        levels: (8,) variances of every set of `ArmRows.joints`.
         weights: (R, n), see `ArmRows.parts`.
     """
     parts = selection.rows.parts(levels, weights)

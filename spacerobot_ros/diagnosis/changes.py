@@ -28,7 +28,7 @@ class Changes:
         robot: The robot file's robot.
         selection: The choice among changes.
         fit: The chosen ones with values.
-        levels: (n, 6) variances of every joint's leftover [N^2 m^2].
+        levels: (n, 8) variances of every joint's leftover [N^2 m^2].
         after: Number, among those of the fit, of the first recording of the second group.
         is_repeated: Whether all recordings are of one motion, what is usual from run to run known.
     """

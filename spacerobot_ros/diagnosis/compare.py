@@ -185,7 +185,7 @@ def _unexplained(selection: Selection) -> float:
 
 
 def _level_of_both(before: Array, after: Array) -> Array:
-    """(6,) mean variances; those of one group where a joint moves in that one alone."""
+    """(8,) mean variances; those of one group where a joint moves in that one alone."""
     before = np.where(np.isnan(before), after, before)
     return np.asarray(0.5 * (before + np.where(np.isnan(after), before, after)))
 

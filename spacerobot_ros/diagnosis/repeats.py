@@ -20,7 +20,7 @@ from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
 from ..estimation.evidence import sum_of
-from ..estimation.leftover import level_of
+from ..estimation.leftover import VARIANCES, level_of
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
@@ -116,15 +116,17 @@ def find_changes_of_repeats(
 
 
 def _levels(every: ArmRows, reference: Sequence[Array], count: int) -> list[Array]:
-    """(6,) variances of every joint from run to run."""
+    """(8,) variances of every joint from run to run."""
     runs = RepeatedRows(
         every.balances[:count], every.candidates, every.tolerances, tuple(reference), count
     )
     out = []
     for rows, scale in zip(runs.joints, np.tile(runs.scale, 2).tolist(), strict=True):
         bare = replace(rows, columns=np.zeros((len(rows.torque), 0)))
-        drift = np.full(2, _DRIFT * scale)
-        level = level_of(bare, np.zeros(0), scale, drift) if len(rows.torque) else [np.nan] * 6
+        drift = np.array([*[_DRIFT * scale] * 2, scale, scale])
+        level = (
+            level_of(bare, np.zeros(0), scale, drift) if len(rows.torque) else [np.nan] * VARIANCES
+        )
         out.append(np.array(level))
     return out
 

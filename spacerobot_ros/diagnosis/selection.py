@@ -75,7 +75,7 @@ class Selection:
 
     @classmethod
     def of(cls, rows: ArmRows, levels: Sequence[Array]) -> Selection:
-        """Of whitened rows, by (6,) variances of the leftover of every set of `ArmRows.joints`."""
+        """Of whitened rows, by (8,) variances of the leftover of every set of `ArmRows.joints`."""
         return cls(rows, rows.parts(levels), rows.recording, rows.held)
 
     def labels(self, i: int | None = None) -> IntArray:

@@ -7,17 +7,19 @@ that all that a torque balance is made of is smooth alike.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
-from scipy.ndimage import binary_dilation, binary_opening
+from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d, minimum_filter1d
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from ..recording.record import Record
 from ..types import Array, BoolArray
+from .noise_levels import fourth_difference_std, step_of
 from .reference import Kinematics
 
 BAND = 4.0
@@ -33,6 +35,10 @@ _WHEEL = 4.0 * np.pi  # rad; a joint that turns on and on is a wheel, fast besid
 _SPLINE = 5  # degree: derivatives are right to 0.1 % at the band's end, six samples a period
 _REST_RATE = 3e-3  # rad/s
 _REST_TIME = 0.2  # s
+_LATE = 0.01  # s
+_STANDING = 0.25  # of the way of a joint that turns round with its usual acceleration
+_FEWEST_STEPS = 3.0  # of a rest
+_PEAK_TO_PEAK = 6.0  # standard deviations of noise
 _FEWEST_MOVING = 0.05  # of a record: a joint that moves less was only touched
 _REST_MARGIN = 0.35  # periods of the band, which the filter spreads an end of rest over
 
@@ -149,7 +155,20 @@ class ArmMotion:
         return self._moves if self._moves.any() else known
 
     @cached_property
-    def _moves(self) -> BoolArray:
+    def unsure(self) -> tuple[Array, Array]:
+        """(M, n) twice: shapes of what friction leaves in rows: late by 10 ms, and of any size.
+
+        The first has the signs of the turns; the second is near turns and rests.
+        """
+        sign = np.sign(self.kinematics.qd)
+        turns = _LATE * np.gradient(sign, self.step, axis=0)
+        rests = self._rests.astype(float)
+        late, near, rest = (self.in_band(x)[:: self.stride] for x in (turns, np.abs(turns), rests))
+        return late, np.abs(near) + np.abs(rest)
+
+    @cached_property
+    def _rests(self) -> BoolArray:
+        """(N, n) where a joint stands."""
         speed = np.abs(self.kinematics.qd)
         usual = (
             np.quantile(speed[self.is_known], 0.95, axis=0) if self.is_known.any() else speed[0]
@@ -159,10 +178,63 @@ class ArmMotion:
         fastest = np.where(driven, np.max(usual, where=driven, initial=0.0), 0.0)
         slow = np.maximum(_REST_SHARE * np.maximum(usual, fastest), _REST_RATE)
         resting = binary_opening(speed < slow, np.ones((max(1, round(_REST_TIME / self.step)), 1)))
+        return np.asarray(resting | self._sticks)
+
+    @cached_property
+    def _moves(self) -> BoolArray:
         is_measured = ~np.isnan(self.record.effort[0]) if self.record.effort is not None else False
-        moving = ~_widened(resting, self._margin) & self.is_known[:, None] & is_measured
+        moving = ~_widened(self._rests, self._margin) & self.is_known[:, None] & is_measured
         moving &= self.powered | self.unpowered
         return np.asarray(moving & (np.mean(moving, axis=0) > _FEWEST_MOVING))
+
+    @cached_property
+    def bend(self) -> Array:
+        """(n,) rms acceleration of every joint [rad/s^2]."""
+        known = self.is_known[:, None]
+        share = max(float(np.mean(known)), 1e-9)
+        return np.asarray(np.sqrt(np.mean(self.kinematics.qdd**2 * known, axis=0) / share))
+
+    @cached_property
+    def shortest_rest(self) -> Array:
+        """(n,) time for which a joint has to stand for its positions to show it [s].
+
+        Around a turn with acceleration a a joint goes a T^2 / 8 in a time T. One that goes a
+        quarter of that stands, if T is long enough for a quarter to be more than noise.
+        """
+        noise = np.array(
+            [
+                max(_PEAK_TO_PEAK * fourth_difference_std(column[:, None]), step_of(column))
+                for column in self.record.q.T
+            ]
+        )
+        time = np.sqrt(8.0 * noise / np.maximum(_STANDING * self.bend, 1e-300))
+        return np.clip(time, _FEWEST_STEPS * self.interval, _REST_TIME)
+
+    @cached_property
+    def _sticks(self) -> BoolArray:
+        """(N, n) where a joint stands for less than `_REST_TIME`, as friction makes it."""
+        out = np.zeros_like(self.kinematics.q, dtype=bool)
+        for j, (bend, time) in enumerate(zip(self.bend, self.shortest_rest, strict=True)):
+            if time < _REST_TIME:
+                q = np.interp(self._dense, self.record.joint_time, self.record.q[:, j])
+                count = math.ceil(time / self.interval) + 1
+                way = maximum_filter1d(q, count) - minimum_filter1d(q, count)
+                stands = binary_dilation(way < _STANDING * bend * time**2 / 8.0, np.ones(count))
+                out[:, j] = np.interp(self.times, self._dense, stands) > 0.5
+        return out
+
+    def bridged(self, values: Array, j: int) -> Array:
+        """(N, c) values of joint j, straight lines where it stands and its ends are smeared."""
+        reach = round(self._margin / _SMOOTHED)
+        known = np.flatnonzero(~_widened(self._rests[:, j], reach))
+        if len(known) in (0, len(values)):
+            return values
+        after = np.searchsorted(known, np.arange(len(values)))
+        low, high = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
+        high = np.where(high < np.arange(len(values)), low, high)
+        low = np.where(low > np.arange(len(values)), high, low)
+        share = (np.arange(len(values)) - low) / np.maximum(high - low, 1)
+        return np.asarray(values[low] + share[:, None] * (values[high] - values[low]))
 
     def in_band(self, values: Array) -> Array:
         """(N, ...) values without what is faster than the band."""

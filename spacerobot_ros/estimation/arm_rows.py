@@ -19,7 +19,7 @@ from .arm_priors import DRY, NOTHING, Machine
 from .balance import Balance
 from .columns import Candidate
 from .evidence import Gram
-from .leftover import JointRows, level_of
+from .leftover import VARIANCES, JointRows, level_of
 
 _BLOCKS, _FEW = 4, 2
 _LEAST_BLOCK = 4.0  # s of motion
@@ -27,6 +27,7 @@ _DRIFT = 0.03
 """Of a torque's rms: how far the level of friction and a gain may drift unnamed. More would be the
 friction or the gain themselves (docs/real_machines.md)."""
 _FRICTION_DRIFT = 0.1  # of the friction that was found
+_NO_SHAPE = 1e-6  # rms of what a joint without turns and rests has near them
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
 
@@ -117,27 +118,19 @@ class ArmRows:
         """The same rows about other coefficients (K,)."""
         return self._alike(about) if self._own_scale.any() else self
 
-    def loaded(self, balances: Sequence[Balance], chosen: Iterable[int]) -> ArmRows:
-        """The same rows with what follows the load by a motor's whole torque.
-
-        A model that lacks friction and bodies lacks their share of it. Causes are chosen without:
-        any friction of a joint with little to carry would pass for one that goes with its load.
-
-        Args:
-            balances: Of a model with all that was found.
-            chosen: Numbers of candidates.
-        """
-        own = [i for i in chosen if self.candidates[i].kind.follows_load]
+    def about_others(
+        self, columns: Sequence[Array], torques: Sequence[Array] | None = None
+    ) -> ArmRows:
+        """The same rows with other columns (M, n, K), and missed torques (M, n), by recording."""
         out = self._alike(self.about)
-        out.__dict__['columns'] = [full.copy() for full in self.columns]
-        for balance, full in zip(balances, out.columns, strict=True):
-            for i in own:
-                full[:, :, self.places[i]] = balance.columns(self.candidates[i].small_steps)
+        out.__dict__['columns'] = columns
+        if torques is not None:
+            out.__dict__['torques'] = torques
         return out
 
     def _alike(self, about: Array | None) -> ArmRows:
         out = replace(self, about=about)
-        shared = ('columns', '_own_scale', 'anchors', 'unanchored', 'blocks', 'scale')
+        shared = ('columns', 'torques', '_own_scale', 'anchors', 'unanchored', 'blocks', 'scale')
         out.__dict__.update({name: getattr(self, name) for name in shared})
         return out
 
@@ -243,9 +236,14 @@ class ArmRows:
         counts = [b[-1] - b[0] + 1 for b in self.blocks]
         return np.repeat(np.arange(len(counts)), counts)
 
+    @cached_property
+    def torques(self) -> list[Array]:
+        """(M, n) that the model misses in every recording [N m]."""
+        return [balance.torque for balance in self.balances]
+
     def torque(self, run: int) -> Array:
         """(M, n) torques that the model misses in a recording [N m]."""
-        return self.balances[run].torque
+        return self.torques[run]
 
     @cached_property
     def _is_driven(self) -> BoolArray:
@@ -275,16 +273,23 @@ class ArmRows:
             if k >= self.robot.n_joints or not self._is_driven[j]:
                 known = np.zeros(0) if self.about is None else self.about
                 about = np.pad(known, (0, full.shape[2] - len(known)))
-                left = balance.torque[at, j] - full[at, j] @ about
+                left = self.torque(run)[at, j] - full[at, j] @ about
                 grown = self._own_scale[j] / (1.0 + max(self._own_scale[j] @ about, -0.5))
                 columns[-1] = full[at, j] + np.outer(left, grown)
                 torque[-1] = torque[-1] + left * (grown @ about)
             needed = balance.motion.effort[::stride, j][at]
             direction = np.sign(balance.motion.qd[::stride, j][at])
-            observed.append(np.column_stack([direction, needed / self.scale[j]]))
+            late, stuck = (x[at, j] for x in balance.arm.unsure)
+            observed.append(np.column_stack([direction, needed / self.scale[j], late, stuck]))
             block.append(own[at])
             gap.append(np.diff(times, prepend=times[:1]))
-        return JointRows(*map(np.concatenate, (torque, columns, observed, block, gap)))
+        return JointRows(
+            np.concatenate(torque),
+            np.concatenate(columns),
+            _with_unit_shapes(np.concatenate(observed)),
+            np.concatenate(block),
+            np.concatenate(gap),
+        )
 
     def joint_times(self, k: int) -> Array:
         """(M,) times of the rows of set k, each of its recording [s]."""
@@ -310,7 +315,7 @@ class ArmRows:
     def levels(
         self, priors: Array, friction: Array, joints: Sequence[JointRows] | None = None
     ) -> list[Array]:
-        """(6,) variances of the leftover of every set of `joints`; NaN of one without rows.
+        """(8,) variances of the leftover of every set of `joints`; NaN of one without rows.
 
         Args:
             priors: (K,) standard deviation of every coefficient.
@@ -320,20 +325,23 @@ class ArmRows:
         scale = np.tile(self.scale, 2)
         friction_drift = np.maximum(_DRIFT * scale, _FRICTION_DRIFT * np.tile(friction, 2))
         gain_drift = _DRIFT * scale * np.append(self._is_driven, np.zeros_like(self._is_driven))
-        drifts = np.column_stack([friction_drift, gain_drift])
+        drifts = np.column_stack([friction_drift, gain_drift, scale, scale])
         free, _ = np.linalg.qr((self.anchors * priors).T)
+        sets = zip(joints or self.joints, scale.tolist(), drifts, strict=True)
         return [
-            level_of(rows, priors, s, drift, free) if len(rows.torque) else np.full(6, np.nan)
-            for rows, s, drift in zip(joints or self.joints, scale.tolist(), drifts, strict=True)
+            level_of(rows, priors, s, drift[: rows.observed.shape[1]], free)
+            if len(rows.torque)
+            else np.full(VARIANCES, np.nan)
+            for rows, s, drift in sets
         ]
 
     def parts(self, levels: Sequence[Array], weights: Array | None = None) -> list[Gram]:
         """Gram matrices of every block.
 
         Args:
-            levels: (6,) variances of the leftover of every set of `joints`, or of the first n.
+            levels: (8,) variances of the leftover of every set of `joints`, or of the first n.
             weights: (R, n) how many times as much the rows of each joint say in each recording,
-                divided by the rms of the joint's leftover, which trusts all frequencies alike.
+                divided by the rms of what is left there, which trusts all frequencies alike.
                 None: rows are whitened, which trusts what is fast.
         """
         k = len(self.tolerances)
@@ -344,9 +352,17 @@ class ArmRows:
                     torque, columns, _ = rows.whitened(variances)
                 else:
                     scale = weights[self.recording[rows.block], j % weights.shape[1]]
-                    scale = scale / np.sqrt(np.sum(variances))
+                    scale = scale / rows.rms(variances)
                     torque, columns = rows.torque * scale, rows.columns * scale[:, None]
                 for block in np.unique(rows.block):
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])
         return out
+
+
+def _with_unit_shapes(observed: Array) -> Array:
+    """(M, 4) with what friction leaves near turns and rests of unit rms, see `JointRows`."""
+    if not len(observed):
+        return observed
+    size = np.sqrt(np.mean(observed[:, 2:] ** 2, axis=0))
+    return np.column_stack([observed[:, :2], observed[:, 2:] / np.maximum(size, _NO_SHAPE)])

@@ -23,7 +23,7 @@ from ..model.robot import Robot
 from ..model.robot_settings import COMPENSATED
 from ..recording.record import Record
 from ..sensing.faults import corrected_record
-from ..types import Array
+from ..types import Array, IntArray
 from .arm_motion import ArmMotion
 from .columns import Signatures
 from .motor_constants import in_newton_metres
@@ -93,7 +93,7 @@ class Balance:
     @cached_property
     def torque(self) -> Array:
         """(M, n) torques that the model misses, row by row [N m]."""
-        return self.in_rows(self.missed)
+        return self.in_rows(self.missed, np.arange(self.robot.n_joints))
 
     def samples(self) -> Mapping[str, tuple[Kinematics, Motion]]:
         """Joint positions at the times of the balance: rates and accelerations follow them."""
@@ -120,7 +120,7 @@ class Balance:
         flat = torques.reshape(len(torques), -1)
         seen = np.any(flat != 0.0, axis=0)  # most effects act on one joint
         rows = np.zeros((len(self.row_times), flat.shape[1]))
-        rows[:, seen] = self.in_rows(flat[:, seen])
+        rows[:, seen] = self.in_rows(flat[:, seen], np.repeat(np.arange(n), forces.shape[2])[seen])
         return rows.reshape(len(rows), n, -1)
 
     @property
@@ -145,9 +145,24 @@ class Balance:
             for i, (name, at) in enumerate(zip(self.robot.joints, moving.T, strict=True))
         )
 
-    def in_rows(self, values: Array) -> Array:
-        """(M, ...) rows of (N, ...) values: without what is faster than the band."""
-        return self.arm.in_band(values)[:: self.arm.stride]
+    def in_rows(self, values: Array, joints: IntArray) -> Array:
+        """(M, c) rows of (N, c) torques: without what is faster than the band.
+
+        At rest friction holds any torque, which the filter would bring into rows beside it: where
+        a joint moves they are those of torques that are bridged over its rests.
+
+        Args:
+            values: Torques [N m].
+            joints: (c,) numbers of the joints at which they act.
+        """
+        arm = self.arm
+        out = arm.in_band(values)[:: arm.stride]
+        for j in np.unique(joints).tolist():
+            own, moving = joints == j, arm.is_moving[:: arm.stride, j]
+            if moving.any() and not moving.all():
+                bridged = arm.in_band(arm.bridged(values[:, own], j))[:: arm.stride]
+                out[np.ix_(moving, own)] = bridged[moving]
+        return out
 
     def _required(self, motion: Motion) -> Array:
         """(N, n) motor torque that the model needs for a motion, effects included [N m]."""

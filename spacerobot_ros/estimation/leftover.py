@@ -1,10 +1,13 @@
 r"""What no cause explains of a joint's torque: its level against frequency, estimated along.
 
     d = white + OU(0.3 s) + OU(1.5 s) + OU(8 s) + OU(30 s) sign(q') + OU(30 s) tau
+        + OU(30 s) late + OU(0.1 s) unsure
 
-with OU an Ornstein-Uhlenbeck process (Gaussian, correlation exp(-|t|/T)): the last two are
-friction whose level drifts and a gain that drifts. A Kalman filter whitens torques and columns
-alike, its gains do not depend on them, and rows that are missing are passed over. The six
+with OU an Ornstein-Uhlenbeck process (Gaussian, correlation exp(-|t|/T)): those with sign(q') and
+tau are friction whose level drifts and a gain that drifts; the last two are dry friction that is
+late wherever the joint turns round, and of any size there and beside rests: a joint that sticks
+while it turns is later than its smooth motion says. A Kalman filter whitens torques and columns
+alike, its gains do not depend on them, and rows that are missing are passed over. The eight
 variances are those of the restricted likelihood (REML; Patterson and Thompson, Biometrika 58
 (1971)): the coefficients of all columns are integrated out under their priors. White noise of a
 sensor is the special case in which only the first is there.
@@ -20,7 +23,9 @@ from scipy.optimize import minimize
 from ..dynamics.compiling import compiled, inner
 from ..types import Array, IntArray
 
-_TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])  # s
+_TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0, 30.0, 0.1])  # s
+VARIANCES = len(_TIMES) + 1
+_USUAL = 6  # of them are of what is there all along
 _LEAST = 1e-3  # of a torque's rms: no torque sensor is as good
 _MOST = 10.0  # times a torque's rms
 _PASSES = 15
@@ -34,7 +39,8 @@ class JointRows:
     Args:
         torque: (M,) that the model misses, in the band [N m].
         columns: (M, K) of the candidates [N m].
-        observed: (M, 2) sign of the rate, and the torque that the model needs by its own rms.
+        observed: (M, 4) sign of the rate, the torque that the model needs by its own rms, and of
+            unit rms the shapes of late and of unsure friction; without these (M, 2).
         block: (M,) number of the block of rows, not decreasing.
         gap: (M,) time since the row before [s]; 0 at the first of a recording, each of which is
             filtered for itself. Blocks are not: the slow part of what is left goes on in the next.
@@ -50,11 +56,20 @@ class JointRows:
         """(M,) torques and (M, K) columns, and the log determinant of their covariance.
 
         Args:
-            variances: (6,) of the white part and the five processes [N^2 m^2].
+            variances: (8,) of the white part and the processes; (6,) without the last two
+                [N^2 m^2].
         """
         both = np.column_stack([self.torque, self.columns])
-        out, logs = _whiten(np.ascontiguousarray(both), self.observed, self.gap, variances, _TIMES)
+        times = _TIMES[: len(variances) - 1]
+        observed = np.ascontiguousarray(self.observed[:, : len(times) - 3])
+        out, logs = _whiten(np.ascontiguousarray(both), observed, self.gap, variances, times)
         return out[:, 0], out[:, 1:], float(logs)
+
+    def rms(self, variances: Array) -> Array:
+        """(M,) of the leftover of every row, more where friction is unsure [N m]."""
+        usual, unsure = variances[:_USUAL], variances[_USUAL:]
+        turning = self.observed[:, _USUAL - 4 :][:, : len(unsure)]
+        return np.sqrt(np.sum(usual) + turning**2 @ unsure)
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -117,13 +132,14 @@ def _whiten(
 def level_of(
     rows: JointRows, priors: Array, scale: float, drift: Array, held: Array | None = None
 ) -> Array:
-    """(6,) variances of what the columns leave, by REML.
+    """(8,) variances of what the columns leave, by REML; (6,) without late and unsure friction.
 
     Args:
         rows: Of one joint.
         priors: (K,) standard deviation of every column's coefficient.
         scale: Rms of the joint's torque, in which everything is reckoned [N m].
-        drift: (2,) largest standard deviations that friction and a gain may drift by [N m].
+        drift: (4,) largest standard deviations of drifting friction, a drifting gain, late and
+            unsure friction [N m]; (2,) without the last two.
         held: (K, A) orthonormal directions, coefficients by their priors, that stay zero.
     """
     columns = rows.columns * (priors / scale)
@@ -136,10 +152,11 @@ def level_of(
         rows.block,
         rows.gap,
     )
-    low = 2.0 * np.log(np.array([_LEAST, *[0.1 * _LEAST] * 5]))
+    count = 3 + len(drift)
+    low = 2.0 * np.log(np.array([_LEAST, *[0.1 * _LEAST] * count]))
     high = 2.0 * np.log(np.maximum(np.array([*[_MOST] * 4, *(drift / scale)]), 1e-300))
     high = np.maximum(high, low + 1e-3)
-    start = np.clip(2.0 * np.log(np.array([0.03, 0.03, 0.03, 0.03, 0.01, 0.01])), low, high)
+    start = np.clip(2.0 * np.log(np.array([*[0.03] * 4, *[0.01] * len(drift)])), low, high)
     found = minimize(
         lambda x: _cost(compressed, np.exp(x)),
         start,

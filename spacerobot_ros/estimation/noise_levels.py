@@ -85,10 +85,10 @@ def _resolution(values: Array | None) -> float:
     """Step of (N, k) values that are rounded, the largest of all columns; 0 where none is."""
     if values is None:
         return 0.0
-    return max((_step(column) for column in values.T), default=0.0)
+    return max((step_of(column) for column in values.T), default=0.0)
 
 
-def _step(column: Array) -> float:
+def step_of(column: Array) -> float:
     """Smallest step of rounded values (N,): they recur, and all are whole steps apart.
 
     Numbers of a joint that only moves on lie far apart, too, but never recur.

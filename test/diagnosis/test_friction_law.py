@@ -46,7 +46,9 @@ def friction(balance, named, learned):
     """As of a diagnosis that found these."""
     robot = balance.robot
     named, learned = (bind_effects(section, robot) for section in (named, learned))
-    found = SimpleNamespace(robot=robot, named=named, learned=learned, extended=(balance,))
+    found = SimpleNamespace(
+        robot=robot, named=named, learned=learned, calibration=(), extended=(balance,)
+    )
     return {it.joint: it for it in friction_laws(found)}
 
 

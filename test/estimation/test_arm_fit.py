@@ -11,6 +11,7 @@ from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.arm_fit import ArmFit, Posterior
 from spacerobot_ros.estimation.arm_priors import DRY, friction_of
 from spacerobot_ros.estimation.arm_rows import ArmRows
+from spacerobot_ros.estimation.arm_rows_about import about_loads
 from spacerobot_ros.estimation.balance import balance_of
 from spacerobot_ros.estimation.evidence import Gram, sum_of
 from spacerobot_ros.estimation.observations import observed
@@ -138,7 +139,7 @@ def test_friction_of_the_load_is_of_a_motor_s_whole_torque():
     (at,) = rows.places[numbers]
     off = [
         np.std(0.1 * found.columns[0][moving, 2, at] - applied) / np.std(applied)
-        for found in (rows, rows.loaded([whole], [numbers]))
+        for found in (rows, about_loads(rows, [whole], [numbers]))
     ]
     assert off[0] > 0.2
     assert off[1] < 0.02  # links and motion are the file's; rates are smoothed

@@ -66,7 +66,7 @@ class JointChannel:
     """What is left of one joint's torque.
 
     Args:
-        motions: Of the arm. j: Number of the joint. variances: (6,) of its leftover.
+        motions: Of the arm. j: Number of the joint. variances: (8,) of its leftover.
         chosen: Numbers of the causes whose size is free.
     """
 
@@ -148,7 +148,8 @@ class JointChannel:
         rows = []
         for run, balance in enumerate(self.motions.rows.balances):
             values = [law.form(self.motions.inputs(law, run), law.options) for law in laws]
-            in_rows = balance.in_rows(np.concatenate(values, axis=1))
+            every = np.concatenate(values, axis=1)
+            in_rows = balance.in_rows(every, np.full(every.shape[1], self.j))
             rows.append(in_rows[self.motions.rows.rows_at(balance, self.j)])
         return np.concatenate(rows)
 

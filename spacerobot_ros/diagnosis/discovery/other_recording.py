@@ -69,4 +69,5 @@ def _judged(entry: Leftover, left: Array, own: Array, times: Array) -> Leftover:
 def _torques(balance: Balance, law: Effect) -> Array:
     """(M, n) rows of a law's torques."""
     motion = balance.motion
-    return balance.in_rows(law.force(motion, law.driven(motion))[:, 6:])
+    torques = law.force(motion, law.driven(motion))[:, 6:]
+    return balance.in_rows(torques, np.arange(torques.shape[1]))

@@ -79,9 +79,10 @@ class RowSet:
 
     @classmethod
     def of(cls, rows: ArmRows, j: int, scale: Array) -> RowSet:
-        """All rows of a joint."""
+        """All rows of a joint, `scale` in the place of the level's shapes near turns."""
         r, by = rows.joints[j], scale[:, None]
-        own = JointRows(r.torque / scale, r.columns / by, r.observed / by, r.block, r.gap)
+        usual = r.observed[:, :2] / by
+        own = JointRows(r.torque / scale, r.columns / by, usual, r.block, r.gap)
         return cls(own, rows.joint_times(j), rows.recording[r.block], scale)
 
     def part(self, kept: BoolArray) -> RowSet:

@@ -1,0 +1,50 @@
+"""Rows of an arm about a model that has what was found: some columns hold for small causes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from .arm_rows import ArmRows
+from .balance import Balance
+
+
+def about_loads(rows: ArmRows, balances: Sequence[Balance], chosen: Iterable[int]) -> ArmRows:
+    """The same rows with what follows the load by a motor's whole torque.
+
+    A model that lacks friction and bodies lacks their share of it. Causes are chosen without:
+    any friction of a joint with little to carry would pass for one that goes with its load.
+
+    Args:
+        rows: The rows.
+        balances: Of a model with all that was found.
+        chosen: Numbers of candidates.
+    """
+    own = [i for i in chosen if rows.candidates[i].kind.follows_load]
+    columns = [full.copy() for full in rows.columns]
+    for balance, full in zip(balances, columns, strict=True):
+        for i in own:
+            full[:, :, rows.places[i]] = balance.columns(rows.candidates[i].small_steps)
+    return rows.about_others(columns)
+
+
+def about_delay(
+    rows: ArmRows, i: int, by: float, undone: Sequence[Balance], whole: Sequence[Balance]
+) -> ArmRows:
+    """The same rows linearized about a delay of the efforts.
+
+    Columns of the model hold for small delays of its torques: one without friction lacks what
+    friction that is late leaves wherever a joint turns round.
+
+    Args:
+        rows: The rows.
+        i: Number of the delay's candidate.
+        by: The delay [s].
+        undone: Balances of the model with that delay undone.
+        whole: The same of a model with all that was found.
+    """
+    columns, torques = [full.copy() for full in rows.columns], []
+    (at,) = rows.places[i]
+    for balance, all_of_it, full in zip(undone, whole, columns, strict=True):
+        full[:, :, rows.places[i]] = all_of_it.columns(rows.candidates[i].small_steps)
+        torques.append(balance.torque + by * full[:, :, at])
+    return rows.about_others(columns, torques)
