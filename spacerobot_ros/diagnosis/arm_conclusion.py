@@ -30,10 +30,11 @@ from .answer.words import verdict_of
 from .arm_evidence import rivals_of
 from .arm_found import WORSE, ArmFound, rms
 from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
-from .arm_verdict import Left, overall, sentence
+from .arm_verdict import Left, laws_that_matter, overall, sentence
 from .discovery.orders import find_orders
 from .events.answer import with_events
 from .friction_law import friction_laws
+from .gain_notes import gain_notes
 from .limits import RELEVANT
 from .ratios import ratios, scale_notes
 from .selection import Selection
@@ -61,7 +62,7 @@ def conclude_arm(
     minor = tuple(c for c in causes if not c.relevant)
     left = Left.of(found)
     verdict = verdict_of(not left.unusual, bool(named))
-    laws = [entry for entry in leftover or () if left.matters(entry)]
+    laws = laws_that_matter(found, left, leftover or ())
     has_unclear = len(found.fit.chosen) > len(found.clear) + len(found.learned)
     words = sentence(verdict, named, left, has_unclear=has_unclear) + _law_words(laws)
     if laws:  # a law is no named cause, and it is no noise
@@ -89,7 +90,7 @@ def conclude_arm(
         series=channels,
         gain=_gain(found),
         ranking=tuple(_ranked(found.first)),
-        notes=(*notes, *scale_notes(found)),
+        notes=(*notes, *gain_notes(found, left), *scale_notes(found)),
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),
         friction=friction_laws(found),

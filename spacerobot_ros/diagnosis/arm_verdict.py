@@ -8,14 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..effects.effect import Effect
 from ..estimation.arm_priors import RUN_TO_RUN, torque_tolerance
-from ..estimation.balance import own_noise_in_band
+from ..estimation.balance import Balance, own_noise_in_band
 from ..model.robot import Robot
 from ..types import Array, BoolArray
 from .answer.result import Cause, Leftover
 from .answer.words import cause_in_words, first_few
 from .arm_found import ArmFound, rms
-from .limits import LIKE_NOISE, RELEVANT
+from .limits import FULL_SCALE, LIKE_NOISE, RELEVANT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,6 +85,26 @@ class Left:
             yield unit, moves & (units == unit)
 
 
+def laws_that_matter(found: ArmFound, left: Left, leftover: Sequence[Leftover]) -> list[Leftover]:
+    """Laws of what is left that decide a verdict: as causes, from `RELEVANT` of the torque on."""
+    out = []
+    for entry in leftover:
+        applied = entry.applied
+        if left.matters(entry) and (applied is None or _share(found, applied) > RELEVANT):
+            out.append(entry)
+    return out
+
+
+def _share(found: ArmFound, law: Effect) -> float:
+    """Rms of a law's torque by that of its joint, where that moves."""
+    j, total, count = found.robot.joints.index(str(law.where)), 0.0, 0
+    for balance in found.extended:
+        moving = balance.arm.is_moving[:, j]
+        torque = law.force(balance.motion, law.driven(balance.motion))[moving, 6 + j]
+        total, count = total + float(torque @ torque), count + len(torque)
+    return math.sqrt(total / max(count, 1)) / float(found.fit.rows.scale[j])
+
+
 def sentence(
     verdict: str, named: Sequence[Cause], left: Left, *, has_unclear: bool = False
 ) -> str:
@@ -113,7 +134,7 @@ def overall(values: Array) -> float:
 
 
 def _usual(found: ArmFound) -> Array:
-    """(n,) that any machine differs from its file by, beside what its sensors say too much."""
+    """(n,) that any machine differs from its file by, and what its sensors say too much."""
     rows, deviations = found.fit.rows, found.fit.rows.tolerances.copy()
     for i, candidate in enumerate(rows.candidates):
         at = rows.places[i]
@@ -123,5 +144,20 @@ def _usual(found: ArmFound) -> Array:
             deviations[at] = np.hypot(deviations[at], RUN_TO_RUN * found.fit.values[at])
     gain = torque_tolerance(found.robot) * rows.scale
     noise = np.sqrt(np.mean([own_noise_in_band(b) ** 2 for b in found.extended], axis=0))
-    parts = (rows.torque_of(deviations), gain, LIKE_NOISE * noise)
+    scale = FULL_SCALE * full_scale(found.robot, found.extended)
+    parts = (rows.torque_of(deviations), gain, LIKE_NOISE * noise, scale)
     return np.asarray(np.linalg.norm(parts, axis=0))
+
+
+def full_scale(robot: Robot, balances: Sequence[Balance]) -> Array:
+    """(n,) largest torque that each joint's motor is made to measure [N m].
+
+    Its limit in the URDF, but no more than the arm's largest torque of that unit, since limits are
+    often made up; where there is none, its own largest torque.
+    """
+    efforts = [np.max(np.abs(balance.arm.effort), axis=0) for balance in balances]
+    own = np.max(efforts, axis=0)
+    slides = np.array([body.is_prismatic for body in robot.bodies[1:]])
+    most = np.where(slides, np.max(own * slides), np.max(own * ~slides))
+    limits = robot.effort_limits
+    return np.where(np.isfinite(limits), np.maximum(own, np.minimum(limits, most)), own)

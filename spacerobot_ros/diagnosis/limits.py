@@ -108,6 +108,12 @@ RELEVANT = 0.01
 """Of the rms torque of the joint where a cause of an arm shows most: less is fitted, not named. It
 is a third of what the best torque sensors are right within (docs/real_machines.md)."""
 
+FULL_SCALE = 3e-3
+"""Of a motor's full scale: what a measured torque is off by whatever it is. Arms of stated limits
+leave 0.1 to 0.45 % of them at their wrists (KUKA LWR4+ 0.05 to 0.1 of 38 N m, Panda 0.05 of 12,
+UR10e 0.25 of 56), as torque sensors and current transducers are specified. It decides whether more
+is left than usual, no name."""
+
 CLEAR = 2.0
 """Standard deviations, the difference between two ways to weigh the rows among them, that one
 coefficient of a cause must be from nothing: with evidence beside it, odds of 20 are enough."""

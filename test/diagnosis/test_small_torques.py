@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis.answer.result import Leftover
-from spacerobot_ros.diagnosis.arm_verdict import Left, sentence
+from spacerobot_ros.diagnosis.arm_verdict import Left, full_scale, sentence
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.events.contact import Pulse, event_of
 from spacerobot_ros.diagnosis.events.rest import rest_events
+from spacerobot_ros.diagnosis.gain_notes import gain_of
 from spacerobot_ros.diagnosis.quality.readings import readings
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.balance import balance_of, own_noise_in_band
@@ -142,3 +144,24 @@ def test_a_law_of_next_to_nothing_that_is_not_applied_is_none_of_the_verdict(rob
     ]
     assert [left.matters(law) for law in laws] == [False, True, False]
     assert left.matters(replace(laws[0], applied=LAW))
+
+
+@pytest.mark.parametrize(
+    ('limit', 'scale'), [(28.0, 28.0), (1e3, 50.0), (np.inf, 0.02)], ids=['its', 'made up', 'none']
+)
+def test_full_scale_is_the_limit_where_that_is_no_mere_number(robot, limit, scale):
+    """Of a wrist that needs 20 mN m on an arm that needs 50 N m; a lift's newtons are others."""
+    effort = np.array([[900.0, -50.0, 0.02], [-700.0, 10.0, -0.01]])
+    arm = SimpleNamespace(
+        effort_limits=np.array([300.0, 330.0, limit]),
+        bodies=[robot.bodies[0], *(SimpleNamespace(is_prismatic=k == 0) for k in range(3))],
+    )
+    balance = SimpleNamespace(arm=SimpleNamespace(effort=effort))
+    np.testing.assert_allclose(full_scale(arm, [balance]), [900.0, 50.0, scale])
+
+
+def test_a_gain_without_a_name_is_said(robot, rng):
+    """Of the lift; noise of 0.05 N of 80."""
+    gain, share = gain_of([balance_of(record_of(robot, rng, 20.0, gain=1.25), robot, ())], 0)
+    assert gain == pytest.approx(1.25, rel=1e-3)
+    assert share > 0.99

@@ -21,7 +21,7 @@ URDF = """<robot name="gantry">
     <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="300" velocity="2"/></joint>
 </robot>"""
 MASS, DRY, WET = 8.0, 12.0, 20.0  # kg, N, N s/m
-TURNS, STEP = 36, 1e-3  # turns of a recording; s
+TURNS, STEP = 24, 1e-3  # turns of a recording; s
 STICK, DELAY = 0.12, 0.015  # s
 KINDS = ('coulomb', 'viscous', 'presliding', 'stribeck')
 
