@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_priors import DRY, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.arm_rows_about import about_delay, about_loads
-from ..estimation.evidence import sum_of
+from ..estimation.evidence import Gram, sum_of
 from ..estimation.motor_constants import first_constants, scaled_constant
 from ..model.robot import Robot
 from ..recording.record import Record
@@ -244,30 +244,48 @@ def _applicable(found: ArmFound) -> ArmFound:
     """The causes as they are applied: no joint of a recording may be worse with them than without.
 
     Where one is, its rows count more: values that suit all together may cost one of them a little.
-    Where that does not help, the cause at that joint with the least evidence goes; what of the
-    file is corrected within its tolerance goes before any.
+    Where that does not help, the cause at that joint goes without which it is best off; what of
+    the file is corrected within its tolerance goes before any.
     """
-    selection, rows, weights = found.selection, found.selection.rows, found.weights
+    selection, weights = found.selection, found.weights
     while True:
         plain = plain_of(selection, [*found.levels], weights)
-        fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
-        clear = tuple(i for i in fit.chosen if is_clear(fit, i))
-        out = replace(
-            found, fit=fit, clear=clear, named=tuple(fit.effects(clear)), weights=weights
-        )
-        unclear = [i for i in fit.chosen if i not in clear]
-        for more in ([*unclear, *fit.calibration], unclear):
-            out = replace(out, calibration=tuple(fit.effects(more)))
+        tried = list(_applied(replace(found, weights=weights), selection.chosen, plain.whole))
+        for out in tried:
             worse = _worse(out)
             if worse is not None and not worse.any():
                 return out
         if not selection.chosen:
-            return replace(out, calibration=())
+            return replace(tried[0], calibration=())
+        best = min(tried, key=lambda out: float(np.max(_extent(out))))
+        worse = _worse(best)
         if worse is not None and np.max(weights) < _HEAVIEST:
             weights = np.where(worse, 2.0 * weights, weights)
         else:
-            selection.drop(_weakest(selection, worse))
+            selection.drop(_culprit(best, plain.whole))
             weights = np.ones_like(weights)
+
+
+def _applied(found: ArmFound, chosen: Sequence[int], plain: Gram) -> Iterator[ArmFound]:
+    """What is found with some causes, with all corrections of the file and with none."""
+    selection = found.selection
+    fit = ArmFit(selection.rows, selection.whole, tuple(chosen), plain)
+    clear = tuple(i for i in fit.chosen if is_clear(fit, i))
+    out = replace(found, fit=fit, clear=clear, named=tuple(fit.effects(clear)))
+    unclear = [i for i in fit.chosen if i not in clear]
+    for more in ([*unclear, *fit.calibration], unclear):
+        yield replace(out, calibration=tuple(fit.effects(more)))
+
+
+def _extent(found: ArmFound) -> Array:
+    """(n,) how many times as much the extended model leaves of each joint, where it leaves most.
+
+    Infinite where there is no such robot.
+    """
+    try:
+        return np.asarray(np.max(np.nan_to_num(found.ratios), axis=0))
+    except ConfigurationError:
+        return np.full(found.robot.n_joints, math.inf)
 
 
 def _worse(found: ArmFound) -> BoolArray | None:
@@ -278,10 +296,19 @@ def _worse(found: ArmFound) -> BoolArray | None:
         return None
 
 
-def _weakest(selection: Selection, worse: BoolArray | None) -> int:
-    """The chosen cause of least evidence, of those at joints that got worse if there are any."""
-    rows = selection.rows
-    joints = () if worse is None else np.array(rows.robot.joints)[worse.any(axis=0)]
-    gains = {i: selection.gain(i) for i in selection.chosen}
-    there = {i: gain for i, gain in gains.items() if rows.candidates[i].where in joints}
-    return min(there or gains, key=gains.__getitem__)
+def _culprit(found: ArmFound, plain: Gram) -> int:
+    """The cause at the joint that is worst off without which that is best off.
+
+    Of all causes the one with the least evidence where they make no robot.
+    """
+    selection, rows, extent = found.selection, found.selection.rows, _extent(found)
+    if np.isinf(extent).any():
+        return min(selection.chosen, key=selection.gain)
+    j = int(np.argmax(extent))
+    there = [i for i in selection.chosen if rows.candidates[i].where == rows.robot.joints[j]]
+
+    def without(i: int) -> float:
+        others = [k for k in selection.chosen if k != i]
+        return min(float(_extent(out)[j]) for out in _applied(found, others, plain))
+
+    return min(there or selection.chosen, key=without)
