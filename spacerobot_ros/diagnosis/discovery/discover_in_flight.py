@@ -15,14 +15,12 @@ from ...effects.learned_torque import LearnedTorque, law_at
 from ...estimation.refit import Fit, refine
 from ...types import Array
 from ..answer.result import Diagnosis
-from ..limits import OBVIOUS
+from ..limits import LARGEST_LAW, OBVIOUS
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discover import pushes
 from .flight_channels import Component, FlightChannel, FlightRows
 from .law_search import Winner
 from .possible_laws import ACROSS, SENSOR
-
-_LIMIT = 1.5  # of a law's largest torque in the data
 
 
 def discover_in_flight(
@@ -138,7 +136,7 @@ def _torque_law(channel: FlightChannel, it: HeldLaw, values: Array) -> LearnedTo
         inputs=it.law.inputs,
         coefficients=tuple(values.tolist()),
         range=channel.ranges(it.law),
-        limit=max(_LIMIT * float(np.max(np.abs(torque))), math.ulp(1.0)),
+        limit=max(LARGEST_LAW * float(np.max(np.abs(torque))), math.ulp(1.0)),
         kind=it.law.kind,
         options=dict(it.law.options),
     )

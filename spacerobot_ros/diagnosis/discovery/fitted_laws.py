@@ -17,12 +17,12 @@ from ...estimation.columns import Candidate
 from ...types import Array, BoolArray
 from ..arm_found import ArmFound, is_clear
 from ..arms import levels_of, plain_of
+from ..limits import LARGEST_LAW
 from ..selection import Selection
 from .arm_channels import ArmMotions
 from .possible_laws import Law
 
 _SIZE = 3.0  # times the torque that is missed: a law's plausible torque
-_LIMIT = 1.5  # of its largest torque in the data
 _SAME = 1e-6
 """Of a term's square that causes leave where it is one of theirs: rounding leaves 1e-30 of a sign
 beside dry friction, Dahl's friction 4e-3 beside one of another displacement, which is more."""
@@ -95,7 +95,7 @@ def applied_law(law: Law, free: LearnedTorque, motions: ArmMotions) -> LearnedTo
         moving = balance.arm.is_moving[:, j]  # in some recordings it may stand
         largest = max(largest, float(np.max(np.abs(torque[moving]), initial=0.0)))
     entries = {f.name: getattr(free, f.name) for f in fields(free)}
-    return law_at(**{**entries, 'kind': law.kind, 'limit': _LIMIT * largest})
+    return law_at(**{**entries, 'kind': law.kind, 'limit': LARGEST_LAW * largest})
 
 
 def with_laws(
