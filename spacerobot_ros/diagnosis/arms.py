@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,23 +14,21 @@ from ..estimation.arm_fit import ArmFit
 from ..estimation.arm_priors import DRY, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.arm_rows_about import about_delay, about_loads
-from ..estimation.evidence import Gram, sum_of
 from ..estimation.motor_constants import first_constants, scaled_constant
 from ..model.robot import Robot
 from ..recording.record import Record
-from ..types import Array, BoolArray
+from ..types import Array
 from .answer.result import Evidence
+from .applicable import applicable, plain_of
 from .arm_evidence import evidence_of
-from .arm_found import WORSE, ArmFound, balances_of, is_clear, refuse_rest
+from .arm_found import ArmFound, balances_of, refuse_rest
 from .events.arm_events import Spans, arm_events
 from .held_out_checks import check_bodies, check_held_out, check_plain
 from .selection import Selection
 
 _ROUNDS = 4
-DELAY = 'effort_delay'
+_DELAY = 'effort_delay'
 _SETTLED = 1e-3  # of a motor constant, from round to round
-_HEAVIEST = 8.0
-"""Times that a joint may count for more: values that are then 64 times its own are its alone."""
 
 
 def find_arm_causes(
@@ -134,7 +132,7 @@ def _found(
         equal,
         events=events,
     )
-    return _applicable(found)
+    return applicable(found)
 
 
 def _with_zeros(rough: Selection, zeros: Sequence[int]) -> Selection:
@@ -163,9 +161,9 @@ def _delayed(
 ) -> ArmRows:
     """Rows about the delay of efforts that was chosen, if one was, see `about_delay`."""
     kinds = [rows.candidates[i].kind.id for i in rough.chosen]
-    if DELAY not in kinds:
+    if _DELAY not in kinds:
         return rows
-    i = rough.chosen[kinds.index(DELAY)]
+    i = rough.chosen[kinds.index(_DELAY)]
     fit = ArmFit(rows, rough.whole, tuple(rough.chosen))
     (delay,) = fit.effects([i])
     try:
@@ -211,24 +209,6 @@ def levels_of(rows: ArmRows, chosen: Selection, more: Sequence[int] = ()) -> lis
     return rows.levels(rows.deviations([*chosen.chosen, *more]), friction)
 
 
-def plain_of(selection: Selection, levels: Sequence[Array], weights: Array) -> Selection:
-    """The same with rows that are not whitened, counted so often that they say as much.
-
-    Args:
-        selection: The choice.
-        levels: (8,) variances of every set of `ArmRows.joints`.
-        weights: (R, n), see `ArmRows.parts`.
-    """
-    parts = selection.rows.parts(levels, weights)
-    chosen = [selection.rows.places[i] for i in selection.chosen or selection.live]
-    own = np.concatenate(chosen) if chosen else np.zeros(0, dtype=int)
-    white, plain = (np.diag(g.matrix)[own] for g in (selection.whole, sum_of(parts)))
-    ratios = white[plain > 0.0] / plain[plain > 0.0]
-    factor = float(np.median(ratios)) if len(ratios) else 1.0
-    rows = selection.rows
-    return Selection(rows, [part.times(factor) for part in parts], rows.recording, rows.held)
-
-
 def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int, Evidence]:
     """Evidence of every cause; what predicts no better than columns without meaning goes."""
     while True:
@@ -238,77 +218,3 @@ def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int,
         if worst is None or excess[worst] > 0.0 or math.isnan(excess[worst]):
             return evidence
         selection.drop(worst)
-
-
-def _applicable(found: ArmFound) -> ArmFound:
-    """The causes as they are applied: no joint of a recording may be worse with them than without.
-
-    Where one is, its rows count more: values that suit all together may cost one of them a little.
-    Where that does not help, the cause at that joint goes without which it is best off; what of
-    the file is corrected within its tolerance goes before any.
-    """
-    selection, weights = found.selection, found.weights
-    while True:
-        plain = plain_of(selection, [*found.levels], weights)
-        tried = list(_applied(replace(found, weights=weights), selection.chosen, plain.whole))
-        for out in tried:
-            worse = _worse(out)
-            if worse is not None and not worse.any():
-                return out
-        if not selection.chosen:
-            return replace(tried[0], calibration=())
-        best = min(tried, key=lambda out: float(np.max(_extent(out))))
-        worse = _worse(best)
-        if worse is not None and np.max(weights) < _HEAVIEST:
-            weights = np.where(worse, 2.0 * weights, weights)
-        else:
-            selection.drop(_culprit(best, plain.whole))
-            weights = np.ones_like(weights)
-
-
-def _applied(found: ArmFound, chosen: Sequence[int], plain: Gram) -> Iterator[ArmFound]:
-    """What is found with some causes, with all corrections of the file and with none."""
-    selection = found.selection
-    fit = ArmFit(selection.rows, selection.whole, tuple(chosen), plain)
-    clear = tuple(i for i in fit.chosen if is_clear(fit, i))
-    out = replace(found, fit=fit, clear=clear, named=tuple(fit.effects(clear)))
-    unclear = [i for i in fit.chosen if i not in clear]
-    for more in ([*unclear, *fit.calibration], unclear):
-        yield replace(out, calibration=tuple(fit.effects(more)))
-
-
-def _extent(found: ArmFound) -> Array:
-    """(n,) how many times as much the extended model leaves of each joint, where it leaves most.
-
-    Infinite where there is no such robot.
-    """
-    try:
-        return np.asarray(np.max(np.nan_to_num(found.ratios), axis=0))
-    except ConfigurationError:
-        return np.full(found.robot.n_joints, math.inf)
-
-
-def _worse(found: ArmFound) -> BoolArray | None:
-    """(R, n) where the extended model leaves more; None where there is no such robot."""
-    try:
-        return found.ratios > WORSE
-    except ConfigurationError:
-        return None
-
-
-def _culprit(found: ArmFound, plain: Gram) -> int:
-    """The cause at the joint that is worst off without which that is best off.
-
-    Of all causes the one with the least evidence where they make no robot.
-    """
-    selection, rows, extent = found.selection, found.selection.rows, _extent(found)
-    if np.isinf(extent).any():
-        return min(selection.chosen, key=selection.gain)
-    j = int(np.argmax(extent))
-    there = [i for i in selection.chosen if rows.candidates[i].where == rows.robot.joints[j]]
-
-    def without(i: int) -> float:
-        others = [k for k in selection.chosen if k != i]
-        return min(float(_extent(out)[j]) for out in _applied(found, others, plain))
-
-    return min(there or selection.chosen, key=without)

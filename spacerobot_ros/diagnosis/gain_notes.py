@@ -11,17 +11,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..estimation.balance import Balance
+from ..model.robot_settings import LINK_SIDE
 from .arm_found import ArmFound
 from .arm_verdict import Left
 from .limits import MOST
-
-_SENSOR = 'link'
 
 
 def gain_notes(found: ArmFound, left: Left) -> tuple[str, ...]:
     """What to say of every joint of which more is left than usual."""
     kinds = dict(zip(found.robot.arm, found.robot.effort_kinds, strict=True))
-    joints = [j for j in left.unusual if kinds.get(found.robot.joints[j]) != _SENSOR]
+    joints = [j for j in left.unusual if kinds.get(found.robot.joints[j]) != LINK_SIDE]
     return tuple(_notes(found.extended, joints))
 
 

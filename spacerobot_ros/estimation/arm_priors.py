@@ -18,6 +18,7 @@ import numpy as np
 from ..dynamics.equations import Dynamics
 from ..effects.effect import Effect
 from ..model.robot import Robot
+from ..model.robot_settings import LINK_SIDE
 from ..types import Array
 from .balance import Balance
 from .columns import Candidate
@@ -68,7 +69,7 @@ class Machine:
         return np.where(passive, own, measured)
 
     @cached_property
-    def carried(self) -> Array:
+    def torque_scale(self) -> Array:
         """(n,) the same, or the rms that the model needs there if that is more [N m].
 
         A zero that is off may be as large as the weight that efforts leave out.
@@ -133,10 +134,10 @@ class Machine:
             if not self.torque[j]:  # it never moves, or has no effort
                 return None
             torque, rate = float(self.torque[j]), max(float(self.rate[j]), 1e-6)
-            carried = float(self.carried[j])
+            scale = float(self.torque_scale[j])
             inertia = max(0.5 * float(self.inertia[j]), 0.3 * torque / float(self.acceleration[j]))
         else:
-            j, torque, rate, carried, inertia = 0, 0.0, 1.0, 0.0, 0.0
+            j, torque, rate, scale, inertia = 0, 0.0, 1.0, 0.0, 0.0
         own = 0.2 * np.array([torque, torque / rate])
         dry = self.friction(DRY, where)
         sizes: dict[str, tuple[float | Array, float]] = {
@@ -151,8 +152,8 @@ class Machine:
             'joint_torque_ripple': (0.1 * torque, 0.0),
             'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
             'motor_inertia': (inertia, 0.0),
-            'torque_sensor_bias': (0.3 * carried, 0.0),
-            'current_offset': (0.3 * carried / self._unit(where), 0.0),
+            'torque_sensor_bias': (0.3 * scale, 0.0),
+            'current_offset': (0.3 * scale / self._unit(where), 0.0),
             'joint_sensor_delay': (max(0.01, self.interval), 0.0),
             'encoder_offset': (0.02, 0.0),
             'effort_delay': (max(0.01, self.interval), 0.0),
@@ -221,6 +222,6 @@ def friction_of(effects: Iterable[Effect], law: str, where: str | None) -> float
 def torque_tolerance(robot: Robot) -> Array:
     """(n,) share by which the scale of each joint's measured torques is uncertain."""
     kinds = dict(zip(robot.arm, robot.effort_kinds, strict=True))
-    is_sensor = [kinds.get(joint) == 'link' for joint in robot.joints]
+    is_sensor = [kinds.get(joint) == LINK_SIDE for joint in robot.joints]
     known = np.where(is_sensor, _SENSOR_TOLERANCE, _GAIN_TOLERANCE)
     return np.where(np.isin(robot.joints, robot.passive_joints), 0.0, known)

@@ -11,7 +11,8 @@ ANCHORS = ('none', 'gravity', 'inertia')
 
 
 COMPENSATED = 'gravity_compensated'
-EFFORT_KINDS = ('motor', 'link', 'current', COMPENSATED, 'command')
+LINK_SIDE = 'link'  # what a torque sensor measures
+EFFORT_KINDS = ('motor', LINK_SIDE, 'current', COMPENSATED, 'command')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

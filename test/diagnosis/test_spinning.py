@@ -97,6 +97,10 @@ def test_one_sense_of_spin_tells_no_bias_from_a_tilt(box, rng):
         if cause.applied.id != 'inertial_parameters':
             assert cause.rivals, cause.applied.id
     assert 'which these spins do not tell apart' in found.sentence
+    # a tilt by 0.1 rad and a bias are a scale of hundreds of per cent as well: the least is named
+    scales = [c.parameters[axis].value for c in found.causes if c.applied.id == 'gyro_scale'
+              for axis in c.parameters]  # fmt: skip
+    assert np.all(np.abs(scales) < 0.1)
 
 
 def test_a_body_that_does_not_spin_is_refused(box, rng):

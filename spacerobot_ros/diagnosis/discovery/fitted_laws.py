@@ -15,8 +15,9 @@ from ...estimation.arm_priors import NOTHING
 from ...estimation.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...types import Array, BoolArray
+from ..applicable import plain_of
 from ..arm_found import ArmFound, is_clear
-from ..arms import levels_of, plain_of
+from ..arms import levels_of
 from ..limits import LARGEST_LAW
 from ..selection import Selection
 from .arm_channels import ArmMotions

@@ -1,0 +1,59 @@
+"""What is applied of an arm's causes; which way an arm of unknown noise is judged."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.real_arm import JOINTS, RealArm, arm_file
+from spacerobot_ros.diagnosis import applicable, diagnose, predictable
+from spacerobot_ros.diagnosis.answer.result import Diagnosis
+from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+
+
+@pytest.mark.parametrize('guilty', [0, 1, 2])
+def test_the_cause_goes_that_spoils_a_joint_and_not_the_weakest(monkeypatch, guilty):
+    """Of three causes at `a`, with 5, 3 and 9 nats; one at `b` could do no harm there."""
+
+    def applied(found, chosen, plain):
+        spoilt = 1.5 if guilty in chosen else 0.2
+        yield SimpleNamespace(ratios=np.array([[spoilt, 1.01]]), weights=np.ones((1, 2)))
+
+    monkeypatch.setattr(applicable, '_applied', applied)
+    rows = SimpleNamespace(
+        candidates=[SimpleNamespace(where=where) for where in 'aaab'],
+        robot=SimpleNamespace(joints=('a', 'b')),
+    )
+    selection = SimpleNamespace(
+        chosen=[0, 1, 2, 3], rows=rows, gain=[5.0, 3.0, 9.0, 1.0].__getitem__
+    )
+    ratios = np.array([[1.5, 1.01]])
+    found = SimpleNamespace(selection=selection, ratios=ratios, weights=np.ones((1, 2)))
+    assert applicable.culprit(found, None) == guilty
+
+
+def test_a_part_is_tried_in_which_the_joints_go_furthest():
+    time = np.arange(6000) / 100.0
+    lively = np.where((time > 30.0) & (time < 40.0), np.sin(3.0 * time), 0.1 * np.sin(time))
+    q = np.column_stack([lively, 0.05 * lively])
+    record = Record(joints=JointSeries(('a', 'b'), to_stamps(time), q, None, q))
+    part = predictable._liveliest(record)
+    assert len(part.joint_time) == 1000
+    assert part.joint_time[0] == pytest.approx(30.0, abs=0.1)
+    short = record.between(-1.0, 5.0)
+    assert predictable._liveliest(short) is short
+
+
+@pytest.mark.parametrize('verdict', ['unexplained', 'partly_explained', 'explained'])
+def test_where_prediction_has_no_answer_the_balance_has(monkeypatch, verdict):
+    of_prediction = Diagnosis(verdict=verdict, sentence='of the prediction')
+    monkeypatch.setattr(diagnose, 'is_predictable', lambda *_: True)
+    monkeypatch.setattr(diagnose, '_predicted', lambda *_: of_prediction)
+    file = arm_file(has_friction=False)
+    record = RealArm(2).record(0, moving=JOINTS[1:2], duration=12.0)
+    said = diagnose.diagnose(record, file.robot)
+    assert (said is of_prediction) == (verdict == 'explained')
+    if said is not of_prediction:
+        assert {c.applied.where for c in said.causes} == {'joint_2'}
