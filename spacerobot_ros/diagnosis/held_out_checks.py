@@ -7,6 +7,8 @@ content.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..types import Array
@@ -24,12 +26,16 @@ def check_held_out(selection: Selection) -> None:
         selection.drop(min(failing, key=failing.__getitem__))
 
 
-def check_bodies(selection: Selection) -> None:
+def check_bodies(selection: Selection, plain: Selection) -> None:
     """Drop bodies of the machine without which parts are predicted as well, weakest first.
 
     Ten numbers follow much of what several simpler causes leave. What they have to beat by
     `HELD_OUT` is the best that does without: what is chosen in their place, no other body among
-    it.
+    it. A slow load is little of the whitened rows, so that beating it as it is will do.
+
+    Args:
+        selection: What is chosen.
+        plain: The same choice on rows that are not whitened.
     """
     bodies = {
         i
@@ -40,12 +46,25 @@ def check_bodies(selection: Selection) -> None:
     while left:
         other = selection.instead_of(left[0], bodies)
         check_held_out(other)
-        without, with_it = (s.held_out_misfit(s.chosen) for s in (other, selection))
-        if without - with_it <= 2.0 * HELD_OUT:
+        if (
+            max(_nats(rows, selection.chosen, other.chosen) for rows in (selection, plain))
+            <= HELD_OUT
+        ):
             selection.take(other)
             left = sorted(bodies & set(selection.chosen), key=selection.gain)
         else:
             left = left[1:]
+
+
+def _nats(rows: Selection, chosen: Sequence[int], others: Sequence[int]) -> float:
+    """By how much one choice predicts parts of the data better than another [nats].
+
+    A part of which more is missed than its noise counts by its own level: where something else
+    happens decides nothing.
+    """
+    with_it, without = (rows.held_out_misfits(choice) for choice in (chosen, others))
+    sizes = np.array([fold.part.rows for fold in rows.folds()])
+    return float(0.5 * np.sum(np.minimum(sizes, with_it) * np.log(without / with_it)))
 
 
 def check_plain(selection: Selection, plain: Selection) -> None:

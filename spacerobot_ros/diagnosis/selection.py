@@ -281,7 +281,11 @@ class Selection:
         self.chosen, self._pruned = other.chosen, other._pruned
 
     def held_out_misfit(self, chosen: Sequence[int], i: int | None = None) -> float:
-        """Squared rows of every part with the coefficients that all others give.
+        """`held_out_misfits` of all parts together."""
+        return float(np.sum(self.held_out_misfits(chosen, i)))
+
+    def held_out_misfits(self, chosen: Sequence[int], i: int | None = None) -> Array:
+        """(F,) squared rows of every part with the coefficients that all others give.
 
         What is of a part alone, such as its load, is not held against it: its most probable value
         there is.
@@ -291,14 +295,14 @@ class Selection:
             i: The cause that the parts judge; None: all of them. It is not there at all where it
                 is not chosen.
         """
-        out = 0.0
+        out = []
         for fold in self.folds(i):
             if i is None or i in chosen:
                 found = self.posterior(chosen, fold.rest)
             else:
                 found = self.without(i, [*chosen, i], fold.rest)
-            out += fold.part.misfit(self._with_own(found, fold))
-        return out
+            out.append(fold.part.misfit(self._with_own(found, fold)))
+        return np.array(out)
 
     def _with_own(self, found: Posterior, fold: Fold) -> Array:
         """(K,) most probable coefficients, those of recordings of which only the part knows."""

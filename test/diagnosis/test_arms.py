@@ -1,5 +1,6 @@
 """Arms whose noise nobody knows: right names at the right joints, nothing where none is."""
 
+from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -212,10 +213,55 @@ def test_a_body_has_to_beat_the_simple_causes_that_could_stand_in_its_place():
         keys = [c.key for c in rows.candidates]
         link = 'link_2' if name == 'rotors' else 'link_3'
         selection.chosen = [keys.index(('inertial_parameters', link))]
-        check_bodies(selection)
+        check_bodies(selection, selection)
         chosen[name] = {keys[i] for i in selection.chosen}
     assert chosen['rotors'] == {('motor_inertia', 'joint_1'), ('motor_inertia', 'joint_2')}
     assert chosen['body'] == {('inertial_parameters', 'link_3')}
+
+
+class Judged(Selection):
+    """A body whose presence leaves parts of 100 rows with given misfits; nothing else is there."""
+
+    def __init__(self, with_it: list[float], without: list[float]) -> None:
+        body = SimpleNamespace(kind=CATALOGUE['inertial_parameters'], recordings=None)
+        self.rows = SimpleNamespace(candidates=[body])
+        self.chosen = [0]
+        self._misfits = {True: with_it, False: without}
+
+    def gain(self, i):
+        return 50.0
+
+    def instead_of(self, i, barred):
+        other = copy(self)
+        other.chosen = []
+        return other
+
+    def take(self, other):
+        self.chosen = other.chosen
+
+    def folds(self, i=None):
+        return [SimpleNamespace(part=SimpleNamespace(rows=100)) for _ in range(4)]
+
+    def held_out_misfits(self, chosen, i=None):
+        return np.array(self._misfits[bool(chosen)])
+
+
+@pytest.mark.parametrize(
+    ('whitened', 'plain', 'stays'),
+    [
+        (([100.0] * 4, [103.0] * 4), ([50.0] * 4, [51.0] * 4), True),  # 6 nats
+        (([100.0] * 4, [101.0] * 4), ([50.0] * 4, [51.0] * 4), False),  # 2 nats
+        (([100.0] * 4, [90.0] * 4), ([50.0] * 4, [60.0] * 4), True),  # a slow load
+        (([100.0] * 3 + [1200.0], [130.0] * 3 + [1000.0]), ([50.0] * 4, [50.0] * 4), True),
+        (([100.0] * 3 + [1200.0], [103.0] * 3 + [1000.0]), ([50.0] * 4, [50.0] * 4), False),
+    ],
+)
+def test_a_body_stays_where_it_helps_whitened_or_plain_and_no_part_decides_alone(
+    whitened, plain, stays
+):
+    selection = Judged(*whitened)
+    check_bodies(selection, Judged(*plain))
+    assert bool(selection.chosen) == stays
 
 
 def test_blocks_have_as_much_motion_each():
