@@ -1,7 +1,6 @@
 """Samples that contradict their neighbours, left out before a fit, and pauses that end it.
 
-A rate is predicted by cubics through its neighbours, five disjoint or one-sided ways; the median
-of the five standardized errors is not moved by a neighbour that is bad itself. A position (or an
+A rate is predicted by its neighbours (`recording.neighbours`). A position (or an
 attitude) less the integral of its rate moves slowly; it is compared with its running median, which
 a burst of up to half the window does not move. Both scales are the larger of the stated noise and
 the median absolute error, so that a motion rougher than thought is not taken for outliers
@@ -20,20 +19,18 @@ from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
 from ..estimation.reference import NoiseLevels, integrated_rotation
+from ..formats import counted
 from ..recording.gaps import SPLIT_PERIODS
+from ..recording.neighbours import NORMAL, STENCILS, bridged, off_neighbours
 from ..recording.record import Record
-from ..types import Array, IntArray
+from ..types import Array
 
 FURTHEST = 6.0
 """Standard deviations from which on a sample is left out. One in a hundred just below it raises
 the variance by 0.01 x 36, standard deviations by 17 %; noise alone goes beyond once in 5e8."""
 
-_NEIGHBOURS = ((-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6), (-3, -2, -1), (1, 2, 3))
-_STENCILS = tuple(np.array(offsets) for offsets in _NEIGHBOURS)
-_STRETCHED = 2.0  # usual intervals between neighbours, beyond which they predict nothing
 _HALF_WINDOW = 25  # samples; a burst of as many is found
 _HUGE = 1e150  # whose sums and ratios are finite
-_NORMAL = 1.4826  # standard deviation of normal numbers by their median magnitude
 
 
 class Outliers(NamedTuple):
@@ -75,12 +72,23 @@ def without_outliers(record: Record, noise: NoiseLevels) -> tuple[Record, Outlie
     return replace(record, zero_ns=record.origin_ns, **kept), found
 
 
+def screened(record: Record, noise: NoiseLevels) -> tuple[Record, tuple[str, ...]]:
+    """`without_outliers` of a whole recording, and what its notes say of that."""
+    kept, found = without_outliers(record, noise)
+    parts = [
+        counted(n, f'sample of {s}', f'samples of {s}')
+        for s, n in (+found.counted(record)).items()
+    ]
+    note = f'left out, as they contradict their neighbours: {", ".join(parts)}'
+    return kept, (note,) if parts else ()
+
+
 def _outlying_joints(record: Record, noise: NoiseLevels) -> np.ndarray:
     time, q, qd = record.joint_time, record.q, record.qd
     if qd is None or not qd.size:
         return _outlying_rates(time, q, noise.joint_position)
     bad = _outlying_rates(time, qd, noise.joint_velocity) | _stuck(time, q, qd, noise)
-    rates = _bridged(time, qd, bad)
+    rates = bridged(time, qd, bad)
     drift = q - cumulative_trapezoid(rates, time, axis=0, initial=0.0)
     return bad | _off_median(time, drift, noise.joint_position)
 
@@ -118,48 +126,15 @@ def _outlying_attitudes(record: Record, bad_rates: np.ndarray, noise: NoiseLevel
 
 def _outlying_rates(time: Array, values: Array, std: float) -> np.ndarray:
     """(N,) where values (N, m) are far from what their neighbours predict."""
-    if len(time) < 2 * len(_STENCILS):
+    if len(time) < 2 * len(STENCILS):
         return np.zeros(len(time), dtype=bool)
     values = np.clip(values, -_HUGE, _HUGE)
-    far = np.any(_far(_off_neighbours(time, values, values)[0], std), axis=1)
+    far = np.any(_far(off_neighbours(time, values, values)[0], std), axis=1)
     if not far.any():
         return far
-    good = _bridged(time, values, far)  # bad neighbours would disagree with each other
-    errors, still_open = _off_neighbours(time, values, good)
+    good = bridged(time, values, far)  # bad neighbours would disagree with each other
+    errors, still_open = off_neighbours(time, values, good)
     return far & np.any(_far(errors, std, still_open), axis=1)
-
-
-def _off_neighbours(time: Array, values: Array, good: Array) -> tuple[Array, Array]:
-    """(N, m) errors as of one sample, and by how much predictions differ, likewise."""
-    errors, spreads = zip(*(_errors(time, values, good, s) for s in _STENCILS), strict=True)
-    error, spread = np.stack(errors), np.stack(spreads)[..., None]
-    known = np.isfinite(error).any(axis=0)
-    error[:, ~known] = 0.0  # alone on either side of a gap
-    differences = (error - np.nanmedian(error, axis=0)) / spread
-    return (
-        np.nanmedian(error / spread, axis=0),
-        _NORMAL * np.nanmedian(np.abs(differences), axis=0),
-    )
-
-
-def _errors(time: Array, values: Array, good: Array, stencil: IntArray) -> tuple[Array, Array]:
-    """Of a polynomial through good neighbours: (N, m) error, NaN where none, (N,) spread."""
-    usual, spread = float(np.median(np.diff(time))), np.ones(len(time))
-    out = np.full(values.shape, np.nan)
-    low, high = max(0, -stencil.min()), len(time) - max(0, stencil.max())
-    at = np.arange(low, high)
-    nodes = time[at[:, None] + stencil] - time[at, None]
-    near = np.all(np.abs(nodes) <= _STRETCHED * usual * np.abs(stencil), axis=1)
-    at, nodes = at[near], nodes[near]
-    weights = np.ones_like(nodes)
-    for i in range(len(stencil)):  # Lagrange's polynomials at zero
-        for j in range(len(stencil)):
-            if i != j:
-                weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
-    predicted = np.einsum('ns,nsm->nm', weights, good[at[:, None] + stencil])
-    spread[at] = np.sqrt(1.0 + np.sum(weights**2, axis=1))
-    out[at] = values[at] - predicted
-    return out, spread
 
 
 def _off_median(time: Array, drift: Array, std: float) -> np.ndarray:
@@ -182,15 +157,8 @@ def _burst(far: np.ndarray, jumps: np.ndarray) -> np.ndarray:
 
 def _far(errors: Array, std: float, still_open: Array | float = 0.0) -> np.ndarray:
     """(N, m) which errors are beyond what noise explains, or beyond what is open of them."""
-    scale = np.maximum(std, _NORMAL * np.median(np.abs(errors), axis=0))
+    scale = np.maximum(std, NORMAL * np.median(np.abs(errors), axis=0))
     return np.asarray(~(np.abs(errors) <= FURTHEST * np.maximum(scale, still_open)))
-
-
-def _bridged(time: Array, rates: Array, bad: np.ndarray) -> Array:
-    """(N, m) rates, those that are bad replaced by a line between their neighbours."""
-    if np.count_nonzero(~bad) < 2 or not rates.size:
-        return np.zeros_like(rates)
-    return np.column_stack([np.interp(time, time[~bad], x[~bad]) for x in rates.T])
 
 
 LONGEST_PAUSE = 0.5

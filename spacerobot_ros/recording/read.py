@@ -23,7 +23,9 @@ from .mapping import load_mapping
 from .npz import load_npz
 from .record import JointSeries, Record
 from .robot_inputs import in_robot_order, with_inputs
+from .spikes import without_spikes
 from .table import FORMATS, kind_of
+from .wrapped_angles import with_turns_counted
 
 
 def read_record(
@@ -62,7 +64,10 @@ def read_record(
     else:
         record = _read(path, robot, topics)
     if robot is not None:
-        record = _usable(in_robot_order(record, robot), robot)
+        record = with_turns_counted(in_robot_order(record, robot), robot)
+    record = without_spikes(record)
+    if robot is not None:
+        record = _usable(record, robot)
         with_inputs(robot, record)  # refuses what is not this robot's
     return record if is_joined else with_gaps_noted(record)
 
