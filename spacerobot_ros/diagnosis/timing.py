@@ -17,7 +17,7 @@ import numpy as np
 from ..effects.effect import Effect
 from ..estimation.columns import candidates
 from ..estimation.evidence import Gram, score
-from ..estimation.prediction import TIMINGS
+from ..estimation.measured_torque import TIMINGS
 from ..estimation.reference import NoiseLevels
 from ..estimation.refit import PASSES, Fit, refine
 from ..estimation.runs import Run
@@ -43,7 +43,7 @@ def first_timing(
     noise: NoiseLevels,
     effects: Iterable[type[Effect]],
 ) -> str:
-    """Key of `innovations.TIMINGS` under which the model with at most one effect misses least.
+    """Key of `measured_torque.TIMINGS` under which the model with at most one effect misses least.
 
     Friction alone may look like a delay, so every effect that needs no search may stand beside the
     model. A large one is not in proportion to its column: `better_timing` asks again, once named.

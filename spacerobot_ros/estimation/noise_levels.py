@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
@@ -10,6 +11,7 @@ from ..model.robot_settings import SensorSettings
 from ..recording.record import Record
 from ..types import Array
 from .reference import NoiseLevels, integrated_rotation
+from .time_base import ONE_LOST
 
 _FLOOR = {
     'joint_position': 1e-8,
@@ -39,19 +41,19 @@ def noise_levels(
         is_checked: Whether the data overrule the file, efforts are used and both shall be said;
             otherwise what is stated stands, and the test of fit tells whether it holds.
     """
-    measured: dict[str, Array | None] = {
-        'joint_position': record.q,
-        'joint_velocity': record.qd,
-        'joint_effort': record.effort if is_checked else None,
-        'gyro': record.omega if len(record.omega) else None,
-        'attitude': unseen_turns(record),
+    measured: dict[str, tuple[Array, Array | None]] = {
+        'joint_position': (record.joint_time, record.q),
+        'joint_velocity': (record.joint_time, record.qd),
+        'joint_effort': (record.joint_time, record.effort if is_checked else None),
+        'gyro': (record.rate_time, record.omega if len(record.omega) else None),
+        'attitude': (record.attitude_time, unseen_turns(record)),
     }
     levels, notes = {}, []
-    for name, values in measured.items():
+    for name, (time, values) in measured.items():
         stated = sensors.std(name)
         seen = 0.0
         if values is not None and (is_checked or stated is None):
-            seen = fourth_difference_std(values)
+            seen = fourth_difference_std(values, time)
         level = seen if stated is None else stated
         if stated is None and values is not None and values.size:
             notes.append(f'{name}_std is not stated; estimated from the data: {seen:.3g}')
@@ -68,17 +70,40 @@ def noise_levels(
     return NoiseLevels(**levels), tuple(notes)
 
 
-def fourth_difference_std(values: Array) -> float:
+def fourth_difference_std(values: Array, time: Array | None = None) -> float:
     """Noise of one sample of a smooth signal (N, m); zero for fewer than five samples.
 
-    Its fourth differences are noise alone, with variance 70 sigma^2 (1 + 16 + 36 + 16 + 1).
+    Its fourth differences are noise alone, with variance 70 sigma^2 (1 + 16 + 36 + 16 + 1). Where
+    samples are missing they are divided differences.
+
+    Args:
+        values: (N, m).
+        time: (N,) [s]; None: samples are evenly spaced.
     """
     if len(values) < 5 or not values.size or not np.all(np.isfinite(values)):
         return 0.0
-    differences = np.diff(values, n=4, axis=0).ravel()
+    differences = np.diff(values, n=4, axis=0) / np.sqrt(70.0)
+    if time is not None:
+        _bridge_lost(differences, values, time)
+    differences = differences.ravel()
     spread = 1.4826 * np.median(np.abs(differences - np.median(differences)))
     inliers = differences[np.abs(differences) <= 4.5 * spread] if spread > 0.0 else differences
-    return float(np.std(inliers) / np.sqrt(70.0))
+    return float(np.std(inliers))
+
+
+def _bridge_lost(differences: Array, values: Array, time: Array) -> None:
+    """Put divided differences, of the same variance by noise, where samples are missing."""
+    steps = np.diff(time)
+    is_long = steps > ONE_LOST * np.median(steps)
+    at = np.flatnonzero(sliding_window_view(is_long, 4).any(axis=1))
+    if not len(at):
+        return
+    nodes = sliding_window_view(time, 5)[at]
+    nodes = (nodes - nodes[:, :1]) / (nodes[:, -1:] - nodes[:, :1])
+    apart = nodes[:, :, None] - nodes[:, None, :] + np.eye(5)
+    weights = 1.0 / np.prod(apart, axis=2)
+    weights /= np.linalg.norm(weights, axis=1)[:, None]
+    differences[at] = np.einsum('ki,kmi->km', weights, sliding_window_view(values, 5, axis=0)[at])
 
 
 def _resolution(values: Array | None) -> float:

@@ -21,6 +21,7 @@ from ..recording.record import Record
 from ..types import Array, IntArray
 from .kalman import StateSpace, correlate, gains_of, whiten
 from .linear_steps import Steps
+from .measured_torque import MeasuredTorque
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
 from .sampled_motion import SampledMotion
 from .time_base import make_time_base
@@ -31,12 +32,8 @@ _CELLS = np.array([0.0, 5.0, 13.0, 18.0]) / 18.0
 _PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
 _PASSIVE = 1e-3  # of the efforts' noise, at joints whose torque is zero
 _START_STD = 0.03  # rad, rad/s; far above what the reference misses
-_UNKNOWN_EFFORT = 1e3  # N m; internal torques unknown: only momentum is left to judge by
 _THREADS = 2
 _UNKNOWN_RATE = 1.0  # rad/s; by a step in which anything may act
-TIMINGS = {'sampled': None, 'held_before': 1.0, 'held_after': 0.0}
-"""How efforts act: interpolated between samples, or held over the interval that a sample ends or
-begins. The number is the interval's end that counts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +84,7 @@ class Innovations:
     Args:
         measured: The record, its sensors as the model believes them.
         process: The model.
-        timing: How efforts act, a key of `TIMINGS`.
+        timing: How efforts act, a key of `measured_torque.TIMINGS`.
     """
 
     def __init__(
@@ -100,6 +97,9 @@ class Innovations:
         self.kinematics = measured.kinematics
         self.at_samples, self.deviations = measured.at_samples, measured.deviations
         self._measured = measured
+        passive = np.isin(process.robot.joints, process.robot.passive_joints)
+        noise = np.where(passive, _PASSIVE, 1.0) ** 2 * measured.noise.joint_effort**2
+        self._torque = MeasuredTorque(self.record, self.reference, self.time_base, noise, timing)
         self.motion = process.motion(self.kinematics, self.reference.effort(self.time_base.times))
         self._linear = self.process.linearize(self.motion)
         self._model = self._state_space()
@@ -218,18 +218,22 @@ class Innovations:
         f = np.zeros((len(self.durations), size, size))
         f[:, : 2 * m, : 2 * m] = self._steps.transitions
         by_effort = _between(self._linear.by_effort, 0.5)
-        start, growth = (x[:, None, None] for x in self._late_shares())
+        start, growth = (x[:, None, None] for x in self._torque.late_shares())
         f[:, : 2 * m, late] = -self._steps.driven(start * by_effort, growth * by_effort)
-        f[:, : 2 * m, early] = -f[:, : 2 * m, late] - self._steps.driven(by_effort)
+        driven = self._steps.driven(by_effort)
+        f[:, : 2 * m, early] = -f[:, : 2 * m, late] - driven
         f[:, 2 * m :, 2 * m :] = np.eye(2 * n)
         variance = np.zeros((len(f), size))  # of the effort samples that enter
         fresh = self.time_base.fresh
-        variance[fresh > 0, late] = self._effort_variance()[fresh > 0]
-        variance[fresh > 1, early] = self._effort_variance()[fresh > 1]
+        sampled = self._torque.sample_variance()
+        variance[fresh > 0, late] = sampled[fresh > 0]
+        variance[fresh > 1, early] = sampled[fresh > 1]
         noise = (f[:, :, 2 * m :] * variance[:, None, 2 * m :]) @ np.swapaxes(
             f[:, :, 2 * m :], 1, 2
         )
         noise[:, np.arange(size), np.arange(size)] += self._extra_variance()
+        lost = driven * self._torque.lost_variance()[:, None]
+        noise[:, : 2 * m, : 2 * m] += lost @ np.swapaxes(driven, 1, 2)
         f[fresh == 1, :, late] = f[fresh == 1, :, early]
         f[fresh == 1, :, early] = 0.0
         f[fresh > 1, :, 2 * m :] = 0.0
@@ -244,33 +248,6 @@ class Innovations:
             self._measured.row_variance,
         )
 
-    def _late_shares(self) -> tuple[Array, Array]:
-        """(N-1,) share of the later effort sample at each step's start, and its growth over it."""
-        end = TIMINGS[self.timing]
-        if end is not None:
-            held = np.full(len(self.durations), end)
-            return held, np.zeros(len(held))
-        growth = self.durations / np.diff(self.record.effort_time)[self.time_base.interval]
-        return self.time_base.fraction - 0.5 * growth, growth
-
-    def _effort(self, times: Array, interval: IntArray) -> Array:
-        """(M, n) motor torque at times within given effort intervals."""
-        record = self.record
-        if record.effort is None:
-            return np.zeros((len(times), self.n))
-        early, late = record.effort[interval], record.effort[interval + 1]
-        end = TIMINGS[self.timing]
-        if end is not None:
-            return late if end else early
-        stamps = record.effort_time
-        share = (times - stamps[interval]) / (stamps[interval + 1] - stamps[interval])
-        share = np.clip(share, 0.0, 1.0)[:, None]
-        # straight between the samples, bent as the smooth torque bends
-        bend = self.reference.effort(times)
-        bend -= (1.0 - share) * self.reference.effort(stamps[interval])
-        bend -= share * self.reference.effort(stamps[interval + 1])
-        return (1.0 - share) * early + share * late + bend
-
     def _defects(self) -> Array:
         """(N-1, 2 m) what the model's accelerations miss of the reference over each step.
 
@@ -278,7 +255,7 @@ class Innovations:
         """
         errors = []
         for place, kinematics in self._measured.inner:
-            effort = self._effort(kinematics.time, self.time_base.interval)
+            effort = self._torque.at(kinematics.time, self.time_base.interval)
             motion = self.process.motion(kinematics, effort, window=self._cells(place))
             by_force = _between(self._linear.by_force, place)
             errors.append(np.einsum('nij,nj->ni', by_force, self.process.force_error(motion)))
@@ -290,21 +267,6 @@ class Innovations:
         k = _GAUSS.index(place)
         starts = self.time_base.times[:-1, None]
         return np.asarray(starts + self.durations[:, None] * _CELLS[k : k + 2])
-
-    def _effort_variance(self) -> Array:
-        """(N-1, n) variance of the effort samples that enter with each step."""
-        variance = np.tile(self._sampled_effort, (len(self.durations), 1))
-        effort = self.record.effort
-        if effort is None:
-            return variance + _UNKNOWN_EFFORT**2
-        variance[self.time_base.blind] += np.var(effort, axis=0) + self._sampled_effort
-        return variance
-
-    @property
-    def _sampled_effort(self) -> Array:
-        """(n,) variance of an effort sample; next to nothing where there is no motor."""
-        passive = np.isin(self.process.robot.joints, self.process.robot.passive_joints)
-        return np.where(passive, _PASSIVE, 1.0) ** 2 * self.noise.joint_effort**2
 
     def _extra_variance(self) -> Array:
         """(N-1, d) variance that enters each step beside the efforts' own."""
@@ -318,7 +280,7 @@ class Innovations:
     def _start(self) -> Array:
         size = 2 * self.m
         variance = np.full(size + 2 * self.n, _START_STD**2)
-        variance[size:] = np.tile(self._sampled_effort, 2)
+        variance[size:] = np.tile(self._torque.noise, 2)
         return np.diag(variance)
 
 

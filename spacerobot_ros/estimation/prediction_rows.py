@@ -12,7 +12,8 @@ from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array, IntArray
 from .evidence import Gram
-from .prediction import TIMINGS, Columns, Innovations
+from .measured_torque import TIMINGS
+from .prediction import Columns, Innovations
 from .reference import Kinematics
 from .rows import ChannelError, ChannelFit
 from .time_base import CHANNELS

@@ -10,7 +10,8 @@ from ..model.robot import Robot
 from ..recording.record import Record
 from ..recording.robot_inputs import with_inputs
 from ..sensing.faults import corrected_record
-from .prediction import TIMINGS, MeasuredMotion
+from .measured_torque import TIMINGS
+from .prediction import MeasuredMotion
 from .prediction_rows import PredictionRows
 from .reference import NoiseLevels
 from .rows import Rows
@@ -25,7 +26,7 @@ class Run:
         robot: The robot file's robot.
         believed: Its own effects.
         noise: Noise levels.
-        timing: How efforts act, a key of `prediction.TIMINGS`.
+        timing: How efforts act, a key of `measured_torque.TIMINGS`.
         left_out: Starts and ends of times [s] in which anything may act from outside.
     """
 

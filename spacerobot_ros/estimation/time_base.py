@@ -13,6 +13,8 @@ from ..types import Array, IntArray
 
 _SAME = 1e-7  # s; stamps closer than this are one time: 3e-6 are seen in 20 s of a fast motion
 _LONGEST = 0.02  # s; discretization and integrated attitudes stay below the sensors' noise
+ONE_LOST, SEVERAL_LOST = 1.5, 2.5
+"""Usual intervals between samples from which one is missing between them, and more than one."""
 LONGEST_GAP = 60.0
 """Time without any sample that is still bridged [s]; beyond it: another run or a bad clock."""
 
@@ -57,6 +59,7 @@ class TimeBase:
         fresh: (N-1,) by how many intervals it lies behind the last step's (2: two or more).
         fraction: (N-1,) place of the step's middle in its interval, from 0 to 1.
         blind: (N-1,) bool, where the effort was not measured nearby.
+        usual: The median interval between effort samples [s].
     """
 
     times: Array
@@ -65,6 +68,7 @@ class TimeBase:
     fresh: IntArray
     fraction: Array
     blind: np.ndarray
+    usual: float
 
 
 def make_time_base(record: Record, m: int, first: int) -> TimeBase:
@@ -83,7 +87,8 @@ def make_time_base(record: Record, m: int, first: int) -> TimeBase:
         'attitude': np.arange(3),
     }
     stamps = channel_stamps(record)
-    times = filter_times([*stamps.values(), record.effort_time], record.span)
+    efforts = record.effort_time
+    times = filter_times([*stamps.values(), efforts, lost_samples(efforts)], record.span)
     rows = measured_rows(times, stamps, states)
     return TimeBase(times, rows, *_effort_intervals(times, record.effort_time))
 
@@ -115,6 +120,14 @@ def filter_times(stamps: Sequence[Array], span: tuple[float, float], same: float
         for k in np.flatnonzero(gaps > 1.5 * _LONGEST)
     ]
     return np.sort(np.concatenate([times, *extra]))
+
+
+def lost_samples(time: Array) -> Array:
+    """(lost,) times at which single samples, at (N,) times, are missing among the others [s]."""
+    steps = np.diff(time)
+    usual = np.median(steps) if len(steps) else 0.0
+    is_one = (steps > ONE_LOST * usual) & (steps <= SEVERAL_LOST * usual)
+    return np.asarray(time[:-1][is_one] + usual)
 
 
 def measured_rows(
@@ -170,7 +183,7 @@ def refuse_long_gaps(times: Array) -> None:
 
 def _effort_intervals(
     times: Array, effort_time: Array
-) -> tuple[IntArray, IntArray, Array, np.ndarray]:
+) -> tuple[IntArray, IntArray, Array, np.ndarray, float]:
     middle = 0.5 * (times[1:] + times[:-1])
     k = np.clip(np.searchsorted(effort_time, middle) - 1, 0, len(effort_time) - 2)
     lengths = np.diff(effort_time)
@@ -179,7 +192,7 @@ def _effort_intervals(
     usual = float(np.median(lengths))
     # a clock that is a little late or early makes no torque unknown
     outside = np.maximum(effort_time[0] - middle, middle - effort_time[-1]) > 0.5 * usual
-    return k, fresh, fraction, (lengths[k] > 2.5 * usual) | outside
+    return k, fresh, fraction, (lengths[k] > SEVERAL_LOST * usual) | outside, usual
 
 
 def _nearest(times: Array, stamps: Array) -> IntArray:

@@ -114,3 +114,12 @@ def test_a_joint_that_only_moves_on_is_not_rounded(rng, step, is_rounded):
     )
     expected = step / np.sqrt(12.0) if is_rounded else STDS['joint_position_std']
     assert levels.joint_position == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize('every', [4, 7, 20])
+def test_lost_samples_make_no_noise(rng, every):
+    time = np.arange(0.0, 20.0, 0.01)
+    kept = np.arange(len(time)) % every > 0
+    values = np.sin(3.0 * time)[:, None] + 1e-5 * rng.standard_normal((len(time), 1))
+    got = fourth_difference_std(values[kept], time[kept])
+    assert got == pytest.approx(1e-5, rel=0.15)

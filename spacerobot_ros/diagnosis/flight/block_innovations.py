@@ -15,7 +15,6 @@ from ...recording.record import Record
 from ...types import Array, IntArray
 
 _UNKNOWN_TORQUE = 0.1  # on the base, of what the noise of one effort amounts to
-_LOST = 1.5  # usual intervals, from which on an effort sample is missing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,20 +122,6 @@ class BlockInnovations(Innovations):
             np.column_stack([self.deviations, self.time_base.rows.of(columns.measured)]),
             mean,
         )
-
-    def _effort_variance(self) -> Array:
-        """As without lost samples, and what the torque may have done where one was lost."""
-        variance = super()._effort_variance()
-        effort = self.record.effort
-        if effort is None:
-            return variance
-        lengths = np.diff(self.record.effort_time)
-        lost = lengths > _LOST * np.median(lengths)
-        at = self.time_base.interval
-        if self.timing == 'held_after':  # the sample that enters serves the interval behind it
-            at = np.minimum(at + 1, len(lost) - 1)
-        variance[lost[at]] += np.mean(np.diff(effort, axis=0) ** 2, axis=0)
-        return variance
 
     def _extra_variance(self) -> Array:
         """A little torque on the base that nobody knows, so that the memory is finite.

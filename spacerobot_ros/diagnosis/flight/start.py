@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...effects.effect import Effect
+from ...estimation.measured_torque import TIMINGS
 from ...estimation.noise_levels import noise_levels
-from ...estimation.prediction import TIMINGS, Columns, Innovations, MeasuredMotion
+from ...estimation.prediction import Columns, Innovations, MeasuredMotion
 from ...estimation.reference import NoiseLevels
 from ...estimation.time_base import CHANNELS
 from ...estimation.torque_process import TorqueDriven

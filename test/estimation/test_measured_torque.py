@@ -1,0 +1,55 @@
+"""Innovations stay white and of unit variance where samples of held torques are missing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.monitor_flights import Flight, monitor_of
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.prediction import Innovations, MeasuredMotion
+from spacerobot_ros.estimation.torque_process import TorqueDriven
+from spacerobot_ros.recording.buffer import SampleBuffer
+
+SPAN_NS = 8_000_000_000
+
+
+@pytest.fixture(scope='module')
+def flown():
+    """Return the true robot and 8 s of a flight at 100 Hz."""
+    flight = Flight(seed=5)
+    robot = monitor_of(flight).robot
+    window = SampleBuffer(robot.joints)
+    for sample in flight.samples(1e-9 * SPAN_NS):
+        sample.feed(window)
+    momentum = np.array(flight.file.settings.truth.target_momentum)
+    return robot.with_target_momentum(momentum), window.record(0, SPAN_NS)
+
+
+def chi2_per_row(robot, record, timing):
+    noise, _ = noise_levels(robot.sensors, record)
+    process = TorqueDriven(robot)
+    found = Innovations(MeasuredMotion(record, noise, process), process, timing)
+    settled = found.row_times > 0.5
+    return float(np.mean(found.data[settled] ** 2)), int(np.sum(settled))
+
+
+@pytest.mark.parametrize('timing', ['held_before', 'held_after'])
+@pytest.mark.parametrize(
+    'lost',
+    [
+        slice(50, -50, 20),  # one in twenty, alone
+        slice(50, -50, 4),
+        [300, 301, 302, 500, 501, 650],  # several in a row
+    ],
+)
+def test_lost_samples_cost_nothing_but_themselves(flown, timing, lost):
+    robot, record = flown
+    joints = record.joints
+    if timing == 'held_after':  # the sample that ends an interval, said at its beginning
+        joints = replace(joints, effort=np.roll(joints.effort, -1, axis=0)).at(slice(0, -1))
+    kept = np.ones(len(joints), dtype=bool)
+    kept[lost] = False
+    record = replace(record, zero_ns=record.origin_ns, joints=joints.at(kept))
+    value, rows = chi2_per_row(robot, record, timing)
+    assert value == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / rows))
