@@ -10,12 +10,13 @@ from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import Balance, balance_of
+from ..estimation.measured_torque import TIMINGS
 from ..estimation.motor_constants import as_recorded
 from ..estimation.noise_levels import noise_levels
 from ..estimation.observations import observed, refuse_unbalanced
-from ..estimation.prediction import TIMINGS
 from ..estimation.refit import Fit
 from ..estimation.runs import Run
+from ..identification.outliers import screened
 from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record
@@ -115,8 +116,10 @@ def _diagnosed(
         if not (is_whole and is_predictable(found, noise, kinds)):
             return _balanced(found, notes, report)
     report('finding how efforts act', 0.02)
-    timing = first_timing(measured[0], robot, believed, noise, kinds)
-    run = Run(measured[0], robot, believed, noise, timing)
+    record, left_out = screened(measured[0], noise)
+    notes = (*notes, *left_out)
+    timing = first_timing(record, robot, believed, noise, kinds)
+    run = Run(record, robot, believed, noise, timing)
     answer = _predicted(run, balances, kinds, notes, report)
     if found is None or answer.verdict in ('consistent', 'explained'):
         return answer

@@ -14,7 +14,7 @@ from ..errors import IdentificationError
 from ..estimation.minimal import minimal_set
 from ..estimation.momentum_process import MomentumModel
 from ..estimation.noise_levels import noise_levels
-from ..estimation.reference import Kinematics
+from ..estimation.reference import Kinematics, NoiseLevels
 from ..estimation.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
@@ -23,7 +23,8 @@ from ..recording.record import Record
 from .estimate import Estimate
 from .least_squares import sampled_motion, solve_least_squares
 from .maximum_likelihood import MaximumLikelihood, prepare
-from .summary import Identification, Source, conclude
+from .outliers import screened
+from .summary import Identification, Solution, Source, conclude
 from .validity_limits import EXCHANGED_MISFIT, LARGEST_CHI2, SHORTEST
 
 METHODS = ('ml', 'recursive', 'ls')
@@ -62,21 +63,34 @@ def identify_robot(
     joints = robot.joints[: model.n]
     faults = contradictions(record)
     if is_likelihood:
-        holds = find_holds(record, settings.torque_hold_period)
-        stretch = prepare(record, noise, holds)
-        likelihood = MaximumLikelihood(model, settings)
-        likelihood.solve(stretch)
-        solution = likelihood.solution(method)
-        if not likelihood.is_converged:
-            solution = replace(solution, doubt='the iteration has not converged')
+        solution, kinematics = _likeliest(model, settings, record, noise)
         if solution.chi2_per_dof > LARGEST_CHI2:
-            faults += swapped_joints(model, stretch.kinematics, joints)
+            kept, left_out = screened(record, noise)
+            again = _likeliest(model, settings, kept, noise)[0] if left_out else solution
+            if again.chi2_per_dof <= LARGEST_CHI2:
+                solution, record, notes = again, kept, (*notes, *left_out)
+                faults = contradictions(kept)
+            else:
+                faults += swapped_joints(model, kinematics, joints)
     else:
         motion = sampled_motion(record)
         solution = solve_least_squares(model, settings, motion, noise, method)
     stamp_ns = record.origin_ns + round(record.span[1] * 1e9)
     source = Source(len(record.q), stamp_ns, (*record.notes, *notes), faults)
     return conclude(model, settings, solution, source)
+
+
+def _likeliest(
+    model: MomentumModel, settings: IdentifierSettings, record: Record, noise: NoiseLevels
+) -> tuple[Solution, Kinematics]:
+    """The solution of maximum likelihood, and the motion that it is of."""
+    stretch = prepare(record, noise, find_holds(record, settings.torque_hold_period))
+    likelihood = MaximumLikelihood(model, settings)
+    likelihood.solve(stretch)
+    solution = likelihood.solution('ml')
+    if not likelihood.is_converged:
+        solution = replace(solution, doubt='the iteration has not converged')
+    return solution, stretch.kinematics
 
 
 def refuse_incomplete(record: Record) -> None:

@@ -7,6 +7,8 @@ are what the campaign of docs/diagnosis.md counts.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from support.mujoco_truth import generate
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_record
 
 DURATION = 9.0  # s
@@ -86,3 +89,27 @@ def test_a_line_is_found_off_every_grid(tmp_path):
     case = hide(tmp_path, 'servicer', LINE, seed=8)
     frequency = found(answer(case), case)['wheel_imbalance']['frequency'].value
     np.testing.assert_allclose(frequency, 45.9, rtol=0.01, atol=0.0)  # the figure asked for
+
+
+def test_lost_and_bad_samples_hide_nothing_and_make_nothing_up(tmp_path, rng):
+    """One sample in fifty is lost, and one in a hundred is off by 20 to a million times noise."""
+    case = hide(tmp_path, 'servicer', friction('servicer', 7), seed=7)
+    robot = load_robot_file(case.robot).robot
+    record = read_record(case.data, robot)
+    position, velocity, omega = (x.copy() for x in (record.q, record.qd, record.omega))
+    for values, std in ((position, 1e-5), (velocity, 1e-4), (omega, 1e-5)):
+        bad = np.flatnonzero(rng.random(len(values)) < 0.01)
+        size = std * 10.0 ** rng.uniform(1.3, 6.0, len(bad))
+        values[bad, rng.integers(0, values.shape[1], len(bad))] += size
+    spoiled = replace(
+        record,
+        zero_ns=record.origin_ns,
+        joints=replace(record.joints, position=position, velocity=velocity).at(
+            rng.random(len(position)) > 0.02
+        ),
+        rates=replace(record.rates, omega=omega).at(rng.random(len(omega)) > 0.02),
+    )
+    save_npz(spoiled, tmp_path / 'spoiled.npz')
+    said = diagnose(read_record(tmp_path / 'spoiled.npz', robot), robot)
+    found(said, case)
+    assert 'left out' in ' '.join(said.notes)

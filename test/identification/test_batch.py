@@ -132,3 +132,29 @@ def test_robots_without_conserved_momentum_are_refused(record, rng):
         identify(record, robot_of(parts), SETTINGS)
     with pytest.raises(ConfigurationError, match='free base'):
         identify(record, robot_of(random_tree(rng, [0, 1, 2]), base='fixed'), SETTINGS)
+
+
+def with_bad_samples(record, rng, size):
+    """One in a hundred of the joints' and the gyro's samples off by some sizes of noise."""
+    joints, rates = record.joints, record.rates
+    position, velocity, rate = (x.copy() for x in (record.q, record.qd, record.omega))
+    for values, std in ((position, 1e-5), (velocity, 1e-4), (rate, 1e-5)):
+        bad = np.flatnonzero(rng.random(len(values)) < 0.01)
+        values[bad, rng.integers(0, values.shape[1], len(bad))] += std * size(len(bad))
+    return replace(
+        record,
+        joints=replace(joints, position=position, velocity=velocity),
+        rates=replace(rates, omega=rate),
+    )
+
+
+def test_bad_samples_are_left_out_where_the_model_does_not_explain_them(run, record, rng):
+    bad = with_bad_samples(record, rng, lambda n: 10.0 ** rng.uniform(1.5, 6.0, n))
+    good, found = (identify(r, servicer(), SETTINGS) for r in (record, bad))
+    assert found.valid
+    assert 'left out, as they contradict their neighbours' in ''.join(found.notes)
+    assert good.notes == record.notes or 'left out' not in ''.join(good.notes)
+    spread, before = (np.sqrt(np.diag(e.covariance)) for e in (found, good))
+    assert np.all(spread < 1.2 * before)
+    error, _ = errors_of(found, truth_of(run))
+    assert np.all(np.abs(error[3:6]) < 4.0 * spread[:3])
