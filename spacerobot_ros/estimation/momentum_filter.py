@@ -157,8 +157,12 @@ class MomentumFilter:
         # Mean by 1, placebo and constants; joints count from zero between stretches.
         self._mean = np.zeros((3 + 4 * model.n, 1 + 2 * model.size))
 
-    def run(self, stretch: Stretch, constants: Array) -> None:
-        """Process a stretch, linearized about constants; a later one begins at the last's end."""
+    def run(self, stretch: Stretch, constants: Array) -> tuple[Array, Array]:
+        """Process a stretch, linearized about constants; a later one begins at the last's end.
+
+        Returns:
+            (R, p) and (R,) columns and values of the rows that the information has got.
+        """
         p, joints = self._model.size, stretch.joint_states()
         if self._last is None:
             self._covariance = _start_covariance(joints)
@@ -176,10 +180,12 @@ class MomentumFilter:
         rows = whiten(space, gains, self._mean, drives, defects, measured)
         self._mean[3:, 0] += joints[-1]
         self._covariance = gains.end
+        columns, values = -rows[:, 1 + p :], rows[:, 0]
         if len(rows):
-            self.information.add(-rows[:, 1 + p :], rows[:, 0])
+            self.information.add(columns, values)
             self.placebo.add(rows[:, 1 : 1 + p], np.zeros(len(rows)))
         self._last = float(stretch.reference.times[-1]), stretch.kinematics.rotation[-1]
+        return columns, values
 
     def take_end(self) -> tuple[float, Rotation]:
         """Time at which the last stretch ended, and the attitude from which the next one starts.

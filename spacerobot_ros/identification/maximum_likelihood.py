@@ -15,6 +15,7 @@ from ..estimation.torque_hold import Holds
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
+from .outliers import FURTHEST
 from .summary import Solution, marginal
 from .validity_limits import CONVERGED
 from .weak_prior import Prior, weak_prior
@@ -43,15 +44,12 @@ class Known:
         """(m,) most probable values."""
         return np.asarray(self.origin + np.linalg.solve(self.factor, self.values))
 
-    def of_robot(self) -> Known:
-        """Without total momentum, which another frame or another run does not share."""
-        first = 3 - self.part.start
-        return Known(
-            slice(3, self.part.stop),
-            self.origin[first:],
-            self.factor[first:, first:],
-            self.values[first:],
-        )
+    def of(self, part: slice) -> Known:
+        """What is known of some of these constants, the others eliminated."""
+        part = slice(max(part.start, self.part.start), min(part.stop, self.part.stop))
+        inside = slice(part.start - self.part.start, part.stop - self.part.start)
+        factor, values = marginal(np.column_stack([self.factor, self.values]), inside)
+        return Known(part, self.origin[inside], factor, values)
 
 
 class MaximumLikelihood:
@@ -76,15 +74,25 @@ class MaximumLikelihood:
         self._filter = MomentumFilter(model)
         self.constants = model.prior()
         self.is_converged = self.is_abandoned = False
+        self._beyond = 0.0
 
     @property
     def known(self) -> Known | None:
-        """What other segments of the run may know: all but nuisances; None: nothing yet."""
+        """What other segments of the run may know; None: nothing yet."""
         if self._prior is None or not self.is_converged:
             return self._known
-        part = slice(0, self._model.x.stop)
-        factor, values = marginal(self._filter.information.factor, part)
-        return Known(part, self.constants[part].copy(), factor, values)
+        factor, origin = self._filter.information.factor.copy(), self.constants.copy()
+        return Known(slice(0, len(origin)), origin, factor[:, :-1], factor[:, -1])
+
+    @property
+    def misfit(self) -> tuple[float, int]:
+        """Sum of squared residuals of the data so far, and their number of rows.
+
+        What is beyond six standard deviations of a row does not count, so that a lone outlier
+        that was not found is no misfit; what it does to the others' residuals is.
+        """
+        information = self._filter.information
+        return information.residual - self._beyond, information.rows
 
     def solve(self, stretch: Stretch) -> None:
         """Estimate from a stretch alone, from the prior or from what was found last.
@@ -107,6 +115,7 @@ class MaximumLikelihood:
             information = self._filter.information
             self._add_prior(information, prior)
             information.reset_residual()
+            self._beyond = 0.0
             change = self._advance(stretch, prior)
             self.is_converged = bool(np.max(np.abs(change) / self.std) < CONVERGED)
             if self.is_converged:
@@ -162,8 +171,10 @@ class MaximumLikelihood:
 
     def _advance(self, stretch: Stretch, prior: Prior) -> Array:
         """Run through a stretch and move the constants; (p,) change that the data ask for."""
-        self._filter.run(stretch, self.constants)
+        columns, values = self._filter.run(stretch, self.constants)
         change, _ = self._filter.information.solve()
+        squares = (values - columns @ change) ** 2
+        self._beyond += float(np.sum(np.maximum(squares - FURTHEST**2, 0.0)))
         proposed = prior.admissible(
             self._model, stretch.kinematics, self.constants, self.constants + change
         )

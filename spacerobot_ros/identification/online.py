@@ -10,7 +10,10 @@ constants that no longer move.
 
 Samples that contradict their neighbours are left out (`outliers`). Where joints or gyro pause for
 longer than splines bridge, where the clock jumps or a solution fails, another segment begins:
-what was learned of wheels and parameters is kept, total momentum unless the clock jumped.
+what was learned of wheels and parameters is kept, total momentum unless the clock jumped. So it
+does behind a stretch that contradicts what was learned: all that is in it is left out. Where the
+next does, too, sensors may have changed, or something acted from outside: nuisances and total
+momentum are sought anew; from the third in a row on the estimate is not valid.
 """
 
 from __future__ import annotations
@@ -40,10 +43,11 @@ from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
 from .maximum_likelihood import Known, MaximumLikelihood, prepare
+from .misfit import Misfit
 from .outliers import LONGEST_PAUSE, common_time, first_pause, without_outliers
 from .saved_knowledge import load, save
 from .summary import Identification, Source, conclude, nothing_known
-from .validity_limits import FIRST, MOVED
+from .validity_limits import FIRST, MOVED, SHORTEST
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
@@ -85,6 +89,7 @@ class OnlineIdentifier:
         self._last: Identification | None = None
         self._known: Known | None = None  # when `_last` was concluded
         self._is_news = False  # whether it was learned since the last one was saved
+        self._misfit = Misfit()
         self._earlier = Source(0, 0)  # of segments before this one
         self._left_out_earlier: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
@@ -94,7 +99,7 @@ class OnlineIdentifier:
     def begin_segment(self) -> None:
         """Take what comes now as another run of the same robot, whatever its stamps."""
         self.samples = SampleBuffer(self._joints, LONGEST_GAP, LONGEST_GAP)
-        self._begin(-np.inf, None if self._known is None else self._known.of_robot())
+        self._begin(-np.inf, self._known_of(3, self._model.x.stop))
 
     def copy(self) -> OnlineIdentifier:
         """What `reset`, `begin_segment` or `load` may change while a thread solves this one."""
@@ -142,6 +147,7 @@ class OnlineIdentifier:
         self._start, self._is_kept = start, True
         self._done = max(start, 0.0)
         self._next_rerun = 0.0
+        self._misfit = self._misfit.anew()
         self._rerun_constants, self._rerun_std = self._model.prior(), np.zeros(self._model.size)
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array) -> None:
@@ -202,26 +208,56 @@ class OnlineIdentifier:
         record, tail = (each.between(-np.inf, before) for each in (record, tail))
         with suppress(IdentificationError):
             self._solve(record, before, (tail, count))
-        self._begin(0.5 * (before + after), self._known)
+        self._begin(0.5 * (before + after), self._known_of(0, self._model.x.stop))
         return self._use(until_ns)
 
     def _solve(self, record: Record, end: float, newest: _Screened) -> Estimate:
         """Use a record without long pauses up to a time [s], of which the newest is screened."""
         is_first, known = self._noise is None, self._known
-        seconds = common_time(record, end)
-        if end - self._done < 1e-3 or (is_first and seconds < FIRST):
-            return self._nothing(
-                f'only {max(seconds, 0.0):.1f} s of data yet, {FIRST:g} s are needed'
-            )
+        seconds, least = common_time(record, end), FIRST if known is None else SHORTEST
+        if end - self._done < 1e-3 or (is_first and seconds < least):
+            have = f'only {max(seconds, 0.0):.1f} s of data yet'
+            return self._nothing(f'{have}, {least:g} s are needed')
+        learned = self._done, self._source, self.left_out
         try:
-            if is_first or (self._is_whole(end) and self._is_rerun_due(end)):
-                self._run_all(record, end)
-            else:
-                self._run_new(record, end, *newest)
+            if doubt := self._learn(record, end, newest):
+                return self._leave_out(record, end, doubt, learned)
+            self._known = self._likelihood.known
+            self._misfit = Misfit(*self._likelihood.misfit)
             return self._conclude(end)
         except _FAILURES as error:
-            self._begin(end, known)
+            self._begin(end, self._known_of(0, self._model.x.stop))
             raise _unusable(f'samples up to {end:.6g} s', error) from error
+
+    def _learn(self, record: Record, end: float, newest: _Screened) -> str:
+        """Run through what is new up to a time [s]; why it does not fit, empty where it does."""
+        if self._noise is not None and not (self._is_whole(end) and self._is_rerun_due(end)):
+            self._run_new(record, end, *newest)
+            doubt = self._misfit.doubt(*self._likelihood.misfit)
+            if not (doubt and self._is_whole(end)):
+                return doubt  # otherwise it may be linearized too far away
+        self._run_all(record, end)
+        return '; '.join(self._source.faults) or self._misfit.doubt(*self._likelihood.misfit)
+
+    def _leave_out(
+        self, record: Record, end: float, doubt: str, learned: tuple[float, Source, Counter[str]]
+    ) -> Estimate:
+        """Do without what is new up to a time [s]: another segment begins behind all that came."""
+        self._misfit = self._misfit.left_out()
+        if self._known is None:
+            self._conclude(end)
+        else:
+            self._done, self._source, self.left_out = learned
+            times = (record.joint_time, record.rate_time, record.attitude_time)
+            new = {s: int(np.sum(t > self._done)) for s, t in zip(_WORDS, times, strict=True)}
+            self.left_out = self.left_out + Counter(new)
+        if self._misfit.contradicted > 1:
+            self._known = self._known_of(3, self._model.x.stop)
+        if self._last is not None and (self._known is None or self._misfit.is_lasting):
+            doubted = replace(self._last.estimate, valid=False, reason=doubt)
+            self._last = replace(self._last, estimate=doubted)
+        self._begin(float(max(record.joint_time[-1], record.rate_time[-1])), self._known)
+        return self._nothing(doubt)
 
     def _screened(self, record: Record) -> _Screened:
         noise = self._noise
@@ -255,6 +291,10 @@ class OnlineIdentifier:
         samples = self._source.samples + len(new.joint_time)
         self._source = replace(self._source, samples=samples)
         self._done = float(stretch.reference.times[-1])
+
+    def _known_of(self, first: int, stop: int) -> Known | None:
+        """What is known of the constants from one up to another."""
+        return None if self._known is None else self._known.of(slice(first, stop))
 
     def _is_whole(self, end: float) -> bool:
         """Whether the buffer holds the whole segment up to a time [s], few enough to run again."""
@@ -292,7 +332,6 @@ class OnlineIdentifier:
         source = replace(self._source, stamp_ns=stamp_ns)
         start = None if self._last is None else self._last.coordinates
         found = conclude(self._model, self._settings, solution, source, start)
-        self._known = self._likelihood.known
         self._is_news = True
         self._last = found if found.coordinates is not None else replace(found, coordinates=start)
         return found.estimate

@@ -48,7 +48,7 @@ def save(path: Path, model: MomentumModel, known: Known, estimate: Estimate, now
     Raises:
         ConfigurationError: it can not be written.
     """
-    robot = known.of_robot()
+    robot = known.of(slice(3, model.x.stop))
     content = {
         'best': robot.best.tolist(),
         'factor': robot.factor.tolist(),

@@ -222,9 +222,14 @@ def _doubt(estimate: Estimate, valid_std: float) -> str:
     if len(aam) and (largest := np.max(estimate.std[: len(aam)])) > limit:
         return f'wheel momentum is known to {largest:.3g} N m s only, the limit is {limit:.3g}'
     if estimate.chi2_per_dof > LARGEST_CHI2:
-        chi2 = f'{estimate.chi2_per_dof:.3g}'
-        return f'the model does not explain the data: chi2 per degree of freedom is {chi2}'
+        return unexplained(estimate.chi2_per_dof)
     return ''
+
+
+def unexplained(chi2_per_dof: float) -> str:
+    """What to say of a misfit."""
+    chi2 = f'{chi2_per_dof:.3g}'
+    return f'the model does not explain the data: chi2 per degree of freedom is {chi2}'
 
 
 def nothing_known(

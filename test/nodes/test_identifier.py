@@ -138,7 +138,7 @@ def test_a_sensor_that_starts_late_ends_nothing(bench, late):
             bench.rig.deliver()
     bench.node.flush()
     assert bench.node.estimate is not None
-    assert bench.node.estimate.samples >= 50 * 6
+    assert bench.node.estimate.samples >= 50 * 4  # then another segment begins: none of it fits
     assert bench.node.estimate.reason == 'attitude: never changes, the gyro does'
 
 
