@@ -104,6 +104,8 @@ def _read_mcaps(
         notes += _damage(path, content, limits)
         if not content.has_checksums:
             notes.append(f'{path.name} {_UNSEEN}')
+    for path in sorted(set(paths) - set(files)):
+        notes.append(f'{path.name} is not in metadata.yaml: left out')
     short = [f'{read[t]} of {n} messages of {t}' for t, n in stated.items() if read[t] < n]
     if short:
         notes.append(f'damaged: read {", ".join(short)}')

@@ -145,6 +145,14 @@ def test_one_damaged_chunk_costs_that_chunk(bag, which, offset):
     assert is_said(record, f'damaged: read {both}')
 
 
+def test_a_file_that_metadata_do_not_name_is_said_to_be_left_out(bag):
+    folder, _, data, whole = bag
+    (folder / 'other.mcap').write_bytes(data)
+    record = read_bag(folder, ROBOT)
+    assert assert_part_of(record, whole) == 0
+    assert is_said(record, r'other\.mcap is not in metadata\.yaml: left out')
+
+
 def test_what_is_no_file_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / 'pipe.mcap')
     for path in (tmp_path / 'pipe.mcap', '/dev/zero'):
