@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from ..errors import ConfigurationError, SpaceRobotError
+from ..model.files import is_file
 from .effect import Effect
 
 GROUP = 'spacerobot.effects'
@@ -148,7 +149,7 @@ def _from_file(name: str, folder: Path | None, place: str) -> ModuleType:
             why = 'is relative, and a node does not know where its parameter file lies'
             raise ConfigurationError(place, f'{why}: give an absolute path, or a module')
         path = folder / path
-    if not path.is_file():
+    if not is_file(path):
         raise ConfigurationError(place, f'no such file: {path}')
     own = f'spacerobot_own_{path.stem}'
     loaded = sys.modules.get(own)

@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..effects.catalogue import CATALOGUE
-from ..errors import RecordingError
-from ..model.files import write_text
+from ..errors import ConfigurationError, RecordingError
+from ..model.files import is_file, read_text, write_text
 
 T = TypeVar('T')
 
+_LARGEST = 50_000_000  # bytes; 500 parameters with their covariance have a tenth of it
 _RUN_DOWN = CATALOGUE['target_wheel_drag'].parameters[0].size  # 1/s, inverse of a time constant
 
 
@@ -50,8 +51,9 @@ def write_checked(
     """
     head = {'version': version, 'robot': owner, 'saved_ns': now_ns}
     text = json.dumps({**head, **content})
-    with suppress(OSError):  # there is none yet; what else it is, `write_text` says
-        os.replace(path, _before(path))
+    with suppress(OSError):
+        if is_file(path):  # what else it is, `write_text` says
+            os.replace(path, _before(path))
     write_text(path, json.dumps({'sum': digest(text), 'content': text}))
 
 
@@ -73,7 +75,7 @@ def read_checked(
 
     def read(which: Path) -> T:
         try:
-            outer = json.loads(which.read_text(encoding='utf-8'))
+            outer = json.loads(read_text(which, 'what was saved', _LARGEST))
             text = outer['content']
             if outer['sum'] != digest(text):
                 raise RecordingError(str(which), 'its check sum is wrong: it is damaged')
@@ -84,11 +86,11 @@ def read_checked(
             if content['robot'] != owner:
                 raise RecordingError(str(which), 'is of another robot, or of other parameters')
             return use(content, max(0.0, (now_ns - content['saved_ns']) * 1e-9))
-        except OSError as error:
-            raise RecordingError(str(which), f'can not be read: {error.strerror}') from error
-        except (ValueError, LookupError, TypeError, AttributeError) as error:
-            if isinstance(error, RecordingError):
-                raise
+        except RecordingError:
+            raise
+        except ConfigurationError as error:
+            raise RecordingError(error.place, error.reason) from error
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             raise RecordingError(str(which), f'is damaged: {error}') from error
 
     try:

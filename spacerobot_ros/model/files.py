@@ -125,6 +125,14 @@ def read_yaml(path: Path, what: str) -> Any:
             loader.dispose()
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a file; a name that none can have is no error."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def read_text(path: Path, what: str, most: int = MOST_URDF) -> str:
     """Text of a UTF-8 file.
 
@@ -163,6 +171,8 @@ def write_text(path: str | Path, text: str) -> Path:
     path = Path(path)
     partial = path.with_name(f'.{path.name}.partial')
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # it would be replaced
+            raise ConfigurationError(str(path), 'can not be written: it is not a file')
         path.parent.mkdir(parents=True, exist_ok=True)
         partial.write_text(text, encoding='utf-8')
         os.replace(partial, path)

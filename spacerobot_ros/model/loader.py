@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from .body import Body, Rotor, last_bodies, merge_bodies
+from .files import is_file
 from .inputs import read_thrusters
 from .robot import Robot
 from .robot_settings import RobotSettings, SensorSettings
@@ -48,7 +49,7 @@ def resolve_urdf(url: str, beside: Path | None) -> Path:
                     'lies: use package://, an absolute path, or robot_description',
                 )
             path = beside / path
-    if not path.is_file():
+    if not is_file(path):
         raise ConfigurationError('robot.urdf', f'no such file: {path}')
     return path
 

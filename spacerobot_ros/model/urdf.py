@@ -284,7 +284,7 @@ def _parse_limits(
 def _parse_axis(element: ElementTree.Element | None, where: str) -> Vector3:
     text = '1 0 0' if element is None else element.get('xyz', '')
     axis = np.array(_parse_numbers(text, 3, f'{where} axis'))
-    norm = float(np.linalg.norm(axis))
+    norm = math.hypot(*axis)  # which may be infinite
     if abs(norm - 1.0) > 1e-3:
         raise ModelError(f'{where} axis', f'must be a unit vector, its length is {norm:g}')
     return axis / norm

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from support.identification import ORIGIN_NS, measure, simulate
 from support.online import assert_never_confidently_wrong, events, feed, identifier, same
 
-from spacerobot_ros.errors import IdentificationError, RecordingError
+from spacerobot_ros.errors import ConfigurationError, IdentificationError, RecordingError
 
 
 def test_data_that_defeat_the_solution_are_left_behind(monkeypatch):
@@ -74,6 +77,21 @@ def test_what_was_saved_is_known_again(tmp_path):
     assert np.all(estimates[-1].std[:3] < 0.9 * alone.std[:3])
 
 
+def test_what_is_no_file_is_neither_read_nor_moved(tmp_path):
+    online, folder, pipe = identifier(), tmp_path / 'folder', tmp_path / 'pipe'
+    feed(online, measure(simulate('zyx', 12.0), 7))
+    folder.mkdir()
+    os.mkfifo(pipe)
+    for path in (folder, pipe, Path('/dev/zero')):
+        with pytest.raises(RecordingError, match='can not be read: it is not a file'):
+            identifier().load(path, 0)
+    for path in (folder, pipe):
+        online._is_news = True
+        with pytest.raises(ConfigurationError, match='can not be written'):
+            online.save(path, 0)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ['folder', 'pipe']
+
+
 def test_a_torn_file_is_refused_and_the_one_before_used(tmp_path):
     data, online, path = measure(simulate('zyx', 12.0), 7), identifier(), tmp_path / 'known.json'
     feed(online, data.between(-1.0, 9.0))
@@ -94,6 +112,12 @@ def test_a_torn_file_is_refused_and_the_one_before_used(tmp_path):
             again = identifier()
             again.load(path, 0)
             same(again.solve(), first.solve())
+    for foreign in ('[' * 100_000, '[]', '{"sum": 1, "content": 1}'):
+        path.write_text(foreign, encoding='utf-8')
+        again = identifier()
+        again.load(path, 0)
+        same(again.solve(), first.solve())
+    path.write_bytes(whole[: len(whole) // 2])
     (tmp_path / 'known.json.before').unlink()
     with pytest.raises(RecordingError, match=r'known.json: (is damaged|its check sum)'):
         identifier().load(path, 0)

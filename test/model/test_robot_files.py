@@ -13,7 +13,7 @@ from support.models import Part, robot_of, settings_of, table_one, to_urdf
 from spacerobot_ros.dynamics.state import initial_state
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.model.files import written_whole
+from spacerobot_ros.model.files import write_text, written_whole
 from spacerobot_ros.model.loader import build_robot, resolve_urdf
 from spacerobot_ros.model.motion_settings import InitialSettings
 from spacerobot_ros.model.settings import TruthSettings, parse_settings
@@ -392,6 +392,26 @@ def test_what_is_no_file_or_too_large_is_not_read(load, tmp_path):
         parse_urdf(large, 'robot_description')
     with pytest.raises(ConfigurationError, match='has 501 joints; the most is 500'):
         build_robot(parse_settings({'robot': {'joints': ['a'] * 501}}), to_urdf(table_one()))
+
+
+@pytest.mark.parametrize('name', ['x' * 5000, 'a\\0b'], ids=['long', 'null'])
+def test_a_name_that_no_file_can_have_is_one_line(load, name):
+    with pytest.raises(ConfigurationError, match=r'robot\.urdf: no such file') as caught:
+        load(TEXT.replace('urdf: robot.urdf', f'urdf: "{name}"'))
+    assert '\n' not in str(caught.value)
+
+
+def test_only_files_are_written_over(tmp_path):
+    pipe = tmp_path / 'pipe'
+    os.mkfifo(pipe)
+    with pytest.raises(ConfigurationError, match='can not be written: it is not a file'):
+        write_text(pipe, 'x')
+    assert pipe.is_fifo()
+
+
+def test_an_axis_beyond_all_bounds_is_one_line(load):
+    with pytest.raises(ConfigurationError, match=r'must be a unit vector, its length is 1e\+308'):
+        load(TEXT, to_urdf(table_one()).replace('<axis xyz="0.0', '<axis xyz="1e308'))
 
 
 def test_a_urdf_in_another_encoding_is_one_line(load, tmp_path):
