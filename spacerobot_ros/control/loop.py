@@ -161,10 +161,11 @@ class ControlLoop:
             MessageRejectedError: it, or the way to it, leaves the joints' ranges or is too fast.
         """
         if isinstance(reference, Waypoints):
-            joined = None
-            if self._last is not None and self._motion.has_begun:
-                joined = self._motion.joined(reference, self._last[0], start_ns)
-            self._limits.check_joined(reference, joined)
+            with np.errstate(all='ignore'):  # what overflows is beyond the limits
+                joined = None
+                if self._last is not None and self._motion.has_begun:
+                    joined = self._motion.joined(reference, self._last[0], start_ns)
+                self._limits.check_joined(reference, joined)
         self._motion.follow(reference, start_ns)
 
     def setpoint(self) -> Setpoint | None:

@@ -404,6 +404,7 @@ def test_a_trajectory_is_followed_from_where_the_motion_is(bench):
         reference([2, 1], [(0.0,) * 3] * 2),
         reference([], []),
         reference([1], [(1e308, 0.0, 0.0)]),
+        reference([0], [(-1e308, 0.0, 0.0)], rates=[(0.2, 0.0, 0.0)]),
         reference([1, 2], [(1e308, 0.0, 0.0), (-1e308, 0.0, 0.0)]),
         reference([1, 2, 3], [(0.0,) * 3] * 3, rates=[(1e308,) * 3] * 3),
         reference([1, 2], [(0.0,) * 3] * 2, rates=[(0.1,) * 3] * 2, more=[(1e308,) * 3] * 2),
