@@ -21,7 +21,7 @@ from .record import Record, shown
 _REACH, _USUAL = 10, 0.98  # samples, and the share of times that a sensor goes less far in them
 _FAR = 0.6
 """Of that way, from which a sample is looked at. Of 200,000 samples of ten machines none is left
-out at 0.6, one at 0.4, a rate of an arm that is pushed while it stands, and 9 of that arm at 0.2."""
+out at 0.6, one at 0.4 (a rate of an arm that is pushed while it stands), 9 of that arm at 0.2."""
 _CLEAR = 30.0
 """Times that what neighbours leave of each other, and noise around, by which it leaves them: five
 times what online screening asks, which knows the noise."""
