@@ -35,7 +35,7 @@ _BODIES = ('inertial_parameters', 'motor_inertia')
 
 def unanchored(balances: Sequence[Balance]) -> list[list[int]]:
     """Numbers of the joints of every branch from the base where no torque is measured."""
-    return [b for b in _branches(balances[0].robot) if not _is_measured(b, balances)]
+    return [b for b in branches(balances[0].robot) if not _is_measured(b, balances)]
 
 
 def scale_columns(
@@ -53,12 +53,10 @@ def scale_columns(
     )
 
 
-def _branches(robot: Robot) -> list[list[int]]:
+def branches(robot: Robot) -> list[list[int]]:
     """Numbers of the joints of every branch that grows from the base."""
-    roots: list[int] = [0]
-    for i, body in enumerate(robot.bodies[1:], start=1):
-        roots.append(i if body.parent == 0 else roots[body.parent])
-    return [[j for j, r in enumerate(roots[1:]) if r == root] for root in sorted({*roots[1:]})]
+    roots = [j for j, body in enumerate(robot.bodies[1:]) if body.parent == 0]
+    return [np.flatnonzero(robot.moves[root, 1:]).tolist() for root in roots]
 
 
 def _is_measured(branch: Sequence[int], balances: Sequence[Balance]) -> bool:

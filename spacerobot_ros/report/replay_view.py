@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..model.body import tree_order
 from ..simulation.replay.scene import Scene
 from ..simulation.replay.shapes import Shape
 from ..simulation.replay.tracks import RobotTrack
@@ -74,8 +75,10 @@ def _quat(rotation: Matrix3) -> list[float]:
 
 def _size(scene: Scene) -> float:
     """Half the extent of the robot stretched out, by which the camera stands off [m]."""
-    origins, ends = [0.0] * len(scene.robot.bodies), [1e-3]
-    for i, body in enumerate(scene.robot.bodies):
+    bodies = scene.robot.bodies
+    origins, ends = [0.0] * len(bodies), [1e-3]
+    for i in (0, *tree_order(bodies)):
+        body = bodies[i]
         if i:
             origins[i] = origins[body.parent] + float(np.linalg.norm(body.translation))
         shapes = scene.shapes[i]

@@ -22,10 +22,10 @@ HOSTILE = '</script><img src=x onerror="document.title=1"><script>document.title
 
 @pytest.fixture(scope='module')
 def scene():
-    """A minute of seven joints at 100 Hz."""
+    """A minute of seven joints at 100 Hz, the robot file naming the outermost first."""
     rng = np.random.default_rng(1)
     parts = random_tree(rng, [0, 1, 2, 3, 4, 5, 6])
-    settings = settings_of(parts, base='fixed')
+    settings = settings_of(parts, [part.joint for part in parts[:0:-1]], base='fixed')
     file = RobotFile(build_robot(settings, to_urdf(parts)), settings)
     time = np.arange(0.0, 60.0, 0.01)
     n = file.robot.n_joints

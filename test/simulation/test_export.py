@@ -136,7 +136,10 @@ def joint(child, parent, side, kind, axis):
     return f'<joint name="j_{child}" type="{kind}">{inner}{place}{limit}</joint>'
 
 
-def two_arms(folder):
+TORQUE = {'r0': 5.0, 'l0': -4.0, 'l1': 3.0, 'r1': 10.0, 'l2': -1.5, 'r2': 1.0}  # N m, N
+
+
+def two_arms(folder, names):
     """A free base called `world` with wheels and a thruster, two arms, one of which slides."""
     urdf = link('world', 200, '0.1 0 0', 40)
     for arm, side, second in (('l', 0.6, 'revolute'), ('r', -0.6, 'prismatic')):
@@ -149,7 +152,7 @@ def two_arms(folder):
     (folder / 'two.urdf').write_text(f'<robot name="two">{urdf}</robot>')
     wheels = {'links': ['world'], 'momentum': [10.0, 5.0, -8.0]}
     thruster = {'at': [1.0, 0.0, 0.0], 'direction': [0.0, 1.0, 0.0], 'force': 2.0}
-    order = [f'j_{name}' for name in ('r0', 'l0', 'l1', 'r1', 'l2', 'r2')]
+    order = [f'j_{name}' for name in names]
     robot = {'urdf': 'two.urdf', 'base': 'free', 'base_link': 'world', 'joints': order}
     robot |= {'servicer_wheels': wheels, 'thrusters': {'base': thruster}}
     effects = {
@@ -165,14 +168,16 @@ def two_arms(folder):
     return load_robot_file(path)
 
 
-def test_two_arms_slides_and_thrusters(tmp_path):
-    file = two_arms(tmp_path)
+@pytest.mark.parametrize('names', [list(TORQUE), sorted(TORQUE, reverse=True)])
+def test_two_arms_slides_and_thrusters(tmp_path, names):
+    """In whatever order the robot file names its joints."""
+    file = two_arms(tmp_path, names)
     exported = to_mjcf(file)
     assert exported.lost == ('command_delay (delay 0.1 s)',)
     initial, size = file.settings.initial, file.robot.n_joints
     zero, none = np.zeros(3), np.zeros(size)
     attitude, omega = np.array(initial.attitude_xyzw), np.array(initial.angular_velocity)
-    torque = np.array([5.0, -4.0, 3.0, 10.0, -1.5, 1.0])
+    torque = np.array([TORQUE[name] for name in names])
     forces = [effect for effect in file.effects if effect.acts('force')]
     start = State(zero, attitude, none, zero, omega, none)
     plant = Plant(file.believed, start, PERIOD, 1, forces)

@@ -29,14 +29,14 @@
 
   /** Groups of all bodies: each turns about its joint within the place that its parent gives it. */
   function robot(scene, size, material) {
-    const root = new THREE.Group(), places = [], moving = [];
+    const root = new THREE.Group(), places = [], moving = scene.bodies.map(() => new THREE.Group());
     scene.bodies.forEach((body, i) => {
-      const place = new THREE.Group(), own = new THREE.Group();
+      const place = new THREE.Group(), own = moving[i];
       place.position.fromArray(body.position);
       place.quaternion.fromArray(body.quat);
       place.add(own);
       (i ? moving[body.parent] : root).add(place);
-      places.push(place); moving.push(own);
+      places.push(place);
       body.shapes.forEach((shape) => {
         const mesh = new THREE.Mesh(geometryOf(shape, 24), material(i, shape.color));
         mesh.position.fromArray(shape.position);

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from ...effects.effect import Effect
 from ...effects.motion import Motion
 from ...effects.robot_file import RobotFile
-from ...model.body import Body, Gyrostat, inertia_ellipsoid
+from ...model.body import Body, Gyrostat, inertia_ellipsoid, tree_order
 from ...model.robot import Robot
 from ...types import Array
 from .losses import (
@@ -144,8 +144,9 @@ def _ball(robot: Robot, gyrostat: Gyrostat) -> _Ball:
 def _add_bodies(
     world: ElementTree.Element, robot: Robot, balls: Sequence[_Ball], written: _Written
 ) -> None:
-    places: list[ElementTree.Element] = []
-    for i, body in enumerate(robot.bodies):
+    places: dict[int, ElementTree.Element] = {}
+    for i in (0, *tree_order(robot.bodies)):
+        body = robot.bodies[i]
         parent = world if body.parent < 0 else places[body.parent]
         place = _add_body(parent, body)
         _add_ellipsoid(place, body)
@@ -166,7 +167,7 @@ def _add_bodies(
                 spinning.insert(
                     0, ElementTree.Element('joint', name=ball.body.name, type='hinge', axis=axis)
                 )
-        places.append(place)
+        places[i] = place
 
 
 def _add_body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
