@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -204,39 +204,51 @@ def _fault_of(mass: float, inertia: Matrix3) -> str:
 
 
 def _checked(links: dict[str, Link], joints: dict[str, Joint], place: str) -> dict[str, Link]:
-    """Links that are rigid bodies.
+    """Links whose bodies are rigid ones.
 
-    What is none, and is welded to another link, goes to that one: files give brackets and antennas
-    of grams moments that nobody has looked at. Together they must be a body.
+    Links that are welded together are one body. Where one of them is none by itself, their first
+    has all of it: files give brackets and antennas of grams moments that nobody has looked at.
 
     Raises:
         ModelError: see `check_inertia`; of the link that is none by itself.
     """
-    out, faults = dict(links), dict[str, ModelError]()
-    above, below = {joint.child: joint for joint in joints.values()}, by_parent(joints)
-    order = [name for name in links if name not in above]
-    for name in order:
-        order += [joint.child for joint in below.get(name, ())]
-    for name in reversed(order):
-        why, joint = _fault_of(out[name].mass, out[name].inertia), above.get(name)
-        if not why:
+    out, below = dict(links), by_parent(joints)
+    welded = {joint.child for joint in joints.values() if joint.kind == 'fixed'}
+    for name in (name for name in links if name not in welded):
+        names = [name]
+        whole = _whole(links[name], links, below, names)
+        faults = [(part, _fault_of(links[part].mass, links[part].inertia)) for part in names]
+        faults = [(part, why) for part, why in faults if why]
+        if not faults:
             continue
-        fault = faults.get(name, ModelError(f'{place}: link {name!r}', why))
-        if joint is None or joint.kind != 'fixed' or out[name].mass <= 0.0:
-            raise fault
-        faults[joint.parent] = fault
-        out[joint.parent] = _joined(out[joint.parent], out[name], joint)
-        out[name] = Link(name, 0.0, np.zeros(3), np.zeros((3, 3)))
+        if any(links[part].mass < 0.0 for part in names) or _fault_of(whole.mass, whole.inertia):
+            part, why = faults[0]
+            raise ModelError(f'{place}: link {part!r}', why)
+        nothing = {part: Link(part, 0.0, np.zeros(3), np.zeros((3, 3))) for part in names}
+        out |= nothing | {name: whole}
     return out
+
+
+def _whole(
+    link: Link, links: dict[str, Link], below: Mapping[str, Sequence[Joint]], names: list[str]
+) -> Link:
+    """A link with all that is welded to it, whose names are added."""
+    for joint in below.get(link.name, ()):
+        if joint.kind == 'fixed':
+            names.append(joint.child)
+            link = _joined(link, _whole(links[joint.child], links, below, names), joint)
+    return link
 
 
 def _joined(link: Link, part: Link, joint: Joint) -> Link:
     """A link with another one on it."""
     mass = link.mass + part.mass
     at = joint.translation + joint.rotation @ part.com
+    turned = joint.rotation @ part.inertia @ joint.rotation.T
+    if not mass:
+        return Link(link.name, mass, link.com, link.inertia + turned)
     apart, com = at - link.com, (link.mass * link.com + part.mass * at) / mass
     spread = link.mass * part.mass / mass * (apart @ apart * np.eye(3) - np.outer(apart, apart))
-    turned = joint.rotation @ part.inertia @ joint.rotation.T
     return Link(link.name, mass, com, link.inertia + turned + spread)
 
 

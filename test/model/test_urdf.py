@@ -250,6 +250,23 @@ def test_a_body_is_what_its_welded_links_make():
         parse_urdf(_with('</robot>', heavy))
 
 
+def test_a_dummy_root_has_what_is_welded_to_it():
+    """As of an ANYmal: `base` is a name alone, its sensor a rod, its trunk a third link."""
+    rod = 'ixx="1e-6" ixy="1e-6" ixz="1e-6" iyy="1e-6" iyz="1e-6" izz="1e-6"'
+    round_ = 'ixx="0.3" ixy="0" ixz="0" iyy="0.3" iyz="0" izz="0.3"'
+    parts = {'sensor': (0.001, rod), 'trunk': (16.0, round_), 'foot': (0.0, round_)}
+    links = ''.join(
+        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia {inertia}/></inertial></link>'
+        f'<joint name="to_{name}" type="fixed"><parent link="base"/><child link="{name}"/></joint>'
+        for name, (mass, inertia) in parts.items()
+    )
+    tree = parse_urdf(f'<robot name="x"><link name="base"/>{links}</robot>')
+    assert tree.links['base'].mass == 16.001
+    expected = 0.6 * np.eye(3) + 1e-6  # all at one origin, the rod's six numbers being one
+    np.testing.assert_allclose(tree.links['base'].inertia, expected, atol=1e-15)
+    assert not any(tree.links[name].mass for name in parts)
+
+
 def test_redundant_but_symmetric_products_are_read():
     tree = parse_urdf(_with('ixy="0" ixz="0" iyy="1.5"', 'ixy="0.1" iyx="0.1" ixz="0" iyy="1.5"'))
     assert tree.links['base_link'].inertia[1, 0] == 0.1
