@@ -10,7 +10,7 @@ samples, so that it predicts a slow motion better even where it is wrong about t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -28,11 +28,12 @@ _SPAN = 20.0  # s of the record that decide
 _FITS = 0.05  # probability of a fit that asks for no effect beside it
 _ALL_LATE = {'delay': 1.0}
 _CLEARLY = 20.0  # gap in misfit from which another timing is taken
-_LATENESS = {'sampled': 0.0, 'held_before': 0.5, 'held_after': -0.5}
+_LATENESS = {'sampled': 0.0, 'held_before': 0.5, 'held_after': -0.5, 'held_about': 0.0}
 _TOLERANCE = 0.08  # of an interval, about what a delay may differ from a convention's
 _IN_WORDS = {
     'held_before': 'efforts act over the interval that ends at their stamp (held torque)',
     'held_after': 'efforts act over the interval that begins at their stamp (held torque)',
+    'held_about': 'efforts are means about their stamp of torques that are held between stamps',
 }
 
 
@@ -45,8 +46,11 @@ def first_timing(
 ) -> str:
     """Key of `measured_torque.TIMINGS` under which the model with at most one effect misses least.
 
-    Friction alone may look like a delay, so every effect that needs no search may stand beside the
-    model. A large one is not in proportion to its column: `better_timing` asks again, once named.
+    A timing under which the model fits as it stands asks for no effect: where noise hides the
+    timing, another one may miss a little less and half an interval would pass for friction, and
+    torques are said to be held only where that is clear. Else friction alone may look like a
+    delay, so every effect that needs no search may stand beside the model. A large one is not in
+    proportion to its column: `better_timing` asks again, once named.
 
     Args:
         record: What was measured.
@@ -59,11 +63,19 @@ def first_timing(
         return 'sampled'
     short = record.between(-np.inf, record.joint_time[0] + _SPAN)
     fits = {timing: Fit(Run(short, robot, believed, noise, timing), ()) for timing in TIMINGS}
-    best = min(fits, key=lambda timing: fits[timing].misfit)
-    if (fits[best].rows.whiteness()[0] or 0.0) >= _FITS:
-        return best
+    alone = {t: fit.misfit for t, fit in fits.items()}
+    if fitting := [t for t in fits if (fits[t].rows.whiteness()[0] or 0.0) >= _FITS]:
+        return _simplest({t: alone[t] for t in fitting}, _CLEARLY)
     simple = [e for e in effects if e.is_fitted and is_simple(e)]
-    return min(fits, key=lambda timing: fits[timing].misfit - 2.0 * _gain(fits[timing], simple))
+    beside = {t: alone[t] - 2.0 * _gain(fit, simple) for t, fit in fits.items()}
+    excess = max(1.0, min(float(fit.data @ fit.data) / len(fit.data) for fit in fits.values()))
+    asks = min(beside.values()) < min(alone.values()) - _CLEARLY
+    return _simplest(beside if asks else alone, _CLEARLY * excess)
+
+
+def _simplest(misfits: Mapping[str, float], clearly: float) -> str:
+    """The timing that misses least; samples of a smooth torque where none is clearly better."""
+    return min(misfits, key=lambda t: misfits[t] - clearly * (t == 'sampled'))
 
 
 def _gain(fit: Fit, effects: Sequence[type[Effect]]) -> float:

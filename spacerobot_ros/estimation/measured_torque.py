@@ -12,9 +12,10 @@ from ..types import Array, BoolArray, IntArray
 from .reference import ReferenceTrajectory
 from .time_base import ONE_LOST, TimeBase
 
-TIMINGS = {'sampled': None, 'held_before': 1.0, 'held_after': 0.0}
+TIMINGS = {'sampled': None, 'held_before': 1.0, 'held_after': 0.0, 'held_about': 0.5}
 """How efforts act: interpolated between samples, or held over the interval that a sample ends or
-begins. The number is the interval's end that counts."""
+begins, or whose mean about a sample is measured. The number is the share of the interval's later
+end in what is held."""
 
 _UNKNOWN = 1e3  # N m; internal torques unknown: only momentum is left to judge by
 
@@ -50,7 +51,7 @@ class MeasuredTorque:
         end = TIMINGS[self.timing]
         if end is not None:
             lost = self._is_lost(times, interval)[:, None]
-            return np.where(lost, 0.5 * (early + late), late if end else early)
+            return np.where(lost, 0.5 * (early + late), (1.0 - end) * early + end * late)
         stamps = record.effort_time
         share = (times - stamps[interval]) / (stamps[interval + 1] - stamps[interval])
         share = np.clip(share, 0.0, 1.0)[:, None]
@@ -96,7 +97,8 @@ class MeasuredTorque:
     def _is_lost(self, times: Array, interval: IntArray) -> BoolArray:
         """(M,) times at which a torque was held whose sample is missing.
 
-        A sample holds for as long as usual: of two that are twice as far apart one is missing.
+        A sample holds for as long as usual: of two that are twice as far apart one is missing, and
+        with it half of each of two means.
         """
         end, stamps = TIMINGS[self.timing], self.record.effort_time
         if end is None:
@@ -104,4 +106,5 @@ class MeasuredTorque:
         before, after = times - stamps[interval], stamps[interval + 1] - times
         usual = self.time_base.usual
         is_long = before + after > ONE_LOST * usual
-        return np.asarray(is_long & ((after if end else before) > usual))
+        away = {1.0: after, 0.0: before}.get(end, np.maximum(before, after))
+        return np.asarray(is_long & (away > usual))

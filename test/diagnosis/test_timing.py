@@ -1,0 +1,67 @@
+"""How efforts act is told from the data: no friction stands in for half an interval of it."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip('mujoco')
+
+from support.mujoco_robots import ROBOTS
+from support.mujoco_run import Excitation
+from support.mujoco_sensors import Sensors
+from support.mujoco_truth import generate
+
+from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.timing import first_timing, in_words
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.observations import observed
+
+DURATION = 8.0  # s
+
+
+def flown(folder, robot, seed, *effects, control='held', effort_mean=True):
+    """A record in closed loop on the sensors, and its robot."""
+    motion = Excitation(amplitude=0.2, period=DURATION, control=control, measured=True)
+    sensors = Sensors(effort_std=ROBOTS[robot].effort_std, effort_mean=effort_mean)
+    case = generate(
+        robot,
+        effects,
+        folder=folder,
+        seed=seed,
+        duration=DURATION,
+        excitation=motion,
+        sensors=sensors,
+    )
+    return case.data, load_robot_file(case.robot).robot
+
+
+def timing_of(record, robot):
+    noise, _ = noise_levels(robot.sensors, record)
+    return first_timing(observed(record, robot), robot, (), noise, list(CATALOGUE.values()))
+
+
+@pytest.mark.parametrize(('robot', 'seed'), [('ground', 3), ('ground', 6), ('pendulum', 6)])
+def test_means_of_held_torques_are_no_friction(tmp_path, robot, seed):
+    """Light links show that the torque was held; its reading is that of a smooth one."""
+    said = diagnose(*flown(tmp_path, robot, seed))
+    assert said.verdict == 'consistent', said.sentence
+    assert not said.causes
+
+
+@pytest.mark.parametrize(('effort_mean', 'timing'), [(True, 'held_about'), (False, 'held_before')])
+def test_conventions_of_recorders_are_told_apart(tmp_path, effort_mean, timing):
+    record, robot = flown(tmp_path, 'ground', 8, effort_mean=effort_mean)
+    assert timing_of(record, robot) == timing
+    assert in_words(timing)
+
+
+def test_friction_beside_means_of_held_torques_has_its_size(tmp_path):
+    hidden = ('joint_viscous_friction', 'joint_2', {'coefficient': 0.5})
+    said = diagnose(*flown(tmp_path, 'ground', 8, hidden))
+    assert said.verdict == 'explained', said.sentence
+    [cause] = said.causes
+    assert (cause.applied.id, cause.applied.where) == hidden[:2]
+    found = cause.parameters['coefficient']
+    assert abs(found.value - 0.5) < 4.0 * found.std  # beyond that 1 of 15,000 seeds
