@@ -256,7 +256,8 @@ def test_a_dummy_root_has_what_is_welded_to_it():
     round_ = 'ixx="0.3" ixy="0" ixz="0" iyy="0.3" iyz="0" izz="0.3"'
     parts = {'sensor': (0.001, rod), 'trunk': (16.0, round_), 'foot': (0.0, round_)}
     links = ''.join(
-        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia {inertia}/></inertial></link>'
+        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia {inertia}/></inertial>'
+        '</link>'
         f'<joint name="to_{name}" type="fixed"><parent link="base"/><child link="{name}"/></joint>'
         for name, (mass, inertia) in parts.items()
     )
