@@ -217,10 +217,11 @@ class Innovations:
         size = 2 * m + 2 * n
         f = np.zeros((len(self.durations), size, size))
         f[:, : 2 * m, : 2 * m] = self._steps.transitions
-        by_effort = _between(self._linear.by_effort, 0.5)
+        by_effort, grows = self._linear.by_effort[:-1], np.diff(self._linear.by_effort, axis=0)
         start, growth = (x[:, None, None] for x in self._torque.late_shares())
-        f[:, : 2 * m, late] = -self._steps.driven(start * by_effort, growth * by_effort)
-        driven = self._steps.driven(by_effort)
+        late_drives = start * by_effort, growth * by_effort + start * grows, growth * grows
+        f[:, : 2 * m, late] = -self._steps.driven(*late_drives)
+        driven = self._steps.driven(by_effort, grows)
         f[:, : 2 * m, early] = -f[:, : 2 * m, late] - driven
         f[:, 2 * m :, 2 * m :] = np.eye(2 * n)
         variance = np.zeros((len(f), size))  # of the effort samples that enter

@@ -1,0 +1,51 @@
+"""A wrist of grams, its inertia changing by per cents a sample, and torque sensors of an arm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco')
+
+from support.mujoco_robots import TruthRobot, chain
+from support.mujoco_run import Excitation
+from support.mujoco_sensors import Sensors
+from support.mujoco_truth import generate
+
+from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.estimation.refit import Fit
+from spacerobot_ros.estimation.runs import Run
+
+LINKS = [
+    ('0 0 0.3', 'z', '0 0 0.02', 0.3, '2e-4 2e-4 1e-4', '50'),
+    ('0 0 0.05', 'y', '0 0 0.05', 0.3, '1e-3 1e-3 1e-4', '20'),
+    ('0 0 0.1', 'z', '0.01 0 0.05', 0.5, '2e-3 2e-3 1e-3', '10'),
+]
+"""The first and the last axis are one where the middle joint is straight."""
+
+
+def test_noise_of_efforts_acts_along_the_step(tmp_path):
+    """It passes the wrist's inverse inertia, which is not what it is in the step's middle."""
+    wrist = TruthRobot(
+        chain('wrist', '', LINKS),
+        ('joint_1', 'joint_2', 'joint_3'),
+        free=False,
+        gravity=(0.0, 0.0, -9.81),
+        q0=(0.2, 0.1, 0.1),
+    )
+    case = generate(
+        wrist,
+        folder=tmp_path,
+        seed=2,
+        duration=8.0,
+        excitation=Excitation(amplitude=0.5, period=3.0, control='held'),
+        sensors=Sensors(effort_std=0.05, effort_mean=False),
+    )
+    robot = load_robot_file(case.robot).robot
+    record = observed(case.data, robot)
+    fit = Fit(Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before'), ())
+    chance = np.sqrt(2.0 * len(fit.data))  # of the sum of so many squares
+    assert abs(fit.misfit) < 4.0 * chance
+    assert fit.rows.whiteness()[0] > 1e-3
