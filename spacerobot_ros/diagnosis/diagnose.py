@@ -32,13 +32,13 @@ from .events.arm_events import arm_events
 from .events.event import Event, Events
 from .events.impulses import impulse_events, spans_of, steps_beside_wheels
 from .found import Found
-from .limits import MOST
+from .limits import MISFIT, MOST
 from .pieces import diagnose_pieces, pieces_of
 from .predictable import is_predictable
 from .search import Search
 from .spinning import diagnose_spin, is_spinning
 from .thrust import diagnose_thrust, has_pose_and_thrust
-from .timing import first_timing, held_after_all, in_words
+from .timing import first_timing, held_after_all, in_words, simpler_timing
 
 _BALANCED = (
     'the robot file states no joint_effort_std, and more is left of the torques than noise of '
@@ -191,10 +191,19 @@ def _cost(fit: Fit) -> float:
 def _searched(
     run: Run, kinds: Sequence[type[Effect]], report: Callable[[str, float], None]
 ) -> Found:
-    """What rows by prediction want."""
+    """What rows by prediction want; a search of another timing has a budget of its own."""
+
+    def timed(timing: str) -> Found:
+        return Search(run.without(run.left_out).timed(timing), kinds, report, TIMINGS).find()
+
     found = Search(run, kinds, report).find()
     if held := held_after_all(found.fit):
-        found = Search(run.timed(held), kinds, report, TIMINGS).find()
+        found = timed(held)
+    if simpler := simpler_timing(found.sound):
+        other = timed(simpler)
+        fits = (other.sound.rows.whiteness()[0] or 0.0) >= MISFIT
+        if fits and len(other.sound.causes) < len(found.sound.causes):
+            return other
     return found
 
 

@@ -10,6 +10,7 @@ samples, so that it predicts a slow motion better even where it is wrong about t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
@@ -28,6 +29,7 @@ _SPAN = 20.0  # s of the record that decide
 _FITS = 0.05  # probability of a fit that asks for no effect beside it
 _ALL_LATE = {'delay': 1.0}
 _CLEARLY = 20.0  # gap in misfit from which another timing is taken
+_BY_CHANCE = 3.0  # standard deviations of a right model's misfit
 _LATENESS = {'sampled': 0.0, 'held_before': 0.5, 'held_after': -0.5, 'held_about': 0.0}
 _TOLERANCE = 0.08  # of an interval, about what a delay may differ from a convention's
 _IN_WORDS = {
@@ -112,6 +114,33 @@ def better_timing(fit: Fit, tried: Collection[str], passes: int = PASSES) -> str
     fits = {t: refine(fit.run.timed(t), fit.causes, passes) for t in others}
     best = min(fits, key=lambda t: np.nan_to_num(fits[t].misfit, nan=np.inf))
     return best if fits[best].misfit < fit.misfit - _CLEARLY else None
+
+
+def simpler_timing(fit: Fit) -> str | None:
+    """Another timing under which a model fits without one of its causes; None: none.
+
+    Half an interval of a smooth torque looks like friction, or like what bends it, beside causes
+    that are real, too.
+    """
+    alike = fit.misfit + _BY_CHANCE * math.sqrt(2.0 * len(fit.data))
+    for timing in _others(fit):
+        run = fit.run.timed(timing)
+        if Fit(run, fit.causes).misfit > alike:
+            continue
+        all_of_them = refine(run, fit.causes)
+        for i in range(len(fit.causes)):
+            fewer = refine(run, [*fit.causes[:i], *fit.causes[i + 1 :]])
+            is_enough = fewer.evidence >= all_of_them.evidence
+            if is_enough and (fewer.rows.whiteness()[0] or 0.0) >= _FITS:
+                return timing
+    return None
+
+
+def _others(fit: Fit) -> list[str]:
+    """Timings that a fit with causes has not, where there are efforts."""
+    if fit.run.record.effort is None or not (fit.run.robot.joints and fit.causes):
+        return []
+    return [timing for timing in TIMINGS if timing != fit.run.timing]
 
 
 def held_after_all(fit: Fit) -> str | None:

@@ -12,19 +12,23 @@ from support.mujoco_sensors import Sensors
 from support.mujoco_truth import generate
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.timing import first_timing, in_words
+from spacerobot_ros.diagnosis.timing import first_timing, in_words, simpler_timing
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.joint_friction import ViscousFriction
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.estimation.refit import refine
+from spacerobot_ros.estimation.runs import Run
 
 DURATION = 8.0  # s
 
 
-def flown(folder, robot, seed, *effects, control='held', effort_mean=True):
+def flown(folder, robot, seed, *effects, control='held', effort_mean=True, effort_std=None):
     """A record in closed loop on the sensors, and its robot."""
     motion = Excitation(amplitude=0.2, period=DURATION, control=control, measured=True)
-    sensors = Sensors(effort_std=ROBOTS[robot].effort_std, effort_mean=effort_mean)
+    std = effort_std or ROBOTS[robot].effort_std
+    sensors = Sensors(effort_std=std, effort_mean=effort_mean)
     case = generate(
         robot,
         effects,
@@ -65,3 +69,17 @@ def test_friction_beside_means_of_held_torques_has_its_size(tmp_path):
     assert (cause.applied.id, cause.applied.where) == hidden[:2]
     found = cause.parameters['coefficient']
     assert abs(found.value - 0.5) < 4.0 * found.std  # beyond that 1 of 15,000 seeds
+
+
+def test_what_stands_in_for_half_an_interval_is_none_of_another_timing(tmp_path):
+    """Beside a cause that is real, in a record whose noise hides when efforts act."""
+    hidden = ('joint_viscous_friction', 'joint_2', {'coefficient': 1.0})
+    record, robot = flown(tmp_path, 'ground', 4, hidden, control='smooth', effort_std=0.1)
+    record = observed(record, robot)
+    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_after')
+    real, false = (
+        ViscousFriction(name=joint, where=joint, values={'coefficient': size})
+        for joint, size in (('joint_2', 1.0), ('joint_1', 0.02))
+    )
+    assert simpler_timing(refine(run, [real, false])) in ('sampled', 'held_about')
+    assert simpler_timing(refine(run.timed('sampled'), [real])) is None
