@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.equations import Dynamics, without_translation
 from ..types import Array
 from .design import Design
 from .precision import REST, Prediction, predict_design, predict_reference, predict_with_wheels
 from .problem import Problem
 
 _FACTORS = (1.0, 2.0, 5.0)  # on the momentum of the own wheels
-_TRIED = 10.0  # N m s an axis, where the file has the wheels at rest
+_TRIED = 5e-3  # rad/s at which momentum turns the robot, where the file has the wheels at rest
 _WORTH = 0.9  # of the std; a smaller gain is not worth a spin-up
 _POOR = 0.02  # of |h|; predictions worse than this are of little use
 _BLIND = 0.1  # rad/s
@@ -31,7 +32,8 @@ class WheelOption:
     """The same joint motion with other wheel momentum.
 
     Args:
-        factor: On the momentum of the robot file (on 10 N m s an axis where that is zero).
+        factor: On the momentum of the robot file; where that is zero on one that turns the robot
+            at 5 mrad/s about each axis.
         momentum: (3,) in base_link [N m s].
         prediction: What it reaches.
     """
@@ -68,7 +70,7 @@ class Summary:
     def __init__(self, problem: Problem, found: Design) -> None:
         x, h0 = found.x, problem.robot.servicer_wheels.momentum
         if not h0.any():
-            h0 = np.full(3, _TRIED)
+            h0 = np.full(3, _TRIED * _moment(problem))
         self.problem, self.found, self.uses = problem, found, problem.uses(x)
         self.design, self.reference = predict_design(problem, x), predict_reference(problem)
         is_spun_up = problem.start_kind == 'spin_up'
@@ -101,6 +103,12 @@ class Summary:
             'advice': self.advice,
             'notes': self.notes,
         }
+
+
+def _moment(problem: Problem) -> float:
+    """Mean moment of inertia of the whole about its centre of mass, at the start [kg m^2]."""
+    M = Dynamics(problem.robot).mass_matrix(problem.family.start)
+    return float(np.trace(without_translation(M)[:3, :3])) / 3.0
 
 
 def _advice(problem: Problem, options: Sequence[WheelOption]) -> str:

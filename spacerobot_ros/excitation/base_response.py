@@ -19,7 +19,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from ..dynamics.blocks import BlockTree
 from ..dynamics.compiling import Triple, compiled, inner
 from ..dynamics.crba import crba
 from ..dynamics.equations import joint_torques, without_translation
@@ -88,15 +87,10 @@ class BaseResponse:
     """A robot whose joints follow given motions; its base gives way, or rests where it is fixed.
 
     Args:
-        robot: Its captured wheels' momentum as assumed; revolute joints where the base is free.
-
-    Raises:
-        ConfigurationError: a free base with prismatic joints.
+        robot: Its captured wheels' momentum as assumed.
     """
 
     def __init__(self, robot: Robot) -> None:
-        if robot.is_free:
-            BlockTree(robot)  # refuses robots that it does not fit
         self._robot, self._tree = robot, tree_of(robot)
         self._wheels = [(g.body, g.body_momentum) for g in robot.gyrostats]
 

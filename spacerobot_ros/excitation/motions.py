@@ -120,8 +120,7 @@ class Motions:
         family: Motions at the nodes. fine: The same at finer times. start: Of the base.
 
     Raises:
-        ConfigurationError: limits of the wrong length, or a robot whose free base can't be
-            followed (prismatic joints).
+        ConfigurationError: limits of the wrong length.
     """
 
     def __init__(

@@ -137,3 +137,18 @@ def test_joints_of_both_kinds_have_each_their_own(tmp_path):
     event = event_of(robot, pulses, None, 5.0)
     assert event.units == {turns: 'N m', slides: 'N'}
     assert event.unit == 'N m or N'
+
+
+def test_causes_at_a_free_robot_that_slides_are_told_apart(tmp_path, capsys):
+    """The command that a diagnosis prints beside rivals, on the robots that it takes."""
+    path = robot_file(tmp_path, 'revolute', 'prismatic')
+    free = path.read_text().replace('base: fixed', 'base: free').replace('-9.81', '0.0')
+    path.write_text(free + '    excitation: {starts: 1, iterations: 1, duration: 5.0}\n')
+    (tmp_path / 'robot.urdf').write_text(
+        (tmp_path / 'robot.urdf').read_text().replace('"floor"/>', f'"floor">{INERTIAL}</link>', 1)
+    )
+    causes = [f'joint_{kind}_friction@prismatic_1' for kind in ('viscous', 'coulomb')]
+    out = tmp_path / 'separate.yaml'
+    assert main(['excite', '--robot', str(path), '-o', str(out), '--separate', *causes]) == 0
+    assert load_robot_file(out).settings.reference.kind == 'fourier'
+    capsys.readouterr()

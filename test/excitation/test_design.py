@@ -164,6 +164,20 @@ def test_own_wheels_at_rest_are_said_to_leave_the_scale_open():
     assert summary.wheels[0].prediction.scale_std < 0.01
 
 
+@pytest.mark.parametrize('share', [1.0, 1e-2])
+def test_wheels_that_are_tried_fit_the_robot(share):
+    """10 N m s are much for a robot of kilograms."""
+    parts = [replace(p, mass=share * p.mass, inertia=share * p.inertia) for p in six_joints()]
+    settings = {'starts': 1, 'iterations': 1, 'duration': 10.0}
+    file = robot_file(parts, wheels=(0.0, 0.0, 0.0), excitation=settings)
+    problem = Problem(file)
+    still = Design(np.zeros(problem.family.size), 0.0, (), False)
+    tried = [option.momentum / share for option in Summary(problem, still).wheels]
+    expected = np.outer([1.0, 2.0, 5.0], np.ones(3)) * tried[0][0]
+    np.testing.assert_allclose(tried, expected, rtol=1e-9)
+    assert 5.0 < tried[0][0] < 50.0  # N m s of robots of tonnes
+
+
 def test_faster_own_wheels_tell_the_common_scale(wide):
     scales = [o.prediction.scale_std for o in Summary(*wide).wheels]
     assert scales[0] > 1.3 * scales[1] > 1.3 * scales[2]
