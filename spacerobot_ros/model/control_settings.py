@@ -55,7 +55,7 @@ class ControllerSettings:
     use_estimate: bool = param(True)
     torque_limit: FloatList = param((), 'N m', above=0.0)
     base_torque_limit: FloatList = param((), 'N m', above=0.0)
-    damping: float = param(1.0, '1/s', minimum=0.01, maximum=100.0)
+    damping: float = param(5.0, '1/s', minimum=0.01, maximum=100.0)
     state_timeout: float = param(0.1, 's', **TIMES)
     attitude_timeout: float = param(1.0, 's', **TIMES)
     hold_compensation: bool = param(True)

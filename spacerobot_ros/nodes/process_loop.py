@@ -27,7 +27,6 @@ from .program import NODES, program
 
 _SETTINGS = {
     'reference.repeat': 'true',
-    'controller.damping': '5.0',
     'simulator.lockstep_timeout': '0.5',
     'simulator.real_time_factor': '0.25',  # four processes of a busy machine keep up with it
 }

@@ -79,7 +79,10 @@ def test_damps_when_the_gyro_stops_and_joins_again(file, truth, loop):
     assert np.abs([c.tau for c in machine.commands]).max() < 5000.0  # no jump anywhere
 
 
-def test_damps_blindly_when_the_joint_states_stop_and_lets_the_torque_fade(file, truth, loop):
+def test_damps_blindly_when_the_joint_states_stop_and_lets_the_torque_fade(file, truth):
+    """Braking of 1/s, which lasts 5 s, against the wheels."""
+    slowly = replace(file.settings.controller, damping=1.0)
+    loop = ControlLoop(truth, replace(file.settings, controller=slowly))
     machine = Machine(file, truth, loop)
     machine.run(300)
     before = np.abs(machine.state.qd).max()
@@ -89,6 +92,17 @@ def test_damps_blindly_when_the_joint_states_stop_and_lets_the_torque_fade(file,
     assert np.abs(machine.state.qd).max() < 0.2 * before
     late = loop.blind(100_000 * MS)
     assert np.abs(late.tau).max() < 0.01  # 30 N m at first, faded at 0.1/s
+    assert {c.mode for c in machine.run(800)} == {'tracking'}
+    assert np.degrees(np.abs(machine.commands[-1].error).max()) < 0.05
+
+
+def test_a_second_after_the_joint_states_stop_nothing_is_commanded(file, truth, loop):
+    machine = Machine(file, truth, loop)
+    machine.run(300)
+    blind = np.abs([c.tau for c in machine.run(111, joints=False)])
+    assert blind.max() < 5000.0
+    assert blind[100].any()
+    assert not blind[-1].any()
     assert {c.mode for c in machine.run(800)} == {'tracking'}
     assert np.degrees(np.abs(machine.commands[-1].error).max()) < 0.05
 
