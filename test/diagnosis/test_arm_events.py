@@ -132,6 +132,18 @@ def test_pushes_of_an_arm_held_still():
         assert abs(event.peak[JOINTS[joint]] - torque) < COULOMB[joint]  # its friction's share
 
 
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_a_torque_that_creeps_at_rest_is_pushed_by_what_friction_does_not_hold_or_not_at_all(side):
+    """It leaves what friction holds by little more in a second: a weight that is wrong does."""
+    file = arm_file()
+    record = RealArm(2).record(0, moving=(), duration=12.0)
+    efforts, time = record.effort.copy(), record.effort_time
+    efforts[:, 1] += side * 2.8 * COULOMB[1] * time / time[-1]
+    creeping = replace(record, joints=replace(record.joints, effort=efforts))
+    found = arm_events([balance_of(creeping, file.robot, file.effects)], None)
+    assert all(abs(e.peak['joint_2']) > 1.4 * COULOMB[1] for e in found.events.named)
+
+
 def test_friction_holds_what_is_within_its_bound():
     file = arm_file()
     with pytest.raises(RecordingError, match='no joint moves'):

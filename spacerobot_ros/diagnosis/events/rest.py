@@ -121,7 +121,10 @@ def rest_events(
     held = bound + np.where(unknown, 0.0, of_load) * np.abs(balance.motion.effort)
     measured = np.flatnonzero(~_unmeasured(balance)).tolist()
     stretches = [rest for j in measured for rest in rests(balance, run, j, held[:, j], scan)]
-    found = [rest.pulse(rest.span(core)) for rest in stretches for core in rest.cores(REST_SHARE)]
+    cores = [(rest, core) for rest in stretches for core in rest.cores(REST_SHARE)]
+    pulses = [rest.pulse(rest.span(core)) for rest, core in cores]
+    # what is no more than friction away from what was before creeps: nobody came
+    found = [pulse for pulse in pulses if abs(pulse.z) > REST_SHARE]
     last = float(balance.arm.times[-1])
     groups = [_felt(robot, first, stretches) for first in _apart(robot, found)]
     named = [event_of(robot, group, None, last) for group in groups]
