@@ -24,7 +24,7 @@ from .linear_steps import Steps
 from .measured_torque import MeasuredTorque
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
 from .sampled_motion import SampledMotion
-from .time_base import make_time_base
+from .time_base import make_time_base, pauses
 from .torque_process import TorqueDriven
 
 _GAUSS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
@@ -66,7 +66,8 @@ class MeasuredMotion(SampledMotion):
         process: TorqueDriven,
         left_out: tuple[tuple[float, float], ...] = (),
     ) -> None:
-        self.left_out = left_out
+        # through a gap nobody knows where the reference goes
+        self.left_out = (*left_out, *pauses(record.joint_time))
         self.time_base = make_time_base(record, process.m, process.first)
         reference = ReferenceTrajectory(record, noise, self.time_base.times)
         super().__init__(record, noise, reference, self.time_base.rows)

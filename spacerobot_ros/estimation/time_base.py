@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import IdentificationError
+from ..recording.gaps import GAP_PERIODS
 from ..recording.record import Record
 from ..types import Array, IntArray
 
@@ -128,6 +129,13 @@ def lost_samples(time: Array) -> Array:
     usual = np.median(steps) if len(steps) else 0.0
     is_one = (steps > ONE_LOST * usual) & (steps <= SEVERAL_LOST * usual)
     return np.asarray(time[:-1][is_one] + usual)
+
+
+def pauses(time: Array) -> tuple[tuple[float, float], ...]:
+    """Starts and ends [s] of the gaps between samples, at (N,) times, that a note is made of."""
+    steps = np.diff(time)
+    long = np.flatnonzero(steps > GAP_PERIODS * np.median(steps)) if len(steps) else ()
+    return tuple((float(time[k]), float(time[k + 1])) for k in long)
 
 
 def measured_rows(

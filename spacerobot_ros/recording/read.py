@@ -18,6 +18,7 @@ from .bag import Topics, read_bag
 from .faults.kinematics import unlike_positions
 from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
 from .gaps import split_at_gaps, with_gaps_noted
+from .held_readings import without_repeats
 from .mapped_table import read_mapped
 from .mapping import load_mapping
 from .npz import load_npz
@@ -65,7 +66,7 @@ def read_record(
         record = _read(path, robot, topics)
     if robot is not None:
         record = with_turns_counted(in_robot_order(record, robot), robot)
-    record = without_spikes(record)
+    record = without_spikes(without_repeats(record))
     if robot is not None:
         record = _usable(record, robot)
         with_inputs(robot, record)  # refuses what is not this robot's
