@@ -23,7 +23,7 @@ from .kalman import StateSpace, correlate, gains_of, whiten
 from .linear_steps import Steps
 from .measured_torque import MeasuredTorque
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
-from .sampled_motion import SampledMotion
+from .sampled_motion import NO_GAINS, SampledMotion
 from .time_base import make_time_base, pauses
 from .torque_process import TorqueDriven
 
@@ -57,6 +57,7 @@ class MeasuredMotion(SampledMotion):
         noise: Noise levels.
         process: Any model of the robot, for the number of its velocities.
         left_out: Starts and ends of times [s] in which anything may act from outside.
+        gains: See `SampledMotion`.
     """
 
     def __init__(
@@ -65,12 +66,13 @@ class MeasuredMotion(SampledMotion):
         noise: NoiseLevels,
         process: TorqueDriven,
         left_out: tuple[tuple[float, float], ...] = (),
+        gains: Mapping[str, Array] = NO_GAINS,
     ) -> None:
         # through a gap nobody knows where the reference goes
         self.left_out = (*left_out, *pauses(record.joint_time))
         self.time_base = make_time_base(record, process.m, process.first)
         reference = ReferenceTrajectory(record, noise, self.time_base.times)
-        super().__init__(record, noise, reference, self.time_base.rows)
+        super().__init__(record, noise, reference, self.time_base.rows, gains)
 
     @cached_property
     def inner(self) -> tuple[tuple[float, Kinematics], ...]:

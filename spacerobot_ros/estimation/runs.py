@@ -10,6 +10,7 @@ from ..model.robot import Robot
 from ..recording.record import Record
 from ..recording.robot_inputs import with_inputs
 from ..sensing.faults import corrected_record
+from ..sensing.reading_gains import reading_gains
 from .measured_torque import TIMINGS
 from .prediction import MeasuredMotion
 from .prediction_rows import PredictionRows
@@ -84,4 +85,5 @@ class Run:
         effects = (*self.believed, *causes)
         is_held = TIMINGS[self.timing] is not None
         record = corrected_record(self.record, process.robot, effects, is_held)
-        return MeasuredMotion(record, self.noise, process, self.left_out)
+        gains = reading_gains(record, process.robot, effects)
+        return MeasuredMotion(record, self.noise, process, self.left_out, gains)

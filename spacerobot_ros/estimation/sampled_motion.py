@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
 from .time_base import CHANNELS, RowIndex
 
 _CLOCKS = {'gyro': 'imu', 'attitude': 'attitude'}  # all other channels come with the joints
+NO_GAINS: Mapping[str, Array] = MappingProxyType({})
 
 
 class SampledMotion:
@@ -24,12 +27,19 @@ class SampledMotion:
         noise: Noise levels.
         reference: Through the record.
         rows: Its samples at the reference's times.
+        gains: Channel to (samples, width) by which its readings, and their noise, were divided;
+            of those without nothing was.
     """
 
     def __init__(
-        self, record: Record, noise: NoiseLevels, reference: ReferenceTrajectory, rows: RowIndex
+        self,
+        record: Record,
+        noise: NoiseLevels,
+        reference: ReferenceTrajectory,
+        rows: RowIndex,
+        gains: Mapping[str, Array] = NO_GAINS,
     ) -> None:
-        self.record, self.noise = record, noise
+        self.record, self.noise, self._gains = record, noise, gains
         self.reference, self.rows = reference, rows
         self._at: dict[str, Kinematics] = {}
 
@@ -66,8 +76,11 @@ class SampledMotion:
     def row_variance(self) -> Array:
         """(R,) of the sensors' noise."""
         noise = self.noise
-        levels = np.array([getattr(noise, channel) for channel in CHANNELS])
-        return np.asarray(levels[self.rows.channel] ** 2)
+        levels = np.array([getattr(noise, channel) for channel in CHANNELS])[self.rows.channel]
+        if self._gains:
+            beyond = {channel: gains[..., None] - 1.0 for channel, gains in self._gains.items()}
+            levels = levels / (1.0 + self.rows.of(beyond)[:, 0])
+        return np.asarray(levels**2)
 
 
 def misreading(effect: Effect, channel: str, at: Kinematics, motion: Motion) -> Array:

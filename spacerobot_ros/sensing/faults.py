@@ -16,7 +16,8 @@ from ..model.robot import Robot
 from ..recording.record import JointSeries, Record
 from ..types import Array, IntArray
 
-_PASSES = 3  # of the fixed point that undoes a fault; faults are small
+_PASSES = 12  # at most, of the fixed point that undoes a fault; a scale of 0.9 takes them all
+_SETTLED = 1e-12  # rad, rad/s, N m; beyond which it goes on
 
 
 class SensorFaults:
@@ -84,10 +85,13 @@ class SensorFaults:
         true = measured
         for _ in range(_PASSES):
             motion = Motion(self._robot, _times(true[0], time), *true)
-            true = [
-                wrong - (self.sensed(name, value, motion) - value)
+            missed = [
+                wrong - self.sensed(name, value, motion)
                 for name, wrong, value in zip(names, measured, true, strict=True)
             ]
+            true = [value + change for value, change in zip(true, missed, strict=True)]
+            if all(_is_settled(change) for change in missed):
+                break
         position, rate, torque = (value.reshape(np.shape(q)) for value in true)
         return position, rate, torque
 
@@ -97,7 +101,10 @@ class SensorFaults:
             return omega
         measured = true = np.atleast_2d(omega)
         for _ in range(_PASSES):
-            true = measured - (self.sensed('gyro', true, self._turning(true, time)) - true)
+            missed = measured - self.sensed('gyro', true, self._turning(true, time))
+            true = true + missed
+            if _is_settled(missed):
+                break
         return true.reshape(np.shape(omega))
 
     def undo_attitude(self, q_WB_xyzw: Array, time: Array | None = None) -> Array:
@@ -113,6 +120,10 @@ class SensorFaults:
     def _turning(self, omega: Array, time: Array | None) -> Motion:
         still = np.zeros((len(omega), self._robot.n_joints))
         return Motion(self._robot, _times(omega, time), still, still, still, omega=omega)
+
+
+def _is_settled(missed: Array) -> bool:
+    return bool(np.max(np.abs(missed), initial=0.0) < _SETTLED)
 
 
 def _times(values: Array, time: Array | None) -> Array:
