@@ -80,7 +80,8 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         ModelError: anything wrong in the URDF.
         ConfigurationError: settings that don't fit the URDF.
     """
-    tree, options = parse_urdf(urdf, urdf_name), settings.robot
+    options = settings.robot
+    tree = parse_urdf(urdf, urdf_name, is_on_ground=options.base == 'fixed')
     if options.base_link not in ('', tree.root):
         why = f'{options.base_link!r} is not the root link {tree.root!r} of the URDF'
         raise ConfigurationError('robot.base_link', why)

@@ -65,7 +65,8 @@ class RobotSettings:
 
     Args:
         urdf: package:// URL, absolute path, or path beside the robot file.
-        base: Free-floating base, or fixed for a ground test.
+        base: Free-floating base, or fixed for a ground test, which asks nothing of the root link's
+            inertia.
         base_link: Root link of the URDF; empty: whichever it is.
         gravity: Gravity in the inertial frame.
         inertia_uncertainty: Standard deviation of every inertial parameter, as a share of its

@@ -18,12 +18,10 @@ from scipy.spatial.transform import Rotation
 from ..errors import ModelError
 from ..types import Matrix3, Vector3
 from .files import MOST_URDF
+from .rigid_body import fault_of
 
 MOVING = ('revolute', 'continuous', 'prismatic')
 INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
-# Relative slack of the triangle inequality: URDFs print inertias with about six digits, and a flat
-# plate sits on the bound.
-_TRIANGLE_SLACK = 1e-6
 _XACRO = 'ros.org/wiki/xacro}'  # namespace of its elements, as the parser writes it
 
 
@@ -73,12 +71,14 @@ class Tree:
     joints: dict[str, Joint]
 
 
-def parse_urdf(text: str, place: str = 'URDF') -> Tree:
+def parse_urdf(text: str, place: str = 'URDF', *, is_on_ground: bool = False) -> Tree:
     """Parse and check a URDF.
 
     Args:
         text: The XML.
         place: What to call it in error messages.
+        is_on_ground: Whether the root does not move, so that its inertia plays no part: one that
+            no rigid body has is left out.
 
     Returns:
         The checked tree.
@@ -104,7 +104,7 @@ def parse_urdf(text: str, place: str = 'URDF') -> Tree:
     base = next((name for name in links if name not in children), '')
     for where, why in _faults_of_tree(links, joints, base, place):
         raise ModelError(where, why)
-    checked = _checked(links, joints, place)
+    checked = _checked(links, joints, place, base if is_on_ground else '')
     return Tree(root.get('name', 'robot'), base, checked, joints)
 
 
@@ -164,50 +164,14 @@ def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
-    """Refuse a mass and an inertia about the centre of mass that no rigid body has.
-
-    Args:
-        mass: Mass [kg].
-        inertia: (3, 3) about the centre of mass [kg m^2].
-        where: Place for the error message.
-
-    Raises:
-        ModelError: negative mass, inertia without mass, asymmetric or indefinite tensor, triangle
-            inequality violated.
-    """
-    if why := _fault_of(mass, inertia):
-        raise ModelError(where, why)
-
-
-def _fault_of(mass: float, inertia: Matrix3) -> str:
-    """Why no rigid body has them; empty where one may."""
-    if not np.all(np.isfinite(inertia)) or not math.isfinite(mass):
-        return 'mass or inertia is not finite'
-    scale = float(np.max(np.abs(inertia)))
-    a, b, c = np.linalg.eigvalsh(inertia)
-    tests = (
-        (mass < 0.0, f'negative mass {mass:g} kg'),
-        (np.max(np.abs(inertia - inertia.T)) > 1e-9 * scale, 'inertia tensor is not symmetric'),
-        (mass == 0.0 and scale > 0.0, 'has inertia but no mass'),
-        (
-            a < -_TRIANGLE_SLACK * scale,
-            f'inertia is not positive: principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2',
-        ),
-        (
-            c > (a + b) * (1.0 + _TRIANGLE_SLACK),
-            f'no rigid body has these principal moments: {c:.6g} > {a:.6g} + {b:.6g} kg m^2 '
-            '(triangle inequality)',
-        ),
-    )
-    return next((why for is_wrong, why in tests if is_wrong), '')
-
-
-def _checked(links: dict[str, Link], joints: dict[str, Joint], place: str) -> dict[str, Link]:
+def _checked(
+    links: dict[str, Link], joints: dict[str, Joint], place: str, still: str
+) -> dict[str, Link]:
     """Links whose bodies are rigid ones.
 
     Links that are welded together are one body. Where one of them is none by itself, their first
-    has all of it: files give brackets and antennas of grams moments that nobody has looked at.
+    has all of it: files give brackets and antennas of grams moments that nobody has looked at. Of
+    what does not move, the link `still` and all on it, nobody needs any.
 
     Raises:
         ModelError: see `check_inertia`; of the link that is none by itself.
@@ -217,15 +181,16 @@ def _checked(links: dict[str, Link], joints: dict[str, Joint], place: str) -> di
     for name in (name for name in links if name not in welded):
         names = [name]
         whole = _whole(links[name], links, below, names)
-        faults = [(part, _fault_of(links[part].mass, links[part].inertia)) for part in names]
+        faults = [(part, fault_of(links[part].mass, links[part].inertia)) for part in names]
         faults = [(part, why) for part, why in faults if why]
         if not faults:
             continue
-        if any(links[part].mass < 0.0 for part in names) or _fault_of(whole.mass, whole.inertia):
+        nothing = {part: Link(part, 0.0, np.zeros(3), np.zeros((3, 3))) for part in names}
+        is_body = not fault_of(whole.mass, whole.inertia)
+        if any(links[part].mass < 0.0 for part in names) or not (is_body or name == still):
             part, why = faults[0]
             raise ModelError(f'{place}: link {part!r}', why)
-        nothing = {part: Link(part, 0.0, np.zeros(3), np.zeros((3, 3))) for part in names}
-        out |= nothing | {name: whole}
+        out |= nothing | ({name: whole} if is_body else {})
     return out
 
 

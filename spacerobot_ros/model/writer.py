@@ -101,7 +101,7 @@ def urdf_text(robot: Robot) -> str:
 
 def _main_links(robot: Robot, names: set[str]) -> dict[str, str]:
     """Main link of the body that each link belongs to."""
-    tree = parse_urdf(robot.urdf)
+    tree = parse_urdf(robot.urdf, is_on_ground=not robot.is_free)
     parents = {joint.child: joint for joint in tree.joints.values()}
     owners = {}
     for link in tree.links:

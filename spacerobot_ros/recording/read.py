@@ -118,14 +118,14 @@ def read_groups(
                 record = read_record(path, robot, map_path, is_joined=split_gaps)
             _refuse_short(record, path)
             records += map(with_gaps_noted, split_at_gaps(record)) if split_gaps else (record,)
-        _refuse_other_bodies(records)
+        _refuse_other_bodies(records, robot)
         out.append(tuple(records))
     return out
 
 
-def _refuse_other_bodies(records: Sequence[Record]) -> None:
+def _refuse_other_bodies(records: Sequence[Record], robot: Robot) -> None:
     """Refuse recordings whose own descriptions have other bodies, such as another tool."""
-    declared = [(record, own) for record in records if (own := _bodies(record.description))]
+    declared = [(r, own) for r in records if (own := _bodies(r.description, not robot.is_free))]
     for record, own in declared[1:]:
         first, others = declared[0]
         if differing := sorted(own.items() ^ others.items()):
@@ -137,13 +137,13 @@ def _refuse_other_bodies(records: Sequence[Record]) -> None:
             )
 
 
-def _bodies(description: str) -> dict[str, tuple[float, ...]]:
+def _bodies(description: str, is_on_ground: bool) -> dict[str, tuple[float, ...]]:
     """Mass, centre of mass and inertia of every link; none where the text is no URDF."""
     try:
-        links = parse_urdf(description).links.values() if description else ()
+        links = parse_urdf(description, is_on_ground=is_on_ground).links if description else {}
     except ConfigurationError:
         return {}
-    return {x.name: (x.mass, *x.com.tolist(), *x.inertia.ravel().tolist()) for x in links}
+    return {n: (x.mass, *x.com.tolist(), *x.inertia.ravel().tolist()) for n, x in links.items()}
 
 
 def _refuse_short(record: Record, path: str | Path) -> None:

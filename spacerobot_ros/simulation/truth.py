@@ -13,9 +13,9 @@ from ..dynamics.integrate import TABLEAUS
 from ..dynamics.state import initial_state
 from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import ConfigurationError
+from ..model.rigid_body import check_inertia
 from ..model.robot import Robot
 from ..model.settings import Settings, TruthSettings
-from ..model.urdf import check_inertia
 from ..recording.compose import Composer
 from ..sensing.faults import SensorFaults
 from ..sensing.sensors import SensorSamples, SensorSuite

@@ -14,8 +14,8 @@ from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.momentum_process import MomentumModel
 from spacerobot_ros.identification.batch import identify, identify_robot
 from spacerobot_ros.identification.physical import BodyParameters, project
+from spacerobot_ros.model.rigid_body import check_inertia
 from spacerobot_ros.model.settings import IdentifierSettings
-from spacerobot_ros.model.urdf import check_inertia
 from spacerobot_ros.model.writer import urdf_text, write_robot_file
 
 GENERIC = IdentifierSettings(structure='generic', nuisances=())

@@ -11,6 +11,7 @@ import pytest
 from support.models import Part, robot_of, settings_of, table_one, to_urdf
 
 from spacerobot_ros.dynamics.state import initial_state
+from spacerobot_ros.effects.motion import inverse_mass
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.files import write_text, written_whole
@@ -18,6 +19,8 @@ from spacerobot_ros.model.loader import build_robot, resolve_urdf
 from spacerobot_ros.model.motion_settings import InitialSettings
 from spacerobot_ros.model.settings import TruthSettings, parse_settings
 from spacerobot_ros.model.urdf import parse_urdf
+from spacerobot_ros.model.writer import urdf_text
+from spacerobot_ros.simulation.replay.shapes import shapes_of
 from spacerobot_ros.simulation.truth import true_robot
 
 SERVICER = Path(__file__).parents[2] / 'config' / 'servicer.yaml'
@@ -529,6 +532,23 @@ def test_a_fixed_base_needs_no_mass():
         Part('a', 0, 'continuous', 1.0, np.zeros(3), PLATE),
     ]
     assert not robot_of(parts, base='fixed').is_free
+
+
+def test_a_fixed_base_needs_no_inertia_of_a_body(tmp_path):
+    """Its robot is read, shown and written, and moves as one whose root has nothing."""
+    parts = [
+        replace(BASE, inertia=np.diag([1.0, 1.0, 9.0])),
+        Part('a', 0, 'continuous', 1.0, np.array([0.3, 0.0, 0.0]), PLATE),
+    ]
+    with pytest.raises(ConfigurationError, match='triangle inequality'):
+        robot_of(parts)
+    robot = robot_of(parts, base='fixed')
+    empty = robot_of([replace(BASE, mass=0.0, inertia=0 * PLATE), parts[1]], base='fixed')
+    assert robot.bodies[0].mass == 0.0
+    np.testing.assert_array_equal(inverse_mass(robot), inverse_mass(empty))
+    shapes, _ = shapes_of(robot, tmp_path)
+    assert [len(own) for own in shapes] == [len(own) for own in shapes_of(empty, tmp_path)[0]]
+    assert not parse_urdf(urdf_text(robot)).links['base_link'].mass
 
 
 ROW = (480.0, 480.0, 0.0, 0.0, 400.0, 0.0, 900.0, 0.0, 0.0, 900.0)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.errors import ModelError
-from spacerobot_ros.model.urdf import check_inertia, parse_urdf
+from spacerobot_ros.model.rigid_body import check_inertia
+from spacerobot_ros.model.urdf import parse_urdf
 
 GOOD = """<robot name="r">
   <link name="base_link"><inertial><origin xyz="0 0 0.5" rpy="0 0 0"/><mass value="10"/>
@@ -248,6 +249,44 @@ def test_a_body_is_what_its_welded_links_make():
     heavy = WELDED.format(mass=1e-6, kind='fixed').replace('-3.5e-8', '-0.35')
     with pytest.raises(ModelError, match="link 'antenna': inertia is not positive"):
         parse_urdf(_with('</robot>', heavy))
+
+
+ROOTS = {
+    'triangle': ('1', 'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="9"', 'triangle inequality'),
+    'negative': ('1', 'ixx="-1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"', 'not positive'),
+    'massless': ('0', 'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"', 'inertia but no mass'),
+}
+"""As of an iCub's root, or of a KINOVA's with a digit too many."""
+
+
+@pytest.mark.parametrize(('mass', 'inertia', 'why'), ROOTS.values(), ids=ROOTS)
+@pytest.mark.parametrize('is_welded', [False, True])
+def test_what_stands_on_the_ground_needs_no_inertia(mass, inertia, why, is_welded):
+    body = f'<inertial><mass value="{mass}"/><inertia {inertia}/></inertial>'
+    arm = '<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    ends = '<parent link="{}"/><child link="{}"/>'.format
+    text = (
+        f'<robot name="x"><link name="foot">{"" if is_welded else body}</link>'
+        f'<link name="plate">{body if is_welded else ""}</link>'
+        f'<link name="arm"><inertial>{arm}</inertial></link>'
+        f'<joint name="weld" type="fixed">{ends("foot", "plate")}</joint>'
+        f'<joint name="j1" type="continuous">{ends("plate", "arm")}</joint></robot>'
+    )
+    links = parse_urdf(text, is_on_ground=True).links
+    assert links['foot'].mass == links['plate'].mass == 0.0
+    assert not np.any(links['foot'].inertia)
+    assert not np.any(links['plate'].inertia)
+    assert links['arm'].mass == 1.0
+    with pytest.raises(ModelError, match=why):
+        parse_urdf(text)  # it floats
+    other = text.replace(body, '').replace(f'<inertial>{arm}</inertial>', body)
+    with pytest.raises(ModelError, match=f"link 'arm': .*{why}"):
+        parse_urdf(other, is_on_ground=True)  # it moves
+    with pytest.raises(ModelError, match='negative mass'):
+        parse_urdf(
+            text.replace(f'"{mass}"/><inertia {inertia}', f'"-1"/><inertia {inertia}'),
+            is_on_ground=True,
+        )
 
 
 def test_a_dummy_root_has_what_is_welded_to_it():

@@ -101,7 +101,7 @@ def shapes_of(robot: Robot, folder: Path) -> tuple[list[list[Shape]], tuple[str,
         The shapes of each body, and a line a reason for which visuals could not be read: where a
         body has no other the ellipsoid of its inertia stands in their place.
     """
-    tree = parse_urdf(robot.urdf)
+    tree = parse_urdf(robot.urdf, is_on_ground=not robot.is_free)
     joints = {  # rotors turn, and look the same all the time
         name: joint if name in robot.joints else replace(joint, kind='fixed')
         for name, joint in tree.joints.items()
