@@ -102,9 +102,9 @@ def _sections(
     n = len(estimate.aam)
     std = estimate.std
     momentum_std = estimate.total_momentum_covariance.diagonal() ** 0.5
-    links = [f'{link} {axis}' for link in estimate.aam_links for axis in 'xyz']
-    if links:
-        rows = zip(links, estimate.aam, std[:n], strict=True)
+    momenta = [f'h_{link}_{axis}' for link in estimate.aam_links for axis in 'xyz']
+    if momenta:
+        rows = zip(momenta, estimate.aam, std[:n], strict=True)
         yield _estimates('wheel momentum of the captured body', 'N m s', rows)
     if estimate.unit:
         rows = zip('xyz', estimate.total_momentum, momentum_std, strict=True)
@@ -121,7 +121,9 @@ def _sections(
     yield Section('', [head, *(f'note: {note}' for note in estimate.notes), *reason])
     if advice:
         tells = [(one.motion or 'none of those tried', '\n'.join(one.tells)) for one in advice]
-        caption = '(A with -1.00 B: where A and B change so together, the data stay the same)'
+        together = [words for one in advice for words in one.tells if ' with ' in words]
+        how = 'where they change so together, the data stay the same'
+        caption = f'({min(together, key=len)}: {how})' if together else ''
         title = 'what the data cannot tell, and the cheapest motions that would, in this order'
         yield Section(title, [Table(('extra motion', 'tells'), tells, caption)])
 

@@ -154,7 +154,7 @@ def test_identify_prints_a_table_for_people(capsys, bag):
     assert status == 0
     for text in (
         'wheel momentum of the captured body',
-        'link_3 x',
+        'h_link_3_x',
         'N m s',
         'kg m^2',
         'method ml',

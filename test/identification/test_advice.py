@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import lru_cache
 
@@ -15,6 +16,8 @@ from support.identification import (
     truth_of,
 )
 
+from spacerobot_ros.cli.identify import _sections
+from spacerobot_ros.display import Table
 from spacerobot_ros.estimation.minimal import minimal_set
 from spacerobot_ros.estimation.momentum_process import MomentumModel
 from spacerobot_ros.identification import advice as advice_module
@@ -53,6 +56,28 @@ def test_two_bodies_that_never_moved_apart_are_told_as_a_sum():
         frozenset({'J2yy', 'J3yy'}),
         frozenset({'J2xx', 'J3xx'}),
     }
+
+
+def test_every_number_that_is_named_has_a_row():
+    estimate, advice = with_joint_locked(3)
+    groups = ['link'] * len(estimate.parameters)
+    tables = [
+        item
+        for section in _sections(estimate, groups, advice)
+        for item in section.items
+        if isinstance(item, Table)
+    ]
+    rows = {row[0] for table in tables[:-1] for row in table.rows}
+    text = f'{tables[-1].rows} {tables[-1].caption} {estimate.reason} {estimate.unexcited}'
+    named = set(re.findall(r'\b(?:J\d|m\d|h_)\w+', text))
+    assert named
+    assert named <= rows
+    example, _, _ = tables[-1].caption.strip('()').partition(':')
+    assert example in {words for one in advice for words in one.tells}
+    # nothing moves together: nothing to explain
+    alone = [replace(one, tells=('J2xx alone',)) for one in advice]
+    (*_, last) = _sections(estimate, groups, alone)
+    assert not last.items[0].caption
 
 
 def test_scale_asks_for_the_own_wheels():
