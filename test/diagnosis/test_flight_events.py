@@ -95,7 +95,7 @@ def test_a_fault_of_a_sensor_is_no_event(quiet, name, size):
 @pytest.mark.parametrize('answer', ['damp', 'hold'])
 def test_the_controller_damps_or_holds_and_goes_on(answer):
     file = Flight(seed=4).file
-    settings = file.settings.changed({'monitor.on_event': answer})
+    settings = file.settings.changed({'monitor.on_event': answer, 'controller.damping': 1.0})
     loop = ClosedLoop(file.robot, settings)
     push = {**PUSH, 'torque': 3.0, 'start': ONSET, 'end': ONSET + 0.8}
     effects = bind_effects({'push': push}, loop.plant.robot)
