@@ -15,6 +15,7 @@ from ..formats import counted
 from ..model.robot import Robot
 from ..model.urdf import parse_urdf
 from .bag import Topics, read_bag
+from .even_stamps import with_even_stamps
 from .faults.kinematics import unlike_positions
 from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
 from .gaps import split_at_gaps, with_gaps_noted
@@ -66,7 +67,7 @@ def read_record(
         record = _read(path, robot, topics)
     if robot is not None:
         record = with_turns_counted(in_robot_order(record, robot), robot)
-    record = without_spikes(without_repeats(record))
+    record = with_even_stamps(without_spikes(without_repeats(record)))
     if robot is not None:
         record = _usable(record, robot)
         with_inputs(robot, record)  # refuses what is not this robot's

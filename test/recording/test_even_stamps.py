@@ -1,0 +1,71 @@
+"""Stamps that scatter about an even clock are its own; of samples taken unevenly they stay."""
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.recording.even_stamps import with_even_stamps
+from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
+
+PERIOD = 0.01
+EVEN = PERIOD * np.arange(3000)
+NOISE = 1e-5
+
+
+def motion(time):
+    """Positions of two joints."""
+    return np.column_stack([np.sin(time), 0.5 * np.cos(2.0 * time)])
+
+
+def record_of(stamped, sampled, rng, lost=()):
+    """Samples taken at some times, stamped with others."""
+    values = motion(sampled) + NOISE * rng.standard_normal((len(sampled), 2))
+    keep = ~np.isin(np.arange(len(sampled)), lost)
+    stamps = to_stamps(stamped[keep], 10**18)
+    return Record(joints=JointSeries(('a', 'b'), stamps, values[keep], None, None), source='run')
+
+
+@pytest.mark.parametrize('scatter', [1e-4, 5e-4, 1e-3])
+@pytest.mark.parametrize('lost', [(), range(20, 2900, 37), range(500, 560)])
+def test_an_even_clock_counts_where_samples_follow_it(rng, scatter, lost):
+    stamped = EVEN + scatter * rng.standard_normal(len(EVEN))
+    record = record_of(np.sort(stamped), EVEN, rng, lost)
+    even = with_even_stamps(record)
+    assert 'about an even clock' in even.notes[0]
+    kept = EVEN[~np.isin(np.arange(len(EVEN)), lost)]
+    off = 1e-9 * (even.joints.stamp_ns - 10**18) - kept
+    assert np.max(np.abs(off)) < 5.0 * scatter / np.sqrt(len(EVEN))
+    np.testing.assert_array_equal(even.q, record.q)
+    assert even.origin_ns == record.origin_ns
+
+
+@pytest.mark.parametrize('scatter', [1e-4, 1e-3])
+def test_stamps_of_samples_that_were_taken_unevenly_stay(rng, scatter):
+    taken = np.sort(EVEN + scatter * rng.standard_normal(len(EVEN)))
+    record = record_of(taken, taken, rng)
+    assert with_even_stamps(record) is record
+
+
+@pytest.mark.parametrize(
+    'stamped',
+    [
+        EVEN,
+        EVEN + 1e-3 * np.sin(EVEN),  # a clock that wanders
+        EVEN * (1.0 + 1e-4 * EVEN),  # or drifts
+        np.where(EVEN > 15.0, EVEN + 0.3, EVEN),  # or jumps
+    ],
+)
+def test_clocks_that_are_even_already_or_not_at_all_stay(rng, stamped):
+    record = record_of(stamped, EVEN, rng)
+    assert with_even_stamps(record) is record
+
+
+def test_too_few_samples_say_nothing_and_each_sensor_has_its_own_clock(rng):
+    stamped = np.sort(EVEN + 1e-3 * rng.standard_normal(len(EVEN)))
+    record = record_of(stamped, EVEN, rng)
+    few = Record(joints=record.joints.at(slice(0, 150)))
+    assert with_even_stamps(few) is few
+    rate = np.cos(stamped)[:, None] * np.ones(3) + 1e-6 * rng.standard_normal((len(EVEN), 3))
+    both = Record(joints=record.joints, rates=RateSeries(to_stamps(stamped, 10**18), rate))
+    even = with_even_stamps(both)
+    assert even.rates is both.rates  # taken when stamped
+    assert even.joints is not both.joints
