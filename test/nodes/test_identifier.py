@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.bench import MS, Bench
 
 from spacerobot_ros.errors import ConfigurationError
@@ -127,19 +128,23 @@ def test_samples_lost_under_load_do_not_silence_it(bench):
 
 
 @pytest.mark.parametrize('late', ['joints', 'gyro'])
-def test_a_sensor_that_starts_late_ends_nothing(bench, late):
+@pytest.mark.parametrize('rate', [(0.1, 0.1, 0.1), (0.0, 0.0, 0.0)], ids=['follows', 'stands'])
+def test_a_sensor_that_starts_late_ends_nothing(bench, late, rate):
+    """Every sample serves where the tracker follows the gyro; where it stands none of it fits."""
     for ms in range(0, 13_000, 20):
         if late != 'gyro' or ms >= 5500:
             bench.gyro(ms)
         if late != 'joints' or ms >= 5500:
             bench.joint(ms)
         if ms % 100 == 0:
-            bench.star(ms)
+            bench.star(ms, Rotation.from_rotvec(1e-3 * ms * np.array(rate)).as_quat())
             bench.rig.deliver()
     bench.node.flush()
     assert bench.node.estimate is not None
-    assert bench.node.estimate.samples >= 50 * 4  # then another segment begins: none of it fits
-    assert bench.node.estimate.reason == 'attitude: never changes, the gyro does'
+    if any(rate):
+        assert bench.node.estimate.samples >= 50 * 6
+    else:
+        assert bench.node.estimate.reason == 'attitude: never changes, the gyro does'
 
 
 def test_a_fixed_base_is_refused(rig, servicer):
