@@ -18,12 +18,12 @@ from ..dynamics.rotation import rotation_between
 from ..identification.outliers import FURTHEST
 from ..model.control_settings import ControllerSettings
 from ..model.robot_settings import SensorSettings
+from ..recording.neighbours import NORMAL
 from ..types import Array, Quaternion, Vector3
 from .command import NS
 
 _REMEMBERED = 50  # errors, by whose median magnitude noise is known where it is more than stated
 _SURE = 6.0  # twice the logarithm of twenty: odds at which a position confirms a rate
-_NORMAL = 1.4826  # standard deviation of normal numbers by their median magnitude
 
 
 class ErrorScale:
@@ -49,7 +49,7 @@ class ErrorScale:
         limit = np.full(len(error), FURTHEST * self._std)
         if np.any(error > limit):
             with np.errstate(invalid='ignore', over='ignore'):
-                usual = _NORMAL * np.median(np.array(self._errors), axis=0)
+                usual = NORMAL * np.median(np.array(self._errors), axis=0)
                 limit = np.maximum(limit, FURTHEST * usual)
             limit[limit == 0.0] = np.inf  # nothing stated, nothing seen
         return np.asarray(limit * spread)

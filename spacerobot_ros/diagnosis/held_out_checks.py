@@ -46,10 +46,8 @@ def check_bodies(selection: Selection, plain: Selection) -> None:
     while left:
         other = selection.instead_of(left[0], bodies)
         check_held_out(other)
-        if (
-            max(_nats(rows, selection.chosen, other.chosen) for rows in (selection, plain))
-            <= HELD_OUT
-        ):
+        gains = [_nats(rows, selection.chosen, other.chosen) for rows in (selection, plain)]
+        if max(gains) <= HELD_OUT:
             selection.take(other)
             left = sorted(bodies & set(selection.chosen), key=selection.gain)
         else:

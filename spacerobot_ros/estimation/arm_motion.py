@@ -201,10 +201,11 @@ class ArmMotion:
         Around a turn with acceleration a a joint goes a T^2 / 8 in a time T. One that goes a
         quarter of that stands, if T is long enough for a quarter to be more than noise.
         """
+        stamped = self.record.joint_time
         noise = np.array(
             [
-                max(_PEAK_TO_PEAK * fourth_difference_std(column[:, None]), step_of(column))
-                for column in self.record.q.T
+                max(_PEAK_TO_PEAK * fourth_difference_std(q[:, None], stamped), step_of(q))
+                for q in self.record.q.T
             ]
         )
         time = np.sqrt(8.0 * noise / np.maximum(_STANDING * self.bend, 1e-300))

@@ -254,7 +254,9 @@ def own_noise_in_band(balance: Balance) -> Array:
     """
     record = balance.arm.record
     position, effort = (
-        np.array([fourth_difference_std(column[:, None]) for column in values.T])
+        np.array(
+            [fourth_difference_std(column[:, None], record.joint_time) for column in values.T]
+        )
         for values in (record.q, np.asarray(record.effort))
     )
     return noise_in_band(balance, position, effort)

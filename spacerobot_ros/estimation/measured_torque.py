@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..recording.gaps import ONE_LOST
 from ..recording.neighbours import NORMAL
 from ..recording.record import Record
 from ..types import Array, BoolArray, IntArray
 from .reference import ReferenceTrajectory
-from .time_base import ONE_LOST, TimeBase
+from .time_base import TimeBase
 
 TIMINGS = {'sampled': None, 'held_before': 1.0, 'held_after': 0.0, 'held_about': 0.5}
 """How efforts act: interpolated between samples, or held over the interval that a sample ends or
@@ -95,16 +96,19 @@ class MeasuredTorque:
         return np.asarray(lost[:, None] * usual**2)
 
     def _is_lost(self, times: Array, interval: IntArray) -> BoolArray:
-        """(M,) times at which a torque was held whose sample is missing.
+        """(M,) times of which a missing sample would have told most.
 
         A sample holds for as long as usual: of two that are twice as far apart one is missing, and
-        with it half of each of two means.
+        with it half of each of two means; between samples of a torque the nearest tells most.
         """
         end, stamps = TIMINGS[self.timing], self.record.effort_time
-        if end is None:
-            return np.zeros(len(times), dtype=bool)
         before, after = times - stamps[interval], stamps[interval + 1] - times
         usual = self.time_base.usual
         is_long = before + after > ONE_LOST * usual
-        away = {1.0: after, 0.0: before}.get(end, np.maximum(before, after))
+        away = {
+            1.0: after,
+            0.0: before,
+            0.5: np.maximum(before, after),
+            None: np.minimum(before, after) + 0.5 * usual,
+        }[end]
         return np.asarray(is_long & (away > usual))

@@ -8,10 +8,11 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from ..model.robot_settings import SensorSettings
+from ..recording.gaps import ONE_LOST
+from ..recording.neighbours import NORMAL
 from ..recording.record import Record
 from ..types import Array
 from .reference import NoiseLevels, integrated_rotation
-from .time_base import ONE_LOST
 
 _FLOOR = {
     'joint_position': 1e-8,
@@ -86,7 +87,7 @@ def fourth_difference_std(values: Array, time: Array | None = None) -> float:
     if time is not None:
         _bridge_lost(differences, values, time)
     differences = differences.ravel()
-    spread = 1.4826 * np.median(np.abs(differences - np.median(differences)))
+    spread = NORMAL * np.median(np.abs(differences - np.median(differences)))
     inliers = differences[np.abs(differences) <= 4.5 * spread] if spread > 0.0 else differences
     return float(np.std(inliers))
 

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import IdentificationError
-from ..recording.gaps import GAP_PERIODS
+from ..recording.gaps import GAP_PERIODS, ONE_LOST, SEVERAL_LOST
 from ..recording.record import Record
 from ..types import Array, IntArray
 
 _SAME = 1e-7  # s; stamps closer than this are one time: 3e-6 are seen in 20 s of a fast motion
 _LONGEST = 0.02  # s; discretization and integrated attitudes stay below the sensors' noise
-ONE_LOST, SEVERAL_LOST = 1.5, 2.5
-"""Usual intervals between samples from which one is missing between them, and more than one."""
 LONGEST_GAP = 60.0
 """Time without any sample that is still bridged [s]; beyond it: another run or a bad clock."""
 

@@ -10,7 +10,6 @@ the median absolute error, so that a motion rougher than thought is not taken fo
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,7 +68,7 @@ def without_outliers(record: Record, noise: NoiseLevels) -> tuple[Record, Outlie
         name: None if getattr(record, name) is None else getattr(record, name).at(~bad)
         for name, bad in zip(('joints', 'rates', 'attitudes'), found, strict=True)
     }
-    return replace(record, zero_ns=record.origin_ns, **kept), found
+    return record.corrected(kept), found
 
 
 def screened(record: Record, noise: NoiseLevels) -> tuple[Record, tuple[str, ...]]:

@@ -41,9 +41,7 @@ def with_even_stamps(record: Record) -> Record:
         kept[sensor] = replace(getattr(record, sensor), stamp_ns=stamps)
         scatter = shown(float(np.std(time - even)))
         notes.append(f'{sensor}: stamps scatter by {scatter} about an even clock, which counts')
-    if not kept:
-        return record
-    return replace(record, zero_ns=record.origin_ns, notes=(*record.notes, *notes), **kept)
+    return record.corrected(kept, *notes) if kept else record
 
 
 def _motions(record: Record) -> Iterator[tuple[str, Array, Array]]:

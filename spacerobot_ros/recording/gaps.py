@@ -14,6 +14,8 @@ from ..types import Array, IntArray
 from .faults.thresholds import is_short
 from .record import SENSORS, Record, shown
 
+ONE_LOST, SEVERAL_LOST = 1.5, 2.5
+"""Usual intervals between samples from which one is missing between them, and more than one."""
 GAP_PERIODS = 10.0  # a longer pause between two samples is worth a note
 # A pause that ends a recording: longer than four periods, which lost samples may leave, and than
 # half a period at 4 Hz. Samples T apart tell a motion up to 1/(2 T): across 0.125 s nothing is

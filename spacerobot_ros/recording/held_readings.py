@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,9 +28,7 @@ def without_repeats(record: Record) -> Record:
             kept[name] = getattr(record, name).at(first)
             times = len(values) / len(first)
             notes.append(f'{name}: every reading is there {times:.3g} times: taken once')
-    if not kept:
-        return record
-    return replace(record, zero_ns=record.origin_ns, notes=(*record.notes, *notes), **kept)
+    return record.corrected(kept, *notes) if kept else record
 
 
 def _readings(record: Record) -> dict[str, Array]:

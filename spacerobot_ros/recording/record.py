@@ -210,6 +210,15 @@ class Record:
         """Stamp that seconds count from [ns]."""
         return self.span_ns[0] if self.zero_ns is None else self.zero_ns
 
+    def corrected(self, sensors: Mapping[str, Any], *notes: str) -> Record:
+        """With other samples of some sensors, seconds counted as before, and more notes.
+
+        Args:
+            sensors: By the name of their field.
+            notes: What is to be said of them.
+        """
+        return replace(self, zero_ns=self.origin_ns, notes=(*self.notes, *notes), **sensors)
+
     @property
     def span(self) -> tuple[float, float]:
         """First and last time of the joint samples [s]; there must be some."""

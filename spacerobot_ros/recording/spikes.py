@@ -7,8 +7,6 @@ no such fault, and what several neighbours do not agree on is none that can be s
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -44,12 +42,8 @@ def without_spikes(record: Record) -> Record:
                 f'{sensor}: {counted(int(found.sum()), "sample")} of {len(found)} left out, whose '
                 f'{name} is nowhere near its neighbours, the first {at} after the start'
             )
-    if not bad:
-        return record
-    kept: dict[str, Any] = {
-        sensor: getattr(record, sensor).at(~out) for sensor, out in bad.items()
-    }
-    return replace(record, zero_ns=record.origin_ns, notes=(*record.notes, *notes), **kept)
+    kept = {name: getattr(record, name).at(~out) for name, out in bad.items()}
+    return record.corrected(kept, *notes) if bad else record
 
 
 def _channels(record: Record) -> Iterator[tuple[str, str, Array, Array]]:

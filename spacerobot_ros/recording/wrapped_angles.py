@@ -43,7 +43,7 @@ def with_turns_counted(record: Record, robot: Robot) -> Record:
     if not whole:
         return record
     note = f'{", ".join(whole)}: angles begin anew after a turn: turns counted'
-    return replace(record, joints=replace(joints, position=position), notes=(*record.notes, note))
+    return record.corrected({'joints': replace(joints, position=position)}, note)
 
 
 def _is_of_one_turn(angle: Array, unwrapped: Array, is_near: BoolArray) -> bool:

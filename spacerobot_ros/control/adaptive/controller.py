@@ -18,6 +18,7 @@ from ...dynamics.equations import Dynamics, without_translation
 from ...errors import ConfigurationError, MessageRejectedError
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
+from ...recording.gaps import ONE_LOST
 from ...types import Array, Vector3
 from .law_kernel import command, into_base, reference_motion
 from .law_signals import (
@@ -43,7 +44,6 @@ from .regressors import (
 )
 
 _UNKNOWN = np.zeros(3)  # in place of a base velocity or force
-_GAP = 1.5  # periods between two samples from which on some were lost
 _STILL = 5.0  # standard deviations of the rates' sensors within which the robot counts as at rest
 _CUT = 1e-9  # relative difference between command and applied torque that counts as a limit
 
@@ -159,7 +159,7 @@ class AdaptiveController:
         h = self.period if elapsed is None else float(elapsed)
         self._read(measured)
         self._read_target(target)
-        lost = h > _GAP * self.period
+        lost = h > ONE_LOST * self.period
         if lost or (measured.v_WB_B is not None) != self._measures_velocity:
             self._begin(measured.v_WB_B is not None)
         self._fall(h)

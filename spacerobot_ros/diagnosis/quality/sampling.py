@@ -12,12 +12,11 @@ from scipy.spatial.transform import Rotation
 from ...estimation.noise_levels import unseen_turns
 from ...model.body import joint_unit
 from ...model.robot import Robot
-from ...recording.gaps import GAP_PERIODS
+from ...recording.gaps import GAP_PERIODS, ONE_LOST
 from ...recording.record import SENSORS, RateSeries, Record, to_stamps
 from ...types import Array, IntArray
 
 _PASSES = 3
-_LOST = 1.5  # periods between two samples from which one is missing
 _PARTS, _FEWEST, _MOST = 5, 40, 4000  # of a record, and samples of each, that delays come from
 
 
@@ -115,9 +114,9 @@ def samplings(record: Record) -> tuple[Sampling, ...]:
 def _sampling(sensor: str, time: Array) -> Sampling:
     steps = np.diff(time)
     period = float(np.median(steps)) if len(steps) else np.nan
-    even = steps[steps < _LOST * period]
+    even = steps[steps < ONE_LOST * period]
     gaps = steps[steps > GAP_PERIODS * period]
-    lost = float(np.sum(np.round(steps[steps >= _LOST * period] / period) - 1.0))
+    lost = float(np.sum(np.round(steps[steps >= ONE_LOST * period] / period) - 1.0))
     return Sampling(
         sensor=sensor,
         samples=len(time),
