@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..diagnosis.answer.result import Cause, Diagnosis
+from ..diagnosis.answer.cause import Cause
+from ..diagnosis.answer.result import Diagnosis
 from ..diagnosis.diagnose import diagnose
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect

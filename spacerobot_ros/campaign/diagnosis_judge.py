@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..diagnosis.answer.result import Estimated, Rival
+from ..diagnosis.answer.cause import Estimated, Rival
 from ..effects.catalogue import CATALOGUE
 from ..effects.effect import Effect
 from ..effects.parameter import Parameter

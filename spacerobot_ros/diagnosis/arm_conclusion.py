@@ -13,19 +13,10 @@ from ..estimation.evidence import chi_square_tail
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
 from ..types import Array
+from .answer.cause import Cause, Estimated, Evidence, Ranked
 from .answer.free_motion import free_motion
 from .answer.residuals import series
-from .answer.result import (
-    Cause,
-    Diagnosis,
-    Estimated,
-    Evidence,
-    Gain,
-    Leftover,
-    Ranked,
-    RecordingMisfit,
-    Residual,
-)
+from .answer.result import Diagnosis, Gain, Leftover, RecordingMisfit, Residual
 from .answer.words import verdict_of
 from .arm_evidence import rivals_of
 from .arm_found import WORSE, ArmFound, rms

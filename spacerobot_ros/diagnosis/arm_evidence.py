@@ -9,7 +9,7 @@ import numpy as np
 
 from ..estimation.placebo import held_out_gain
 from ..types import Array
-from .answer.result import Evidence, Rival
+from .answer.cause import Evidence, Rival
 from .limits import EQUIVALENT
 from .selection import Selection
 

@@ -15,7 +15,7 @@ from ..estimation.balance import Balance, balance_of
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
-from .answer.result import Evidence
+from .answer.cause import Evidence
 from .events.arm_events import ArmEvents, Spans
 from .limits import CLEAR
 from .selection import Selection

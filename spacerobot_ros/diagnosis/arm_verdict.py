@@ -13,7 +13,8 @@ from ..estimation.arm_priors import RUN_TO_RUN, torque_tolerance
 from ..estimation.balance import Balance, own_noise_in_band
 from ..model.robot import Robot
 from ..types import Array, BoolArray
-from .answer.result import Cause, Leftover
+from .answer.cause import Cause
+from .answer.result import Leftover
 from .answer.words import cause_in_words, first_few
 from .arm_found import ArmFound, rms
 from .limits import FULL_SCALE, LIKE_NOISE, RELEVANT

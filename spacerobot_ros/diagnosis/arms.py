@@ -18,7 +18,7 @@ from ..estimation.motor_constants import first_constants, scaled_constant
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
-from .answer.result import Evidence
+from .answer.cause import Evidence
 from .applicable import applicable, plain_of
 from .arm_evidence import evidence_of
 from .arm_found import ArmFound, balances_of, refuse_rest

@@ -12,7 +12,8 @@ import numpy as np
 from ..estimation.arm_priors import torque_tolerance
 from ..formats import either
 from ..types import Array
-from .answer.result import Estimated, Rival, Series
+from .answer.cause import Estimated, Rival
+from .answer.result import Series
 from .answer.words import at, first_few, value_in_words
 from .arm_evidence import rivals_of
 from .changes import Changes

@@ -8,16 +8,9 @@ from collections.abc import Iterable, Sequence
 from ..estimation.refit import Fit
 from ..estimation.rows import ChannelFit
 from ..estimation.scaling import is_relevant
+from .answer.cause import Cause, Estimated, Evidence, Ranked, Rival
 from .answer.residuals import residuals, rms, series
-from .answer.result import (
-    Cause,
-    Diagnosis,
-    Estimated,
-    Evidence,
-    Gain,
-    Ranked,
-    Rival,
-)
+from .answer.result import Diagnosis, Gain
 from .answer.words import cause_in_words, verdict_of
 from .found import Found
 from .limits import MISFIT

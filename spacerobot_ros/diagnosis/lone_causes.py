@@ -9,7 +9,7 @@ from ..effects.catalogue import CATALOGUE
 from ..estimation.evidence import chi_square_tail
 from ..estimation.scaling import is_relevant
 from ..model.robot import Robot
-from .answer.result import Cause, Estimated, Evidence
+from .answer.cause import Cause, Estimated, Evidence
 
 
 def cause_of(

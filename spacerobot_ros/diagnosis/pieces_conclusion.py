@@ -23,18 +23,8 @@ from scipy.special import bdtrc
 from ..estimation.evidence import chi_square_tail
 from ..formats import counted
 from ..types import Array
-from .answer.result import (
-    Cause,
-    Diagnosis,
-    Estimated,
-    Evidence,
-    Gain,
-    Ranked,
-    RecordingMisfit,
-    Residual,
-    Rival,
-    Series,
-)
+from .answer.cause import Cause, Estimated, Evidence, Ranked, Rival
+from .answer.result import Diagnosis, Gain, RecordingMisfit, Residual, Series
 from .answer.words import cause_in_words, verdict_of
 from .events.event import Events
 from .limits import FALSE_ALARMS, MISFIT

@@ -20,8 +20,9 @@ from ..estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
 from ..formats import counted
 from ..model.robot import Robot
 from ..recording.record import Record
+from .answer.cause import Cause, Evidence, Rival
 from .answer.residuals import residuals
-from .answer.result import Cause, Diagnosis, Evidence, Gain, Rival, Series
+from .answer.result import Diagnosis, Gain, Series
 from .answer.words import cause_in_words
 from .limits import EQUIVALENT, FALSE_ALARMS
 from .lone_causes import cause_of, evidence_of

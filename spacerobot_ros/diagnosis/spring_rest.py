@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..model.robot import Robot
-from .answer.result import Cause, Estimated
+from .answer.cause import Cause, Estimated
 
 SPRING, OFFSET = 'joint_stiffness', 'torque_sensor_bias'
 

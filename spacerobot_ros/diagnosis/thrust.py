@@ -21,7 +21,8 @@ from ..formats import counted
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array, IntArray
-from .answer.result import Cause, Diagnosis, Evidence, Gain, Residual
+from .answer.cause import Cause, Evidence
+from .answer.result import Diagnosis, Gain, Residual
 from .answer.words import cause_in_words
 from .limits import FALSE_ALARMS
 from .lone_causes import cause_of, evidence_of

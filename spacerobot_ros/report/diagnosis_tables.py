@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from ..diagnosis.answer.appearance import Appearance
+from ..diagnosis.answer.cause import Cause
 from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
 from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.output import relevance
-from ..diagnosis.answer.result import Cause, Diagnosis, FreeMotion, Residual
+from ..diagnosis.answer.result import Diagnosis, FreeMotion, Residual
 from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events

@@ -15,11 +15,12 @@ from support.contracts import keeps
 from support.diagnosis import friction_cause, hand_made
 
 from spacerobot_ros.diagnosis.answer.appearance import appearances
+from spacerobot_ros.diagnosis.answer.cause import Rival
 from spacerobot_ros.diagnosis.answer.closed_loop_gain import closed_loop_gain
 from spacerobot_ros.diagnosis.answer.extended_model import NEVER, named, write_extended_model
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
 from spacerobot_ros.diagnosis.answer.output import relevance, to_dict
-from spacerobot_ros.diagnosis.answer.result import Rival, Series
+from spacerobot_ros.diagnosis.answer.result import Series
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.effects.parameter import Parameter
 from spacerobot_ros.effects.robot_file import load_robot_file

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from spacerobot_ros.campaign.real_arm import RealArm, arm_file
-from spacerobot_ros.diagnosis.answer.result import Cause, Estimated, Evidence
+from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence
 from spacerobot_ros.diagnosis.answer.words import cause_in_words
 from spacerobot_ros.diagnosis.arm_spread import values_std
 from spacerobot_ros.effects.catalogue import CATALOGUE

@@ -6,17 +6,8 @@ import math
 
 import numpy as np
 
-from spacerobot_ros.diagnosis.answer.result import (
-    Cause,
-    Diagnosis,
-    Estimated,
-    Evidence,
-    Gain,
-    Ranked,
-    Residual,
-    Rival,
-    Series,
-)
+from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence, Ranked, Rival
+from spacerobot_ros.diagnosis.answer.result import Diagnosis, Gain, Residual, Series
 from spacerobot_ros.effects.catalogue import CATALOGUE
 
 

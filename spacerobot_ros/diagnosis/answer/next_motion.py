@@ -5,7 +5,8 @@ from __future__ import annotations
 import shlex
 from dataclasses import replace
 
-from .result import Cause, Diagnosis, Rival
+from .cause import Cause, Rival
+from .result import Diagnosis
 
 
 def with_motions(diagnosis: Diagnosis, robot_file: str) -> Diagnosis:

@@ -12,8 +12,9 @@ from ...effects.parameter import Parameter
 from ...json_values import json_value
 from ..events.event import events_to_dict
 from .appearance import Appearance
+from .cause import Cause
 from .closed_loop_gain import ClosedLoopGain
-from .result import Cause, Diagnosis, Gain, Leftover, Residual
+from .result import Diagnosis, Gain, Leftover, Residual
 
 SCHEMA = 2
 EXTENDED_MODEL = 'extended_model.yaml'

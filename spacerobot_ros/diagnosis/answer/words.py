@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ...effects.effect import Effect
-from .result import Cause, Estimated
+from .cause import Cause, Estimated
 
 _SHOWN = 3  # causes in one sentence; the others stand in the table
 _NOTHING = 0.01  # of the largest number: what a short sentence leaves out

@@ -11,7 +11,8 @@ from ...effects.learned_torque import LearnedTorque
 from ...estimation.prediction_rows import LABELS
 from ...model.robot import Robot
 from ...types import Array
-from ..answer.result import Estimated, LawRival, Leftover
+from ..answer.cause import Estimated
+from ..answer.result import LawRival, Leftover
 from .discovery_limits import AGREEING, BEYOND_PLACEBO, DEAD_HEAT, HELD_OUT, NEEDS_OTHER, OWN_SHARE
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
