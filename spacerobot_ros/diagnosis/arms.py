@@ -11,6 +11,7 @@ import numpy as np
 from ..effects.effect import Effect
 from ..errors import ConfigurationError
 from ..estimation.arm_fit import ArmFit
+from ..estimation.arm_levels import leftover_levels
 from ..estimation.arm_priors import DRY, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.arm_rows_about import about_delay, about_loads
@@ -102,7 +103,7 @@ def _found(
     report('finding the level of what no cause explains', 0.2)
     zeros = rows.own_zeros
     usual = [i for i in range(len(rows.candidates)) if i not in zeros]
-    parts = rows.parts(rows.levels(rows.deviations(usual), rows.friction))
+    parts = rows.parts(leftover_levels(rows, rows.deviations(usual), rows.friction))
     first, rough = (Selection(rows, parts, rows.recording, rows.held) for _ in range(2))
     report('choosing causes', 0.4)
     rough.run()
@@ -206,7 +207,7 @@ def levels_of(rows: ArmRows, chosen: Selection, more: Sequence[int] = ()) -> lis
         if is_kind_of(candidate.kind, DRY):
             value = abs(float(fit.posterior.mean[rows.places[i][0]]))
             friction[rows.robot.joints.index(str(candidate.where))] += value
-    return rows.levels(rows.deviations([*chosen.chosen, *more]), friction)
+    return leftover_levels(rows, rows.deviations([*chosen.chosen, *more]), friction)
 
 
 def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int, Evidence]:

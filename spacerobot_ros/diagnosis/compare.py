@@ -17,6 +17,7 @@ import numpy as np
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
 from ..estimation.arm_fit import ArmFit, Posterior
+from ..estimation.arm_levels import leftover_levels
 from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
 from ..estimation.balance import balance_of
@@ -139,7 +140,7 @@ def find_changes(
     both = ArmRows.of([*groups[0], *groups[1]], kinds)
     first, second = (replace(both, balances=tuple(group)) for group in groups)
     report('finding the level of what no cause explains', 0.3)
-    own = (group.levels(both.sizes, both.friction) for group in (first, second))
+    own = (leftover_levels(group, both.sizes, both.friction) for group in (first, second))
     levels = [_level_of_both(*pair) for pair in zip(*own, strict=True)]
     report('choosing changes', 0.7)
     rows = _changed_rows(both)

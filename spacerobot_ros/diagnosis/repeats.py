@@ -15,6 +15,7 @@ import numpy as np
 
 from ..effects.effect import Effect
 from ..estimation.arm_fit import ArmFit, Posterior
+from ..estimation.arm_levels import leftover_levels
 from ..estimation.arm_motion import RATE, ArmMotion
 from ..estimation.arm_priors import NOTHING
 from ..estimation.arm_rows import ArmRows
@@ -88,7 +89,7 @@ def find_changes_of_repeats(
     balances = [balance_of(r, robot, believed) for r in (*before, *after)]
     count = len(before)
     first = ArmRows.of(balances[:count], kinds)
-    whole = sum_of(first.parts(first.levels(first.sizes, first.friction)))
+    whole = sum_of(first.parts(leftover_levels(first, first.sizes, first.friction)))
     mean = Posterior.of(whole, first.sizes).mean
     every = replace(first, balances=tuple(balances))
     explained = [columns @ mean for columns in every.columns]

@@ -19,14 +19,10 @@ from .arm_priors import DRY, NOTHING, Machine
 from .balance import Balance
 from .columns import Candidate
 from .evidence import Gram
-from .leftover import VARIANCES, JointRows, level_of
+from .leftover import JointRows
 
 _BLOCKS, _FEW = 4, 2
 _LEAST_BLOCK = 4.0  # s of motion
-_DRIFT = 0.03
-"""Of a torque's rms: how far the level of friction and a gain may drift unnamed. More would be the
-friction or the gain themselves (docs/real_machines.md)."""
-_FRICTION_DRIFT = 0.1  # of the friction that was found
 _NO_SHAPE = 1e-6  # rms of what a joint without turns and rests has near them
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
@@ -246,7 +242,7 @@ class ArmRows:
         return self.torques[run]
 
     @cached_property
-    def _is_driven(self) -> BoolArray:
+    def is_driven(self) -> BoolArray:
         """(n,) whether a joint has a motor that is ever on."""
         return np.asarray(np.any([b.arm.powered.any(axis=0) for b in self.balances], axis=0))
 
@@ -254,10 +250,10 @@ class ArmRows:
         """Rows of a recording that belong to set k of `joints`."""
         n, arm = self.robot.n_joints, balance.arm
         state = arm.powered if k < n else arm.unpowered
-        if k < n and not self._is_driven[k]:
+        if k < n and not self.is_driven[k]:
             state = arm.unpowered
         rows = (arm.is_moving & state)[:: arm.stride, k % n]
-        return np.flatnonzero(rows & (k < n or self._is_driven[k % n]))
+        return np.flatnonzero(rows & (k < n or self.is_driven[k % n]))
 
     def joint(self, k: int) -> JointRows:
         """Set k of `joints`."""
@@ -270,7 +266,7 @@ class ArmRows:
             times = balance.row_times[at]
             torque.append(self.torque(run)[at, j])
             columns.append(full[at, j])
-            if k >= self.robot.n_joints or not self._is_driven[j]:
+            if k >= self.robot.n_joints or not self.is_driven[j]:
                 known = np.zeros(0) if self.about is None else self.about
                 about = np.pad(known, (0, full.shape[2] - len(known)))
                 left = self.torque(run)[at, j] - full[at, j] @ about
@@ -311,29 +307,6 @@ class ArmRows:
         own = self.joints[: self.robot.n_joints]
         power = [np.sum((rows.columns * deviations) ** 2, axis=1) for rows in own]
         return np.array([math.sqrt(np.mean(p)) if len(p) else math.nan for p in power])
-
-    def levels(
-        self, priors: Array, friction: Array, joints: Sequence[JointRows] | None = None
-    ) -> list[Array]:
-        """(8,) variances of the leftover of every set of `joints`; NaN of one without rows.
-
-        Args:
-            priors: (K,) standard deviation of every coefficient.
-            friction: (n,) Coulomb friction that was found [N m].
-            joints: Rows of every joint; None: all there are.
-        """
-        scale = np.tile(self.scale, 2)
-        friction_drift = np.maximum(_DRIFT * scale, _FRICTION_DRIFT * np.tile(friction, 2))
-        gain_drift = _DRIFT * scale * np.append(self._is_driven, np.zeros_like(self._is_driven))
-        drifts = np.column_stack([friction_drift, gain_drift, scale, scale])
-        free, _ = np.linalg.qr((self.anchors * priors).T)
-        sets = zip(joints or self.joints, scale.tolist(), drifts, strict=True)
-        return [
-            level_of(rows, priors, s, drift[: rows.observed.shape[1]], free)
-            if len(rows.torque)
-            else np.full(VARIANCES, np.nan)
-            for rows, s, drift in sets
-        ]
 
     def parts(self, levels: Sequence[Array], weights: Array | None = None) -> list[Gram]:
         """Gram matrices of every block.

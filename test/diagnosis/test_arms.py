@@ -19,6 +19,7 @@ from spacerobot_ros.diagnosis.held_out_checks import check_bodies
 from spacerobot_ros.diagnosis.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.arm_levels import leftover_levels
 from spacerobot_ros.estimation.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance import balance_of
 from spacerobot_ros.estimation.evidence import Gram
@@ -189,7 +190,7 @@ def test_beside_a_load_quarters_of_all_recordings_are_held_out():
     balances = [balance_of(arm.record(run), file.robot, file.effects) for run in range(2)]
     kinds = [CATALOGUE['inertial_parameters'], CATALOGUE['joint_viscous_friction']]
     rows = ArmRows.of(balances, kinds).with_own([1])
-    selection = Selection.of(rows, rows.levels(rows.tolerances, rows.friction))
+    selection = Selection.of(rows, leftover_levels(rows, rows.tolerances, rows.friction))
     labels = {(*c.key, c.recordings): selection.labels(i) for i, c in enumerate(rows.candidates)}
     quarters = [0, 1, 2, 3]
     assert labels['joint_viscous_friction', 'joint_1', None].tolist() == quarters * 2
@@ -209,7 +210,7 @@ def test_a_body_has_to_beat_the_simple_causes_that_could_stand_in_its_place():
     ):
         balance = balance_of(RealArm(4, hidden).record(0), file.robot, file.effects)
         rows = ArmRows.of([balance], kinds)
-        selection = Selection.of(rows, rows.levels(rows.sizes, rows.friction))
+        selection = Selection.of(rows, leftover_levels(rows, rows.sizes, rows.friction))
         keys = [c.key for c in rows.candidates]
         link = 'link_2' if name == 'rotors' else 'link_3'
         selection.chosen = [keys.index(('inertial_parameters', link))]

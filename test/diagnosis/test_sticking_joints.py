@@ -7,6 +7,7 @@ import pytest
 
 from spacerobot_ros.diagnosis.arms import find_arm_causes
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.arm_levels import leftover_levels
 from spacerobot_ros.estimation.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance import balance_of
 from spacerobot_ros.model.loader import build_robot
@@ -76,7 +77,7 @@ def test_the_level_counts_turns_that_noise_hides(robot, rng):
     dry = CATALOGUE['joint_coulomb_friction'](name='c', where='x', values={'torque': DRY})
     balance = balance_of(record_of(rng, 0.02), robot, [dry])
     rows = ArmRows.of([balance], [CATALOGUE['joint_viscous_friction']])
-    (level, _) = rows.levels(rows.sizes, rows.friction)
+    (level, _) = leftover_levels(rows, rows.sizes, rows.friction)
     spread = rows.joints[0].rms(level)
     near = np.abs(rows.joints[0].observed[:, 3]) > 1.0
     assert np.median(spread[near]) > 3.0 * np.median(spread[~near])

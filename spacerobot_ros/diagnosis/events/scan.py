@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from ...effects.external import pulse_shape
+from ...estimation.arm_levels import leftover_levels
 from ...estimation.arm_rows import ArmRows
 from ...estimation.leftover import JointRows
 from ...types import Array, BoolArray, IntArray
@@ -114,8 +115,8 @@ class PulseScan:
         self.rows, self.left_out = rows, left_out
         self.all = [RowSet.of(rows, j, scale) for j, scale in enumerate(scales)]
         self.kept = [own.part(~out) for own, out in zip(self.all, left_out, strict=True)]
-        self.levels = levels or rows.levels(
-            rows.sizes, rows.friction, [own.rows for own in self.kept]
+        self.levels = levels or leftover_levels(
+            rows, rows.sizes, rows.friction, [own.rows for own in self.kept]
         )
         white = [self._white(j, own) for j, own in enumerate(self.kept)]
         self._sums = [(a.T @ a, a.T @ r) for r, a in white]

@@ -21,6 +21,7 @@ import numpy as np
 from ...effects.catalogue import kinds_beside
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
+from ...estimation.arm_levels import leftover_levels
 from ...estimation.arm_rows import ArmRows
 from ...estimation.balance import balance_of
 from ...estimation.columns import Candidate, Signatures, candidates
@@ -96,7 +97,7 @@ def _of_balance(
     balances = [balance_of(record, file.robot, file.effects)]
     refuse_rest(balances, [record])
     rows = ArmRows.of(balances, kinds)
-    return rows.candidates, sum_of(rows.parts(rows.levels(rows.sizes, rows.friction)))
+    return rows.candidates, sum_of(rows.parts(leftover_levels(rows, rows.sizes, rows.friction)))
 
 
 def _of_prediction(
