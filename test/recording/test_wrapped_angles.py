@@ -1,4 +1,4 @@
-"""Angles that begin anew after a turn go on; what slides, jumps or turns too fast stays."""
+"""Angles that begin anew go on; what slides, jumps or turns too fast stays."""
 
 from dataclasses import replace
 
@@ -44,6 +44,34 @@ def test_turns_are_counted(robot, start, angle):
         np.diff(counted.joints.position[:, 1]), np.diff(angle), rtol=0.0, atol=1e-12
     )
     assert (f'{robot.joints[1]}: angles begin anew' in ''.join(counted.notes)) == went_round
+
+
+@pytest.mark.parametrize('span', [25.0, 4.0 * np.pi, 1.3])
+@pytest.mark.parametrize('speed', [0.8, -0.8, 0.05])
+def test_any_range_is_counted(robot, rng, span, speed):
+    """What a driver's whole numbers can say, or a turn of a motor before its gear."""
+    angle = speed * span * TIME + 0.1 * span * np.sin(0.7 * TIME)
+    step = span / 65535.0
+    read = step * np.round((angle + rng.normal(0.0, step, len(TIME))) / step)
+    counted = with_turns_counted(record_of(robot, np.mod(read + 0.4 * span, span)), robot)
+    turned = counted.q[:, 1] - angle
+    # a range is as well known as the way between two samples: some steps and noise, each time
+    np.testing.assert_allclose(turned, turned[0], rtol=0.0, atol=6.0 * 17 * step)
+    assert 'joint_2: angles begin anew after ' in ''.join(counted.notes)
+
+
+@pytest.mark.parametrize(
+    'angle',
+    [
+        np.where(np.abs(TIME - 10.0) < 0.5, 0.0, 3.0 * TIME),  # reads nothing for a second
+        np.where(TIME > 10.0, 3.0 * TIME - 9.0, 3.0 * TIME),  # set anew on its way
+        np.where(TIME > 10.0, 0.3 * TIME - 4.0, 3.0 * TIME),  # another joint from there on
+        30.0 * np.sign(np.sin(TIME)) + 0.1 * TIME,  # from end to end, but not going on
+    ],
+)
+def test_other_jumps_stay(robot, angle):
+    record = record_of(robot, angle)
+    assert with_turns_counted(record, robot).notes == ()
 
 
 @pytest.mark.parametrize(
