@@ -19,7 +19,7 @@ from .answer.residuals import series
 from .answer.result import Diagnosis, Gain, Leftover, RecordingMisfit, Residual
 from .answer.words import verdict_of
 from .arm_evidence import rivals_of
-from .arm_found import WORSE, ArmFound, rms
+from .arm_found import WORSE, ArmFound, rms, touched_notes
 from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
 from .arm_verdict import Left, laws_that_matter, overall, sentence
 from .discovery.orders import find_orders
@@ -81,7 +81,12 @@ def conclude_arm(
         series=channels,
         gain=_gain(found),
         ranking=tuple(_ranked(found.first)),
-        notes=(*notes, *gain_notes(found, left), *scale_notes(found)),
+        notes=(
+            *notes,
+            *touched_notes(found.fit.rows.balances),
+            *gain_notes(found, left),
+            *scale_notes(found),
+        ),
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),
         friction=friction_laws(found),

@@ -105,10 +105,28 @@ def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:
         RecordingError: no joint moves in any of them.
     """
     if not any(balance.arm.is_moving.any() for balance in balances):
+        moves = 'no joint moves'
+        touched = touched_joints(balances)
+        if touched:
+            moves += f' but in jerks ({", ".join(touched)})'
         raise RecordingError(
             records[0].source or 'recording',
-            'no joint moves: at rest friction holds any torque; record a motion',
+            f'{moves}: at rest friction holds any torque; record a motion',
         )
+
+
+def touched_joints(balances: Sequence[Balance]) -> list[str]:
+    """Joints that go somewhere, but nowhere for long enough to be judged."""
+    moves = np.any([b.arm.is_moving.any(axis=0) for b in balances], axis=0)
+    touched = np.any([b.arm.is_touched for b in balances], axis=0) & ~moves
+    return [balances[0].robot.joints[j] for j in np.flatnonzero(touched)]
+
+
+def touched_notes(balances: Sequence[Balance]) -> tuple[str, ...]:
+    """What to say of them."""
+    names = touched_joints(balances)
+    words = 'moves in jerks or once, too shortly to be judged'
+    return (f'{", ".join(names)}: {words}',) if names else ()
 
 
 def rms(balances: Sequence[Balance]) -> Array:

@@ -39,7 +39,9 @@ _LATE = 0.01  # s
 _STANDING = 0.25  # of the way of a joint that turns round with its usual acceleration
 _FEWEST_STEPS = 3.0  # of a rest
 _PEAK_TO_PEAK = 6.0  # standard deviations of noise
+_WATCHED = 1.0  # s in which a joint that does not stand goes farther than its readings flicker
 _FEWEST_MOVING = 0.05  # of a record: a joint that moves less was only touched
+_TOUCHED = 0.01  # of a record, rests' margins included: one that moves less stood
 _REST_MARGIN = 0.35  # periods of the band, which the filter spreads an end of rest over
 
 
@@ -148,6 +150,12 @@ class ArmMotion:
             moving[(self.times >= start) & (self.times <= end)] = False
         return moving
 
+    @cached_property
+    def is_touched(self) -> BoolArray:
+        """(n,) joints that go somewhere, in jerks or once, too shortly to be judged."""
+        goes = np.mean(~self._rests & self.is_known[:, None], axis=0) > _TOUCHED
+        return np.asarray(goes & ~self._moves.any(axis=0))
+
     @property
     def is_shown(self) -> BoolArray:
         """(N, n) where a joint moves, whatever acts; all known times where none does."""
@@ -178,7 +186,7 @@ class ArmMotion:
         fastest = np.where(driven, np.max(usual, where=driven, initial=0.0), 0.0)
         slow = np.maximum(_REST_SHARE * np.maximum(usual, fastest), _REST_RATE)
         resting = binary_opening(speed < slow, np.ones((max(1, round(_REST_TIME / self.step)), 1)))
-        return np.asarray(resting | self._sticks)
+        return np.asarray(resting | self._sticks | self._flickers)
 
     @cached_property
     def _moves(self) -> BoolArray:
@@ -201,15 +209,16 @@ class ArmMotion:
         Around a turn with acceleration a a joint goes a T^2 / 8 in a time T. One that goes a
         quarter of that stands, if T is long enough for a quarter to be more than noise.
         """
-        stamped = self.record.joint_time
-        noise = np.array(
-            [
-                max(_PEAK_TO_PEAK * fourth_difference_std(q[:, None], stamped), step_of(q))
-                for q in self.record.q.T
-            ]
-        )
-        time = np.sqrt(8.0 * noise / np.maximum(_STANDING * self.bend, 1e-300))
+        noise, step = self._noise
+        time = np.sqrt(8.0 * np.maximum(noise, step) / np.maximum(_STANDING * self.bend, 1e-300))
         return np.clip(time, _FEWEST_STEPS * self.interval, _REST_TIME)
+
+    @cached_property
+    def _noise(self) -> Array:
+        """(2, n) what the noise of positions goes from peak to peak, and the encoders' steps."""
+        stamped, each = self.record.joint_time, self.record.q.T
+        noise = [_PEAK_TO_PEAK * fourth_difference_std(q[:, None], stamped) for q in each]
+        return np.array([noise, [step_of(q) for q in each]])
 
     @cached_property
     def _sticks(self) -> BoolArray:
@@ -217,12 +226,27 @@ class ArmMotion:
         out = np.zeros_like(self.kinematics.q, dtype=bool)
         for j, (bend, time) in enumerate(zip(self.bend, self.shortest_rest, strict=True)):
             if time < _REST_TIME:
-                q = np.interp(self._dense, self.record.joint_time, self.record.q[:, j])
-                count = math.ceil(time / self.interval) + 1
-                way = maximum_filter1d(q, count) - minimum_filter1d(q, count)
-                stands = binary_dilation(way < _STANDING * bend * time**2 / 8.0, np.ones(count))
-                out[:, j] = np.interp(self.times, self._dense, stands) > 0.5
+                out[:, j] = self._stays(j, time, _STANDING * bend * time**2 / 8.0)
         return out
+
+    @cached_property
+    def _flickers(self) -> BoolArray:
+        """(N, n) where readings flicker, between two steps of an encoder most often, for a second.
+
+        Rates of these would pass for a motion. Noise is rounded at both ends of its way. Next to
+        a motion, which begins within that way, rates tell.
+        """
+        way = np.sum(self._noise, axis=0)
+        stays = np.column_stack([self._stays(j, _WATCHED, w) for j, w in enumerate(way)])
+        return ~_widened(~stays, round(_REST_TIME / self.step))
+
+    def _stays(self, j: int, time: float, way: float) -> BoolArray:
+        """(N,) where all readings of a joint over a time [s] lie within a way [rad]."""
+        q = np.interp(self._dense, self.record.joint_time, self.record.q[:, j])
+        count = math.ceil(time / self.interval) + 1
+        goes = maximum_filter1d(q, count) - minimum_filter1d(q, count)
+        stays = binary_dilation(goes < way, np.ones(count))
+        return np.asarray(np.interp(self.times, self._dense, stays) > 0.5)
 
     def bridged(self, values: Array, j: int) -> Array:
         """(N, c) values of joint j, straight lines where it stands and its ends are smeared."""

@@ -100,6 +100,25 @@ def test_a_recording_in_which_nothing_moves_is_refused():
         diagnose(still, arm_file().robot)
 
 
+def in_jerks(record, joint):
+    """The record with a joint that goes by 0.05 rad in a tenth of a second, once a second."""
+    time, j = record.joint_time, record.joints.names.index(joint)
+    q = record.q.copy()
+    q[:, j] = q[0, j] + 0.05 * (np.floor(time) + np.minimum(np.mod(time, 1.0) / 0.1, 1.0))
+    return replace(record, joints=replace(record.joints, position=q))
+
+
+def test_a_joint_that_moves_in_jerks_is_not_judged_which_is_said():
+    robot = arm_file().robot
+    arm, name = RealArm(2), robot.joints[3]
+    with pytest.raises(RecordingError, match=rf'no joint moves but in jerks \({name}\): at rest'):
+        diagnose(in_jerks(arm.record(0, moving=(), duration=6.0), name), robot)
+    record = in_jerks(arm.record(0, moving=(robot.joints[0],), duration=12.0), name)
+    assert any(
+        note.startswith(f'{name}: moves in jerks') for note in diagnose(record, robot).notes
+    )
+
+
 def with_efforts(record, efforts):
     """The record with other efforts."""
     return replace(record, joints=replace(record.joints, effort=efforts))

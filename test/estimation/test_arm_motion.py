@@ -48,6 +48,30 @@ def test_a_joint_that_stands_has_no_rows():
     assert moves[(arm.times > 1.0) & (arm.times < 19.0), 1].mean() > 0.9
 
 
+def flickering(rng, step):
+    """Readings of a joint that stands between two steps of its encoder."""
+    return step * np.floor(0.5 + 0.3 * rng.standard_normal(len(TIMES)))
+
+
+@pytest.mark.parametrize('step', [4e-4, 1.5e-3])
+def test_readings_that_flicker_are_no_motion(rng, step):
+    """Their rates, 0.007 rad/s and more, are 2 % of those of a joint that moves slowly."""
+    slow = step * np.round(swinging(rate=0.3) / step)
+    arm = motion(np.column_stack([flickering(rng, step), slow]))
+    assert not arm.is_moving[:, 0].any()
+    assert not arm.is_touched.any()
+    assert arm.is_moving[(arm.times > 1.0) & (arm.times < 4.0), 1].mean() > 0.95
+
+
+def test_a_joint_in_jerks_is_touched_and_not_judged(rng):
+    """A tenth of a second of motion is a rest's margins, and nothing between them."""
+    jerks = np.cumsum(np.where(np.mod(TIMES, 1.0) < 0.1, 2.0, 0.0)) * STEP
+    noise = 1e-5 * rng.standard_normal(len(TIMES))
+    arm = motion(np.column_stack([jerks + noise, np.zeros_like(jerks)]))
+    assert not arm.is_moving.any()
+    np.testing.assert_array_equal(arm.is_touched, [True, False])
+
+
 def test_a_gap_is_not_known():
     times = TIMES[(TIMES < 8.0) | (TIMES > 9.0)]
     angle = swinging(times)
