@@ -136,19 +136,20 @@ class GraspCompliance(Sprung):
         """Of the springs."""
         return np.asarray(self._mass(motion.robot) * self.spring(hidden)[:, :3])
 
-    def _part(self, robot: Robot) -> pin.Inertia:
-        """The part, of the robot without it."""
-        share = self['share'] / (1.0 - self['share'])
-        return pin.Inertia.FromDynamicParameters(share * self.row(robot))
+    @property
+    def _by_host(self) -> float:
+        """Inertia of the part by that of the body without it."""
+        return self['share'] / (1.0 - self['share'])
 
     def _mass(self, robot: Robot) -> float:
-        return float(self._part(robot).mass)
+        return self._by_host * float(self.row(robot)[0])
 
     def _centre(self, robot: Robot) -> Vector3:
         return np.asarray(robot.bodies[body_index(robot, self.where)].com)
 
     def _inertia(self, robot: Robot) -> Matrix3:
-        return np.asarray(self._part(robot).inertia)
+        host = pin.Inertia.FromDynamicParameters(self.row(robot))  # has a mass, the part may not
+        return self._by_host * np.asarray(host.inertia)
 
     def _twist(self, robot: Robot, hidden: Array) -> Array:
         """(N, 3) torque T of the springs on the host."""

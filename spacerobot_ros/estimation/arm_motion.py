@@ -153,7 +153,7 @@ class ArmMotion:
     @cached_property
     def is_touched(self) -> BoolArray:
         """(n,) joints that go somewhere, in jerks or once, too shortly to be judged."""
-        goes = np.mean(~self._rests & self.is_known[:, None], axis=0) > _TOUCHED
+        goes = np.mean(~self.rests & self.is_known[:, None], axis=0) > _TOUCHED
         return np.asarray(goes & ~self._moves.any(axis=0))
 
     @property
@@ -170,12 +170,12 @@ class ArmMotion:
         """
         sign = np.sign(self.kinematics.qd)
         turns = _LATE * np.gradient(sign, self.step, axis=0)
-        rests = self._rests.astype(float)
+        rests = self.rests.astype(float)
         late, near, rest = (self.in_band(x)[:: self.stride] for x in (turns, np.abs(turns), rests))
         return late, np.abs(near) + np.abs(rest)
 
     @cached_property
-    def _rests(self) -> BoolArray:
+    def rests(self) -> BoolArray:
         """(N, n) where a joint stands."""
         speed = np.abs(self.kinematics.qd)
         usual = (
@@ -191,7 +191,7 @@ class ArmMotion:
     @cached_property
     def _moves(self) -> BoolArray:
         is_measured = ~np.isnan(self.record.effort[0]) if self.record.effort is not None else False
-        moving = ~_widened(self._rests, self._margin) & self.is_known[:, None] & is_measured
+        moving = ~_widened(self.rests, self._margin) & self.is_known[:, None] & is_measured
         moving &= self.powered | self.unpowered
         return np.asarray(moving & (np.mean(moving, axis=0) > _FEWEST_MOVING))
 
@@ -251,7 +251,7 @@ class ArmMotion:
     def bridged(self, values: Array, j: int) -> Array:
         """(N, c) values of joint j, straight lines where it stands and its ends are smeared."""
         reach = round(self._margin / _SMOOTHED)
-        known = np.flatnonzero(~_widened(self._rests[:, j], reach))
+        known = np.flatnonzero(~_widened(self.rests[:, j], reach))
         if len(known) in (0, len(values)):
             return values
         after = np.searchsorted(known, np.arange(len(values)))

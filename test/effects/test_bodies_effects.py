@@ -530,3 +530,9 @@ def test_a_fixed_base_carries_no_sprung_part(parts):
     robot = robot_of(parts, base='fixed')
     with pytest.raises(ConfigurationError, match="no place 'base_link'"):
         bind_effect('x', 'fuel_slosh', BASE, {'mass': 1.0, 'frequency': 1.0}, robot)
+
+
+def test_a_grasp_of_nothing_is_none(robot):
+    """A search may begin there: its inertia was not a number, and no search went on."""
+    effect = bind_effect('x', 'grasp_compliance', TIP, {'share': 0.0, 'frequency': 9.0}, robot)
+    assert effect.moved(effect.change(robot)) == pytest.approx(np.zeros((6, 6)), abs=0.0)

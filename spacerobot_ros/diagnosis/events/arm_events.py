@@ -10,6 +10,7 @@ import numpy as np
 from ...estimation.arm_priors import DRY, OF_LOAD, Machine
 from ...estimation.arm_rows import ArmRows
 from ...estimation.balance import Balance
+from .break_away import break_away
 from .event import Events
 from .moving import PulseSearch
 from .naming import Naming
@@ -45,7 +46,8 @@ def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
         search = PulseSearch(rows)
         naming, scan = Naming(search), search.scan
         found = found.with_more(naming.events())
-        friction = np.array([naming.coulomb(j) for j in range(robot.n_joints)])
+        slides = np.array([naming.coulomb(j) for j in range(robot.n_joints)])
+        friction = np.maximum(slides, break_away(balances))
         of_load = np.array([naming.of_load(j) for j in range(robot.n_joints)])
     friction = np.where(friction > 0.0, friction, np.nan)
     for run, balance in enumerate(balances):
