@@ -105,14 +105,15 @@ def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:
         RecordingError: no joint moves in any of them.
     """
     if not any(balance.arm.is_moving.any() for balance in balances):
-        moves = 'no joint moves'
-        touched = touched_joints(balances)
-        if touched:
-            moves += f' but in jerks ({", ".join(touched)})'
-        raise RecordingError(
-            records[0].source or 'recording',
-            f'{moves}: at rest friction holds any torque; record a motion',
-        )
+        source = records[0].source or 'recording'
+        raise RecordingError(source, f'{still_words(balances)}; record a motion')
+
+
+def still_words(balances: Sequence[Balance]) -> str:
+    """Why nothing is told where no joint moves."""
+    touched = touched_joints(balances)
+    but = f' but in jerks ({", ".join(touched)})' if touched else ''
+    return f'no joint moves{but}: at rest friction holds any torque'
 
 
 def touched_joints(balances: Sequence[Balance]) -> list[str]:

@@ -31,7 +31,7 @@ def robot():
 
 
 def record_of(rng, push=0.0):
-    """Motions there and back; before each the torque grows until the joint slides, by its motor alone.
+    """Motions there and back; before each the torque grows until the joint slides by itself.
 
     Args:
         rng: Of the motions and the noise.

@@ -9,6 +9,7 @@ from ...estimation.balance import Balance
 from ..answer.residuals import series
 from ..answer.result import Diagnosis
 from ..answer.words import at, first_few
+from ..arm_found import still_words
 from .event import Event, Events
 
 _WITH = {'consistent': 'explained', 'unexplained': 'partly_explained'}
@@ -30,7 +31,7 @@ def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
     channels = balances[0].channels()
     answer = Diagnosis(
         verdict='consistent' if events.named else 'unexplained',
-        sentence='no joint moves: at rest friction holds any torque, and nothing else is told.',
+        sentence=f'{still_words(balances)}, and nothing else is told.',
         series=series(channels, channels),
     )
     return with_events(answer, events)

@@ -26,10 +26,13 @@ from ..record import Record
 from .kinematics import DEGREES
 from .thresholds import (
     ALIKE,
+    BESIDE,
     FEWEST_SAMPLES,
     GAIN,
     MOVED,
     ROWS,
+    SELDOM,
+    SLOW,
     SPAN,
     SPOILED,
     TURNED,
@@ -163,8 +166,14 @@ class _Torques:
 
     @property
     def moves(self) -> BoolArray:
-        """(n,) whether a joint moves."""
-        return np.asarray(np.ptp(self.motion[0], axis=0) > MOVED)
+        """(n,) whether a joint moves, and not in jerks, between which friction holds it.
+
+        Beside a fast joint, in any unit, the jitter of another one is no motion.
+        """
+        rate = np.abs(self.motion[1])
+        fastest = float(np.sqrt(np.max(np.mean(rate**2, axis=0))))
+        goes = np.mean(rate > min(SLOW, BESIDE * fastest), axis=0)
+        return np.asarray((np.ptp(self.motion[0], axis=0) > MOVED) & (goes > SELDOM))
 
     def turned_base(self) -> Iterator[_Slip]:
         """Gravity along the direction that the efforts want, where that is another one.

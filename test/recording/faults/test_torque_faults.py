@@ -183,3 +183,14 @@ def test_joints_at_rest_hold_any_torque(known):
     still = np.tile(record.q[:1], (len(record.q), 1))
     at_rest = JointSeries(record.joints.names, record.joints.stamp_ns, still, effort=0.0 * still)
     assert not find_torque_faults(replace(record, joints=at_rest), model)
+
+
+def test_a_joint_in_jerks_holds_any_torque_between_them(known):
+    """Another one is touched by them; neither says that weight is not in the efforts."""
+    record, model = known['ground']
+    time = record.joint_time
+    q = np.tile(record.q[:1], (len(record.q), 1))
+    jerks = np.floor(time / 2.0) + np.minimum(np.mod(time, 2.0) / 0.15, 1.0)
+    q += np.outer(jerks, np.eye(q.shape[1])[1] * 0.1 + np.eye(q.shape[1])[0] * 2e-3)
+    idle = JointSeries(record.joints.names, record.joints.stamp_ns, q, effort=0.0 * q)
+    assert not find_torque_faults(replace(record, joints=idle), model)
