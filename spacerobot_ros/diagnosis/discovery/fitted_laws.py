@@ -146,10 +146,22 @@ def with_laws(
 
 
 def _is_of(rows: ArmRows, i: int, causes: Sequence[int]) -> BoolArray:
-    """(k,) whether a law's terms are those of causes."""
+    """(k,) whether a law's terms are those of causes, or of the simple laws that they refine.
+
+    Beside a dry friction with a history the term of one without is as good as its opposite.
+    """
     columns = rows.joints[rows.robot.joints.index(str(rows.candidates[i].where))].columns
     law = columns[:, rows.places[i]]
-    theirs = columns[:, [int(k) for c in causes for k in rows.places[c]]]
+    every = [*causes, *_refined(rows, causes)]
+    theirs = columns[:, [int(k) for c in every for k in rows.places[c]]]
     theirs = theirs / np.maximum(np.linalg.norm(theirs, axis=0), 1e-300)
     left = law - theirs @ np.linalg.lstsq(theirs, law, rcond=1e-9)[0]
     return np.asarray(np.sum(left**2, axis=0) < _SAME * np.sum(law**2, axis=0))
+
+
+def _refined(rows: ArmRows, causes: Sequence[int]) -> list[int]:
+    """Numbers of the simple laws that causes refine, at their places."""
+    kinds = [
+        (law, rows.candidates[i].where) for i in causes for law in rows.candidates[i].kind.refines
+    ]
+    return [i for i, c in enumerate(rows.candidates) if (c.kind.id, c.where) in kinds]
