@@ -18,6 +18,12 @@ def number(value: float | None, digits: int = 4) -> str:
     return f'{value:.{digits}g}'
 
 
+def quantity(value: float | None, unit: str, digits: int = 3) -> str:
+    """A number with its unit; what stands in the place of a number has none."""
+    said = number(value, digits)
+    return said if said in NO_NUMBERS else f'{said} {unit}'
+
+
 def probability(p: float | None) -> str:
     """A probability; very small ones without their digits."""
     if p is None or math.isnan(p):

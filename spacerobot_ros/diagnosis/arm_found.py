@@ -126,7 +126,7 @@ def touched_joints(balances: Sequence[Balance]) -> list[str]:
 def touched_notes(balances: Sequence[Balance]) -> tuple[str, ...]:
     """What to say of them."""
     names = touched_joints(balances)
-    words = 'moves in jerks or once, too shortly to be judged'
+    words = 'moves, in jerks or once, are too short to be judged'
     return (f'{", ".join(names)}: {words}',) if names else ()
 
 

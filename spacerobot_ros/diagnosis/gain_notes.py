@@ -38,7 +38,9 @@ def _notes(balances: Sequence[Balance], joints: Sequence[int]) -> Iterator[str]:
 def gain_of(balances: Sequence[Balance], j: int) -> tuple[float, float]:
     """Measured torques of a joint by those that the model needs, and the share that explains.
 
-    By least squares over the rows where it moves; of the square of what the model misses.
+    By least squares over the rows where it moves; of the square of what the model misses, or of
+    what was measured, if that is less: torques that have nothing to do with each other are of no
+    other scale.
     """
     every, every_missed = [np.zeros(0)], [np.zeros(0)]
     for balance in balances:
@@ -48,5 +50,6 @@ def gain_of(balances: Sequence[Balance], j: int) -> tuple[float, float]:
         every_missed.append(balance.torque[at, j])
     needed, missed = np.concatenate(every), np.concatenate(every_missed)
     slope = float(missed @ needed) / max(float(needed @ needed), 1e-300)
-    left = missed - slope * needed
-    return 1.0 - slope, 1.0 - float(left @ left) / max(float(missed @ missed), 1e-300)
+    left, measured = missed - slope * needed, needed - missed
+    least = max(min(float(missed @ missed), float(measured @ measured)), 1e-300)
+    return 1.0 - slope, 1.0 - float(left @ left) / least

@@ -55,20 +55,25 @@ def noise_levels(
         seen = 0.0
         if values is not None and (is_checked or stated is None):
             seen = fourth_difference_std(values, time)
-        level = seen if stated is None else stated
+        level = max((seen if stated is None else stated) or 0.0, _least(name, values))
         if stated is None and values is not None and values.size:
-            notes.append(f'{name}_std is not stated; estimated from the data: {seen:.3g}')
+            notes.append(f'{name}_std is not stated; estimated from the data: {level:.3g}')
         elif name != 'joint_effort' and stated and seen > _DISAGREEMENT * stated:
-            level = seen
+            level = max(level, seen)
             notes.append(
                 f'{name}: the data are noisier than stated, {seen:.3g} against {stated:.3g}; '
                 'the data count'
             )
-        floor = _FLOOR[name]
-        if name == 'joint_effort' and values is not None and values.size:
-            floor *= float(np.nanmax(np.abs(values))) or 1.0
-        levels[name] = max(level or 0.0, _resolution(values) / _UNIFORM, floor)
+        levels[name] = level
     return NoiseLevels(**levels), tuple(notes)
+
+
+def _least(name: str, values: Array | None) -> float:
+    """What the noise of a channel is at least: that of its steps, and of numbers in a file."""
+    floor = _FLOOR[name]
+    if name == 'joint_effort' and values is not None and values.size:
+        floor *= float(np.nanmax(np.abs(values))) or 1.0
+    return max(_resolution(values) / _UNIFORM, floor)
 
 
 def fourth_difference_std(values: Array, time: Array | None = None) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ..diagnosis.events.event import Event, EventLimit, Events, PossibleEvent
 from ..display import Table, table_of
-from ..formats import number
+from ..formats import number, quantity
 
 _REASONS = {
     'weak': 'below the limit',
@@ -51,7 +51,7 @@ def limit_table(events: Events, caption: str = '') -> Table:
 
 
 def _limits(limit: EventLimit) -> list[str]:
-    return [f'{number(peak, 3)} {limit.unit}' for peak in limit.peaks]
+    return [quantity(peak, limit.unit) for peak in limit.peaks]
 
 
 def _peaks(event: Event) -> str:

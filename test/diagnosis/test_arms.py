@@ -115,7 +115,7 @@ def test_a_joint_that_moves_in_jerks_is_not_judged_which_is_said():
         diagnose(in_jerks(arm.record(0, moving=(), duration=6.0), name), robot)
     record = in_jerks(arm.record(0, moving=(robot.joints[0],), duration=12.0), name)
     assert any(
-        note.startswith(f'{name}: moves in jerks') for note in diagnose(record, robot).notes
+        note.startswith(f'{name}: moves, in jerks') for note in diagnose(record, robot).notes
     )
 
 

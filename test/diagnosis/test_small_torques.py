@@ -165,3 +165,9 @@ def test_a_gain_without_a_name_is_said(robot, rng):
     gain, share = gain_of([balance_of(record_of(robot, rng, 20.0, gain=1.25), robot, ())], 0)
     assert gain == pytest.approx(1.25, rel=1e-3)
     assert share > 0.99
+
+
+def test_torques_that_have_nothing_to_do_with_the_model_are_of_no_scale(robot, rng):
+    """Ten of a thousand newtons were "measured 0.0009 times as large as they are"."""
+    _, share = gain_of([balance_of(record_of(robot, rng, 20.0, gain=0.0), robot, ())], 0)
+    assert share < 0.1

@@ -11,6 +11,7 @@ from support.identification import SENSORS, SILENT, STDS, changed, measure, simu
 
 from spacerobot_ros.estimation.noise_levels import fourth_difference_std, noise_levels
 from spacerobot_ros.model.robot_settings import SensorSettings
+from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 
 def of(levels):
@@ -123,3 +124,13 @@ def test_lost_samples_make_no_noise(rng, every):
     values = np.sin(3.0 * time)[:, None] + 1e-5 * rng.standard_normal((len(time), 1))
     got = fourth_difference_std(values[kept], time[kept])
     assert got == pytest.approx(1e-5, rel=0.15)
+
+
+def test_the_level_that_counts_is_the_one_that_is_said(rng):
+    """Of joints most of which stand: 7e-19 was said, their encoders' steps counted."""
+    step, time = 4e-4, np.arange(0.0, 20.0, 0.01)
+    q = np.column_stack([step * np.round(np.sin(time) / step), *([np.full(len(time), 0.1)] * 3)])
+    record = Record(joints=JointSeries(tuple('abcd'), to_stamps(time), q))
+    levels, (note, *_) = noise_levels(SensorSettings(), record)
+    assert levels.joint_position == pytest.approx(step / np.sqrt(12.0))
+    assert note.endswith(f'estimated from the data: {levels.joint_position:.3g}')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from spacerobot_ros.formats import counted, either
+from spacerobot_ros.formats import counted, either, quantity
 
 
 @pytest.mark.parametrize(
@@ -16,6 +16,8 @@ from spacerobot_ros.formats import counted, either
         (counted(1, 'entry', 'entries'), '1 entry'),
         (counted(3, 'entry', 'entries'), '3 entries'),
         (either(['N m', 'N', 'N m']), 'N m or N'),
+        (quantity(0.12345, 'N m'), '0.123 N m'),
+        (quantity(float('inf'), 'N m'), 'never'),
     ],
 )
 def test_words(said, text):
