@@ -13,6 +13,7 @@ from ..estimation.arm_fit import ArmFit
 from ..estimation.evidence import Gram, sum_of
 from ..types import Array
 from .arm_found import WORSE, ArmFound, is_clear
+from .limits import MOST
 from .selection import Selection
 
 _HEAVIEST = 8.0
@@ -30,6 +31,10 @@ def applicable(found: ArmFound) -> ArmFound:
     while True:
         plain = plain_of(selection, [*found.levels], weights).whole
         tried = list(_applied(replace(found, weights=weights), selection.chosen, plain))
+        unrelated = [i for i in selection.chosen if is_unrelated(tried[0].fit, i)]
+        if unrelated:
+            selection.drop(min(unrelated, key=selection.gain))
+            continue
         for out in tried:
             if not np.any(_ratios(out) > WORSE):
                 return out
@@ -42,6 +47,28 @@ def applicable(found: ArmFound) -> ArmFound:
         else:
             selection.drop(culprit(best, plain))
             weights = np.ones_like(weights)
+
+
+def is_unrelated(fit: ArmFit, i: int) -> bool:
+    """Whether a candidate is a gain of measured torques that do not follow from the model.
+
+    A large gain makes next to nothing of what the model needs, and so explains torques that have
+    nothing to do with that. What is left beside the other causes where the model needs nothing
+    must become less by most with a share of what it needs.
+    """
+    if not fit.is_gain(i):
+        return False
+    rows = fit.rows
+    own = rows.joints[rows.robot.joints.index(str(rows.candidates[i].where))]
+    needed = own.columns[:, rows.places[i]]
+    others = [k for c in fit.chosen if c != i for k in rows.places[c].tolist()]
+    causes = own.columns[:, others]
+    measured = own.torque - needed[:, 0]  # its opposite
+    squares = []
+    for columns in (causes, np.column_stack([causes, needed])):
+        left = measured - columns @ np.linalg.lstsq(columns, measured, rcond=1e-9)[0]
+        squares.append(float(left @ left))
+    return squares[1] > (1.0 - MOST) * squares[0]
 
 
 def plain_of(selection: Selection, levels: Sequence[Array], weights: Array) -> Selection:

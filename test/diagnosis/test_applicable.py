@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -57,3 +58,27 @@ def test_where_prediction_has_no_answer_the_balance_has(monkeypatch, verdict):
     assert (said is of_prediction) == (verdict == 'explained')
     if said is not of_prediction:
         assert {c.applied.where for c in said.causes} == {'joint_2'}
+
+
+@pytest.mark.parametrize(('seed', 'coefficient'), [(2, 20.0), (3, 5.0)])
+def test_torques_that_do_not_follow_from_the_model_have_no_gain(seed, coefficient):
+    """Somebody guides a joint whose motor makes up for friction only: a gain of ten was named."""
+    file, record = arm_file(), RealArm(seed).record(0, duration=12.0)
+    efforts = record.effort.copy()
+    efforts[:, 1] = coefficient * np.gradient(record.q[:, 1], record.joint_time)
+    guided = replace(record, joints=replace(record.joints, effort=efforts))
+    found = diagnose.diagnose(guided, file.robot, file.effects)
+    assert found.verdict in ('unexplained', 'partly_explained')
+    assert not any(c.applied.id == 'joint_torque_constant' for c in found.causes)
+
+
+def test_a_gain_of_torques_that_do_follow_is_named_still():
+    file, record = arm_file(), RealArm(2).record(0, duration=12.0)
+    efforts = record.effort.copy()
+    efforts[:, 1] *= 0.4
+    found = diagnose.diagnose(
+        replace(record, joints=replace(record.joints, effort=efforts)), file.robot, file.effects
+    )
+    gains = [c for c in found.causes if c.applied.id == 'joint_torque_constant']
+    assert [c.applied.where for c in gains] == [JOINTS[1]]
+    assert gains[0].parameters['gain'].value == pytest.approx(2.5, rel=0.1)
