@@ -113,6 +113,23 @@ def test_joint_rates_that_were_filtered_are_late():
     assert found.delays[0].delay == pytest.approx(-0.04 + STEP / 2, rel=0.1)
 
 
+@pytest.mark.parametrize('scale', [1.66, 0.5, 1.0])
+def test_rates_of_a_wrong_scale_are_said(rng, scale):
+    """As of a driver that was told of another motor; a joint that stands has none."""
+    time = np.arange(0.0, 60.0, STEP)
+    turned = np.sin(time) + 0.3 * time
+    rate = (np.cos(time) + 0.3) / scale + 0.01 * rng.standard_normal(len(time))
+    still = 1e-4 * rng.standard_normal(len(time))
+    q = np.column_stack([turned + 1e-4 * rng.standard_normal(len(time)), still])
+    qd = np.column_stack([rate, 0.01 * rng.standard_normal(len(time))])
+    found = [f for f in quality_of(Record(joints=joints(time, q, qd))).findings if 'as far' in f]
+    assert len(found) == (scale != 1.0)
+    if found:
+        assert found[0].startswith('joint_velocity/joint_1: the positions go ')
+        said = float(found[0].split(' go ')[1].split()[0])
+        assert said == pytest.approx(scale, rel=0.01)
+
+
 def test_cut_off_readings_are_saturated_and_resting_ones_are_not():
     time = np.arange(0.0, 20.0, STEP)
     wave = np.sin(time)[:, None] * [1.0, 1.0, 1.0]

@@ -14,7 +14,16 @@ from ...recording.record import Record
 from .allan import Allan, allan
 from .excited import Excited, excited
 from .readings import ROUNDING, Reading, readings
-from .sampling import ClockDelay, Sampling, delay_of, discrepancies, integral, samplings
+from .sampling import (
+    ClockDelay,
+    RateScale,
+    Sampling,
+    delay_of,
+    discrepancies,
+    integral,
+    rate_scales,
+    samplings,
+)
 
 _LOST = 0.01
 """Share of lost samples worth a word: as many as a filter of 100 samples' memory always holds."""
@@ -23,6 +32,7 @@ _NOISIER = 1.5  # as `estimation.noise_levels`: from there on the data count
 _QUIETER = 3.0  # filtered before it was logged, or a data sheet that is too careful
 _LATE = 3.0  # standard deviations that a delay is from none
 _WALK = 2.0  # of the stated random walk
+_SCALED = 0.02  # of a rate: a larger error of its scale is worth a word
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,6 +113,7 @@ def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
             *(f'fault: {fault}' for fault in faults),
             *_of_sensors(sensors),
             *_of_delays(delays, channels),
+            *_of_scales(rate_scales(record), channels),
             *_of_channels(channels),
             *_of_walks(found, file),
             *_of_excitation(excitation, () if robot is None else robot.joints),
@@ -145,6 +156,16 @@ def _of_delays(delays: tuple[ClockDelay, ...], channels: tuple[Reading, ...]) ->
             late, other = one.late, one.reference
             late, other = (late, other) if one.delay > 0.0 else (other, late)
             yield f'{late} is {abs(one.delay):.3g} +- {one.std:.1g} s later than {other}'
+
+
+def _of_scales(scales: Iterator[RateScale], channels: tuple[Reading, ...]) -> Iterator[str]:
+    """Rates of a clearly wrong scale, where that makes more than the noise of a position."""
+    noise = {c.channel: c.noise for c in channels}
+    for one in scales:
+        off, least = abs(one.scale - 1.0), noise.get(f'joint_position/{one.joint}', 0.0)
+        if off > max(_SCALED, _LATE * one.std) and one.error > least:
+            times = f'{one.scale:.3g} +- {one.std:.1g} times'
+            yield f'joint_velocity/{one.joint}: the positions go {times} as far as its integral'
 
 
 def _of_channels(channels: tuple[Reading, ...]) -> Iterator[str]:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from ...estimation.noise_levels import unseen_turns
 from ...model.body import joint_unit
 from ...model.robot import Robot
+from ...recording.faults.thresholds import MOVED
 from ...recording.gaps import GAP_PERIODS, ONE_LOST
 from ...recording.record import SENSORS, RateSeries, Record, to_stamps
 from ...types import Array, IntArray
@@ -179,23 +180,71 @@ def integral(time: Array, rate: Array) -> Array:
     return np.asarray(curve.antiderivative()(time))
 
 
+@dataclass(frozen=True, slots=True)
+class RateScale:
+    """How far a joint goes by its positions, by how far it goes by its rates.
+
+    Args:
+        joint: Its name.
+        scale: 1 where both say the same.
+        std: Standard deviation, from parts of the record.
+        error: What that makes of a position where the rates are integrated, rms [rad].
+    """
+
+    joint: str
+    scale: float
+    std: float
+    error: float
+
+
+def rate_scales(record: Record) -> Iterator[RateScale]:
+    """Of every joint that goes somewhere, where all rates were measured; beside bias and delay."""
+    qd, time = record.qd, record.joint_time
+    if qd is None or not np.isfinite(qd).all() or len(time) < _PARTS * _FEWEST:
+        return
+    for name, q, rate in zip(
+        record.joints.names if record.joints else (), record.q.T, qd.T, strict=True
+    ):
+        if np.std(q) < MOVED:  # what is said of its rate is noise
+            continue
+        moved = integral(time, rate)
+        others = np.column_stack([np.ones_like(time), time, rate])
+        pair = Discrepancy(
+            '', '', '', time, (q - moved)[:, None], -moved[:, None], others[:, None, :]
+        )
+        found = [_in_part(pair, own) for own in np.array_split(np.arange(len(time)), _PARTS)]
+        mean, std = _weighed(*np.array(found).T)
+        if np.isfinite(mean):
+            yield RateScale(name, 1.0 + mean, std, abs(mean) * float(np.std(moved)))
+
+
+def _weighed(values: Array, weights: Array) -> tuple[float, float]:
+    """Mean of what parts say by their weights, and its deviation; NaN where none says anything."""
+    if not weights.sum() > 0.0:
+        return np.nan, np.nan
+    mean = float(weights @ values / weights.sum())
+    spread = float(weights @ (values - mean) ** 2 / weights.sum() / (_PARTS - 1))
+    return mean, spread**0.5
+
+
 def delay_of(pair: Discrepancy) -> ClockDelay | None:
     """The delay that all axes share; None where nothing moves, or samples are too few."""
     n = len(pair.time)
     if n < _PARTS * _FEWEST or not np.any(pair.rate):
         return None
     found = [_in_part(pair, own) for own in np.array_split(np.arange(n), _PARTS)]
-    values, weights = np.array(found).T
-    if not weights.sum() > 0.0:
+    delay, std = _weighed(*np.array(found).T)
+    if not np.isfinite(delay):
         return None
-    delay = float(weights @ values / weights.sum())
-    spread = float(weights @ (values - delay) ** 2 / weights.sum() / (_PARTS - 1))
     rms = float(np.sqrt(np.mean(pair.rate**2)))
-    return ClockDelay(pair.late, pair.reference, delay, spread**0.5, abs(delay) * rms, pair.unit)
+    return ClockDelay(pair.late, pair.reference, delay, std, abs(delay) * rms, pair.unit)
 
 
 def _in_part(pair: Discrepancy, own: IntArray) -> tuple[float, float]:
-    """Delay in one part, and its information, everything else estimated along."""
+    """Delay in one part, and its information, everything else estimated along.
+
+    Of any rate: what of the error goes with its opposite.
+    """
     own = own[:: 1 + len(own) // _MOST]
     others = pair.others[own].reshape(-1, pair.others.shape[2])
     late, error = -pair.rate[own].ravel(), pair.error[own].ravel()
