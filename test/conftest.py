@@ -3,6 +3,7 @@
 The environment is set before anything imports rclpy or numba, which read it once.
 """
 
+import gc
 import importlib.util
 import os
 import shutil
@@ -32,6 +33,12 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.get_closest_marker('ros'):
             item.add_marker(skip)
+
+
+def pytest_collection_finish():
+    """What is imported and collected stays: the garbage collector need not look at it again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_unconfigure():

@@ -14,6 +14,8 @@ from ..formats import counted
 from ..model.motion_settings import ReferenceSettings
 from ..types import Array
 
+_POWERS = 6  # of the polynomials that begin and end motions
+
 
 class Setpoint(NamedTuple):
     """Where a motion is at one time.
@@ -113,14 +115,15 @@ class Fourier:
     ) -> None:
         self.duration = np.inf if repeat else duration
         self._period = duration
-        self._a = np.array(sine, dtype=float)
-        self._b = np.array(cosine, dtype=float)
-        self._w = 2.0 * np.pi / duration * np.arange(1, self._a.shape[1] + 1)
+        self._w = 2.0 * np.pi / duration * np.arange(1, np.shape(sine)[1] + 1)
         self._repeat = repeat
         self._start = rest(start)
-        series = self._series(0.0)
-        end = Setpoint(self._start.q - series.q, -series.qd, -series.qdd)
-        self._quintic = quintic_coefficients(duration, end, end)
+        n = len(start)
+        series = _series(np.array(sine, dtype=float), np.array(cosine, dtype=float), self._w)
+        self._curves = np.concatenate([series, np.zeros((_POWERS, 3 * n))])
+        first = Setpoint(*self._sums(np.zeros(())))
+        end = Setpoint(self._start.q - first.q, -first.qd, -first.qdd)
+        self._curves[-_POWERS:] = _powers(quintic_coefficients(duration, end, end), duration)
         self._known: dict[float, Setpoint] = {}  # a law, its log and its limits ask for the same
 
     def at(self, t: float) -> Setpoint:
@@ -130,18 +133,36 @@ class Fourier:
         if t <= 0.0 or t >= self._period:
             return self._start
         if t not in self._known:
-            series = self._series(t)
-            quintic = evaluate_quintic(self._quintic, self._period, t)
-            both = (series.q + quintic.q, series.qd + quintic.qd, series.qdd + quintic.qdd)
             if len(self._known) > 1:
                 del self._known[next(iter(self._known))]
-            self._known[t] = Setpoint(*both)
+            self._known[t] = Setpoint(*self._sums(np.asarray(t)))
         return self._known[t]
 
-    def _series(self, t: float) -> Setpoint:
-        w, s, c = self._w, np.sin(self._w * t), np.cos(self._w * t)
-        q = self._a @ (s / w) - self._b @ (c / w)
-        return Setpoint(q, self._a @ c + self._b @ s, self._b @ (w * c) - self._a @ (w * s))
+    def along(self, times: Array) -> Setpoint:
+        """The setpoints at times (T,) [s], each field (T, n)."""
+        t = np.where(times > 0.0, times % self._period, times) if self._repeat else times
+        moves = ((t > 0.0) & (t < self._period))[:, None]
+        each = zip(np.moveaxis(self._sums(t), -2, 0), self._start, strict=True)
+        return Setpoint(*(np.where(moves, curve, rest) for curve, rest in each))
+
+    def _sums(self, t: Array) -> Array:
+        """(..., 3, n) of position, rate and acceleration at times t (...)."""
+        angle, share = np.multiply.outer(t, self._w), t[..., None] / self._period
+        shapes = np.concatenate([np.sin(angle), np.cos(angle), share ** np.arange(_POWERS)], -1)
+        return (shapes @ self._curves).reshape(*t.shape, 3, -1)
+
+
+def _series(a: Array, b: Array, w: Array) -> Array:
+    """(2 H, 3 n) position, rate and acceleration by sin(w t), then by cos(w t)."""
+    sine, cosine = np.concatenate([a / w, b, -a * w]), np.concatenate([-b / w, a, b * w])
+    return np.concatenate([sine, cosine], axis=1).T
+
+
+def _powers(c: Array, duration: float) -> Array:
+    """(6, 3 n) position, rate and acceleration by powers of t / duration, of a polynomial's."""
+    k = np.arange(_POWERS)[:, None]
+    rate, bend = (np.roll(x, -order, 0) for order, x in ((1, k * c), (2, k * (k - 1) * c)))
+    return np.concatenate([c, rate / duration, bend / duration**2], axis=1)
 
 
 class Harmonic:

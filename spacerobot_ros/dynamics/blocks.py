@@ -182,7 +182,9 @@ class BlockTree:
         arms[..., own, own, :] = com
         weighted = mass[..., None, None] * arms
         first = weighted.sum(axis=-3)
-        q = np.einsum('...ika,...imb->...kmab', weighted, arms, optimize=True)
+        flat = (*mass.shape, -1)
+        q = np.swapaxes(weighted.reshape(flat), -1, -2) @ arms.reshape(flat)
+        q = np.swapaxes(q.reshape(*arms.shape[:-2], 3, *arms.shape[-2:]), -2, -3)
         q -= (
             np.einsum('...ka,...mb->...kmab', first, first)
             / mass.sum(axis=-1)[..., None, None, None, None]

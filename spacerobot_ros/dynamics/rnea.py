@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Array
+from ..types import Array, BoolArray
 from .compiling import Triple, compiled, inner
 from .forward_kinematics import BodyKinematics, way
 from .spatial import add6, cross, dot, get, get6, plus, put6, rotate, rotate_back, times
@@ -39,15 +39,14 @@ def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: A
     rotations, origins, twists, _ = kinematics
     bodies, is_free = len(tree), tree[0].kind == FREE
     out, total = np.zeros((len(qdd), 5 + bodies)), np.zeros((bodies, 6))
-    has_load = np.zeros(bodies, np.bool_)
-    for i in range(bodies):
-        for a in range(10):
-            has_load[i] |= tree[i].inertial[a] != 0.0
-        for a in range(3):
-            has_load[i] |= tree[i].wheels[a] != 0.0
+    has_load, carries = loads(tree)
     for s in range(len(qdd)):
         for i in range(bodies - 1, -1, -1):
             body, k = tree[i], tree[i].number
+            if not carries[k]:  # of a difference of two robots most bodies do not
+                if i > 0:
+                    out[s, 5 + k] = body.motor * qdd[s, k - 1]
+                continue
             R = rotations[s, k]
             if has_load[i]:
                 g = rotate_back(R, get(tree[0].gravity, 0))
@@ -62,6 +61,19 @@ def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: A
                 put6(out[s], f, n)
             put6(total[k], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def loads(tree: Records) -> tuple[BoolArray, BoolArray]:
+    """Which records have inertia or wheels, and which bodies, by number, carry any."""
+    has_load, carries = np.zeros(len(tree), np.bool_), np.zeros(len(tree), np.bool_)
+    for i in range(len(tree) - 1, -1, -1):
+        body = tree[i]
+        has_load[i] = np.any(body.inertial != 0.0) or np.any(body.wheels != 0.0)
+        carries[body.number] |= has_load[i]
+        if i > 0:
+            carries[body.parent] |= carries[body.number]
+    return has_load, carries
 
 
 @inner  # type: ignore[untyped-decorator]

@@ -11,6 +11,8 @@ import numpy as np
 
 from ..types import Array, Matrix3, Quaternion, Vector3
 
+_AHEAD, _BEHIND = np.array([1, 2, 0]), np.array([2, 0, 1])  # of the axes
+
 
 def skew(v: Array) -> Array:
     """(..., 3, 3) cross-product matrices of v (..., 3): `skew(v) @ u == cross(v, u)`."""
@@ -27,9 +29,8 @@ def cross(a: Vector3, b: Vector3) -> Vector3:
 
 
 def cross_rows(a: Array, b: Array) -> Array:
-    """(N, 3) cross products row by row of (N, 3) or (3,); four times faster than `np.cross`."""
-    ahead, behind = [1, 2, 0], [2, 0, 1]
-    return a[..., ahead] * b[..., behind] - a[..., behind] * b[..., ahead]
+    """(N, 3) cross products row by row of (N, 3) or (3,); many times faster than `np.cross`."""
+    return a.take(_AHEAD, -1) * b.take(_BEHIND, -1) - a.take(_BEHIND, -1) * b.take(_AHEAD, -1)
 
 
 def rotation_matrix(q_xyzw: Quaternion) -> Matrix3:
@@ -41,7 +42,7 @@ def rotation_matrix(q_xyzw: Quaternion) -> Matrix3:
     Returns:
         (3, 3) `R_WB` with `v_W = R_WB @ v_B`.
     """
-    x, y, z, w = q_xyzw
+    x, y, z, w = np.asarray(q_xyzw).tolist()  # numbers of Python's are faster, one by one
     s = 2.0 / (x * x + y * y + z * z + w * w)
     return np.array(
         [

@@ -19,6 +19,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from ..types import Array, IntArray
 
@@ -27,6 +28,7 @@ _LOWER = 0.1  # of a barrier, the next one
 _STEPS = 40
 _SETTLED = 1e-6  # nats
 _INSIDE = 0.1  # of a plausible size, from a bound at the start
+_SAFE = 1e-5  # least pivot, whose square is of the order of one by the condition number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +81,20 @@ def pseudo_inertia(parameters: Array) -> Array:
     return np.tensordot(parameters, _BASIS, 1)
 
 
+def _least(matrix: Array, right: Array) -> Array:
+    """Solution of a positive matrix of unit diagonal; the least one where it is all but singular.
+
+    By Cholesky's factor where that is safe: a tenth of the time of singular values.
+    """
+    try:
+        factor = cho_factor(matrix, check_finite=False)
+    except np.linalg.LinAlgError:
+        factor = None
+    if factor is None or np.min(np.diag(factor[0])) < _SAFE:
+        return np.asarray(np.linalg.lstsq(matrix, right, 1e-14)[0])
+    return np.asarray(cho_solve(factor, right, check_finite=False))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstrainedProblem:
     """K unknowns.
@@ -107,7 +123,7 @@ class ConstrainedProblem:
                 slope, curvature = self._derivatives(x, barrier)
                 scale = 1.0 / np.sqrt(np.diag(curvature))
                 scaled = scale[:, None] * curvature * scale
-                step = -scale * np.linalg.lstsq(scaled, scale * slope, 1e-14)[0]
+                step = -scale * _least(scaled, scale * slope)
                 share = self._share(x, step, slope, barrier)
                 x = x + share * step
                 if -share * float(slope @ step) < _SETTLED:

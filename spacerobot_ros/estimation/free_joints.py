@@ -13,6 +13,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..effects.motion import Motion
 from ..types import Array, IntArray
 from .balance import Balance
 from .reference import Kinematics
@@ -22,6 +23,7 @@ _STEP = 0.02  # s; RK4 is right to 1e-5 of a swing of 4 Hz
 _SEARCHED = 0.1  # s, from start to start where no window fits
 _MOST_STEPS = 20  # in one of these, where friction is stiff
 _PASSES = 6
+_SETTLED = 1e-9  # rad, rad/s: a change of the first state that shows nowhere
 _NUDGE = 1e-4  # rad, rad/s: of differences by the first state
 
 
@@ -85,7 +87,10 @@ class _Windows:
             slope = (runs[1:] - runs[0]).reshape(2 * p, *left.shape) / _NUDGE
             matrix = np.einsum('iwn,jwn->wij', slope, slope)
             vector = np.einsum('iwn,wn->wi', slope, left)
-            first = first + np.linalg.solve(matrix, vector[:, :, None])[:, :, 0]
+            change = np.linalg.solve(matrix, vector[:, :, None])[:, :, 0]
+            first = first + change
+            if np.max(np.abs(change)) < _SETTLED:
+                break
         return np.asarray(measured - self._run(first[None])[0])
 
     def _run(self, first: Array) -> Array:
@@ -108,19 +113,20 @@ class _Windows:
         q, qd, qdd = (np.tile(x[:, at], (copies, 1)) for x in self._path)
         flat = state.reshape(-1, 2 * p)
         q[:, self._joints], qd[:, self._joints], qdd[:, self._joints] = flat[:, :p], flat[:, p:], 0
-        lacking = self._lacking(q, qd, qdd)
-        inertia = np.empty((len(q), p, p))
+        none = np.zeros((len(q), 3))
+        here = Kinematics(np.zeros(len(q)), q, qd, none, Rotation.identity(len(q)), qdd, none)
+        motion = self._process.motion(here, np.zeros_like(q))
+        lacking = self._lacking(motion)
+        accelerations, inertia = motion.acceleration, np.empty((len(q), p, p))
         for k, joint in enumerate(self._joints):
-            accelerated = qdd.copy()
-            accelerated[:, joint] = 1.0
-            inertia[:, :, k] = self._lacking(q, qd, accelerated) - lacking
+            accelerated = np.array(accelerations)
+            accelerated[:, 6 + joint] = 1.0
+            motion.acceleration = accelerated
+            inertia[:, :, k] = self._lacking(motion) - lacking
         bend = -np.linalg.solve(inertia, lacking[:, :, None])[:, :, 0]
         return np.concatenate([flat[:, p:], bend], axis=1).reshape(state.shape)
 
-    def _lacking(self, q: Array, qd: Array, qdd: Array) -> Array:
+    def _lacking(self, motion: Motion) -> Array:
         """(N, p) torque that the free joints would need for a motion beyond what effects give."""
-        none = np.zeros((len(q), 3))
-        at = Kinematics(np.zeros(len(q)), q, qd, none, Rotation.identity(len(q)), qdd, none)
-        motion = self._process.motion(at, np.zeros_like(q))
         missing = self._process.needed(motion) - self._process.forces(motion)
         return np.asarray(missing[:, 6 + self._joints])

@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dtrtrs
 from scipy.optimize import minimize
 
 from ..dynamics.compiling import compiled, inner
@@ -73,26 +74,27 @@ class JointRows:
 
 
 @inner  # type: ignore[untyped-decorator]
-def _predict(cov: Array, decay: Array, variances: Array) -> None:
-    """To the next row; `decay` (5,) of zero is a fresh start from the stationary state."""
-    for i in range(len(decay)):
-        for j in range(len(decay)):
-            cov[i, j] *= decay[i] * decay[j]
-        cov[i, i] += variances[1 + i] * (1.0 - decay[i] ** 2)
+def _predict(cov: Array, kept: Array, fresh: Array) -> None:
+    """To the next row; of the covariance the lower triangle is kept."""
+    for i in range(len(fresh)):
+        for j in range(i + 1):
+            cov[i, j] *= kept[i, j]
+        cov[i, i] += fresh[i]
 
 
 @inner  # type: ignore[untyped-decorator]
 def _update(cov: Array, h: Array, white: float, gain: Array) -> float:
-    """Gain (5,) of a row, put into `gain`, and the variance of its innovation."""
+    """Gain (7,) of a row, put into `gain`, and the variance of its innovation."""
     variance = white
     for i in range(len(h)):
         gain[i] = 0.0
         for j in range(len(h)):
-            gain[i] += cov[i, j] * h[j]
+            gain[i] += cov[max(i, j), min(i, j)] * h[j]
         variance += h[i] * gain[i]
     for i in range(len(h)):
-        for j in range(len(h)):
-            cov[i, j] -= gain[i] * gain[j] / variance
+        share = gain[i] / variance
+        for j in range(i + 1):
+            cov[i, j] -= share * gain[j]
     for i in range(len(h)):
         gain[i] /= variance
     return variance
@@ -106,24 +108,30 @@ def _whiten(
     (rows, width), count = values.shape, len(times)
     out = values.copy()
     state, cov = np.zeros((count, width)), np.zeros((count, count))
+    decay, kept, fresh = np.zeros(count), np.zeros((count, count)), variances[1:].copy()
     h, gain = np.ones(count), np.empty(count)
-    logs = 0.0
+    logs, last = 0.0, 0.0
     for k in range(rows):
-        decay = np.exp(-gap[k] / times) if gap[k] > 0.0 else np.zeros(count)
-        _predict(cov, decay, variances)
+        if gap[k] != last:  # most rows follow each other alike
+            last = gap[k]
+            for i in range(count):
+                decay[i] = np.exp(-last / times[i]) if last > 0.0 else 0.0
+                fresh[i] = variances[1 + i] * (1.0 - decay[i] ** 2)
+                for j in range(i + 1):
+                    kept[i, j] = decay[i] * decay[j]
+        _predict(cov, kept, fresh)
         h[3:] = observed[k]
         variance = _update(cov, h, variances[0], gain)
         logs += np.log(variance)
         left, scale = out[k], 1.0 / np.sqrt(variance)
         for i in range(count):
-            own, share, by = state[i], h[i], decay[i]
+            own, share = state[i], h[i] * decay[i]
             for c in range(width):
-                own[c] *= by
                 left[c] -= share * own[c]
         for i in range(count):
-            own, by = state[i], gain[i]
+            own, share, by = state[i], gain[i], decay[i]
             for c in range(width):
-                own[c] += by * left[c]
+                own[c] = by * own[c] + share * left[c]
         for c in range(width):
             left[c] *= scale
     return out, logs
@@ -145,20 +153,15 @@ def level_of(
     columns = rows.columns * (priors / scale)
     if held is not None:
         columns = columns - (columns @ held) @ held.T
-    compressed = JointRows(
-        rows.torque / scale,
-        _compressed(columns),
-        rows.observed,
-        rows.block,
-        rows.gap,
-    )
+    values = np.column_stack([_compressed(columns), rows.torque / scale])
+    observed = np.ascontiguousarray(rows.observed[:, : len(drift)])
     count = 3 + len(drift)
     low = 2.0 * np.log(np.array([_LEAST, *[0.1 * _LEAST] * count]))
     high = 2.0 * np.log(np.maximum(np.array([*[_MOST] * 4, *(drift / scale)]), 1e-300))
     high = np.maximum(high, low + 1e-3)
     start = np.clip(2.0 * np.log(np.array([*[0.03] * 4, *[0.01] * len(drift)])), low, high)
     found = minimize(
-        lambda x: _cost(compressed, np.exp(x)),
+        lambda x: _cost(values, observed, rows.gap, np.exp(x)),
         start,
         method='L-BFGS-B',
         bounds=list(zip(low, high, strict=True)),
@@ -176,12 +179,20 @@ def _compressed(columns: Array) -> Array:
     return np.asarray(columns @ vectors[:, values > _RANK**2 * values[-1]])
 
 
-def _cost(rows: JointRows, variances: Array) -> float:
-    """Minus twice the restricted log likelihood, but for a constant."""
-    torque, columns, logs = rows.whitened(variances)
-    matrix = columns.T @ columns + np.eye(columns.shape[1])
-    vector = columns.T @ torque
+def _cost(values: Array, observed: Array, gap: Array, variances: Array) -> float:
+    """Minus twice the restricted log likelihood, but for a constant.
+
+    Args:
+        values: (M, r + 1) columns of unit prior, then the torque.
+        observed: See `JointRows`.
+        gap: Likewise.
+        variances: By which they are whitened.
+    """
+    white, logs = _whiten(values, observed, gap, variances, _TIMES[: len(variances) - 1])
+    gram = white.T @ white
+    matrix, vector = gram[:-1, :-1], gram[:-1, -1]
+    np.fill_diagonal(matrix, np.diag(matrix) + 1.0)
     factor = np.linalg.cholesky(matrix)
-    part = np.linalg.solve(factor, vector)
+    part = dtrtrs(factor.T, vector, trans=1)[0] if len(vector) else vector
     logs += 2.0 * float(np.sum(np.log(np.diag(factor))))
-    return float(torque @ torque) - float(part @ part) + logs
+    return float(gram[-1, -1]) - float(part @ part) + logs

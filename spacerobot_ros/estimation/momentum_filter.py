@@ -13,14 +13,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg.lapack import dgeqrf
 from scipy.spatial.transform import Rotation
 
 from ..dynamics.rotation import skew
 from ..recording.record import Record
 from ..types import Array
 from .kalman import StateSpace, gains_of, whiten
-from .linear_steps import Steps
 from .momentum_process import MomentumModel, RateErrorModel
 from .reference import NoiseLevels, ReferenceTrajectory
 from .sampled_motion import SampledMotion
@@ -32,6 +31,7 @@ _ATTITUDE_START_STD = 0.05  # rad; the reference starts far closer to the tracke
 # with this share the innovations of smooth motions have unit variance. Estimates do not depend on
 # it (factors of 1000 change no digit).
 _SNAP_SHARE = 0.3
+_AT_ONCE = 500  # rows; as many as stay in a processor's cache
 
 
 class Stretch(SampledMotion):
@@ -108,13 +108,15 @@ class SquareRootInformation:
     def add(self, columns: Array, values: Array) -> None:
         """Add rows columns @ t = values, of unit variance; (r, p) and (r,)."""
         size = self.size
-        stacked = np.vstack([self.factor, np.column_stack([columns, values])])
-        (triangle,) = scipy.linalg.qr(stacked, mode='r', check_finite=False)
-        self.factor = np.zeros((size, size + 1))
-        kept = min(size, len(triangle))
-        self.factor[:kept] = triangle[:kept]
-        if len(triangle) > size:
-            self.residual += float(triangle[size, size] ** 2)
+        triangle = np.zeros((size + 1, size + 1))
+        triangle[:size] = self.factor
+        added = np.column_stack([columns, values])
+        for start in range(0, len(added), _AT_ONCE):
+            stacked = np.vstack([triangle, added[start : start + _AT_ONCE]])
+            reduced = dgeqrf(np.asfortranarray(stacked), overwrite_a=1)[0]
+            triangle = np.triu(reduced[: size + 1])
+        self.factor = triangle[:size]
+        self.residual += float(triangle[size, size] ** 2)
         self.rows += len(values)
 
     def reset_residual(self) -> None:
@@ -217,16 +219,20 @@ def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[
     """
     n = joints.shape[1] // 4
     size, durations = 3 + 4 * n, np.diff(stretch.reference.times)
-    matrices = np.zeros((len(joints), size, size))
-    matrices[:, :3, : 3 + 2 * n] = rate.state
-    matrices[:, :3, :3] -= skew(stretch.kinematics.omega)
-    matrices[:, 3:, 3:] = np.kron(np.diag(np.ones(3), 1), np.eye(n))
-    transitions = Steps(durations, matrices).transitions
+    matrices = np.zeros((len(joints), 3, size))
+    matrices[:, :, : 3 + 2 * n] = rate.state
+    matrices[:, :, :3] -= skew(stretch.kinematics.omega)
+    transitions = transitions_of(durations, matrices)
     # What joints do within a step moves the attitude by the trapezoid of the rate error's end.
     spread = np.zeros((len(durations), size, 4 * n))
     spread[:, 3:] = np.eye(4 * n)
     spread[:, :3, : 2 * n] = 0.5 * durations[:, None, None] * rate.state[1:, :, 3:]
-    noise = spread @ _snap_noise(durations, stretch.snap_density()) @ np.swapaxes(spread, 1, 2)
+    snap = _snap_noise(durations, stretch.snap_density())
+    noise = np.zeros((len(durations), size, size))
+    noise[:, 3:, 3:] = snap
+    noise[:, :3, 3:] = spread[:, :3] @ snap
+    noise[:, 3:, :3] = np.swapaxes(noise[:, :3, 3:], 1, 2)
+    noise[:, :3, :3] = noise[:, :3, 3:] @ np.swapaxes(spread[:, :3], 1, 2)
     missed = np.einsum('nij,nj->ni', transitions[:, 3:, 3:], joints[:-1]) - joints[1:]
     rows = stretch.rows
     is_gyro = rows.channel == CHANNELS.index('gyro')
@@ -244,6 +250,35 @@ def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[
         stretch.row_variance,
     )
     return space, np.einsum('nij,nj->ni', spread, missed)
+
+
+def transitions_of(durations: Array, matrices: Array) -> Array:
+    """(N-1, d, d) as those of `linear_steps.Steps`, of which only three rows are no polynomial.
+
+    With z = [[a, b], [0, c]] and c of joints from position to jerk, exp(z) - 1 = [[x, y], [0, w]]
+    has w = exp(c) - 1, exactly, and D_a x = a, D_a y = b - D_b w by the rows of D.
+
+    Args:
+        durations: (N-1,) [s].
+        matrices: (N, 3, d) rates of the attitude by all states.
+    """
+    size, n = matrices.shape[2], (matrices.shape[2] - 3) // 4
+    dt = durations[:, None, None]
+    early, late = dt * matrices[:-1], dt * matrices[1:]
+    rows = 0.5 * (early + late)
+    rows += (late[..., :3] @ early - early[..., :3] @ late) / 12.0
+    rows[..., 3 + n :] += dt * (late - early)[..., 3:-n] / 12.0
+    a, b = rows[..., :3], rows[..., 3:]
+    by_attitude = np.eye(3) - 0.5 * a + (a @ a) / 12.0
+    by_joints = -0.5 * b + (a @ b) / 12.0
+    by_joints[..., n:] += dt * b[..., :-n] / 12.0
+    chain = [np.diag(np.ones(4 - k), k) / math.factorial(k) for k in (1, 2, 3)]
+    out = np.zeros((len(durations), size, size))
+    out[:, 3:, 3:] = sum(dt**k * np.kron(x, np.eye(n)) for k, x in enumerate(chain, 1))
+    rows[..., 3:] -= by_joints @ out[:, 3:, 3:]
+    out[:, :3] = np.linalg.solve(by_attitude, rows)
+    out[:, np.arange(size), np.arange(size)] += 1.0
+    return out
 
 
 def _at_gyro(stretch: Stretch, drives: Array) -> Array:

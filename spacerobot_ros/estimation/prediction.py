@@ -10,7 +10,6 @@ is ordinary least squares.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,7 +31,6 @@ _CELLS = np.array([0.0, 5.0, 13.0, 18.0]) / 18.0
 _PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
 _PASSIVE = 1e-3  # of the efforts' noise, at joints whose torque is zero
 _START_STD = 0.03  # rad, rad/s; far above what the reference misses
-_THREADS = 2
 _UNKNOWN_RATE = 1.0  # rad/s; by a step in which anything may act
 
 
@@ -157,17 +155,9 @@ class Innovations:
         What drives the truth and not the model shows in the data with the sign of its effect on
         the model reversed.
         """
-        parts = np.array_split(np.arange(columns.acceleration.shape[2]), _THREADS)
-        with ThreadPoolExecutor(_THREADS) as pool:
-            done = pool.map(
-                lambda part: self._whiten(
-                    np.negative(columns.acceleration[..., part], order='C'),
-                    np.zeros((0, 0)),
-                    self._by_row(columns.measured, part),
-                ),
-                [part for part in parts if len(part)],
-            )
-        return np.concatenate([np.zeros((len(self.row_times), 0)), *done], axis=1)
+        measured = self._by_row(columns.measured, columns.acceleration.shape[2])
+        rates = np.negative(columns.acceleration, order='C')
+        return self._whiten(rates, np.zeros((0, 0)), measured)
 
     def force_correlation(self, weights: Array) -> Array:
         """(N, 6 + n) correlation of a generalised force at each time with weights of the rows.
@@ -190,13 +180,11 @@ class Innovations:
             mean = np.zeros((2 * self.m + 2 * self.n, rates.shape[2]))
         return np.asarray(whiten(self._model, self._gains, mean, rates, defects, measured))
 
-    def _by_row(self, measured: Mapping[str, Array], part: IntArray) -> Array:
-        """(R, columns of the part) of what is measured; empty where nothing is."""
+    def _by_row(self, measured: Mapping[str, Array], count: int) -> Array:
+        """(R, count) of what is measured; (0, count) where nothing is."""
         if not measured:
-            return np.zeros((0, len(part)))
-        return self.time_base.rows.of(
-            {c: v[..., part[0] : part[-1] + 1] for c, v in measured.items()}
-        )
+            return np.zeros((0, count))
+        return self.time_base.rows.of(dict(measured))
 
     @cached_property
     def _steps(self) -> Steps:

@@ -70,7 +70,7 @@ def fitted(first: IntArray, rows: Array, values: Array, noise: Array, count: int
         first: (N,) index of a row's first coefficient.
         rows: (N, width), weighted.
         values: (N, m), weighted.
-        noise: (N, m) of unit variance.
+        noise: (N, m) of unit variance; (N, 0) where none is asked for.
         count: Number of coefficients.
 
     Returns:
@@ -78,13 +78,15 @@ def fitted(first: IntArray, rows: Array, values: Array, noise: Array, count: int
     """
     width, m = rows.shape[1], values.shape[1]
     normal = np.zeros((count, width))
-    found, error, more = np.zeros((count, m)), np.zeros((count, m)), np.zeros((count, m))
+    found, more = np.zeros((count, m)), np.zeros((count, m))
+    error = np.zeros((count, noise.shape[1]))
     for n in range(len(rows)):
         for i in range(width):
             for j in range(i + 1):
                 normal[first[n] + i, i - j] += rows[n, i] * rows[n, j]
             for s in range(m):
                 found[first[n] + i, s] += rows[n, i] * values[n, s]
+            for s in range(noise.shape[1]):
                 error[first[n] + i, s] += rows[n, i] * noise[n, s]
     _factor(normal)
     _solve(normal, error)

@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from ..errors import IdentificationError
 from ..types import Array
-from .spline_kernel import fitted, rows_of
+from .spline_kernel import Coefficients, fitted, rows_of
 
 DEGREE = 5
 _SEED = 5  # of the draw of the error; any seed serves
@@ -87,7 +87,7 @@ def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
     count = len(rows.time)
     intervals = [max(1, round((end - start) / spacing)) for spacing in _SPACINGS]
     affordable = [m for m in intervals if m + DEGREE <= count // 2] or intervals[:1]
-    return min((rows.fit(m) for m in affordable), key=lambda pair: pair[1])[0]
+    return rows.fit(min(affordable, key=rows.criterion))
 
 
 class _Rows:
@@ -112,20 +112,30 @@ class _Rows:
         self._values = np.concatenate([s.values for s in samples]) * self._weight[:, None]
         self._noise = np.random.default_rng(_SEED).normal(size=self._values.shape)
 
-    def fit(self, intervals: int) -> tuple[SplineFit, float]:
-        """The spline of some intervals, and its criterion."""
+    def criterion(self, intervals: int) -> float:
+        """Akaike's of the spline of some intervals."""
+        _, found = self._found(intervals, self._noise[:, :0])
+        return found.chi2 + 2.0 * found.values.size
+
+    def fit(self, intervals: int) -> SplineFit:
+        """The spline of some intervals."""
+        start, end = self._ends
+        knots, found = self._found(intervals, self._noise)
+        dof = max(self._values.size - found.values.size, 1)
+        curve, error = (BSpline(knots, c, DEGREE) for c in (found.values, found.noise))
+        return SplineFit(curve, error, (end - start) / intervals, found.chi2 / dof)
+
+    def _found(self, intervals: int, noise: Array) -> tuple[Array, Coefficients]:
+        """Knots of some intervals, and what the rows say of their spline."""
         start, end = self._ends
         inner = self._clear_of_pauses(np.linspace(start, end, intervals + 1))
         knots = np.concatenate([np.full(DEGREE, start), inner, np.full(DEGREE, end)])
         first, rows = rows_of(self.time, self._is_derivative, knots, DEGREE)
         rows *= self._weight[:, None]
-        found = fitted(first, rows, self._values, self._noise, len(inner) + DEGREE - 1)
+        found = fitted(first, rows, self._values, noise, len(inner) + DEGREE - 1)
         if not np.isfinite(found.values).all():
             raise IdentificationError(f'no usable samples between {start:.6g} s and {end:.6g} s')
-        dof = max(self._values.size - found.values.size, 1)
-        curve, error = (BSpline(knots, c, DEGREE) for c in (found.values, found.noise))
-        fit = SplineFit(curve, error, (end - start) / intervals, found.chi2 / dof)
-        return fit, found.chi2 + 2.0 * found.values.size
+        return knots, found
 
     def _clear_of_pauses(self, knots: Array) -> Array:
         """Those of evenly spaced knots that lie within samples, and the ends."""

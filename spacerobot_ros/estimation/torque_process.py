@@ -8,6 +8,7 @@ matter to the rest. Generalised forces are (N, 6 + n) as in `effects.motion`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,7 +79,9 @@ class TorqueDriven:
         window: Array | None = None,
     ) -> Motion:
         """The reference with the accelerations of base and joints that belong to it."""
-        return replace(self._inverse.motion(kinematics, effort, window), unpowered=unpowered)
+        motion = self._inverse.motion(kinematics, effort, window)
+        motion.unpowered = unpowered
+        return motion
 
     def needed(self, motion: Motion) -> Array:
         """(N, 6 + n) force that a motion needs beyond known inputs, without effects."""
@@ -130,7 +133,9 @@ class TorqueDriven:
         for j in range(self.n):
             effort = motion.effort.copy()
             effort[:, j] += _STEP
-            by_effort[:, :, j] += gradient(replace(motion, effort=effort))
+            driven = copy(motion)  # bodies move as they did
+            driven.effort = effort
+            by_effort[:, :, j] += gradient(driven)
 
     def _sum(self, effects: Sequence[Effect], motion: Motion) -> Array:
         total = motion.zeros()

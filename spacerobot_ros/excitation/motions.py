@@ -53,8 +53,7 @@ class MotionFamily:
             duration,
             np.zeros(2 * harmonics),
         )
-        points = [basis.at(float(t)) for t in times]
-        self._curves = [np.array([getattr(p, k) for p in points]) for k in ('q', 'qd', 'qdd')]
+        self._curves = basis.along(times)
 
     @property
     def size(self) -> int:

@@ -143,7 +143,9 @@ def _off_median(time: Array, drift: Array, std: float) -> np.ndarray:
     slope = np.median(np.diff(drift, axis=0) / np.diff(time)[:, None], axis=0)
     level = drift - slope * (time - time[0])[:, None]
     width = 2 * min(_HALF_WINDOW, (len(time) - 1) // 2) + 1
-    errors = level - median_filter(level, size=(width, 1), mode='reflect')
+    # column by column SciPy takes a tenth of the time
+    usual = [median_filter(column, width, mode='reflect') for column in np.nan_to_num(level).T]
+    errors = level - np.column_stack(usual)
     far, jumps = _far(errors, std), _far(np.diff(level, axis=0), std)
     return np.any([_burst(*each) for each in zip(far.T, jumps.T, strict=True)], axis=0)
 

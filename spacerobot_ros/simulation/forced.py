@@ -158,7 +158,7 @@ class ForcedMotion:
 
     def _impulses(self, state: State, motion: Motion, hidden: Array, external: Vector6) -> Array:
         """(6,) rates of the linear and of the angular impulse, inertial frame."""
-        if not self._robot.is_free:
+        if not (self._robot.is_free and (self._holds_mass or external.any())):
             return np.zeros(6)
         R = rotation_matrix(state.q_WB_xyzw)
         force, torque = external[:3], external[3:]

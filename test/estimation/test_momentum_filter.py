@@ -11,10 +11,12 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from spacerobot_ros.estimation.linear_steps import Steps
 from spacerobot_ros.estimation.momentum_filter import (
     MomentumFilter,
     SquareRootInformation,
     state_space,
+    transitions_of,
 )
 from spacerobot_ros.estimation.momentum_process import RateErrorModel
 from spacerobot_ros.estimation.time_base import CHANNELS, measured_rows
@@ -363,3 +365,17 @@ def test_noise_of_the_attitude_follows_the_joints(rng):
     np.testing.assert_allclose(noise[0, :3, :3], want, rtol=0, atol=1e-12 * np.max(want))
     scale = np.sqrt(np.diag(noise[0]))
     assert np.linalg.eigvalsh(noise[0] / np.outer(scale, scale))[0] > -1e-9
+
+
+@pytest.mark.parametrize('n', [1, 3])
+def test_transitions_are_those_of_any_linear_system(rng, n):
+    size, count = 3 + 4 * n, 20
+    matrices = np.zeros((count, size, size))
+    matrices[:, :3, : 3 + 2 * n] = 20.0 * rng.standard_normal((count, 3, 3 + 2 * n))
+    matrices[:, 3:, 3:] = np.kron(np.diag(np.ones(3), 1), np.eye(n))
+    durations = rng.uniform(0.005, 0.02, count - 1)
+    expected = Steps(durations, matrices).transitions
+    # rounding
+    np.testing.assert_allclose(
+        transitions_of(durations, matrices[:, :3]), expected, rtol=0, atol=1e-13
+    )

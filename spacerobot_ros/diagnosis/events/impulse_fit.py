@@ -62,13 +62,14 @@ class ImpulseFit:
         self._fit, self.times = fit, times
         lasting = fit.tangents
         self.columns = np.column_stack([lasting, bells(fit.rows, times)])
-        size = np.sqrt(np.sum(self.columns**2, axis=0))
+        gram = self.columns.T @ self.columns
+        size = np.sqrt(np.diag(gram))
         scale = 1.0 / np.where(size > 0.0, size, 1.0)
-        squares, ways = np.linalg.eigh((self.columns * scale).T @ (self.columns * scale))
+        squares, ways = np.linalg.eigh(scale[:, None] * gram * scale)
         is_seen = squares > squares[-1:] * len(squares) * np.finfo(float).eps
         self.ways = scale[:, None] * ways[:, is_seen] / np.sqrt(squares[is_seen])
         """(K, L) that make an orthonormal basis of the columns (R, K)."""
-        self._basis, inverse = self.columns @ self.ways, self.ways @ self.ways.T
+        inverse = self.ways @ self.ways.T
         values = inverse @ (self.columns.T @ fit.data)
         self.left: Array = fit.data - self.columns @ values
         self.found: list[Impulse] = []
@@ -79,6 +80,11 @@ class ImpulseFit:
             std = np.sqrt(np.diag(covariance))
             start, end = (middle + half * math.exp(duration) for half in (-0.5, 0.5))
             self.found.append(Impulse(start, end, value, std, float(np.sqrt(max(z2, 0.0)))))
+
+    @cached_property
+    def _basis(self) -> Array:
+        """(R, L) orthonormal columns."""
+        return np.asarray(self.columns @ self.ways)
 
     def at(self, times: Array) -> ImpulseFit:
         """The same beside impulses at other times."""

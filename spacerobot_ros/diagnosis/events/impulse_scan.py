@@ -58,7 +58,8 @@ class ImpulseScan:
         searched = self.seconds - _SETTLED - _END
         self.durations = tuple(d for d in DURATIONS if d < searched)
         self._lasting = fit.tangents
-        self._squares = {d: self._square(d) for d in self.durations}
+        self._squares = {d: self._between(d, self._square(d)) for d in self.durations}
+        self._least = {d: np.linalg.eigvalsh(den)[:, 0] for d, den in self._squares.items()}
         self.colours = dict.fromkeys(self.durations, 1.0)
         self._known: dict[bytes, Array] = {}  # `_wanted` of the columns of the last fit
         self._best = self._searched(ImpulseFit(fit, _times(())))
@@ -127,6 +128,12 @@ class ImpulseScan:
             columns -= basis @ (basis.T @ columns)
         blocks = columns.reshape(len(columns), 3, -1)
         return np.einsum('ras,rbs->sab', blocks, blocks)
+
+    def _between(self, duration: float, squares: Array) -> Array:
+        """(G, 3, 3) den at all times of the grid, of (S, 3, 3) at some."""
+        at = self._sampled + 0.5 * duration
+        columns = [np.interp(self._grid, at, x) for x in squares.reshape(_SAMPLES, 9).T]
+        return np.column_stack(columns).reshape(-1, 3, 3)
 
     @property
     def _sampled(self) -> Array:
@@ -198,17 +205,10 @@ class ImpulseScan:
             return np.column_stack([np.convolve(x, bell, 'same') for x in binned.T])
 
         num = np.stack([smooth(x) for x in wanted], axis=2)
-        squares = self._squares[duration].reshape(_SAMPLES, 9)
-        den = np.column_stack(
-            [np.interp(self._grid, self._sampled + 0.5 * duration, x) for x in squares.T]
-        )
-        left = den.reshape(-1, 3, 3).copy()
+        left = self._squares[duration].copy()
         for share in map(smooth, taken):
             left -= share[:, :, None] * share[:, None, :]
-        seen = (
-            np.linalg.eigvalsh(left)[:, 0]
-            > _SEEN * np.linalg.eigvalsh(den.reshape(-1, 3, 3))[:, 0]
-        )
+        seen = np.linalg.eigvalsh(left)[:, 0] > _SEEN * self._least[duration]
         left[~seen] = np.eye(3)
         z = np.sqrt(np.maximum(np.sum(np.linalg.solve(left, num) * num, axis=1), 0.0)).T
         unseen = (self._grid < self._time[0] + _SETTLED) | (self._grid > self._time[-1] - _END)
