@@ -24,7 +24,7 @@ from .applicable import applicable, plain_of
 from .arm_evidence import evidence_of
 from .arm_found import ArmFound, balances_of, refuse_rest
 from .events.arm_events import Spans, arm_events
-from .held_out_checks import check_bodies, check_held_out, check_plain
+from .held_out_checks import check_bodies, check_held_out, check_plain, check_refinements
 from .selection import Selection
 
 _ROUNDS = 4
@@ -114,10 +114,7 @@ def _found(
     report('choosing causes at the level that is left', 0.6)
     selection = Selection.of(rows, levels)
     selection.run()
-    check_held_out(selection)
-    equal = np.ones((len(records), robot.n_joints))
-    check_bodies(selection, plain_of(selection, levels, equal))
-    check_plain(selection, plain_of(selection, levels, equal))
+    _check(selection, levels)
     selection = _loaded(selection, levels, records, believed, events.left_out)
     evidence = _beyond_placebos(selection, levels)
     report('fitting all causes together', 0.8)
@@ -130,10 +127,29 @@ def _found(
         ArmFit(selection.rows, selection.whole, ()),
         evidence,
         np.array(levels),
-        equal,
+        _equal(selection),
         events=events,
     )
     return applicable(found)
+
+
+def _check(selection: Selection, levels: Sequence[Array]) -> None:
+    """Keep what holds. What had given way to a cause that does not is asked again, and checked."""
+    gone: set[int] = set()
+    while True:
+        before = set(selection.chosen)
+        check_held_out(selection)
+        for check in (check_refinements, check_bodies, check_plain):
+            check(selection, plain_of(selection, levels, _equal(selection)))
+        gone |= before - set(selection.chosen)
+        if not gone or not selection.ask_again(gone):
+            return
+
+
+def _equal(selection: Selection) -> Array:
+    """(R, n) weights of rows that all count once."""
+    rows = selection.rows
+    return np.ones((len(rows.balances), rows.robot.n_joints))
 
 
 def _with_zeros(rough: Selection, zeros: Sequence[int]) -> Selection:
@@ -204,10 +220,10 @@ def levels_of(rows: ArmRows, chosen: Selection, more: Sequence[int] = ()) -> lis
     friction = rows.friction.copy()
     for i in chosen.chosen:
         candidate = rows.candidates[i]
-        if is_kind_of(candidate.kind, DRY):
-            value = abs(float(fit.posterior.mean[rows.places[i][0]]))
+        if is_kind_of(candidate.kind, DRY):  # several laws share one friction, some less than none
+            value = float(fit.posterior.mean[rows.places[i][0]])
             friction[rows.robot.joints.index(str(candidate.where))] += value
-    return leftover_levels(rows, rows.deviations([*chosen.chosen, *more]), friction)
+    return leftover_levels(rows, rows.deviations([*chosen.chosen, *more]), np.abs(friction))
 
 
 def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int, Evidence]:
@@ -219,3 +235,5 @@ def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int,
         if worst is None or excess[worst] > 0.0 or math.isnan(excess[worst]):
             return evidence
         selection.drop(worst)
+        if selection.ask_again([worst]):
+            _check(selection, levels)

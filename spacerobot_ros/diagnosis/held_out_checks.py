@@ -11,19 +11,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..estimation.arm_fit import ArmFit
 from ..types import Array
-from .limits import HELD_OUT, OTHERS
+from .limits import CLEAR, HELD_OUT, OTHERS, RELEVANT
 from .selection import Selection
 
 
 def check_held_out(selection: Selection) -> None:
-    """Drop what does not hold on parts that it was not fitted to, weakest first."""
+    """Drop what does not hold on parts that it was not fitted to, weakest first.
+
+    A law that goes leaves its place to its special cases, and to those that it is one of.
+    """
     while selection.chosen:
         gains = {i: selection.held_out(i) for i in selection.chosen}
         failing = {i: float(np.sum(g)) for i, g in gains.items() if not holds(g)}
         if not failing:
             return
-        selection.drop(min(failing, key=failing.__getitem__))
+        weakest = min(failing, key=failing.__getitem__)
+        if selection.alike(weakest):
+            selection.take(selection.instead_of(weakest, [weakest]))
+        else:
+            selection.drop(weakest)
 
 
 def check_bodies(selection: Selection, plain: Selection) -> None:
@@ -54,6 +62,31 @@ def check_bodies(selection: Selection, plain: Selection) -> None:
             left = left[1:]
 
 
+def check_refinements(selection: Selection, plain: Selection) -> None:
+    """Put the simpler law in the place of one whose further numbers are not clear, or do nothing.
+
+    What whitened rows say of slow motion is said by starts and turns, where a rate is hardly
+    measured; rows as they are hold the whole law against them.
+
+    Args:
+        selection: What is chosen.
+        plain: The same choice on rows that are not whitened.
+    """
+    for i in list(selection.chosen):
+        candidate = selection.rows.candidates[i]
+        further = [k for k, parameter in enumerate(candidate.parameters) if parameter.beyond]
+        if not further or i not in selection.chosen:
+            continue
+        fit = ArmFit(selection.rows, selection.whole, tuple(selection.chosen), plain.whole)
+        own = fit.values[selection.rows.places[i]][further]
+        is_clear = np.max(np.abs(own) / fit.spread(i)[further]) > CLEAR
+        if is_clear and fit.share(i, further) > RELEVANT:
+            continue
+        other = selection.instead_of(i, [i])
+        check_held_out(other)
+        selection.take(other)
+
+
 def _nats(rows: Selection, chosen: Sequence[int], others: Sequence[int]) -> float:
     """By how much one choice predicts parts of the data better than another [nats].
 
@@ -62,7 +95,9 @@ def _nats(rows: Selection, chosen: Sequence[int], others: Sequence[int]) -> floa
     """
     with_it, without = (rows.held_out_misfits(choice) for choice in (chosen, others))
     sizes = np.array([fold.part.rows for fold in rows.folds()])
-    return float(0.5 * np.sum(np.minimum(sizes, with_it) * np.log(without / with_it)))
+    seen = sizes > 0  # nothing moves in the others
+    weight = np.minimum(sizes, with_it)[seen]
+    return float(0.5 * np.sum(weight * np.log(without[seen] / with_it[seen])))
 
 
 def check_plain(selection: Selection, plain: Selection) -> None:

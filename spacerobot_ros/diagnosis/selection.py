@@ -257,6 +257,27 @@ class Selection:
         self.chosen.remove(i)
         self._pruned[i] = self._pruned.get(i, 0) + 1
 
+    def bar(self, which: Iterable[int]) -> None:
+        """Choose causes no more."""
+        self._pruned = {**self._pruned, **dict.fromkeys(which, MOST_PRUNED)}
+
+    def ask_again(self, gone: Iterable[int]) -> bool:
+        """Choose what had given way to causes that are gone, unless others give way to it.
+
+        Returns:
+            Whether there is any.
+        """
+        candidates = self.rows.candidates
+        keys = {candidates[i].key for i in gone}
+        self.bar(i for i in self.live if candidates[i].key in keys)
+        other = copy(self)
+        other.chosen = list(self.chosen)
+        other.run()
+        if not set(other.chosen) > set(self.chosen):
+            return False
+        self.take(other)
+        return True
+
     def held_out(self, i: int) -> Array:
         """(F,) log evidence that a cause adds to the prediction of each part from the others.
 
@@ -269,12 +290,21 @@ class Selection:
         return np.array([whole - self._score(rest, i).evidence for rest in rests])
 
     def instead_of(self, i: int, barred: Iterable[int]) -> Selection:
-        """What is chosen in the place of a cause, others barred."""
+        """What is chosen in the place of a cause, others barred.
+
+        Laws that gave way to it, or would, are open again.
+        """
         other = copy(self)
         other.chosen = [k for k in self.chosen if k != i]
-        other._pruned = {**self._pruned, **dict.fromkeys(barred, MOST_PRUNED)}
+        other._pruned = {**self._pruned, **dict.fromkeys(self.alike(i), 0)}
+        other.bar(barred)
         other.run()
         return other
+
+    def alike(self, i: int) -> list[int]:
+        """Special cases of a cause's law at its place, and laws that it is one of."""
+        candidates = self.rows.candidates
+        return [k for k in self.live if candidates[k].repeats([candidates[i]])]
 
     def take(self, other: Selection) -> None:
         """Choose as another does, and bar what it bars."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..effects.effect import Effect
 from ..model.robot import Robot
+from ..types import BoolArray
 from .balance import Balance
 from .columns import Candidate, candidate_at
 
@@ -21,7 +22,8 @@ _STRIBECK = 0.1  # of the 95 % rate
 _BY_PATH = ('joint_presliding_friction',)
 """Effects with a state of their own that the path of a joint gives."""
 _DISPLACEMENTS = (1e-3, 3e-3, 1e-2, 3e-2)  # rad, over which dry friction builds up
-_TOGETHER = 0.05  # of a recording, in which two joints must move to show what couples them
+_TOGETHER = 0.05  # of a recording, in which two joints must show what couples them
+_CLEARLY = 0.1  # of a rate, by which the sum of two is of another sign
 ZEROS = ('torque_sensor_bias', 'current_offset')
 """Of sensors, which may be set anew before each recording."""
 _REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back
@@ -93,7 +95,8 @@ def _variants(
         is_curve = kind.id == 'joint_friction_curvature'
         return [{'rate': fast} if is_curve else {'velocity': max(_STRIBECK * fast, 3e-3)}]
     if kind.id == 'joint_coupled_friction':
-        return list(kind.variants(balances[0].robot, where)) * _moves_with_carrier(j, balances)
+        variants = kind.variants(balances[0].robot, where)
+        return [v for v in variants if _is_coupled(j, v['ratio'], balances)]
     if kind.id == 'joint_presliding_friction':
         least, most = _displacements(j, balances)  # without a motor what is left is of the motion
         own = [d for d in _DISPLACEMENTS if least < d < most]
@@ -103,12 +106,25 @@ def _variants(
     return [{}]
 
 
-def _moves_with_carrier(j: int, balances: Sequence[Balance]) -> bool:
-    """Whether a joint ever moves while the one that carries it does: else friction is its own."""
+def _is_coupled(j: int, ratio: float, balances: Sequence[Balance]) -> bool:
+    """Whether q_j' + r q_k' is ever clearly of another sign than the joint's own rate.
+
+    Friction of that sum is friction of the joint's own rate otherwise, as of joints that always
+    move in the same proportion.
+    """
     robot = balances[0].robot
-    carrier = robot.bodies[1 + j].parent - 1
-    pairs = [b.arm.is_moving[:, [j, carrier]] for b in balances]
-    return carrier >= 0 and any(np.mean(np.all(pair, axis=1)) > _TOGETHER for pair in pairs)
+    k = robot.bodies[1 + j].parent - 1
+    return k >= 0 and any(
+        np.mean(b.arm.is_moving[:, [j, k]].all(axis=1) & _turns_over(b, j, k, ratio)) > _TOGETHER
+        for b in balances
+    )
+
+
+def _turns_over(balance: Balance, j: int, k: int, ratio: float) -> BoolArray:
+    """(N,) where the sum is clearly of another sign."""
+    own = balance.motion.qd[:, j]
+    both = own + ratio * balance.motion.qd[:, k]
+    return np.asarray((own * both < 0.0) & (np.abs(both) > _CLEARLY * np.abs(own)))
 
 
 def _displacements(j: int, balances: Sequence[Balance]) -> tuple[float, float]:

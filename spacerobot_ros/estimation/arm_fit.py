@@ -116,9 +116,14 @@ class ArmFit:
         weighing = self.values[own] - self.posterior.mean[own]
         return np.hypot(np.sqrt(np.diag(self.posterior.covariance)[own]), weighing)
 
-    def share(self, i: int) -> float:
-        """Rms of a candidate's torques by the joint's own rms, at the joint where it is most."""
-        own, shares = self.rows.places[i], [0.0]
+    def share(self, i: int, which: Sequence[int] | slice = slice(None)) -> float:
+        """Rms of a candidate's torques by the joint's own rms, at the joint where it is most.
+
+        Args:
+            i: The candidate.
+            which: Of its coefficients.
+        """
+        own, shares = self.rows.places[i][which], [0.0]
         for k, rows in enumerate(self.rows.joints):
             if len(rows.torque) and (scale := float(self.rows.scale[k % len(self.rows.scale)])):
                 torque = rows.columns[:, own] @ self.values[own]

@@ -17,6 +17,7 @@ from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d, min
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
+from ..effects.joint import STICTION_RATE
 from ..recording.record import Record
 from ..types import Array, BoolArray
 from .noise_levels import fourth_difference_std, step_of
@@ -33,7 +34,9 @@ _GAP = 4.0  # sample intervals without a sample
 _REST_SHARE = 0.01  # of a joint's, and of the fastest motor's, 95 % rate
 _WHEEL = 4.0 * np.pi  # rad; a joint that turns on and on is a wheel, fast beside any other
 _SPLINE = 5  # degree: derivatives are right to 0.1 % at the band's end, six samples a period
-_REST_RATE = 3e-3  # rad/s
+_REST_RATE = 3.0 * STICTION_RATE
+"""What is slower rests: the smoothed sign of its dry friction is not yet 1. Of an arm that crept
+at 3 mrad/s friction of two joints' rates was named, whose sum is farther from zero."""
 _REST_TIME = 0.2  # s
 _LATE = 0.01  # s
 _STANDING = 0.25  # of the way of a joint that turns round with its usual acceleration
@@ -41,7 +44,10 @@ _FEWEST_STEPS = 3.0  # of a rest
 _PEAK_TO_PEAK = 6.0  # standard deviations of noise
 _WATCHED = 1.0  # s in which a joint that does not stand goes farther than its readings flicker
 _FEWEST_MOVING = 0.05  # of a record: a joint that moves less was only touched
+_REACH = 2.0  # periods of a cut, beyond which its filter has forgotten all but 3e-4 of a step
+_FEWEST_OF_BEND = 5  # samples, or a period of the cut, that an acceleration is taken from
 _TOUCHED = 0.01  # of a record, rests' margins included: one that moves less stood
+_END_MARGIN = 0.8  # periods of the band, in which its filter forgets 99 % of a step at an end
 _REST_MARGIN = 0.35  # periods of the band, which the filter spreads an end of rest over
 
 
@@ -97,7 +103,7 @@ class ArmMotion:
     @cached_property
     def path(self) -> BSpline:
         """Positions at any times, or a derivative: `path(times, order)`."""
-        return self._smooth(self.record.joint_time, self.record.q)
+        return self._smooth(self.record.joint_time, self.record.q, is_path=True)
 
     @cached_property
     def effort(self) -> Array:
@@ -136,7 +142,8 @@ class ArmMotion:
         at = self.record.joint_time
         after = np.clip(np.searchsorted(at, self.times), 1, len(at) - 1)
         known = at[after] - at[after - 1] <= _GAP * max(self.interval, self.step)
-        known[: self._margin] = known[-self._margin :] = False
+        end = round(_END_MARGIN / self.band / self.step)
+        known[:end] = known[-end:] = False
         return np.asarray(~_widened(~known, self._margin))
 
     @cached_property
@@ -270,17 +277,42 @@ class ArmMotion:
         """Steps from row to row: 2.5 rows a period of the band."""
         return max(1, int(1.0 / (_SMOOTHED * self.band * self.step) + 1e-6))
 
-    def _smooth(self, at: Array, values: Array) -> BSpline:
+    def _smooth(self, at: Array, values: Array, *, is_path: bool = False) -> BSpline:
         """Values without what is faster than some bands, between samples, too."""
         dense = np.column_stack([np.interp(self._dense, at, column) for column in values.T])
-        cut = _low_passed(dense, _SMOOTHED * self.band, self._dense[1] - self._dense[0])
+        step = float(self._dense[1] - self._dense[0])
+        cut = _low_passed(dense, _SMOOTHED * self.band, step, is_path=is_path)
         return make_interp_spline(self._dense, cut, _SPLINE)
 
 
-def _low_passed(values: Array, cut: float, step: float) -> Array:
-    """Third-order Butterworth, forwards and backwards: no delay."""
-    sections = _butterworth(cut * step)
-    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(values) - 1, 100)))
+def _low_passed(values: Array, cut: float, step: float, *, is_path: bool = False) -> Array:
+    """Third-order Butterworth, forwards and backwards: no delay.
+
+    Beyond its ends a signal goes on as its reflection in the end, a path with its acceleration:
+    the reflection of one that is accelerated has another sign of it, and none at the end.
+
+    Args:
+        values: (N, ...) at even times.
+        cut: Frequency [Hz].
+        step: Distance of the times [s].
+        is_path: Whether second derivatives are asked of it.
+    """
+    reach = min(len(values) - 1, math.ceil(_REACH / (cut * step)))
+    if is_path:
+        few = min(len(values), max(_FEWEST_OF_BEND, round(1.0 / (cut * step))))
+        bent = np.arange(reach, 0, -1.0)[:, None] ** 2
+        before = 2.0 * values[0] - values[reach:0:-1] + bent * _bend(values[:few])
+        after = 2.0 * values[-1] - values[-2 : -reach - 2 : -1] + bent[::-1] * _bend(values[-few:])
+        whole = np.concatenate([before, values, after])
+        return _low_passed(whole, cut, step)[reach : reach + len(values)]
+    return np.asarray(sosfiltfilt(_butterworth(cut * step), values, axis=0, padlen=reach))
+
+
+def _bend(values: Array) -> Array:
+    """(n,) second differences of (N, n) values, by the parabola that comes closest."""
+    at = np.arange(len(values)) - 0.5 * (len(values) - 1)
+    square = at**2 - np.mean(at**2)
+    return np.asarray(2.0 * square @ values / (square @ square))
 
 
 @cache

@@ -17,6 +17,7 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.events.answer import with_events
 from spacerobot_ros.diagnosis.events.arm_events import arm_events
 from spacerobot_ros.diagnosis.events.contact import Pulse, place_of
+from spacerobot_ros.diagnosis.events.event_limits import REST_SHARE
 from spacerobot_ros.diagnosis.events.naming import together
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
@@ -141,7 +142,7 @@ def test_a_torque_that_creeps_at_rest_is_pushed_by_what_friction_does_not_hold_o
     efforts[:, 1] += side * 2.8 * COULOMB[1] * time / time[-1]
     creeping = replace(record, joints=replace(record.joints, effort=efforts))
     found = arm_events([balance_of(creeping, file.robot, file.effects)], None)
-    assert all(abs(e.peak['joint_2']) > 1.4 * COULOMB[1] for e in found.events.named)
+    assert all(abs(e.peak['joint_2']) > REST_SHARE * COULOMB[1] for e in found.events.named)
 
 
 def test_friction_holds_what_is_within_its_bound():

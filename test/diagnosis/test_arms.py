@@ -242,11 +242,12 @@ def test_a_body_has_to_beat_the_simple_causes_that_could_stand_in_its_place():
 class Judged(Selection):
     """A body whose presence leaves parts of 100 rows with given misfits; nothing else is there."""
 
-    def __init__(self, with_it: list[float], without: list[float]) -> None:
+    def __init__(self, with_it: list[float], without: list[float], rows: int = 100) -> None:
         body = SimpleNamespace(kind=CATALOGUE['inertial_parameters'], recordings=None)
         self.rows = SimpleNamespace(candidates=[body])
         self.chosen = [0]
         self._misfits = {True: with_it, False: without}
+        self._sizes = [100] * (len(with_it) - 1) + [rows]
 
     def gain(self, i):
         return 50.0
@@ -260,7 +261,7 @@ class Judged(Selection):
         self.chosen = other.chosen
 
     def folds(self, i=None):
-        return [SimpleNamespace(part=SimpleNamespace(rows=100)) for _ in range(4)]
+        return [SimpleNamespace(part=SimpleNamespace(rows=size)) for size in self._sizes]
 
     def held_out_misfits(self, chosen, i=None):
         return np.array(self._misfits[bool(chosen)])
@@ -282,6 +283,13 @@ def test_a_body_stays_where_it_helps_whitened_or_plain_and_no_part_decides_alone
     selection = Judged(*whitened)
     check_bodies(selection, Judged(*plain))
     assert bool(selection.chosen) == stays
+
+
+def test_a_recording_in_which_nothing_moves_decides_nothing():
+    still = [[100.0] * 3 + [0.0], [101.0] * 3 + [0.0], 0]
+    selection = Judged(*still)
+    check_bodies(selection, Judged(*still))
+    assert not selection.chosen
 
 
 def test_blocks_have_as_much_motion_each():

@@ -13,7 +13,9 @@ from .possible_laws import Law
 
 SWEEPS = (0.0, 4.0, -4.0, 8.0, -8.0, 16.0, -16.0, 32.0, -32.0)  # of 1/T^2
 _LOWEST = 0.05  # Hz
-_SPACING = 0.75  # of the resolution 1/T
+_SPACING = 0.5
+"""Of the resolution 1/T: between two of them a sine keeps 81 % of its square. With 0.75 (63 %) 5
+of 16 slow sweeps were functions of nothing that is measured, now 1 is."""
 _MOST = 1500  # sines: longer records sweep less, then have the low frequencies alone
 
 

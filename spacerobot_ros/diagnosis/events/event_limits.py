@@ -36,7 +36,7 @@ RECURS = 0.5
 MIXED = 0.5
 """Of the largest z of what touches in time, from which a part that is no event speaks for all."""
 
-REST_SHARE = 1.4
+REST_SHARE = 1.2
 """Times the Coulomb torque that the torque of a joint at rest may be off its usual value: dry
 friction holds anything between plus and minus that torque, and starts above it by some tenths."""
 

@@ -11,8 +11,9 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from ...effects.external import pulse_shape
-from ...estimation.arm_priors import DRY, OF_LOAD, friction_of, is_kind_of
+from ...estimation.arm_priors import DRY, FRICTION, OF_LOAD, VISCOUS, friction_of
 from ...model.robot import Robot
+from ...types import IntArray
 from .contact import Pulse, are_in_line, event_of, last_felt, overlap
 from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import EXPLAINED, MIXED, NAMED, RECURS, ROOM, SNR, chance, named_from
@@ -123,21 +124,34 @@ class Naming:
 
     def coulomb(self, j: int) -> float:
         """Dry friction of a joint that slides, all that was found of it [N m]."""
-        return max(float(self._rows.friction[j]) + self._found(DRY, j), 0.0)
+        return max(float(self._rows.friction[j]) + self._dry(j), 0.0)
 
     def of_load(self, j: int) -> float:
         """Dry friction of a joint by the torque that it carries."""
         believed = friction_of(self._rows.balances[0].effects, OF_LOAD, self._joints[j])
-        return max(believed + self._found(OF_LOAD, j), 0.0)
+        found = self._search.scan.coefficients[self._places(j, OF_LOAD)]
+        return max(believed + float(np.sum(found)), 0.0)
 
-    def _found(self, law: str, j: int) -> float:
-        """First numbers of all frictions of a kind at a joint."""
-        rows, every = self._rows, self._search.scan.coefficients
-        return sum(
-            float(every[at[0]])
-            for c, at in zip(rows.candidates, rows.places, strict=True)
-            if is_kind_of(c.kind, law) and c.where == self._joints[j]
-        )
+    def _dry(self, j: int) -> float:
+        """The Coulomb torque that comes closest to all friction found, beside a viscous one.
+
+        Several laws share one friction in any proportion, which nothing bounds here.
+        """
+        rows, scan = self._rows, self._search.scan
+        line = np.concatenate([self._places(j, law) for law in (DRY, VISCOUS)])
+        columns = scan.kept[j].rows.columns
+        if len(line) < 2 or not len(columns):
+            return 0.0
+        every = zip(rows.candidates, rows.places, strict=True)
+        laws = np.concatenate([at for c, at in every if c.kind.id in FRICTION])
+        torque = columns[:, laws] @ scan.coefficients[laws]
+        return float(np.linalg.lstsq(columns[:, line], torque)[0][0])
+
+    def _places(self, j: int, law: str) -> IntArray:
+        """Columns of a law at a joint."""
+        every = zip(self._rows.candidates, self._rows.places, strict=True)
+        own = [at for c, at in every if (c.kind.id, c.where) == (law, self._joints[j])]
+        return np.concatenate([*own, np.zeros(0, dtype=int)])
 
     def _event(self, own: Sequence[Pulse]) -> Event:
         cells = sum(2.0 / d for d in DURATIONS) * self._seconds * len(self._joints)

@@ -90,6 +90,11 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
         return ()
     slips = [*_slips(robot), *_gravity_slips(robot.effort_kinds), *torques.turned_base()]
     shares = np.array([torques.unlike(slip) for slip in slips])
+    # Of joints that turn little, and one way, friction is like the weight of another direction:
+    # a turned base has to be nearer beside friction and bias, too.
+    turned = np.array([slip.weight is not None for slip in slips])
+    nearer = shares[:, 1].mean(axis=1) < 0.5 * before[1].mean()
+    shares[turned & ~nearer] = np.inf
     for way in range(2):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
         if _explains(before[way], shares[best, way]):
