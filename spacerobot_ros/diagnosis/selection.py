@@ -15,19 +15,13 @@ from copy import copy
 import numpy as np
 
 from ..estimation.arm_fit import Posterior
-from ..estimation.arm_priors import DRY, NOTHING, VISCOUS, is_kind_of
+from ..estimation.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISCOUS, is_kind_of
 from ..estimation.arm_rows import ArmRows
 from ..estimation.evidence import Fold, Gram, Score, price, score, sum_of
 from ..types import Array, IntArray
 from .limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
-_AFTER_FRICTION = (
-    'joint_stribeck_friction',
-    'joint_friction_curvature',
-    'joint_presliding_friction',
-    'joint_load_friction',
-    'joint_coupled_friction',
-)
+_AFTER_FRICTION = (*SHAPES, OF_LOAD)
 
 _ROUNDING = 1e-9  # of sums over all rows, from which others were taken
 _LAST = ('joint_torque_ripple',)

@@ -288,9 +288,6 @@ class ArmMotion:
 def _low_passed(values: Array, cut: float, step: float, *, is_path: bool = False) -> Array:
     """Third-order Butterworth, forwards and backwards: no delay.
 
-    Beyond its ends a signal goes on as its reflection in the end, a path with its acceleration:
-    the reflection of one that is accelerated has another sign of it, and none at the end.
-
     Args:
         values: (N, ...) at even times.
         cut: Frequency [Hz].
@@ -298,14 +295,21 @@ def _low_passed(values: Array, cut: float, step: float, *, is_path: bool = False
         is_path: Whether second derivatives are asked of it.
     """
     reach = min(len(values) - 1, math.ceil(_REACH / (cut * step)))
-    if is_path:
-        few = min(len(values), max(_FEWEST_OF_BEND, round(1.0 / (cut * step))))
-        bent = np.arange(reach, 0, -1.0)[:, None] ** 2
-        before = 2.0 * values[0] - values[reach:0:-1] + bent * _bend(values[:few])
-        after = 2.0 * values[-1] - values[-2 : -reach - 2 : -1] + bent[::-1] * _bend(values[-few:])
-        whole = np.concatenate([before, values, after])
-        return _low_passed(whole, cut, step)[reach : reach + len(values)]
-    return np.asarray(sosfiltfilt(_butterworth(cut * step), values, axis=0, padlen=reach))
+    whole = _extended(values, reach, round(1.0 / (cut * step))) if is_path else values
+    out = sosfiltfilt(_butterworth(cut * step), whole, axis=0, padlen=reach)
+    return np.asarray(out[reach : reach + len(values)] if is_path else out)
+
+
+def _extended(path: Array, reach: int, few: int) -> Array:
+    """A path (N, n) and so many samples beyond both ends, with the accelerations of so few.
+
+    Its reflection in an end alone has another sign of the acceleration, and none at the end.
+    """
+    few = min(len(path), max(_FEWEST_OF_BEND, few))
+    bent = np.arange(reach, 0, -1.0)[:, None] ** 2
+    before = 2.0 * path[0] - path[reach:0:-1] + bent * _bend(path[:few])
+    after = 2.0 * path[-1] - path[-2 : -reach - 2 : -1] + bent[::-1] * _bend(path[-few:])
+    return np.concatenate([before, path, after])
 
 
 def _bend(values: Array) -> Array:

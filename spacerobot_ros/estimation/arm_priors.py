@@ -38,14 +38,14 @@ _POSES = 20  # of a recording, for the largest inertia
 DRY = 'joint_coulomb_friction'
 VISCOUS = 'joint_viscous_friction'
 OF_LOAD = 'joint_load_friction'
-FRICTION = (
-    DRY,
-    VISCOUS,
+SHAPES = (
     'joint_stribeck_friction',
     'joint_friction_curvature',
     'joint_presliding_friction',
     'joint_coupled_friction',
 )
+"""Laws of friction that are finer than a straight one."""
+FRICTION = (DRY, VISCOUS, *SHAPES)
 """Laws of the rates alone."""
 _BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
 RUN_TO_RUN = 0.05

@@ -30,6 +30,7 @@ from .thresholds import (
     FEWEST_SAMPLES,
     GAIN,
     MOVED,
+    NEARER,
     ROWS,
     SELDOM,
     SLOW,
@@ -93,7 +94,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     # Of joints that turn little, and one way, friction is like the weight of another direction:
     # a turned base has to be nearer beside friction and bias, too.
     turned = np.array([slip.weight is not None for slip in slips])
-    nearer = shares[:, 1].mean(axis=1) < 0.5 * before[1].mean()
+    nearer = shares[:, 1].mean(axis=1) < NEARER * before[1].mean()
     shares[turned & ~nearer] = np.inf
     for way in range(2):
         best = int(np.argmin(shares[:, way].mean(axis=1)))

@@ -30,6 +30,8 @@ ALIKE = 0.03  # a slip must leave less than this,
 GAIN = 20.0  # and this much less than none: friction and wheels leave more
 SPOILED = 1.2  # a slip may leave this much more to a joint that it does not mend: noise
 TURNED = 0.35  # rad from the file's gravity; less is a base that does not stand level
+NEARER = 0.5  # of what is unlike beside friction and bias: a base that is turned leaves a tenth,
+# friction of one way that is taken for it several times as much
 SPAN = 0.25  # s, over which positions are smoothed to be derived twice
 SLOW, BESIDE = 3e-3, 0.1  # rad/s, and of the fastest joint's rms rate: the smaller is standing
 SELDOM = 0.2  # of the times: a joint that moves at less of them is held by friction

@@ -1,0 +1,69 @@
+"""What was chosen before: laws that gave way to one that does not hold, and levels beside them."""
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.real_arm import COULOMB, RealArm, arm_file
+from spacerobot_ros.diagnosis.arms import levels_of
+from spacerobot_ros.diagnosis.selection import Selection
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.arm_levels import leftover_levels
+from spacerobot_ros.estimation.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance import balance_of
+
+KINDS = ('joint_coulomb_friction', 'joint_stribeck_friction')
+
+
+@pytest.fixture(scope='module')
+def rows():
+    """An arm with the friction of its joints, which the model has not."""
+    balance = balance_of(RealArm(4).record(0), arm_file().robot, ())
+    return ArmRows.of([balance], [CATALOGUE[kind] for kind in KINDS])
+
+
+@pytest.fixture
+def selection(rows):
+    return Selection.of(rows, leftover_levels(rows, rows.sizes, rows.friction))
+
+
+@pytest.fixture(scope='module')
+def laws(rows):
+    """Numbers of both laws at the first joint."""
+    keys = [candidate.key for candidate in rows.candidates]
+    return [keys.index((kind, 'joint_1')) for kind in KINDS]
+
+
+def test_what_gave_way_to_a_law_that_is_gone_is_asked_again(selection, laws):
+    plain, finer = laws
+    selection.chosen = [finer]
+    selection.drop(finer)
+    assert selection.ask_again([finer])
+    assert plain in selection.chosen
+    assert finer not in selection.chosen
+
+
+def test_nothing_that_holds_gives_way_to_what_is_asked_again(selection, laws, monkeypatch):
+    plain, finer = laws
+    selection.chosen = [plain]
+    monkeypatch.setattr(Selection, 'run', lambda self: setattr(self, 'chosen', [finer]))
+    assert not selection.ask_again([])
+    assert selection.chosen == [plain]
+
+
+def test_laws_that_share_a_friction_drift_as_their_sum(selection, laws, rows, monkeypatch):
+    """Not as one of their sizes, of which one may be less than nothing."""
+    used = []
+    monkeypatch.setattr(
+        'spacerobot_ros.diagnosis.arms.leftover_levels',
+        lambda rows, deviations, friction: used.append(friction) or [],
+    )
+    shared = np.zeros(len(rows.sizes))
+    for i, share in zip(laws, (3.0, -2.0), strict=True):
+        shared[rows.places[i][0]] = share * COULOMB[0]
+    monkeypatch.setattr(
+        'spacerobot_ros.diagnosis.arms.ArmFit',
+        lambda *_: type('Fit', (), {'posterior': type('Posterior', (), {'mean': shared})}),
+    )
+    selection.chosen = laws
+    levels_of(rows, selection)
+    assert used[0][0] == pytest.approx(COULOMB[0])
