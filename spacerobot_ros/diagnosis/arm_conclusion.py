@@ -9,21 +9,23 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects.effect import Effect
+from ..estimation.balance import Balance
 from ..estimation.evidence import chi_square_tail
 from ..estimation.rows import ChannelError
 from ..estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
 from ..types import Array
 from .answer.cause import Cause, Estimated, Evidence, Ranked
+from .answer.event_answer import with_events
 from .answer.free_motion import free_motion
 from .answer.residuals import series
 from .answer.result import Diagnosis, Gain, Leftover, RecordingMisfit, Residual
 from .answer.words import verdict_of
 from .arm_evidence import rivals_of
-from .arm_found import WORSE, ArmFound, rms, touched_notes
+from .arm_found import WORSE, ArmFound, rms, still_words, touched_notes
 from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
 from .arm_verdict import Left, laws_that_matter, overall, sentence
 from .discovery.orders import find_orders
-from .events.answer import with_events
+from .events.event import Events
 from .friction_law import friction_laws
 from .gain_notes import gain_notes
 from .limits import RELEVANT
@@ -96,6 +98,17 @@ def conclude_arm(
         free_motion=free_motion(found.fit.rows.balances, found.extended),
     )
     return with_events(diagnosis, found.events.events)
+
+
+def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
+    """The answer for recordings in which no joint moves: events are all that they tell."""
+    channels = balances[0].channels()
+    answer = Diagnosis(
+        verdict='consistent' if events.named else 'unexplained',
+        sentence=f'{still_words(balances)}, and nothing else is told.',
+        series=series(channels, channels),
+    )
+    return with_events(answer, events)
 
 
 def _cause(found: ArmFound, k: int, usual: float) -> Cause:

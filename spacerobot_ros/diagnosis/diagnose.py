@@ -20,14 +20,14 @@ from ..identification.outliers import screened
 from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record
+from .answer.event_answer import with_events
 from .answer.result import Diagnosis
-from .arm_conclusion import conclude_arm
+from .arm_conclusion import conclude_arm, still_answer
 from .arm_found import ArmFound, refuse_rest
 from .arms import find_arm_causes
 from .conclusion import conclude
 from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
-from .events.answer import still_answer, with_events
 from .events.arm_events import arm_events
 from .events.event import Event, Events
 from .events.impulses import impulse_events, spans_of, steps_beside_wheels

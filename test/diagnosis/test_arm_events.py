@@ -12,9 +12,9 @@ from scipy.signal import lfilter
 
 from spacerobot_ros.campaign.event_machines import MACHINES
 from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
+from spacerobot_ros.diagnosis.answer.event_answer import with_events
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.events.answer import with_events
 from spacerobot_ros.diagnosis.events.arm_events import arm_events
 from spacerobot_ros.diagnosis.events.contact import Pulse, place_of
 from spacerobot_ros.diagnosis.events.event_limits import REST_SHARE

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
-from ...estimation.balance import Balance
-from ..answer.residuals import series
-from ..answer.result import Diagnosis
-from ..answer.words import at, first_few
-from ..arm_found import still_words
-from .event import Event, Events
+from ..events.event import Event, Events
+from .result import Diagnosis
+from .words import at, first_few
 
 _WITH = {'consistent': 'explained', 'unexplained': 'partly_explained'}
 """Verdict by that of all other times, where an event is named."""
@@ -24,17 +20,6 @@ def with_events(diagnosis: Diagnosis, events: Events) -> Diagnosis:
         sentence = f'{_in_words(events)} Besides: {sentence}'
     notes = (*diagnosis.notes, *events.notes)
     return replace(diagnosis, verdict=verdict, sentence=sentence, notes=notes, events=events)
-
-
-def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
-    """The answer for recordings in which no joint moves: events are all that they tell."""
-    channels = balances[0].channels()
-    answer = Diagnosis(
-        verdict='consistent' if events.named else 'unexplained',
-        sentence=f'{still_words(balances)}, and nothing else is told.',
-        series=series(channels, channels),
-    )
-    return with_events(answer, events)
 
 
 def _in_words(events: Events) -> str:
