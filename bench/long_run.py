@@ -19,7 +19,7 @@ import sys
 import time
 from pathlib import Path
 
-from spacerobot_ros.campaign.diagnosis_scenario import packaged
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.monitor import MonitorNode

@@ -20,11 +20,11 @@ except ImportError:
 
 with atheris.instrument_imports(include=['spacerobot_ros', 'yaml', 'rosbags']):
     from spacerobot_ros.campaign.damage import MOST_CHARACTERS
-    from spacerobot_ros.campaign.diagnosis_scenario import packaged
+    from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
     from spacerobot_ros.effects.robot_file import load_robot_file
     from spacerobot_ros.errors import SpaceRobotError
     from spacerobot_ros.model.urdf import parse_urdf
-    from spacerobot_ros.recording.bag import read_bag
+    from spacerobot_ros.recording.bags.bag import read_bag
     from spacerobot_ros.recording.read import read_record
 
 PLACE = Path(tempfile.mkdtemp(prefix='spacerobot-fuzz-'))

@@ -19,7 +19,7 @@ from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.estimation.response import Response
+from spacerobot_ros.estimation.unknowns.response import Response
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.simulation.plant import Plant
 from spacerobot_ros.types import Array

@@ -15,13 +15,13 @@ import numpy as np
 from ..effects.robot_file import load_robot_file
 from ..errors import SpaceRobotError
 from ..model.loader import package_folder
-from ..recording.bag import read_bag
-from ..recording.bag_writer import BagWriter
+from ..recording.bags.bag import read_bag
+from ..recording.bags.bag_writer import BagWriter
 from ..recording.read import read_record
 from ..recording.record import Record
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.truth import sample_messages
-from .diagnosis_scenario import packaged
+from .hidden.diagnosis_scenario import packaged
 
 _STEPS = 300  # of the bag that is damaged: 3 s in three chunks
 _ODD = (

@@ -28,13 +28,13 @@ from ..dynamics.rnea_derivatives import rnea_derivatives
 from ..dynamics.tree import tree_of
 from ..effects.catalogue import CATALOGUE, bind_effect
 from ..effects.hidden import driven_states
-from ..effects.hysteresis import followed
+from ..effects.laws.hysteresis import followed
 from ..errors import IdentificationError
-from ..estimation.kalman import StateSpace, correlate, gains_of, whiten
+from ..estimation.filters.kalman import StateSpace, correlate, gains_of, whiten
 from ..excitation.base_response import BaseResponse, BaseStart
 from ..identification.batch import identify_robot
 from ..model.robot import Robot
-from .diagnosis_scenario import robot_file, simulated
+from .hidden.diagnosis_scenario import robot_file, simulated
 
 _DURATION = 3.0  # s
 _KINDS = (

@@ -30,8 +30,8 @@ JSON_NAME, REPORT_NAME = 'comparison.json', 'report.html'
 
 def run(args: argparse.Namespace) -> int:
     """Compare, write, print; 0 where nothing changed, else 1."""
-    from ..diagnosis.change_conclusion import conclude_changes
-    from ..diagnosis.compare import compare
+    from ..diagnosis.comparison.change_conclusion import conclude_changes
+    from ..diagnosis.comparison.compare import compare
     from ..effects.robot_file import load_robot_file
     from ..json_values import json_text
     from ..model.files import write_text

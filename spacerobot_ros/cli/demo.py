@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.live:  # other nodes on these topics would disturb it
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
     from ..model.files import written_whole
-    from ..recording.bag_writer import check_target
+    from ..recording.bags.bag_writer import check_target
 
     out = check_folder(args.out)
     for name in _BAGS:

@@ -34,8 +34,8 @@ from .terminal import print_json, print_sections, progress
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose, write, print; 0 where the data are consistent with the model, else 1."""
-    from ..diagnosis.answer.findings import Question, findings
     from ..diagnosis.answer.output import EXTENDED_MODEL
+    from ..diagnosis.findings import Question, findings
     from ..report.diagnosis_files import JSON_NAME, REPORT_NAME, write_answer
     from ..report.diagnosis_tables import summary
 

@@ -103,7 +103,7 @@ def digest(args: argparse.Namespace) -> str:
 
 def _key(recording: Recording, args: argparse.Namespace, own: str) -> str:
     """All that the answer depends on, as `fleet.single.diagnose_one` takes it."""
-    from ..diagnosis.answer.findings import Question
+    from ..diagnosis.findings import Question
 
     question = Question(
         data=(str(recording.path.absolute()),),

@@ -38,9 +38,9 @@ def run(args: argparse.Namespace) -> int:
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
     from ..dynamics.blocks import check_momentum
     from ..effects.robot_file import load_robot_file
-    from ..estimation.minimal import minimal_set
-    from ..estimation.momentum_process import MomentumModel
-    from ..estimation.standard_parameters import standard_parameters
+    from ..estimation.filters.momentum_process import MomentumModel
+    from ..estimation.unknowns.minimal import minimal_set
+    from ..estimation.unknowns.standard_parameters import standard_parameters
     from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
     from ..identification.lone_body import identify_lone_body

@@ -47,7 +47,7 @@ def known() -> dict[str, Any]:
 def run(args: argparse.Namespace) -> int:
     """Simulate and record; 0 when the bag is complete."""
     from ..effects.robot_file import load_robot_file
-    from ..recording.bag_writer import check_target
+    from ..recording.bags.bag_writer import check_target
     from ..simulation.closed_loop import ClosedLoop, record_run
 
     check_target(args.output, args.force)  # before any work

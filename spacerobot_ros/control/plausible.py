@@ -6,7 +6,7 @@ import numpy as np
 
 from ..dynamics.blocks import BlockTree
 from ..errors import MessageRejectedError
-from ..estimation.minimal import minimal_set
+from ..estimation.unknowns.minimal import minimal_set
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import Settings

@@ -18,7 +18,7 @@ from ..dynamics.rotation import rotation_between
 from ..identification.outliers import FURTHEST
 from ..model.control_settings import ControllerSettings
 from ..model.robot_settings import SensorSettings
-from ..recording.neighbours import NORMAL
+from ..recording.faults.neighbours import NORMAL
 from ..types import Array, Quaternion, Vector3
 from .command import NS
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.blocks import BlockTree
-from ..estimation.minimal import minimal_set
+from ..estimation.unknowns.minimal import minimal_set
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..types import Array

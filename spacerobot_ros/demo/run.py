@@ -17,8 +17,8 @@ from ..model.settings import Settings
 from ..nodes.controller import ControllerNode
 from ..nodes.identifier import IdentifierNode
 from ..nodes.simulator import SimulatorNode
-from ..recording.bag_writer import BagWriter
-from ..recording.message_types import decoded
+from ..recording.bags.bag_writer import BagWriter
+from ..recording.bags.message_types import decoded
 from ..ros import convert
 from ..ros.qos import LATCHED
 from ..ros.session import Recorder, Session

@@ -8,37 +8,37 @@ from functools import partial
 
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
-from ..estimation.arm_rows import ArmRows
-from ..estimation.balance import Balance, balance_of
-from ..estimation.measured_torque import TIMINGS
-from ..estimation.motor_constants import as_recorded
+from ..estimation.balance.arm_rows import ArmRows
+from ..estimation.balance.balance import Balance, balance_of
+from ..estimation.balance.motor_constants import as_recorded
+from ..estimation.filters.measured_torque import TIMINGS
 from ..estimation.noise_levels import noise_levels
-from ..estimation.observations import observed, refuse_unbalanced
 from ..estimation.refit import Fit
 from ..estimation.runs import Run
+from ..estimation.trajectory.observations import observed, refuse_unbalanced
 from ..identification.outliers import screened
 from ..model.robot import Robot
 from ..recording.faults.check import check_data
 from ..recording.record import Record
 from .answer.event_answer import with_events
 from .answer.result import Diagnosis
-from .arm_conclusion import conclude_arm, still_answer
-from .arm_found import ArmFound, refuse_rest
-from .arms import find_arm_causes
-from .conclusion import conclude
+from .arms.arm_conclusion import conclude_arm, still_answer
+from .arms.arm_found import ArmFound, refuse_rest
+from .arms.arms import find_arm_causes
 from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
 from .events.arm_events import arm_events
 from .events.event import Event, Events
 from .events.impulses import impulse_events, spans_of, steps_beside_wheels
-from .found import Found
 from .limits import MISFIT, MOST
+from .lone_bodies.spinning import diagnose_spin, is_spinning
+from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .pieces import diagnose_pieces, pieces_of
-from .predictable import is_predictable
-from .search import Search
-from .spinning import diagnose_spin, is_spinning
-from .thrust import diagnose_thrust, has_pose_and_thrust
-from .timing import first_timing, held_after_all, in_words, simpler_timing
+from .search.conclusion import conclude
+from .search.found import Found
+from .search.predictable import is_predictable
+from .search.search import Search
+from .search.timing import first_timing, held_after_all, in_words, simpler_timing
 
 _BALANCED = (
     'the robot file states no joint_effort_std, and more is left of the torques than noise of '

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.special import bdtrc
 
-from ..estimation.evidence import chi_square_tail
+from ..estimation.inference.evidence import chi_square_tail
 from ..formats import counted
 from ..types import Array
 from .answer.cause import Cause, Estimated, Evidence, Ranked, Rival

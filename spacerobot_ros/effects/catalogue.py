@@ -13,31 +13,14 @@ from typing import Any
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.settings import Settings
-from . import (
-    appendage,
-    bodies,
-    coupled_friction,
-    environment,
-    external,
-    flexibility,
-    formula,
-    grasp,
-    gravity,
-    gyrostats,
-    joint_friction,
-    joint_sensors,
-    leaking_thruster,
-    learned_torque,
-    motors,
-    orbit,
-    presliding,
-    rotors,
-    sensor_errors,
-    sprung,
-    thrusters,
-)
+from .bodies import appendage, bodies, grasp, sprung
 from .effect import Effect
+from .joints import coupled_friction, flexibility, joint_friction, motors, presliding
+from .laws import formula, learned_torque
 from .own_kinds import add_installed, add_named
+from .sensors import joint_sensors, sensor_errors
+from .surroundings import environment, external, gravity, leaking_thruster, orbit, thrusters
+from .wheels import gyrostats, rotors
 
 _MODULES = (
     *(joint_friction, motors, presliding, coupled_friction, flexibility, learned_torque, formula),

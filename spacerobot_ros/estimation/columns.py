@@ -14,13 +14,13 @@ from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
-from .constrained import pseudo_inertia
-from .response import Response
+from .filters.torque_process import TorqueDriven
+from .inference.constrained import pseudo_inertia
 from .rows import MotionModel, Rows
-from .sampled_motion import misreading
 from .scaling import PROPORTIONAL, bounds_of, origin_of, value_of
 from .spectral_search import propose, searched
-from .torque_process import TorqueDriven
+from .trajectory.sampled_motion import misreading
+from .unknowns.response import Response
 
 STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 """Of a parameter's plausible size: where its column is taken; the first that is possible."""

@@ -8,11 +8,11 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from ..model.robot_settings import SensorSettings
-from ..recording.gaps import ONE_LOST
-from ..recording.neighbours import NORMAL
+from ..recording.faults.gaps import ONE_LOST
+from ..recording.faults.neighbours import NORMAL
 from ..recording.record import Record
 from ..types import Array
-from .reference import NoiseLevels, integrated_rotation
+from .trajectory.reference import NoiseLevels, integrated_rotation
 
 _FLOOR = {
     'joint_position': 1e-8,

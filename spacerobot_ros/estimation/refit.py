@@ -9,15 +9,15 @@ from functools import cached_property
 
 import numpy as np
 
-from ..effects.bodies import NAMES as INERTIAL
+from ..effects.bodies.bodies import NAMES as INERTIAL
 from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
 from ..types import Array, IntArray
 from .columns import STEPS, Signatures, is_physical, is_possible
-from .constrained import ConstrainedProblem, PhysicalBody
-from .evidence import price
+from .inference.constrained import ConstrainedProblem, PhysicalBody
+from .inference.evidence import price
 from .rows import blocks
 from .runs import Run
 from .scaling import (

@@ -17,7 +17,7 @@ import numpy as np
 from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..types import Array, IntArray
-from .reference import Kinematics
+from .trajectory.reference import Kinematics
 
 _FOLDS = 5
 

@@ -11,12 +11,12 @@ from ..recording.record import Record
 from ..recording.robot_inputs import with_inputs
 from ..sensing.faults import corrected_record
 from ..sensing.reading_gains import reading_gains
-from .measured_torque import TIMINGS
-from .prediction import MeasuredMotion
-from .prediction_rows import PredictionRows
-from .reference import NoiseLevels
+from .filters.measured_torque import TIMINGS
+from .filters.prediction import MeasuredMotion
+from .filters.prediction_rows import PredictionRows
+from .filters.torque_process import TorqueDriven
 from .rows import Rows
-from .torque_process import TorqueDriven
+from .trajectory.reference import NoiseLevels
 
 
 class Run:

@@ -25,7 +25,7 @@ from ..dynamics.equations import joint_torques, without_translation
 from ..dynamics.forward_kinematics import forward_kinematics
 from ..dynamics.rotation import cross_rows
 from ..dynamics.tree import tree_of
-from ..estimation.reference import Kinematics
+from ..estimation.trajectory.reference import Kinematics
 from ..model.robot import Robot
 from ..model.settings import SimulatorSettings
 from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps

@@ -28,8 +28,8 @@ from functools import partial
 import numpy as np
 
 from ..dynamics.rotation import skew
-from ..estimation.momentum_process import MomentumModel
-from ..estimation.reference import NoiseLevels
+from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.trajectory.reference import NoiseLevels
 from ..identification.physical import BodyParameters, central_differences
 from ..model.robot_settings import SensorSettings
 from ..model.settings import IdentifierSettings, SimulatorSettings

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..control.joint_reference import check_reference
 from ..dynamics.state import initial_state
-from ..estimation.momentum_process import MomentumModel
+from ..estimation.filters.momentum_process import MomentumModel
 from ..identification.cramer_rao import information_root
 from ..model.robot import Robot
 from ..types import Array

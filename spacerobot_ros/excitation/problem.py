@@ -9,8 +9,8 @@ import numpy as np
 from ..dynamics.state import initial_state
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
-from ..estimation.minimal import minimal_set
-from ..estimation.momentum_process import MomentumModel
+from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.unknowns.minimal import minimal_set
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..simulation.truth import true_robot

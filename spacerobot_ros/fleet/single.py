@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..diagnosis.answer.findings import Findings, Question, findings
+from ..diagnosis.findings import Findings, Question, findings
 from ..diagnosis.quality.quality import quality_of
 from ..effects.catalogue import changed_robot
 from ..errors import SpaceRobotError
 from ..recording.record import Record
-from ..recording.table import FORMATS, kind_of
+from ..recording.tables.table import FORMATS, kind_of
 from ..report.diagnosis_files import write_answer
 
 _BAGS = ('mcap', 'db3')

@@ -21,8 +21,8 @@ import numpy as np
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
-from ..estimation.momentum_process import MomentumModel
-from ..estimation.reference import Kinematics
+from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.trajectory.reference import Kinematics
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array

@@ -11,11 +11,11 @@ from itertools import combinations
 import numpy as np
 
 from ..errors import IdentificationError
-from ..estimation.minimal import minimal_set
-from ..estimation.momentum_process import MomentumModel
+from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.noise_levels import noise_levels
-from ..estimation.reference import Kinematics, NoiseLevels
-from ..estimation.torque_hold import find_holds
+from ..estimation.trajectory.reference import Kinematics, NoiseLevels
+from ..estimation.unknowns.minimal import minimal_set
+from ..estimation.unknowns.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.faults.kinematics import contradictions

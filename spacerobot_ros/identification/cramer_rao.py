@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..estimation.momentum_filter import MomentumFilter
-from ..estimation.momentum_process import MomentumModel
-from ..estimation.reference import NoiseLevels
+from ..estimation.filters.momentum_filter import MomentumFilter
+from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.trajectory.reference import NoiseLevels
 from ..recording.record import Record
 from ..types import Array
 from .maximum_likelihood import prepare

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IdentificationError
-from ..estimation.momentum_process import MomentumModel
+from ..estimation.filters.momentum_process import MomentumModel
 from ..types import Array, Matrix3, Vector3
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.spatial.transform import Slerp
 
 from ..errors import IdentificationError
-from ..estimation.momentum_filter import SquareRootInformation
-from ..estimation.momentum_process import MomentumModel
-from ..estimation.reference import Kinematics, NoiseLevels
+from ..estimation.filters.momentum_filter import SquareRootInformation
+from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.trajectory.reference import Kinematics, NoiseLevels
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array

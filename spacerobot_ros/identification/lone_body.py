@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..effects.bodies import InertialParameters
+from ..effects.bodies.bodies import InertialParameters
 from ..effects.effect import Effect
 from ..estimation.noise_levels import noise_levels
 from ..estimation.refit import Fit, refine

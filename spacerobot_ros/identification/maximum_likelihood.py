@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import IdentificationError
-from ..estimation.momentum_filter import MomentumFilter, SquareRootInformation, Stretch
-from ..estimation.momentum_process import MomentumModel
-from ..estimation.reference import NoiseLevels, ReferenceTrajectory
-from ..estimation.time_base import channel_stamps, filter_times, refuse_long_gaps
-from ..estimation.torque_hold import Holds
+from ..estimation.filters.momentum_filter import MomentumFilter, SquareRootInformation, Stretch
+from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.trajectory.reference import NoiseLevels, ReferenceTrajectory
+from ..estimation.trajectory.time_base import channel_stamps, filter_times, refuse_long_gaps
+from ..estimation.unknowns.torque_hold import Holds
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array

@@ -29,12 +29,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import IdentificationError
-from ..estimation.minimal import minimal_set
-from ..estimation.momentum_process import MomentumModel
+from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.noise_levels import noise_levels
-from ..estimation.reference import NoiseLevels
-from ..estimation.time_base import LONGEST_GAP
-from ..estimation.torque_hold import Holds, find_holds
+from ..estimation.trajectory.reference import NoiseLevels
+from ..estimation.trajectory.time_base import LONGEST_GAP
+from ..estimation.unknowns.minimal import minimal_set
+from ..estimation.unknowns.torque_hold import Holds, find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.buffer import SampleBuffer

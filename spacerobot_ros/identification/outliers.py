@@ -17,10 +17,10 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
-from ..estimation.reference import NoiseLevels, integrated_rotation
+from ..estimation.trajectory.reference import NoiseLevels, integrated_rotation
 from ..formats import counted
-from ..recording.gaps import SPLIT_PERIODS
-from ..recording.neighbours import NORMAL, STENCILS, bridged, off_neighbours
+from ..recording.faults.gaps import SPLIT_PERIODS
+from ..recording.faults.neighbours import NORMAL, STENCILS, bridged, off_neighbours
 from ..recording.record import Record
 from ..types import Array
 

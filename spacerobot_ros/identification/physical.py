@@ -24,7 +24,7 @@ from scipy.linalg import orth, solve_triangular
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
-from ..estimation.momentum_process import MomentumModel
+from ..estimation.filters.momentum_process import MomentumModel
 from ..model.robot import Body, Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array

@@ -11,7 +11,7 @@ import numpy as np
 from ..dynamics.blocks import BlockTree
 from ..dynamics.equations import ReducedEquation, eliminated
 from ..errors import IdentificationError
-from ..estimation.minimal import MinimalSet, minimal_set
+from ..estimation.unknowns.minimal import MinimalSet, minimal_set
 from ..model.robot import Robot
 from ..types import Array, Vector3
 from .estimate import Estimate

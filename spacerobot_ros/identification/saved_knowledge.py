@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..estimation.momentum_process import MomentumModel
+from ..estimation.filters.momentum_process import MomentumModel
 from .checked_file import digest, read_checked, run_down, write_checked
 from .estimate import Estimate, estimated_values
 from .maximum_likelihood import Known

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from ..estimation.momentum_filter import SquareRootInformation
-from ..estimation.momentum_process import MomentumModel
+from ..estimation.filters.momentum_filter import SquareRootInformation
+from ..estimation.filters.momentum_process import MomentumModel
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array

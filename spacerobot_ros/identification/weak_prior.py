@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..estimation.momentum_process import MomentumModel
-from ..estimation.reference import Kinematics
-from ..estimation.torque_hold import Holds
+from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.trajectory.reference import Kinematics
+from ..estimation.unknowns.torque_hold import Holds
 from ..model.settings import IdentifierSettings
 from ..types import Array
 from .validity_limits import SMALLEST_INERTIA

@@ -27,9 +27,9 @@ from ..errors import MessageRejectedError, SpaceRobotError
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..recording import messages
+from ..recording.bags.message_types import decoded
 from ..recording.buffer import JUMP_NS, PATIENCE_NS
 from ..recording.clock_jumps import Judgement, JumpDetector, Sample, refusal
-from ..recording.message_types import decoded
 from ..ros.convert import type_name
 from ..ros.diagnostics import OK, STALE, WARN, NodeHealth, Status
 from ..ros.params import declare_settings, let_change, open_robot

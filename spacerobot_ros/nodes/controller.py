@@ -23,8 +23,8 @@ from ..control.plausible import EstimateCheck
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..model.settings import Settings
+from ..recording.bags.message_types import composer, encoded
 from ..recording.buffer import check_later
-from ..recording.message_types import composer, encoded
 from ..ros import convert
 from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE

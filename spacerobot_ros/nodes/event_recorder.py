@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 
 from ..errors import RecordingError
-from ..recording.bag_writer import BagWriter
+from ..recording.bags.bag_writer import BagWriter
 from ..ros.session import Recorder
 
 _LATENESS_NS = 10_000_000_000  # by which an event may be noticed after it happened

@@ -16,7 +16,7 @@ from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import IdentificationError
-from ..estimation.time_base import LONGEST_GAP
+from ..estimation.trajectory.time_base import LONGEST_GAP
 from ..identification.estimate import Estimate
 from ..identification.online import OnlineIdentifier
 from ..model.robot import Robot

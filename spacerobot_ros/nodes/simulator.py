@@ -20,7 +20,7 @@ from ..errors import SimulationDivergedError
 from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
 from ..recording import messages
-from ..recording.message_types import composer, encoded
+from ..recording.bags.message_types import composer, encoded
 from ..ros.diagnostics import ERROR, OK, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES, STATE
 from ..simulation.firings import THRUSTERS, Firings

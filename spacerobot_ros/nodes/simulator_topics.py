@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Ledger
 
-from ..recording.message_types import composer, encoded
+from ..recording.bags.message_types import composer, encoded
 from ..ros.convert import message_type
 from ..ros.qos import STATE
 from ..sensing.sensors import SensorSamples

@@ -14,20 +14,20 @@ from ..errors import ConfigurationError, RecordingError
 from ..formats import counted
 from ..model.robot import Robot
 from ..model.urdf import parse_urdf
-from .bag import Topics, read_bag
-from .even_stamps import with_even_stamps
+from .bags.bag import Topics, read_bag
+from .faults.even_stamps import with_even_stamps
+from .faults.gaps import split_at_gaps, with_gaps_noted
+from .faults.held_readings import without_repeats
 from .faults.kinematics import unlike_positions
+from .faults.spikes import without_spikes
 from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
-from .gaps import split_at_gaps, with_gaps_noted
-from .held_readings import without_repeats
-from .mapped_table import read_mapped
-from .mapping import load_mapping
+from .faults.wrapped_angles import with_turns_counted
 from .npz import load_npz
 from .record import JointSeries, Record
 from .robot_inputs import in_robot_order, with_inputs
-from .spikes import without_spikes
-from .table import FORMATS, kind_of
-from .wrapped_angles import with_turns_counted
+from .tables.mapped_table import read_mapped
+from .tables.mapping import load_mapping
+from .tables.table import FORMATS, kind_of
 
 
 def read_record(

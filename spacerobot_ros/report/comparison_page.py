@@ -11,7 +11,7 @@ from functools import partial
 
 from .. import __version__
 from ..diagnosis.answer.words import at
-from ..diagnosis.change_conclusion import Change, Comparison
+from ..diagnosis.comparison.change_conclusion import Change, Comparison
 from ..display import Item, Plot, Report, Section, Table
 from ..formats import number, value_with
 from . import diagnosis_plots as curves

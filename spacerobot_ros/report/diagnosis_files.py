@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..diagnosis.answer.extended_model import write_extended_model
-from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.output import EXTENDED_MODEL
+from ..diagnosis.findings import Findings
 from ..json_values import json_text
 from ..model.files import write_text
 from .diagnosis_page import diagnosis_page

@@ -8,8 +8,8 @@ from functools import partial
 from itertools import groupby
 
 from .. import __version__
-from ..diagnosis.answer.findings import Findings
-from ..diagnosis.answer.score_on import BAND
+from ..diagnosis.findings import Findings
+from ..diagnosis.score_on import BAND
 from ..display import Item, KeyFigure, KeyFigures, Plot, Replay, Report, Section, Table
 from ..formats import number, probability
 from ..simulation.replay.scene import scene_of

@@ -8,12 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from ..diagnosis.answer.appearance import Appearance
 from ..diagnosis.answer.cause import Cause
 from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
-from ..diagnosis.answer.findings import Findings
 from ..diagnosis.answer.output import relevance
 from ..diagnosis.answer.result import Diagnosis, FreeMotion, Residual
-from ..diagnosis.answer.score_on import BAND, JointScore, total
 from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events
+from ..diagnosis.findings import Findings
+from ..diagnosis.score_on import BAND, JointScore, total
 from ..display import Section, Table, table_of
 from ..effects.effect import Effect
 from ..formats import counted, number, percent, probability, value_with

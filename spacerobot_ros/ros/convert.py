@@ -15,8 +15,8 @@ from ..control.joint_reference import Setpoint
 from ..control.waypoints import Waypoints
 from ..errors import ConfigurationError, IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
-from ..recording.compose import PACKAGE, Composer
-from ..recording.message_types import composer
+from ..recording.bags.compose import PACKAGE, Composer
+from ..recording.bags.message_types import composer
 from ..recording.messages import INERTIAL_FRAME, joint_order, stamp_ns
 from ..types import Array
 

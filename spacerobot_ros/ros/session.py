@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..model.settings import Settings
-from ..recording.message_types import CanonicalMessages
+from ..recording.bags.message_types import CanonicalMessages
 from .convert import type_name
 from .params import leaves
 from .qos import SAMPLES

@@ -21,7 +21,7 @@ from ..errors import ConfigurationError
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..model.settings import Settings
-from ..recording.bag_writer import BagWriter
+from ..recording.bags.bag_writer import BagWriter
 from ..sensing.sensors import SensorSamples
 from ..types import Array
 from .firings import THRUSTERS, Firings

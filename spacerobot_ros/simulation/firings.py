@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..effects.effect import Effect
-from ..effects.thrusters import CommandDelay
+from ..effects.surroundings.thrusters import CommandDelay
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array, Vector6

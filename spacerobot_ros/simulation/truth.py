@@ -16,7 +16,7 @@ from ..errors import ConfigurationError
 from ..model.rigid_body import check_inertia
 from ..model.robot import Robot
 from ..model.settings import Settings, TruthSettings
-from ..recording.compose import Composer
+from ..recording.bags.compose import Composer
 from ..sensing.faults import SensorFaults
 from ..sensing.sensors import SensorSamples, SensorSuite
 from ..types import Array

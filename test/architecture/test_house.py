@@ -29,6 +29,8 @@ LAYERS = (
 )
 """Rooms and modules beside them, lowest first: each may know its own layer and those below."""
 ROS = ('rclpy', 'launch', 'launch_ros', 'rosidl_runtime_py', 'ament_index_python', 'rpyutils')
+MOST_FILES = 20
+"""In one folder, so that a room shows at a glance what is in it."""
 MESSAGES = ('_msgs', '_srvs', '_interfaces')
 
 
@@ -82,12 +84,22 @@ def room_of(name):
     return parts[1] if len(parts) > 1 else ''
 
 
-@cache
-def room_graph():
+def inner_room_of(name):
+    """The folder of a file; of a file beside inner rooms, itself."""
+    parts = name.split('.')[1:]
+    return '.'.join(parts if is_package(name) or len(parts) < 3 else parts[:-1])
+
+
+def graph_of(rooms):
     graph = defaultdict(set)
     for name, others in file_graph().items():
-        graph[room_of(name)] |= {room_of(o) for o in others} - {room_of(name)}
+        graph[rooms(name)] |= {rooms(o) for o in others} - {rooms(name)}
     return dict(graph)
+
+
+@cache
+def room_graph():
+    return graph_of(room_of)
 
 
 def circles(graph):
@@ -120,6 +132,15 @@ def test_no_circle_of_files():
 
 def test_no_circle_of_rooms():
     assert not circles(room_graph())
+
+
+def test_no_circle_of_inner_rooms():
+    assert not circles(graph_of(inner_room_of))
+
+
+def test_no_room_is_a_heap():
+    files = Counter(name.rpartition('.')[0] for name in sources() if not is_package(name))
+    assert not {short((room,))[0]: n for room, n in files.items() if n > MOST_FILES}
 
 
 def test_every_room_has_its_layer():

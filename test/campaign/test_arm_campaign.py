@@ -4,15 +4,15 @@ import json
 
 import numpy as np
 import pytest
+from spacerobot_ros.estimation.balance.balance.balance import balance_of
 
-from spacerobot_ros.campaign import arm_campaign as campaign
-from spacerobot_ros.campaign.arm_campaign import CAUSES, judge, results, run, tables, trials
 from spacerobot_ros.campaign.description import EXPERIMENTS, key
-from spacerobot_ros.campaign.real_arm import HIDDEN, JOINTS, RealArm, arm_file
+from spacerobot_ros.campaign.hidden import arm_campaign as campaign
+from spacerobot_ros.campaign.hidden.arm_campaign import CAUSES, judge, results, run, tables, trials
+from spacerobot_ros.campaign.hidden.real_arm import HIDDEN, JOINTS, RealArm, arm_file
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.main import main
-from spacerobot_ros.estimation.balance import balance_of
-from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.estimation.trajectory.observations import observed
 
 BIAS = {'effect': 'torque_sensor_bias', 'where': 'joint_1', 'values': {'bias': 2.0}}
 

@@ -8,10 +8,10 @@ from contextlib import redirect_stdout
 import pytest
 from support.contracts import keeps
 
-from spacerobot_ros.campaign import wheel_experiments
 from spacerobot_ros.campaign.description import key
-from spacerobot_ros.campaign.estimators import METHODS, noisy_run
-from spacerobot_ros.campaign.paper import scenario
+from spacerobot_ros.campaign.papers import wheel_experiments
+from spacerobot_ros.campaign.papers.estimators import METHODS, noisy_run
+from spacerobot_ros.campaign.papers.paper import scenario
 from spacerobot_ros.campaign.runner import Finished
 from spacerobot_ros.cli.main import main
 

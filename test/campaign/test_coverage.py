@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign import coverage
 from spacerobot_ros.campaign.description import COVERAGE
-from spacerobot_ros.campaign.estimators import true_values
+from spacerobot_ros.campaign.papers import coverage
+from spacerobot_ros.campaign.papers.estimators import true_values
 from spacerobot_ros.campaign.runner import finish
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.errors import RecordingError

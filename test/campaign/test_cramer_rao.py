@@ -13,12 +13,12 @@ from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 from support.models import H_BASE, H_TARGET, random_tree, robot_of
 
-from spacerobot_ros.campaign.estimators import bound_of
-from spacerobot_ros.campaign.paper import levels_of, momentum_motion, noisy_record, scenario
+from spacerobot_ros.campaign.papers.estimators import bound_of
+from spacerobot_ros.campaign.papers.paper import levels_of, momentum_motion, noisy_record, scenario
 from spacerobot_ros.dynamics.blocks import BlockTree
-from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.momentum_process import MomentumModel
-from spacerobot_ros.estimation.reference import Kinematics, NoiseLevels
+from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
+from spacerobot_ros.estimation.trajectory.reference import Kinematics, NoiseLevels
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.cramer_rao import bound_std, information_root
 from spacerobot_ros.recording.record import (
     AttitudeSeries,

@@ -12,25 +12,30 @@ import pytest
 from scipy.stats import binomtest
 
 from spacerobot_ros.campaign.description import EXPERIMENTS
-from spacerobot_ros.campaign.diagnosis_campaign import HiddenCase, run, trials
-from spacerobot_ros.campaign.diagnosis_campaign_tables import CONFUSION, ROC
-from spacerobot_ros.campaign.diagnosis_draw import drawn, places
-from spacerobot_ros.campaign.diagnosis_judge import (
+from spacerobot_ros.campaign.hidden.diagnosis_campaign import HiddenCase, run, trials
+from spacerobot_ros.campaign.hidden.diagnosis_campaign_tables import CONFUSION, ROC
+from spacerobot_ros.campaign.hidden.diagnosis_draw import drawn, places
+from spacerobot_ros.campaign.hidden.diagnosis_judge import (
     EQUIVALENTS,
     is_equivalent,
     outcome,
     physical_limits,
 )
-from spacerobot_ros.campaign.diagnosis_scenario import EXCITATIONS, ROBOTS, robot_file, simulated
-from spacerobot_ros.campaign.diagnosis_score import score
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import (
+    EXCITATIONS,
+    ROBOTS,
+    robot_file,
+    simulated,
+)
+from spacerobot_ros.campaign.hidden.diagnosis_score import score
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
+from spacerobot_ros.estimation.trajectory.observations import observed
 
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
 BIAS = ('torque_sensor_bias', 'joint_2')

@@ -8,14 +8,14 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign import law_flights
-from spacerobot_ros.campaign.discovery_campaign import trials
-from spacerobot_ros.campaign.discovery_tables import LOOPS, judge, results, tables
-from spacerobot_ros.campaign.hidden_laws import COLOURS, LAWS, NOISE, LawArm
-from spacerobot_ros.campaign.law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight
-from spacerobot_ros.campaign.law_flights import beyond as beyond_data
-from spacerobot_ros.campaign.real_arm import COULOMB
-from spacerobot_ros.effects.learned_torque import law_at
+from spacerobot_ros.campaign.hidden import law_flights
+from spacerobot_ros.campaign.hidden.discovery_campaign import trials
+from spacerobot_ros.campaign.hidden.discovery_tables import LOOPS, judge, results, tables
+from spacerobot_ros.campaign.hidden.hidden_laws import COLOURS, LAWS, NOISE, LawArm
+from spacerobot_ros.campaign.hidden.law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight
+from spacerobot_ros.campaign.hidden.law_flights import beyond as beyond_data
+from spacerobot_ros.campaign.hidden.real_arm import COULOMB
+from spacerobot_ros.effects.laws.learned_torque import law_at
 
 MOVING = ('joint_1', 'joint_2')
 

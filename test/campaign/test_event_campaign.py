@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from support.diagnosis import hand_made
 
-from spacerobot_ros.campaign import event_machines
-from spacerobot_ros.campaign.event_campaign import judge, results, run, tables, trials
-from spacerobot_ros.campaign.event_machines import MACHINES, HiddenPulse
-from spacerobot_ros.campaign.real_arm import COULOMB, JOINTS
+from spacerobot_ros.campaign.hidden import event_machines
+from spacerobot_ros.campaign.hidden.event_campaign import judge, results, run, tables, trials
+from spacerobot_ros.campaign.hidden.event_machines import MACHINES, HiddenPulse
+from spacerobot_ros.campaign.hidden.real_arm import COULOMB, JOINTS
 from spacerobot_ros.diagnosis.events.impulses import steps_beside_wheels
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.runs import Run
+from spacerobot_ros.estimation.trajectory.observations import observed
 
 
 def record(*pulses, kind='moving', false=(), beside=()):

@@ -5,10 +5,10 @@ import math
 
 import pytest
 
-from spacerobot_ros.campaign import monitor_campaign as campaign
 from spacerobot_ros.campaign.description import EXPERIMENTS
-from spacerobot_ros.campaign.monitor_campaign import faulty, judge, nominal, results, trials
-from spacerobot_ros.campaign.monitor_flights import FAULTS, Flight, in_flight
+from spacerobot_ros.campaign.hidden import monitor_campaign as campaign
+from spacerobot_ros.campaign.hidden.monitor_campaign import faulty, judge, nominal, results, trials
+from spacerobot_ros.campaign.hidden.monitor_flights import FAULTS, Flight, in_flight
 from spacerobot_ros.cli.main import main
 
 

@@ -12,7 +12,7 @@ import scipy.stats
 import yaml
 
 from spacerobot_ros.campaign import workers
-from spacerobot_ros.campaign.montecarlo_trial import (
+from spacerobot_ros.campaign.montecarlo.montecarlo_trial import (
     ACCURACY,
     LARGEST,
     closed_loop,
@@ -20,7 +20,7 @@ from spacerobot_ros.campaign.montecarlo_trial import (
     dynamics_rows,
     steps_of,
 )
-from spacerobot_ros.campaign.ranges import Ranges, load_ranges
+from spacerobot_ros.campaign.montecarlo.ranges import Ranges, load_ranges
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.errors import ConfigurationError
 
@@ -96,7 +96,7 @@ def test_steps_are_short_enough(ranges):
     assert steps_of(ranges) < 200
     rows = dynamics_rows(ranges, range(4))
     steps = 4 * steps_of(ranges)
-    from spacerobot_ros.campaign import montecarlo_trial
+    from spacerobot_ros.campaign.montecarlo import montecarlo_trial
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(montecarlo_trial, 'steps_of', lambda _: steps)

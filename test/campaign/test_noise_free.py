@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.estimators import noise_free, relative_errors
-from spacerobot_ros.campaign.paper import momentum_motion, scenario
+from spacerobot_ros.campaign.papers.estimators import noise_free, relative_errors
+from spacerobot_ros.campaign.papers.paper import momentum_motion, scenario
 from spacerobot_ros.errors import ConfigurationError
 
 

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign import tracking
-from spacerobot_ros.campaign.tracking import soft_bandwidth
+from spacerobot_ros.campaign.papers import tracking
+from spacerobot_ros.campaign.papers.tracking import soft_bandwidth
 
 track = cache(tracking.track)  # some runs are asked for twice
 EXACT = 1e-6  # deg; truncation of RK4 at 20 ms is 1e-7

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from spacerobot_ros.campaign import warm_up
-from spacerobot_ros.campaign.diagnosis_scenario import robot_file
-from spacerobot_ros.campaign.monitor_flights import Flight, monitor_of, watch
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file
+from spacerobot_ros.campaign.hidden.monitor_flights import Flight, monitor_of, watch
 from spacerobot_ros.diagnosis.flight.wheel_momentum import constant_pass
 from spacerobot_ros.dynamics.rnea_derivatives import rnea_derivatives
-from spacerobot_ros.estimation.kalman import correlate, gains_of, whiten
+from spacerobot_ros.estimation.filters.kalman import correlate, gains_of, whiten
 
 
 def test_made_up_calls_of_fits_are_those_of_a_diagnosis():

@@ -21,7 +21,7 @@ from spacerobot_ros.cli import identify, main, simulate
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import SpaceRobotError
 from spacerobot_ros.formats import decimals
-from spacerobot_ros.recording.bag import read_bag
+from spacerobot_ros.recording.bags.bag import read_bag
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_record
 

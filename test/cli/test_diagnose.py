@@ -15,11 +15,11 @@ from support.diagnosis import hand_made
 from spacerobot_ros.cli import main
 from spacerobot_ros.cli.options import check_folder
 from spacerobot_ros.cli.terminal import print_sections
-from spacerobot_ros.diagnosis.answer import findings
+from spacerobot_ros.diagnosis import findings
 from spacerobot_ros.diagnosis.answer.cause import Rival
 from spacerobot_ros.diagnosis.answer.closed_loop_gain import ClosedLoopGain
-from spacerobot_ros.diagnosis.answer.findings import Findings
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
+from spacerobot_ros.diagnosis.findings import Findings
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.formats import number, probability, value_with

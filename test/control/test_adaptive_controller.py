@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.adaptive_judge import identities
-from spacerobot_ros.campaign.adaptive_run import (
+from spacerobot_ros.campaign.papers.adaptive_judge import identities
+from spacerobot_ros.campaign.papers.adaptive_run import (
     START,
     LoopCase,
     harmonic,

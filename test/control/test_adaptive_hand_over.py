@@ -13,7 +13,7 @@ from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings
 from spacerobot_ros.control.adaptive.regressors import with_parameters
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import IdentificationError
-from spacerobot_ros.estimation.minimal import minimal_set
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.estimate import Estimate
 
 TRUE = robot_of(

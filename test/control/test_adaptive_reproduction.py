@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign import adaptive_control
-from spacerobot_ros.campaign.adaptive_judge import median, select, worst
 from spacerobot_ros.campaign.description import EXPERIMENTS
+from spacerobot_ros.campaign.papers import adaptive_control
+from spacerobot_ros.campaign.papers.adaptive_judge import median, select, worst
 from spacerobot_ros.campaign.runner import finish
 from spacerobot_ros.cli.main import main
 

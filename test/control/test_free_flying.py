@@ -12,7 +12,7 @@ from support.free_flying import core_errors, errors, file_with, free_flying_para
 
 from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.recording.message_types import typestore
+from spacerobot_ros.recording.bags.message_types import typestore
 from spacerobot_ros.simulation.closed_loop import ClosedLoop, record_run
 
 LAWS = (

@@ -8,9 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.real_arm import JOINTS, RealArm, arm_file
-from spacerobot_ros.diagnosis import applicable, diagnose, predictable
+from spacerobot_ros.campaign.hidden.real_arm import JOINTS, RealArm, arm_file
+from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
+from spacerobot_ros.diagnosis.arms.arms import applicable
+from spacerobot_ros.diagnosis.search.search import predictable
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 

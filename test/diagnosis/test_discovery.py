@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.real_arm import COULOMB, POSE, RATE, RealArm, arm_file
+from spacerobot_ros.campaign.hidden.real_arm import COULOMB, POSE, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.discovery.other_recording import judged_on
@@ -197,7 +197,7 @@ def test_a_joint_of_one_speed_is_told(monkeypatch):
         qd = np.where(turns == 0, 0.25, -0.25)[:, None] * is_moving
         return q, qd, np.zeros_like(q)
 
-    monkeypatch.setattr('spacerobot_ros.campaign.real_arm.motion_of', back_and_forth)
+    monkeypatch.setattr('spacerobot_ros.campaign.hidden.real_arm.motion_of', back_and_forth)
     answer, _ = asked(None)
     assert of_joint(answer).one_speed
     assert any('moves at one speed only' in line for line in leftover_lines(answer))

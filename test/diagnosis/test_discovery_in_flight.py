@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from support.diagnosis import hand_made
 
-from spacerobot_ros.campaign.diagnosis_scenario import motion_of, robot_file, simulated
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import motion_of, robot_file, simulated
 from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import discover_in_flight
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
+from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 
 ROBOT, SECONDS, TASK = 'minisat', 8.0, 4.0

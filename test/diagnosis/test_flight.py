@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
+from spacerobot_ros.campaign.hidden.monitor_flights import (
+    FAULTS,
+    Flight,
+    in_flight,
+    monitor_of,
+    watch,
+)
 from spacerobot_ros.diagnosis.flight.block_innovations import BlockInnovations
 from spacerobot_ros.diagnosis.flight.observed import Observations
 from spacerobot_ros.errors import MessageRejectedError

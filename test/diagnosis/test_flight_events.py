@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.models import random_tree, robot_of
 
-from spacerobot_ros.campaign.monitor_flights import Flight, in_flight, monitor_of
+from spacerobot_ros.campaign.hidden.monitor_flights import Flight, in_flight, monitor_of
 from spacerobot_ros.diagnosis.flight.block_innovations import Block
 from spacerobot_ros.diagnosis.flight.event_watch import EventWatch
 from spacerobot_ros.diagnosis.flight.monitor import Monitor

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.monitor_flights import Flight, monitor_of
+from spacerobot_ros.campaign.hidden.monitor_flights import Flight, monitor_of
 from spacerobot_ros.diagnosis.flight.block_filter import FlightFilter
 from spacerobot_ros.diagnosis.flight.block_innovations import BlockInnovations
 from spacerobot_ros.diagnosis.flight.probes import probes_of
 from spacerobot_ros.diagnosis.flight.wheel_momentum import Momentum, constant_pass
+from spacerobot_ros.estimation.filters.prediction import MeasuredMotion
+from spacerobot_ros.estimation.filters.torque_process import TorqueDriven
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.prediction import MeasuredMotion
-from spacerobot_ros.estimation.torque_process import TorqueDriven
 from spacerobot_ros.recording.buffer import SampleBuffer
 
 

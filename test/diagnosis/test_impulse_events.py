@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.events import impulse_scan
 from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
 from spacerobot_ros.diagnosis.events.impulses import spans_of, steps_beside_wheels
 from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
+from spacerobot_ros.estimation.trajectory.observations import observed
 
 STEPS = ((4.0, 4.1, (0.1, -0.15, 0.08)), (9.0, 9.8, (-0.3, 0.2, 0.4)))
 """Start, end [s] and impulse [N m s] along inertial axes."""

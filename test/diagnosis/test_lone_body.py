@@ -15,8 +15,8 @@ from spacerobot_ros.diagnosis.flight.monitor import Monitor
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import ConfigurationError, RecordingError
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.runs import Run
+from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.identification.lone_body import identify_lone_body
 from spacerobot_ros.recording.faults.check import check_data
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record

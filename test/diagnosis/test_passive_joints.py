@@ -14,9 +14,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
-from spacerobot_ros.diagnosis.answer.score_on import score_on
-from spacerobot_ros.diagnosis.compare import compare
+from spacerobot_ros.diagnosis.comparison.compare import compare
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.score_on import score_on
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.errors import ConfigurationError, RecordingError
 from spacerobot_ros.model.loader import build_robot

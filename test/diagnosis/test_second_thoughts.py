@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from spacerobot_ros.diagnosis.arms.arms.arms import levels_of
+from spacerobot_ros.diagnosis.arms.arms.selection import Selection
+from spacerobot_ros.estimation.balance.balance.arm_levels import leftover_levels
+from spacerobot_ros.estimation.balance.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.balance.balance import balance_of
 
-from spacerobot_ros.campaign.real_arm import COULOMB, RealArm, arm_file
-from spacerobot_ros.diagnosis.arms import levels_of
-from spacerobot_ros.diagnosis.selection import Selection
+from spacerobot_ros.campaign.hidden.real_arm import COULOMB, RealArm, arm_file
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.estimation.arm_levels import leftover_levels
-from spacerobot_ros.estimation.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance import balance_of
 
 KINDS = ('joint_coulomb_friction', 'joint_stribeck_friction')
 
@@ -54,14 +54,14 @@ def test_laws_that_share_a_friction_drift_as_their_sum(selection, laws, rows, mo
     """Not as one of their sizes, of which one may be less than nothing."""
     used = []
     monkeypatch.setattr(
-        'spacerobot_ros.diagnosis.arms.leftover_levels',
+        'spacerobot_ros.diagnosis.arms.arms.leftover_levels',
         lambda rows, deviations, friction: used.append(friction) or [],
     )
     shared = np.zeros(len(rows.sizes))
     for i, share in zip(laws, (3.0, -2.0), strict=True):
         shared[rows.places[i][0]] = share * COULOMB[0]
     monkeypatch.setattr(
-        'spacerobot_ros.diagnosis.arms.ArmFit',
+        'spacerobot_ros.diagnosis.arms.arms.ArmFit',
         lambda *_: type('Fit', (), {'posterior': type('Posterior', (), {'mean': shared})}),
     )
     selection.chosen = laws

@@ -9,7 +9,7 @@ import pytest
 from spacerobot_ros.diagnosis.flight.block_innovations import Block
 from spacerobot_ros.diagnosis.flight.probes import Probe
 from spacerobot_ros.diagnosis.flight.sequential_tests import SequentialTests
-from spacerobot_ros.estimation.time_base import CHANNELS
+from spacerobot_ros.estimation.trajectory.time_base import CHANNELS
 
 PROBES = (Probe('joint_torque', 0, 'a torque', 'N m', 3), Probe('gyro', 0, 'gyro x', 'rad/s'))
 ROWS = 100

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from spacerobot_ros.campaign.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 

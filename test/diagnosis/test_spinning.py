@@ -13,8 +13,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.spin_means import MeanFit
-from spacerobot_ros.diagnosis.spinning import _chosen
+from spacerobot_ros.diagnosis.lone_bodies.spin_means import MeanFit
+from spacerobot_ros.diagnosis.lone_bodies.spinning import _chosen
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.spin import nutation, spin_windows

@@ -6,15 +6,15 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
+from spacerobot_ros.diagnosis.arms.arms.arm_spread import values_std
+from spacerobot_ros.estimation.balance.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.balance.balance import balance_of
 
-from spacerobot_ros.campaign.real_arm import RealArm, arm_file
+from spacerobot_ros.campaign.hidden.real_arm import RealArm, arm_file
 from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence
 from spacerobot_ros.diagnosis.answer.words import cause_in_words
-from spacerobot_ros.diagnosis.arm_spread import values_std
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.estimation.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance import balance_of
-from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.estimation.trajectory.observations import observed
 
 VALUES = {'x': 0.4, 'y': 1.2, 'z': -4e-8}
 GRAVITY = CATALOGUE['gravity_error'](name='tilt', where=None, values=VALUES)

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from spacerobot_ros.diagnosis.compare import compare
+from spacerobot_ros.diagnosis.comparison.compare import compare
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings

@@ -11,7 +11,7 @@ from support.pinocchio_states import pin_acceleration, pin_columns, pin_states, 
 
 from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.tree import difference, is_empty, tree_of
-from spacerobot_ros.estimation.response import InverseDynamics, needed
+from spacerobot_ros.estimation.unknowns.response import InverseDynamics, needed
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},

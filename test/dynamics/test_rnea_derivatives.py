@@ -12,7 +12,7 @@ from support.pinocchio_states import pin_columns, pin_states, wheel_torques
 from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.rotation import skew
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.estimation.torque_process import TorqueDriven
+from spacerobot_ros.estimation.filters.torque_process import TorqueDriven
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},

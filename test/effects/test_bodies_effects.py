@@ -18,8 +18,8 @@ from spacerobot_ros.effects.catalogue import bind_effect, changed_robot
 from spacerobot_ros.effects.hidden import driven_states
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.estimation.reference import Kinematics
-from spacerobot_ros.estimation.response import InverseDynamics
+from spacerobot_ros.estimation.trajectory.reference import Kinematics
+from spacerobot_ros.estimation.unknowns.response import InverseDynamics
 from spacerobot_ros.simulation.plant import Plant
 
 BASE, LINK, TIP = 'base_link', 'link_2', 'link_4'

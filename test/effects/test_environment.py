@@ -15,8 +15,8 @@ from support.against_mujoco import (
 from support.models import robot_of, table_one
 
 from spacerobot_ros.effects.catalogue import bind_effect, bind_effects
-from spacerobot_ros.effects.environment import FORCE
 from spacerobot_ros.effects.motion import Motion
+from spacerobot_ros.effects.surroundings.environment import FORCE
 from spacerobot_ros.errors import ConfigurationError
 
 SECONDS = 2.0

@@ -9,8 +9,8 @@ from support.models import robot_of, table_one
 
 from spacerobot_ros.control.laws import FeedForward
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
-from spacerobot_ros.effects.external import pulse_shape
 from spacerobot_ros.effects.motion import Motion
+from spacerobot_ros.effects.surroundings.external import pulse_shape
 from spacerobot_ros.errors import ConfigurationError
 
 SPAN = {'start': 0.1, 'end': 0.5}

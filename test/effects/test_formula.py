@@ -20,7 +20,7 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects import catalogue
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
-from spacerobot_ros.effects.expression import Expression
+from spacerobot_ros.effects.laws.expression import Expression
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.robot_settings import SensorSettings

@@ -14,8 +14,8 @@ from spacerobot_ros.control.laws import FeedForward
 from spacerobot_ros.dynamics.integrate import TABLEAUS
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effects
-from spacerobot_ros.effects.grammar import FORMS, unit_of
 from spacerobot_ros.effects.joint import STICTION_RATE
+from spacerobot_ros.effects.laws.grammar import FORMS, unit_of
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.simulation.plant import Plant
 

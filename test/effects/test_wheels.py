@@ -32,7 +32,7 @@ from support.pinocchio_states import pin_columns
 from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effect, bind_effects, changed_robot
-from spacerobot_ros.effects.rotors import transverse
+from spacerobot_ros.effects.wheels.rotors import transverse
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings

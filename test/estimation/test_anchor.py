@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from spacerobot_ros.estimation.balance.balance.anchor import branches
 from support.models import random_tree, robot_of
-
-from spacerobot_ros.estimation.anchor import branches
 
 
 @pytest.mark.parametrize('is_turned', [False, True])

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import lsq_linear
 
-from spacerobot_ros.estimation.constrained import ConstrainedProblem, PhysicalBody
+from spacerobot_ros.estimation.inference.constrained import ConstrainedProblem, PhysicalBody
 
 FREE = np.full(10, np.inf)
 

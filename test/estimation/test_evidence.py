@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from spacerobot_ros.estimation.evidence import Gram, cross_validated, folds, score, sum_of
-from spacerobot_ros.estimation.placebo import held_out_gain
+from spacerobot_ros.estimation.inference.evidence import (
+    Gram,
+    cross_validated,
+    folds,
+    score,
+    sum_of,
+)
+from spacerobot_ros.estimation.inference.placebo import held_out_gain
 
 UNBOUNDED = (np.full(2, -np.inf), np.full(2, np.inf))
 

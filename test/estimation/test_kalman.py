@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.estimation.kalman import StateSpace, correlate, gains_of, whiten
+from spacerobot_ros.estimation.filters.kalman import StateSpace, correlate, gains_of, whiten
 
 N, D, DRIVEN, WIDTH, STEP = 6, 5, 2, 2, 0.1
 

@@ -14,9 +14,9 @@ from support.mujoco_truth import generate
 
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.observations import observed
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
+from spacerobot_ros.estimation.trajectory.observations import observed
 
 LINKS = [
     ('0 0 0.3', 'z', '0 0 0.02', 0.3, '2e-4 2e-4 1e-4', '50'),

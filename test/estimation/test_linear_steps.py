@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from spacerobot_ros.estimation.linear_steps import Steps
+from spacerobot_ros.estimation.filters.linear_steps import Steps
 
 DT = 0.01
 

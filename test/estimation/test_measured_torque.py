@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.monitor_flights import Flight, monitor_of
-from spacerobot_ros.estimation.measured_torque import MeasuredTorque
+from spacerobot_ros.campaign.hidden.monitor_flights import Flight, monitor_of
+from spacerobot_ros.estimation.filters.measured_torque import MeasuredTorque
+from spacerobot_ros.estimation.filters.prediction import Innovations, MeasuredMotion
+from spacerobot_ros.estimation.filters.torque_process import TorqueDriven
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.prediction import Innovations, MeasuredMotion
-from spacerobot_ros.estimation.time_base import make_time_base
-from spacerobot_ros.estimation.torque_process import TorqueDriven
+from spacerobot_ros.estimation.trajectory.time_base import make_time_base
 from spacerobot_ros.recording.buffer import SampleBuffer
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
 

@@ -9,7 +9,7 @@ from support.models import DUAL_ARM, random_tree, robot_of, table_one
 
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.estimation.minimal import independent_columns, minimal_set
+from spacerobot_ros.estimation.unknowns.minimal import independent_columns, minimal_set
 
 # Printed in the reference study for axes x, y, y, from an independent implementation.
 XYY = {

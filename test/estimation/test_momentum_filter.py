@@ -11,15 +11,15 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from spacerobot_ros.estimation.linear_steps import Steps
-from spacerobot_ros.estimation.momentum_filter import (
+from spacerobot_ros.estimation.filters.linear_steps import Steps
+from spacerobot_ros.estimation.filters.momentum_filter import (
     MomentumFilter,
     SquareRootInformation,
     state_space,
     transitions_of,
 )
-from spacerobot_ros.estimation.momentum_process import RateErrorModel
-from spacerobot_ros.estimation.time_base import CHANNELS, measured_rows
+from spacerobot_ros.estimation.filters.momentum_process import RateErrorModel
+from spacerobot_ros.estimation.trajectory.time_base import CHANNELS, measured_rows
 
 N, JOINTS, P = 60, 2, 3  # times, joints, constants
 SIZE = 3 + 4 * JOINTS

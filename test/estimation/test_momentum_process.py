@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from support.identification import carried, inertia_of, servicer
 from support.models import DUAL_ARM, random_tree, robot_of, table_one
 
-from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.momentum_process import MomentumModel
-from spacerobot_ros.estimation.reference import Kinematics
+from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
+from spacerobot_ros.estimation.trajectory.reference import Kinematics
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 
 STEP = 1e-5
 # Central differences: STEP^2 = 1e-10, rounding 1e-16 / STEP = 1e-11, derivatives of order ten.

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from support.models import robot_of, table_one
 
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.estimation.nuisances import Nuisances
-from spacerobot_ros.estimation.reference import Kinematics
-from spacerobot_ros.estimation.torque_hold import Holds
+from spacerobot_ros.estimation.trajectory.reference import Kinematics
+from spacerobot_ros.estimation.unknowns.nuisances import Nuisances
+from spacerobot_ros.estimation.unknowns.torque_hold import Holds
 
 ALL = (
     'gyro_bias',

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from support.identification import NOISE, changed, measure, simulate
 
 from spacerobot_ros.errors import IdentificationError
-from spacerobot_ros.estimation.momentum_filter import Stretch
-from spacerobot_ros.estimation.reference import ReferenceTrajectory, integrated_rotation
-from spacerobot_ros.estimation.time_base import filter_times, refuse_long_gaps
+from spacerobot_ros.estimation.filters.momentum_filter import Stretch
+from spacerobot_ros.estimation.trajectory.reference import ReferenceTrajectory, integrated_rotation
+from spacerobot_ros.estimation.trajectory.time_base import filter_times, refuse_long_gaps
 from spacerobot_ros.identification.maximum_likelihood import prepare
 
 

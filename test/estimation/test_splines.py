@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.errors import IdentificationError
-from spacerobot_ros.estimation.splines import Samples, fit_spline
+from spacerobot_ros.estimation.trajectory.splines import Samples, fit_spline
 
 
 def signal(t, derivative=0):

@@ -3,8 +3,8 @@
 import numpy as np
 from support.identification import servicer
 
-from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.standard_parameters import standard_parameters
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
+from spacerobot_ros.estimation.unknowns.standard_parameters import standard_parameters
 
 
 def test_last_links_own_inertia_is_grouped_with_nothing_else():

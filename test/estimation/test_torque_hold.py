@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.effects.robot_file import RobotFile, load_robot_file
-from spacerobot_ros.estimation.torque_hold import Holds, find_holds
+from spacerobot_ros.estimation.unknowns.torque_hold import Holds, find_holds
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from spacerobot_ros.simulation.closed_loop import ClosedLoop

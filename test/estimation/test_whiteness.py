@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.estimation.whiteness import channel_fit, spectral_lines
+from spacerobot_ros.estimation.inference.whiteness import channel_fit, spectral_lines
 
 COUNT, RATE = 4000, 100.0
 TIMES = np.arange(COUNT) / RATE

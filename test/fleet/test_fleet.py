@@ -19,7 +19,7 @@ from support.diagnosis import hand_made
 from spacerobot_ros.campaign import workers
 from spacerobot_ros.campaign.runner import Kept
 from spacerobot_ros.cli.main import main
-from spacerobot_ros.diagnosis.answer.findings import Findings
+from spacerobot_ros.diagnosis.findings import Findings
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.fleet import single
 from spacerobot_ros.fleet.fleet_table import Course, trends

@@ -18,8 +18,8 @@ from support.identification import (
 
 from spacerobot_ros.cli.identify import _sections
 from spacerobot_ros.display import Table
-from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.momentum_process import MomentumModel
+from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification import advice as advice_module
 from spacerobot_ros.identification.advice import advise, advise_on, directions_in_words
 from spacerobot_ros.identification.batch import identify

@@ -16,8 +16,8 @@ from support.identification import (
 )
 
 from spacerobot_ros.errors import IdentificationError
-from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.momentum_process import MomentumModel
+from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.identification.least_squares import (
     momentum_rows,

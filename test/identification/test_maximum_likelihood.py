@@ -19,8 +19,8 @@ from support.identification import (
 )
 from support.models import H_TARGET
 
-from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.momentum_process import MomentumModel
+from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.identification.maximum_likelihood import MaximumLikelihood, prepare
 from spacerobot_ros.model.robot_settings import SensorSettings

@@ -17,7 +17,7 @@ from support.online import (
     same,
 )
 
-from spacerobot_ros.campaign.diagnosis_scenario import packaged
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
 from spacerobot_ros.errors import MessageRejectedError
 from spacerobot_ros.identification.online import OnlineIdentifier
 from spacerobot_ros.simulation.closed_loop import ClosedLoop

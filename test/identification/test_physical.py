@@ -10,8 +10,8 @@ from support.models import H_TARGET
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.momentum_process import MomentumModel
+from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.batch import identify, identify_robot
 from spacerobot_ros.identification.physical import BodyParameters, project
 from spacerobot_ros.model.rigid_body import check_inertia

@@ -20,7 +20,7 @@ from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import IdentificationError
-from spacerobot_ros.estimation.minimal import minimal_set
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.identification.reduced import EstimatedDynamics
 

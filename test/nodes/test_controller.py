@@ -290,7 +290,7 @@ def test_a_clock_that_jumps_back_starts_the_motion_again(bench):
 
 def estimate(bench, **changes):
     from spacerobot_ros.dynamics.blocks import BlockTree
-    from spacerobot_ros.estimation.minimal import minimal_set
+    from spacerobot_ros.estimation.unknowns.minimal import minimal_set
     from spacerobot_ros.identification.estimate import Estimate
 
     robot = bench.node.loop.robot

@@ -14,7 +14,7 @@ from spacerobot_ros.control.joint_reference import rest
 from spacerobot_ros.errors import MessageRejectedError
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.recording import messages
-from spacerobot_ros.recording.message_types import composer, decoded, encoded, typestore
+from spacerobot_ros.recording.bags.message_types import composer, decoded, encoded, typestore
 from spacerobot_ros.ros import convert
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import SAMPLES

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from spacerobot_ros.cli.demo import beside
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.recording.message_types import typestore
+from spacerobot_ros.recording.bags.message_types import typestore
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

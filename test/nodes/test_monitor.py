@@ -9,9 +9,9 @@ from geometry_msgs.msg import QuaternionStamped
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 
-from spacerobot_ros.campaign.monitor_flights import Flight, in_flight
+from spacerobot_ros.campaign.hidden.monitor_flights import Flight, in_flight
 from spacerobot_ros.nodes.monitor import MonitorNode
-from spacerobot_ros.recording.bag import read_bag
+from spacerobot_ros.recording.bags.bag import read_bag
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.diagnostics import OK, STALE
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES, STATE

@@ -16,9 +16,9 @@ from support.models import robot_of, table_one
 
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.bag import Topics, read_bag
-from spacerobot_ros.recording.bag_writer import BagWriter
-from spacerobot_ros.recording.message_types import message_folder, typestore
+from spacerobot_ros.recording.bags.bag import Topics, read_bag
+from spacerobot_ros.recording.bags.bag_writer import BagWriter
+from spacerobot_ros.recording.bags.message_types import message_folder, typestore
 from spacerobot_ros.simulation.plant import Plant
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)  # not the product's: bags of other distributions

@@ -9,8 +9,8 @@ import pytest
 from rosbags.interfaces import Nodetype
 
 from spacerobot_ros.errors import MessageRejectedError
-from spacerobot_ros.recording.cdr import Layout
-from spacerobot_ros.recording.message_types import (
+from spacerobot_ros.recording.bags.cdr import Layout
+from spacerobot_ros.recording.bags.message_types import (
     CanonicalMessages,
     composer,
     decoded,

@@ -14,8 +14,8 @@ from rosbags.rosbag2 import Reader
 from support.models import robot_of, table_one
 
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.bag import read_bag
-from spacerobot_ros.recording.bag_writer import BagWriter
+from spacerobot_ros.recording.bags.bag import read_bag
+from spacerobot_ros.recording.bags.bag_writer import BagWriter
 
 ROBOT = robot_of(table_one())
 STEP_NS, STEPS = 10**7, 500  # five chunks of a second

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from spacerobot_ros.recording.even_stamps import with_even_stamps
+from spacerobot_ros.recording.faults.even_stamps import with_even_stamps
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
 
 PERIOD = 0.01

@@ -11,11 +11,11 @@ from support.models import Part, robot_of
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.faults.check import extra_faults
-from spacerobot_ros.recording.mapping import load_mapping
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 from spacerobot_ros.recording.robot_inputs import with_inputs
 from spacerobot_ros.recording.series import InputSeries
+from spacerobot_ros.recording.tables.mapping import load_mapping
 
 TIMES = np.linspace(0.0, 10.0, 101)
 MAP = """

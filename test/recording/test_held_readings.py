@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from spacerobot_ros.recording.held_readings import first_of_each, without_repeats
+from spacerobot_ros.recording.faults.held_readings import first_of_each, without_repeats
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
 
 TIME = np.arange(0.0, 10.0, 0.01)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.gaps import split_at_gaps
+from spacerobot_ros.recording.faults.gaps import split_at_gaps
 from spacerobot_ros.recording.npz import load_npz, save_npz
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
-from spacerobot_ros.recording.sample_clock import rebuilt
 from spacerobot_ros.recording.series import InputSeries
+from spacerobot_ros.recording.tables.sample_clock import rebuilt
 from test.support.lone_body import box_file
 
 SECOND = 10**9

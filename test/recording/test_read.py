@@ -11,7 +11,7 @@ import yaml
 from support.models import robot_of, table_one
 
 from spacerobot_ros.errors import SpaceRobotError
-from spacerobot_ros.recording.bag_writer import BagWriter
+from spacerobot_ros.recording.bags.bag_writer import BagWriter
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record

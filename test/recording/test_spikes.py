@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from spacerobot_ros.recording.faults.spikes import spikes, without_spikes
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
-from spacerobot_ros.recording.spikes import spikes, without_spikes
 
 TIME = np.arange(0.0, 20.0, 0.01)
 MOTION = np.column_stack([np.sin(TIME), 0.3 * np.cos(2.0 * TIME), np.zeros(len(TIME))])

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.diagnosis_scenario import packaged
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
+from spacerobot_ros.recording.faults.wrapped_angles import with_turns_counted
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
-from spacerobot_ros.recording.wrapped_angles import with_turns_counted
 
 TIME = np.arange(0.0, 20.0, 0.01)
 

@@ -18,7 +18,7 @@ from spacerobot_ros.campaign import workers
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.demo.page import demo_report, pictures_of
 from spacerobot_ros.demo.results import DemoRun, Results
-from spacerobot_ros.diagnosis.answer.findings import Findings
+from spacerobot_ros.diagnosis.findings import Findings
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.fleet import single
 from spacerobot_ros.identification.estimate import Estimate

@@ -21,8 +21,8 @@ from support.models import (
 
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError, RecordingError, SimulationDivergedError
-from spacerobot_ros.recording.bag import read_bag
-from spacerobot_ros.recording.message_types import typestore
+from spacerobot_ros.recording.bags.bag import read_bag
+from spacerobot_ros.recording.bags.message_types import typestore
 from spacerobot_ros.simulation.closed_loop import ClosedLoop, record_run
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config' / 'servicer.yaml'

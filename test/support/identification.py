@@ -16,8 +16,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.dynamics.blocks import BlockTree
-from spacerobot_ros.estimation.minimal import minimal_set
-from spacerobot_ros.estimation.reference import NoiseLevels
+from spacerobot_ros.estimation.trajectory.reference import NoiseLevels
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.model.robot_settings import SensorSettings

@@ -1,7 +1,7 @@
 """The diagnosis campaign on records of MuJoCo.
 
 `PYTHONPATH=test python -m support.mujoco_campaign --out DIR` runs it. The module takes the place
-of `spacerobot_ros.campaign.diagnosis_scenario`: robots, motions, records. What was drawn of the
+of `campaign/hidden/diagnosis_scenario.py`: robots, motions, records. What was drawn of the
 catalogue is made of MuJoCo's own bodies, joints and forces.
 """
 
@@ -14,8 +14,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from spacerobot_ros.campaign import diagnosis_campaign as campaign
 from spacerobot_ros.campaign.description import EXPERIMENTS
+from spacerobot_ros.campaign.hidden import diagnosis_campaign as campaign
 from spacerobot_ros.campaign.runner import finish
 from spacerobot_ros.display import Section, markdown
 from spacerobot_ros.effects.effect import Effect

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from spacerobot_ros.recording.bag_writer import BagWriter
+from spacerobot_ros.recording.bags.bag_writer import BagWriter
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 
 from .mujoco_plan import Plan

@@ -18,7 +18,7 @@ from ...dynamics.equations import Dynamics, without_translation
 from ...errors import ConfigurationError, MessageRejectedError
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
-from ...recording.gaps import ONE_LOST
+from ...recording.faults.gaps import ONE_LOST
 from ...types import Array, Vector3
 from .law_kernel import command, into_base, reference_motion
 from .law_signals import (

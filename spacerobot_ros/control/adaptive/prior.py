@@ -15,7 +15,7 @@ import numpy as np
 
 from ...dynamics.blocks import BlockTree
 from ...errors import IdentificationError
-from ...estimation.minimal import minimal_set
+from ...estimation.unknowns.minimal import minimal_set
 from ...identification.checked_file import digest, read_checked, run_down, write_checked
 from ...identification.estimate import Estimate
 from ...model.robot import Robot

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...estimation.balance import Balance
-from ...estimation.free_joints import HORIZON, predict_free_joints
+from ...estimation.balance.balance import Balance
+from ...estimation.balance.free_joints import HORIZON, predict_free_joints
 from ...types import Array
 from .result import FreeMotion
 

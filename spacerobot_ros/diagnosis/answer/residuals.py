@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...estimation.prediction_rows import LABELS
+from ...estimation.filters.prediction_rows import LABELS
 from ...estimation.rows import ChannelError, ChannelFit
 from ...types import Array
 from .result import Residual, Series

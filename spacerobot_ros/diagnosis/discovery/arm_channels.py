@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ...effects.law_inputs import input_of
-from ...estimation.arm_rows import ArmRows
-from ...estimation.leftover import JointRows
+from ...effects.laws.law_inputs import input_of
+from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.balance.leftover import JointRows
 from ...types import Array, IntArray
 from .discovery_limits import ONE_SPEED
 from .possible_laws import Extent, Law, joint_laws

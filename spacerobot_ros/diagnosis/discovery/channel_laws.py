@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ...effects.formula_quantities import is_axis
-from ...effects.grammar import quantity, unit_of
-from ...effects.learned_torque import LearnedTorque
-from ...estimation.prediction_rows import LABELS
+from ...effects.laws.formula_quantities import is_axis
+from ...effects.laws.grammar import quantity, unit_of
+from ...effects.laws.learned_torque import LearnedTorque
+from ...estimation.filters.prediction_rows import LABELS
 from ...model.robot import Robot
 from ...types import Array
 from ..answer.cause import Estimated

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...effects.grammar import quantity
-from ...effects.learned_torque import LearnedTorque
+from ...effects.laws.grammar import quantity
+from ...effects.laws.learned_torque import LearnedTorque
 from ...effects.motion import Motion
-from ...estimation.arm_priors import DRY, is_kind_of
+from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
-from ..arm_found import WORSE, ArmFound, is_clear, rms
+from ..arms.arm_found import WORSE, ArmFound, is_clear, rms
 from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discovery_limits import FED_IN, MARGIN

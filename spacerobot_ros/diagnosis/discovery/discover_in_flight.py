@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...effects.grammar import FORMS
-from ...effects.law_inputs import AXES, base_axes
-from ...effects.learned_torque import LearnedTorque, law_at
+from ...effects.laws.grammar import FORMS
+from ...effects.laws.law_inputs import AXES, base_axes
+from ...effects.laws.learned_torque import LearnedTorque, law_at
 from ...estimation.refit import Fit, refine
 from ...types import Array
 from ..answer.result import Diagnosis

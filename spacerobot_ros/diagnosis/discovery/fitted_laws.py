@@ -9,17 +9,17 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...effects.learned_torque import LearnedTorque, law_at
-from ...estimation.arm_fit import ArmFit
-from ...estimation.arm_priors import NOTHING
-from ...estimation.arm_rows import ArmRows
+from ...effects.laws.learned_torque import LearnedTorque, law_at
+from ...estimation.balance.arm_fit import ArmFit
+from ...estimation.balance.arm_priors import NOTHING
+from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...types import Array, BoolArray
-from ..applicable import plain_of
-from ..arm_found import ArmFound, is_clear
-from ..arms import levels_of
+from ..arms.applicable import plain_of
+from ..arms.arm_found import ArmFound, is_clear
+from ..arms.arms import levels_of
+from ..arms.selection import Selection
 from ..limits import LARGEST_LAW
-from ..selection import Selection
 from .arm_channels import ArmMotions
 from .possible_laws import Law
 

@@ -17,14 +17,14 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csr_array
 
-from ...effects.bodies import NAMES as INERTIAL
+from ...effects.bodies.bodies import NAMES as INERTIAL
 from ...effects.catalogue import CATALOGUE
-from ...effects.law_inputs import AXES, input_of
+from ...effects.laws.law_inputs import AXES, input_of
 from ...effects.motion import Motion
 from ...estimation.columns import candidate_at
-from ...estimation.prediction_rows import LABELS
+from ...estimation.filters.prediction_rows import LABELS
 from ...estimation.refit import Fit
-from ...estimation.response import Response
+from ...estimation.unknowns.response import Response
 from ...types import Array, IntArray
 from .arm_channels import FIFTHS
 from .possible_laws import (

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...estimation.evidence import Fold, Gram, score, sum_of
-from ...estimation.placebo import DRAWS, SEED, shuffle
+from ...estimation.inference.evidence import Fold, Gram, score, sum_of
+from ...estimation.inference.placebo import DRAWS, SEED, shuffle
 from ...types import Array
 from .law_search import SearchedChannel, Winner, columns_of
 from .spectral_terms import rows_of

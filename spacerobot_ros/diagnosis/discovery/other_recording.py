@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.balance import Balance, balance_of
-from ...estimation.observations import observed
-from ...estimation.placebo import held_out_gain
+from ...estimation.balance.balance import Balance, balance_of
+from ...estimation.inference.placebo import held_out_gain
+from ...estimation.trajectory.observations import observed
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...effects.grammar import FORMS, Form, quantity
+from ...effects.laws.grammar import FORMS, Form, quantity
 from ...types import Array
 
 _PER_TURN = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...effects.grammar import Form
+from ...effects.laws.grammar import Form
 from ...types import Array
 from .possible_laws import Law
 

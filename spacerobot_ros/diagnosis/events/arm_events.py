@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...estimation.arm_priors import DRY, OF_LOAD, Machine
-from ...estimation.arm_rows import ArmRows
-from ...estimation.balance import Balance
+from ...estimation.balance.arm_priors import DRY, OF_LOAD, Machine
+from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.balance.balance import Balance
 from .break_away import break_away
 from .event import Events
 from .moving import PulseSearch

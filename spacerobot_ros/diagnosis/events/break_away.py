@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...estimation.balance import Balance
+from ...estimation.balance.balance import Balance
 from ...types import Array
 
 _BEFORE, _AFTER = 0.3, 0.25  # s of a start: where torque is largest, and the way has its sign

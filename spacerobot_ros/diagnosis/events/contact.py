@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...effects.external import ExternalJointTorque, ExternalWrench
+from ...effects.surroundings.external import ExternalJointTorque, ExternalWrench
 from ...model.robot import Robot
 from .event import Event
 

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...effects.external import pulse_shape
+from ...effects.surroundings.external import pulse_shape
 from ...estimation.refit import Fit
 from ...estimation.rows import Rows
 from ...types import Array

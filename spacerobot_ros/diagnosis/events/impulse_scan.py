@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...effects.external import pulse_shape
+from ...effects.surroundings.external import pulse_shape
 from ...estimation.refit import Fit
 from ...types import Array
 from .event_limits import LISTED_STEP, STEADY

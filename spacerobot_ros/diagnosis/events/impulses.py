@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...effects.catalogue import CATALOGUE
-from ...effects.external import AngularImpulse
+from ...effects.surroundings.external import AngularImpulse
 from ...estimation.refit import Fit, refine
 from ...estimation.runs import Run
 from .event import Event, EventLimit, Events, PossibleEvent

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...estimation.arm_rows import ArmRows
+from ...estimation.balance.arm_rows import ArmRows
 from ...types import Array, BoolArray
 from .contact import Pulse, overlap
 from .event_limits import LISTED, NAMED, ROOM, SNR

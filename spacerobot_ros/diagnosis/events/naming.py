@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from ...effects.external import pulse_shape
-from ...estimation.arm_priors import DRY, FRICTION, OF_LOAD, VISCOUS, friction_of
+from ...effects.surroundings.external import pulse_shape
+from ...estimation.balance.arm_priors import DRY, FRICTION, OF_LOAD, VISCOUS, friction_of
 from ...model.robot import Robot
 from ...types import IntArray
 from .contact import Pulse, are_in_line, event_of, last_felt, overlap

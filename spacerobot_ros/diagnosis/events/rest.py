@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_closing, binary_opening, label
 
-from ...estimation.arm_motion import ArmMotion
-from ...estimation.balance import Balance, own_noise_in_band
+from ...estimation.balance.arm_motion import ArmMotion
+from ...estimation.balance.balance import Balance, own_noise_in_band
 from ...model.robot import Robot
 from ...types import Array, BoolArray
 from .contact import Pulse, are_in_line, event_of, overlap

@@ -18,10 +18,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ...effects.external import pulse_shape
-from ...estimation.arm_levels import leftover_levels
-from ...estimation.arm_rows import ArmRows
-from ...estimation.leftover import JointRows
+from ...effects.surroundings.external import pulse_shape
+from ...estimation.balance.arm_levels import leftover_levels
+from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.balance.leftover import JointRows
 from ...types import Array, BoolArray, IntArray
 
 SPREAD = 0.15

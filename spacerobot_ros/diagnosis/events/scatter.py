@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...estimation.arm_rows import ArmRows
+from ...estimation.balance.arm_rows import ArmRows
 from ...types import Array
 from .scan import PulseScan
 

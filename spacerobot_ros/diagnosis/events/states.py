@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import KDTree
 
-from ...effects.external import pulse_shape
+from ...effects.surroundings.external import pulse_shape
 from ...types import BoolArray
 from .contact import Pulse
 from .moving import PulseSearch

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...effects.external import ExternalWrench
-from ...estimation.balance import Balance
+from ...effects.surroundings.external import ExternalWrench
+from ...estimation.balance.balance import Balance
 from ...types import Array
 from .contact import Pulse
 from .moving import PulseSearch

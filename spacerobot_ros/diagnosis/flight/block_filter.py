@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...estimation.prediction import Columns
-from ...estimation.reference import Kinematics, NoiseLevels
-from ...estimation.torque_process import TorqueDriven
+from ...estimation.filters.prediction import Columns
+from ...estimation.filters.torque_process import TorqueDriven
+from ...estimation.trajectory.reference import Kinematics, NoiseLevels
 from ...recording.record import Record
 from ...types import Array
 from .block_innovations import Block, BlockInnovations, BlockMotion

@@ -7,10 +7,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ...estimation.prediction import Columns, Innovations, MeasuredMotion
-from ...estimation.reference import NoiseLevels
-from ...estimation.time_base import RowIndex, TimeBase
-from ...estimation.torque_process import TorqueDriven
+from ...estimation.filters.prediction import Columns, Innovations, MeasuredMotion
+from ...estimation.filters.torque_process import TorqueDriven
+from ...estimation.trajectory.reference import NoiseLevels
+from ...estimation.trajectory.time_base import RowIndex, TimeBase
 from ...recording.record import Record
 from ...types import Array, IntArray
 

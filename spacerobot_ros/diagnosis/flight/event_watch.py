@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.external import AngularImpulse
+from ...effects.surroundings.external import AngularImpulse
 from ...model.robot import Robot
 from ...types import Array
 from ..events.contact import place_of

@@ -14,14 +14,14 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import MessageRejectedError, SpaceRobotError
-from ...estimation.torque_process import TorqueDriven
+from ...estimation.filters.torque_process import TorqueDriven
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
 from ...recording.buffer import SampleBuffer
-from ...recording.mapped_inputs import INPUTS
 from ...recording.messages import vector
 from ...recording.record import Record
+from ...recording.tables.mapped_inputs import INPUTS
 from ...types import Array
 from .alarms import Alarms
 from .block_filter import FlightFilter

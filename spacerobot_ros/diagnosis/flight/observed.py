@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...estimation.noise_levels import noise_levels
-from ...estimation.reference import NoiseLevels
+from ...estimation.trajectory.reference import NoiseLevels
 from ...identification.outliers import without_outliers
 from ...model.robot import Robot
 from ...recording.buffer import SampleBuffer, sensors_of

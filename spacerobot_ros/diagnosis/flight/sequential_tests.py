@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...estimation.time_base import CHANNELS
+from ...estimation.trajectory.time_base import CHANNELS
 from ...types import Array
 from .block_innovations import Block
 from .probes import Probe

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.measured_torque import TIMINGS
+from ...estimation.filters.measured_torque import TIMINGS
+from ...estimation.filters.prediction import Columns, Innovations, MeasuredMotion
+from ...estimation.filters.torque_process import TorqueDriven
 from ...estimation.noise_levels import noise_levels
-from ...estimation.prediction import Columns, Innovations, MeasuredMotion
-from ...estimation.reference import NoiseLevels
-from ...estimation.time_base import CHANNELS
-from ...estimation.torque_process import TorqueDriven
+from ...estimation.trajectory.reference import NoiseLevels
+from ...estimation.trajectory.time_base import CHANNELS
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
-from ..timing import in_words
+from ..search.timing import in_words
 from .block_innovations import BlockInnovations
 from .wheel_momentum import momentum_forces
 

@@ -17,7 +17,7 @@ import numpy as np
 from ...dynamics.compiling import compiled
 from ...effects.catalogue import CATALOGUE
 from ...effects.motion import Motion
-from ...estimation.response import Response
+from ...estimation.unknowns.response import Response
 from ...model.robot import Robot
 from ...types import Array
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...estimation.inference.whiteness import channel_fit
 from ...estimation.rows import ChannelFit
-from ...estimation.time_base import CHANNELS
-from ...estimation.whiteness import channel_fit
+from ...estimation.trajectory.time_base import CHANNELS
 from ...types import Array
 from .block_innovations import Block
 from .probes import Probe

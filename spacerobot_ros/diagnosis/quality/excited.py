@@ -21,20 +21,20 @@ import numpy as np
 from ...effects.catalogue import kinds_beside
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
-from ...estimation.arm_levels import leftover_levels
-from ...estimation.arm_rows import ArmRows
-from ...estimation.balance import balance_of
+from ...estimation.balance.arm_levels import leftover_levels
+from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.balance.balance import balance_of
 from ...estimation.columns import Candidate, Signatures, candidates
-from ...estimation.evidence import Gram, sum_of
+from ...estimation.inference.evidence import Gram, sum_of
 from ...estimation.noise_levels import noise_levels
-from ...estimation.observations import observed
 from ...estimation.runs import Run
 from ...estimation.scaling import PROPORTIONAL
+from ...estimation.trajectory.observations import observed
 from ...model.robot import Robot
 from ...recording.faults.thresholds import is_short
 from ...recording.record import Record
 from ...types import Array
-from ..arm_found import refuse_rest
+from ..arms.arm_found import refuse_rest
 
 _STRETCH = 60.0  # s that are judged at once: bounds memory, and an initial state more is cheap
 _STRETCHES = 5  # of a long record, evenly spread

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from ...estimation.noise_levels import unseen_turns
 from ...model.body import joint_unit
 from ...model.robot import Robot
+from ...recording.faults.gaps import GAP_PERIODS, ONE_LOST
 from ...recording.faults.thresholds import MOVED
-from ...recording.gaps import GAP_PERIODS, ONE_LOST
 from ...recording.record import SENSORS, RateSeries, Record, to_stamps
 from ...types import Array, IntArray
 

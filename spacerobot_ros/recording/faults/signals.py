@@ -12,9 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...types import Array, IntArray
-from ..gaps import longest_pause
 from ..record import Record, shown
 from . import thresholds
+from .gaps import longest_pause
 from .thresholds import AGREE, DISAGREE, FEWEST_WINDOWS, MOST_WINDOWS, MOVED, WINDOW, DataFault
 
 

@@ -1,0 +1,1 @@
+"""What is hidden in data and has to be found: effects, laws, events, faults in flight."""

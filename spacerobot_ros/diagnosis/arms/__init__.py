@@ -1,0 +1,1 @@
+"""Causes of what a balance of torques misses: choice, checks on other motion, values, verdict."""

@@ -1,0 +1,241 @@
+"""From an arm's causes to an answer: how surely each is one, what is left, and the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...estimation.balance.balance import Balance
+from ...estimation.inference.evidence import chi_square_tail
+from ...estimation.rows import ChannelError
+from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
+from ...types import Array
+from ..answer.cause import Cause, Estimated, Evidence, Ranked
+from ..answer.event_answer import with_events
+from ..answer.free_motion import free_motion
+from ..answer.residuals import series
+from ..answer.result import Diagnosis, Gain, Leftover, RecordingMisfit, Residual
+from ..answer.words import verdict_of
+from ..events.event import Events
+from ..limits import RELEVANT
+from .arm_evidence import rivals_of
+from .arm_found import WORSE, ArmFound, rms, still_words, touched_notes
+from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
+from .arm_verdict import Left, laws_that_matter, overall, sentence
+from .friction_law import friction_laws
+from .gain_notes import gain_notes
+from .orders import find_orders
+from .ratios import ratios, scale_notes
+from .selection import Selection
+from .spring_rest import with_rests
+
+
+def conclude_arm(
+    found: ArmFound, leftover: tuple[Leftover, ...] | None, notes: tuple[str, ...]
+) -> Diagnosis:
+    """What a search says.
+
+    Args:
+        found: Its result.
+        leftover: What that depends on; None: not asked.
+        notes: What else a user should know.
+    """
+    order = sorted(
+        range(len(found.clear)),
+        key=lambda k: -found.selection.gain(found.clear[k]),
+    )
+    usual = usual_scatter(found)
+    causes = with_rests([_cause(found, k, usual) for k in order], found.robot)
+    constants = tuple(_constant(found, effect) for effect in found.constants)
+    named = tuple(c for c in causes if c.relevant)
+    minor = tuple(c for c in causes if not c.relevant)
+    left = Left.of(found)
+    verdict = verdict_of(not left.unusual, bool(named))
+    laws = laws_that_matter(found, left, leftover or ())
+    has_unclear = len(found.fit.chosen) > len(found.clear) + len(found.learned)
+    words = sentence(verdict, named, left, has_unclear=has_unclear) + _law_words(laws)
+    if laws:  # a law is no named cause, and it is no noise
+        verdict = 'partly_explained'
+    channels = series(
+        _levelled(found.fit.rows.balances[0].channels(), found.levels),
+        _levelled(found.extended[0].channels(), found.levels),
+    )
+    residuals = tuple(
+        Residual(
+            channel=s.channel,
+            unit=s.unit,
+            rms_before=float(b),
+            rms_after=float(a),
+            noise_floor=s.noise_floor,
+        )
+        for s, b, a in zip(channels, left.before, left.after, strict=True)
+    )
+    diagnosis = Diagnosis(
+        verdict=verdict,
+        sentence=words,
+        causes=(*constants, *named),
+        minor=minor,
+        residuals=residuals,
+        series=channels,
+        gain=_gain(found),
+        ranking=tuple(_ranked(found.first)),
+        notes=(
+            *notes,
+            *touched_notes(found.fit.rows.balances),
+            *gain_notes(found, left),
+            *scale_notes(found),
+        ),
+        calibration=(*(c.applied for c in minor), *found.calibration),
+        recordings=_recordings(found),
+        friction=friction_laws(found),
+        leftover=leftover,
+        orders=None if leftover is None else find_orders(found.records, found.robot.joints),
+        ratios=ratios(found, usual),
+        free_motion=free_motion(found.fit.rows.balances, found.extended),
+    )
+    return with_events(diagnosis, found.events.events)
+
+
+def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
+    """The answer for recordings in which no joint moves: events are all that they tell."""
+    channels = balances[0].channels()
+    answer = Diagnosis(
+        verdict='consistent' if events.named else 'unexplained',
+        sentence=f'{still_words(balances)}, and nothing else is told.',
+        series=series(channels, channels),
+    )
+    return with_events(answer, events)
+
+
+def _cause(found: ArmFound, k: int, usual: float) -> Cause:
+    """A cause with what speaks for it beside all others."""
+    fit, i = found.fit, found.clear[k]
+    applied = found.named[k]
+    share = max(fit.share(i), 1e-9)
+    thresholds = [
+        replace(p, relevant=RELEVANT / share * abs(coordinate_of(p, value) - origin_of(p)))
+        if p.role in PROPORTIONAL
+        else p
+        for p, value in ((p, applied.values[p.name]) for p in applied.parameters)
+    ]
+    scatter, dof = scatter_of(found, i)
+    birge = math.sqrt(max(1.0, scatter / dof, usual))
+    spread = birge * fit.spread(i)
+    stds = values_std(found, i, spread)
+    return Cause(
+        applied=applied,
+        parameters={
+            p.name: Estimated(
+                value=applied.values[p.name],
+                std=whole_std(found, k, p.name, std),
+                unit=applied.unit_at(found.robot, applied.where, p),
+            )
+            for p, std in zip(applied.parameters, stds, strict=True)
+        },
+        evidence=found.evidence[i],
+        rivals=rivals_of(found.selection, i),
+        thresholds={p.name: p for p in thresholds},
+        relevant=share > RELEVANT,
+        constant_p=chi_square_tail(scatter / birge**2, dof),
+        held_out_recordings=_by_recording(found, i),
+    )
+
+
+def _constant(found: ArmFound, effect: Effect) -> Cause:
+    """A motor constant that nobody stated; as uncertain as a gain of its torques."""
+    rows, posterior = found.fit.rows, found.fit.posterior
+    keys = [candidate.key for candidate in rows.candidates]
+    i = keys.index(('joint_torque_constant', effect.where))
+    (at,) = rows.places[i]
+    scatter, dof = scatter_of(found, i)
+    birge = max(1.0, scatter / dof)
+    std = math.sqrt(birge * float(posterior.covariance[at, at]))
+    return Cause(
+        applied=effect,
+        parameters={
+            p.name: Estimated(
+                value=effect.values[p.name],
+                std=std * effect.values[p.name],
+                unit=effect.unit_at(found.robot, effect.where, p),
+            )
+            for p in effect.parameters
+        },
+        evidence=Evidence(),
+        thresholds={p.name: replace(p, relevant=0.0) for p in effect.parameters},
+        relevant=True,
+        constant_p=chi_square_tail(scatter / birge, dof),
+    )
+
+
+def _by_recording(found: ArmFound, i: int) -> tuple[float, ...] | None:
+    """Log evidence that a cause adds to each recording; None where only one could judge it."""
+    gains = found.selection.held_out(i)
+    return tuple(gains.tolist()) if found.selection.is_judged_by_recordings(i) else None
+
+
+def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelError]:
+    """Channels with the level of what is left as their floor."""
+    return [
+        replace(channel, noise_floor=float(np.sqrt(np.sum(variances))))
+        for channel, variances in zip(channels, levels, strict=False)
+    ]
+
+
+def _gain(found: ArmFound) -> Gain:
+    """Held-out errors by the level of what is left, each part with values from the others."""
+    selection = found.selection
+    count = selection.whole.rows
+    before = sum(fold.part.square for fold in selection.folds())
+    after = selection.held_out_misfit(found.fit.chosen)
+    return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count))
+
+
+def _ranked(first: Selection) -> list[Ranked]:
+    out = []
+    for i, margin in first.ranking():
+        c, judged = first.rows.candidates[i], first.score(i)
+        if c.recordings is not None:
+            continue
+        out.append(
+            Ranked(
+                effect=c.kind.id,
+                where=c.where,
+                values=c.values(judged.estimate),
+                evidence=margin + first.need(i),
+                log_likelihood_gain=0.5 * judged.gain,
+                p_value=judged.p_value,
+            )
+        )
+    return sorted(out, key=lambda r: -r.evidence)
+
+
+def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:
+    """What is left of every recording, before and after."""
+    every = zip(found.records, found.fit.rows.balances, found.extended, found.ratios, strict=True)
+    return tuple(
+        RecordingMisfit(
+            source=record.source,
+            rms_before=overall(rms([before])),
+            rms_after=overall(rms([after])),
+            worse={
+                joint: float(ratio)
+                for joint, ratio in zip(found.robot.joints, ratios, strict=True)
+                if ratio > WORSE
+            },
+        )
+        for record, before, after, ratios in every
+    )
+
+
+def _law_words(laws: Sequence[Leftover]) -> str:
+    """What the leftover goes with; laws that read alike are said once."""
+    said = (
+        f' What is left of {law.channel} goes with {" and ".join(law.depends_on)} like '
+        f'{law.resembles}.'
+        for law in laws
+    )
+    return ''.join(dict.fromkeys(said))

@@ -1,0 +1,144 @@
+"""What a search for the causes of an arm's torques says, and the rms that a model misses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...errors import RecordingError
+from ...estimation.balance.arm_fit import ArmFit
+from ...estimation.balance.balance import Balance, balance_of
+from ...model.robot import Robot
+from ...recording.record import Record
+from ...types import Array
+from ..answer.cause import Evidence
+from ..events.arm_events import ArmEvents, Spans
+from ..limits import CLEAR
+from .selection import Selection
+
+WORSE = 1.02
+"""Of a joint's rms in a recording as it is: the most that an extended model may leave of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFound:
+    """What a search says.
+
+    Args:
+        records: The recordings.
+        robot: The robot file's robot.
+        believed: Its own effects.
+        first: The search before anything was chosen, whose ranking is shown.
+        selection: Its end.
+        fit: The chosen causes with values.
+        evidence: Of every chosen cause.
+        levels: (2 n, 8) variances of every joint's leftover, see `ArmRows.joints` [N^2 m^2].
+        weights: (R, n) how many times as much rows say of the values, see `ArmRows.parts`.
+        constants: Motor constants of currents that nobody made torques, estimated beside all.
+        clear: Numbers of the causes that are named. named: The same as they are applied.
+        calibration: What is applied beside them without a name: causes that are not clear of
+            their own spread, and corrections of the file within its tolerance.
+        learned: Laws that nobody has named, see `discovery`.
+        events: What came from outside; all else is found without those times.
+    """
+
+    records: tuple[Record, ...]
+    robot: Robot
+    believed: tuple[Effect, ...]
+    first: Selection
+    selection: Selection
+    fit: ArmFit
+    evidence: Mapping[int, Evidence]
+    levels: Array
+    weights: Array
+    clear: tuple[int, ...] = ()
+    named: tuple[Effect, ...] = ()
+    calibration: tuple[Effect, ...] = ()
+    constants: tuple[Effect, ...] = ()
+    learned: tuple[Effect, ...] = ()
+    events: ArmEvents = field(default_factory=ArmEvents)
+
+    @cached_property
+    def extended(self) -> tuple[Balance, ...]:
+        """The recordings under the extended model."""
+        effects = (*self.believed, *self.constants, *self.named, *self.calibration)
+        effects += self.learned
+        return tuple(balances_of(self.records, self.robot, effects, self.events.left_out))
+
+    @cached_property
+    def ratios(self) -> Array:
+        """(R, n) rms that the extended model leaves by that of the model; NaN at rest."""
+        pairs = zip(self.fit.rows.balances, self.extended, strict=True)
+        return np.array([rms([after]) / rms([before]) for before, after in pairs])
+
+
+def balances_of(
+    records: Sequence[Record],
+    robot: Robot,
+    effects: Sequence[Effect],
+    left_out: Sequence[Spans],
+) -> list[Balance]:
+    """Every recording under a robot with effects, without some times."""
+    return [
+        balance_of(record, robot, [e for e in effects if e.is_of(run)], spans)
+        for run, (record, spans) in enumerate(zip(records, left_out, strict=True))
+    ]
+
+
+def is_clear(fit: ArmFit, i: int) -> bool:
+    """Whether any coefficient of a cause or a law is clear of its own spread.
+
+    The others predict, too, and stay in the model without a name.
+    """
+    values = fit.values[fit.rows.places[i]]
+    return bool(np.max(np.abs(values) / fit.spread(i)) > CLEAR)
+
+
+def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:
+    """Refuse recordings that say nothing.
+
+    Raises:
+        RecordingError: no joint moves in any of them.
+    """
+    if not any(balance.arm.is_moving.any() for balance in balances):
+        source = records[0].source or 'recording'
+        raise RecordingError(source, f'{still_words(balances)}; record a motion')
+
+
+def still_words(balances: Sequence[Balance]) -> str:
+    """Why nothing is told where no joint moves."""
+    touched = touched_joints(balances)
+    but = f' but in jerks ({", ".join(touched)})' if touched else ''
+    return f'no joint moves{but}: at rest friction holds any torque'
+
+
+def touched_joints(balances: Sequence[Balance]) -> list[str]:
+    """Joints that go somewhere, but nowhere for long enough to be judged."""
+    moves = np.any([b.arm.is_moving.any(axis=0) for b in balances], axis=0)
+    touched = np.any([b.arm.is_touched for b in balances], axis=0) & ~moves
+    return [balances[0].robot.joints[j] for j in np.flatnonzero(touched)]
+
+
+def touched_notes(balances: Sequence[Balance]) -> tuple[str, ...]:
+    """What to say of them."""
+    names = touched_joints(balances)
+    words = 'moves, in jerks or once, are too short to be judged'
+    return (f'{", ".join(names)}: {words}',) if names else ()
+
+
+def rms(balances: Sequence[Balance]) -> Array:
+    """(n,) rms of the torques that a model misses in the band where joints move [N m].
+
+    NaN for a joint that never does.
+    """
+    total, count = 0.0, 0
+    for balance in balances:
+        moving = balance.arm.is_moving[:: balance.arm.stride]
+        total = total + np.sum(balance.torque**2 * moving, axis=0)
+        count = count + np.sum(moving, axis=0)
+    with np.errstate(invalid='ignore'):
+        return np.asarray(np.sqrt(total / np.where(count, count, np.nan)))

@@ -1,0 +1,345 @@
+"""Which causes recordings of an arm want: forward selection on Gram matrices.
+
+Columns hold for effects of any size, so every hypothesis is algebra on sums over the rows. What
+every machine has (its tolerance) stands beside all of them. A cause is worth its name where the
+evidence of its plausible size over its tolerance exceeds what the number of hypotheses makes
+likely by chance; `held_out_checks` asks the other parts of the data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from copy import copy
+
+import numpy as np
+
+from ...estimation.balance.arm_fit import Posterior
+from ...estimation.balance.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISCOUS, is_kind_of
+from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.inference.evidence import Fold, Gram, Score, price, score, sum_of
+from ...types import Array, IntArray
+from ..limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
+
+_AFTER_FRICTION = (*SHAPES, OF_LOAD)
+
+_ROUNDING = 1e-9  # of sums over all rows, from which others were taken
+_LAST = ('joint_torque_ripple',)
+"""Chosen where nothing else is wanted: a few periods follow any smooth curve of the angle. What
+stands in its place until then is pruned."""
+
+
+class Selection:
+    """Choice of causes.
+
+    Args:
+        rows: The recordings.
+        parts: Gram matrices of the blocks of rows that may be held out.
+        recording: (B,) number of the recording of each block.
+        always: Sums that are never held out.
+    """
+
+    def __init__(
+        self,
+        rows: ArmRows,
+        parts: Sequence[Gram],
+        recording: IntArray,
+        always: Gram | None = None,
+    ) -> None:
+        self.rows, self._blocks = rows, tuple(parts)
+        self._recording = recording
+        self.whole = sum_of([*parts, *([] if always is None else [always])])
+        self.recordings = [
+            sum_of([part for part, r in zip(parts, recording, strict=True) if r == number])
+            for number in np.unique(recording)
+        ]
+        self.chosen: list[int] = []
+        self._pruned: dict[int, int] = {}
+        self._folds: dict[bytes, list[Fold]] = {}
+        self._kept: dict[int, tuple[Gram, Posterior]] = {}
+        self._kept_of: frozenset[int] = frozenset()
+        self._information = np.diag(self.whole.matrix)
+        self._is_own = np.zeros(len(self._information), dtype=bool)
+        for candidate, at in zip(rows.candidates, rows.places, strict=True):
+            self._is_own[at] = candidate.recordings is not None
+        seen = np.diag(sum_of(parts).matrix) > 0.0
+        self.live = [
+            i for i, at in enumerate(rows.places) if seen[at].any() and rows.may_be_chosen(i)
+        ]
+
+    @classmethod
+    def of(cls, rows: ArmRows, levels: Sequence[Array]) -> Selection:
+        """Of whitened rows, by (8,) variances of the leftover of every set of `ArmRows.joints`."""
+        return cls(rows, rows.parts(levels), rows.recording, rows.held)
+
+    def labels(self, i: int | None = None) -> IntArray:
+        """(B,) the part that each block belongs to; -1: to none that judges.
+
+        Parts are recordings where two or more say something of a cause, else the blocks of the
+        one that does. Where a load is declared they are the first, second, ... block of each: a
+        loaded recording alone does not tell the load from the links.
+
+        Args:
+            i: The cause; None: all that is chosen.
+        """
+        numbers = np.unique(self._recording)
+        own = slice(None) if i is None else self.rows.places[i]
+        information = np.array(
+            [np.diag(r.matrix)[own] @ self.rows.sizes[own] ** 2 for r in self.recordings]
+        )
+        which = np.searchsorted(numbers, self._recording)
+        judges = np.flatnonzero(information > TELLING * information.sum())
+        if len(judges) < 2:
+            judges = np.array([np.argmax(information)])
+        elif not self.rows.has_load:
+            return which
+        place = np.arange(len(which)) - np.searchsorted(which, which)
+        return np.where(np.isin(which, judges), place, -1)
+
+    def is_judged_by_recordings(self, i: int) -> bool:
+        """Whether each of two recordings or more judges a cause."""
+        several = len(self.recordings) > 1 and bool(np.all(self.labels(i) >= 0))
+        return several and not self.rows.has_load
+
+    def folds(self, i: int | None = None) -> list[Fold]:
+        """Each part of the data beside all others, see `labels`."""
+        labels = self.labels(i)
+        key = labels.tobytes()
+        if key not in self._folds:
+            parts = [
+                sum_of([b for b, label in zip(self._blocks, labels, strict=True) if label == part])
+                for part in range(labels.max() + 1)
+            ]
+            self._folds[key] = [Fold(self.whole - part, part) for part in parts]
+        return self._folds[key]
+
+    def posterior(self, chosen: Iterable[int], gram: Gram | None = None) -> Posterior:
+        """Of causes beside all tolerances.
+
+        What was asked of the last ones is kept. `Posterior.group` of a cause says the same
+        whether it is one of them.
+
+        Args:
+            chosen: The causes.
+            gram: Sums over the rows; None: over all of them.
+        """
+        gram, of = self.whole if gram is None else gram, frozenset(chosen)
+        if of != self._kept_of:
+            self._kept, self._kept_of = {}, of
+        if id(gram) not in self._kept:
+            self._kept[id(gram)] = gram, Posterior.of(gram, self.rows.deviations(of))
+        return self._kept[id(gram)][1]
+
+    def need(self, i: int) -> float:
+        """Log evidence from which a cause is worth a name.
+
+        What the machine has does not become less likely by what recordings may have of their own.
+        """
+        candidate, every = self.rows.candidates[i], self.rows.candidates
+        others = [k for k in self.live if candidate.recordings or not every[k].recordings]
+        size = min(len(candidate.sizes), 4)
+        extra = SPECIAL.get(candidate.kind.id, 0.0)
+        return math.log(len(others)) + FAMILYWISE + 0.5 * (size - 1) + extra
+
+    def gain(self, i: int) -> float:
+        """Log evidence for a cause beside the chosen ones."""
+        return self._gain(self.posterior(self.chosen), i)
+
+    def score(self, i: int) -> Score:
+        """All that is to be said of a cause beside the chosen ones."""
+        return self._score(self.posterior(self.chosen), i)
+
+    def limit(self, i: int, direction: Array) -> float:
+        """Multiple x of a cause's coefficients (K,) from which it is named, beside nothing else.
+
+        Noise aside, its evidence is 1/2 x^2 d' S (S + 1 / prior^2)^-1 S d less the price of its
+        freedom, with S the information of the coefficients, and must exceed that of its tolerance
+        by the need. Infinite where the motion shows nothing of it.
+        """
+        own = self.rows.places[i]
+        gram = self.posterior(()).group(own)
+        power, cost = 0.0, self.need(i)
+        tolerances = self.rows.tolerances[own]
+        for sign, prior in ((1.0, self.rows.candidates[i].sizes), (-1.0, tolerances)):
+            scaled, seen = prior[:, None] * gram.matrix * prior, prior * (gram.matrix @ direction)
+            power += sign * float(seen @ np.linalg.solve(np.eye(len(own)) + scaled, seen))
+            cost += sign * price(np.asarray(np.linalg.eigvalsh(scaled)), gram.rows)
+        return math.sqrt(2.0 * cost / power) if power > 0.0 else math.inf
+
+    def _score(self, beside: Posterior, i: int) -> Score:
+        return self._scored(beside.group(self.rows.places[i]), i)
+
+    def _scored(self, gram: Gram, i: int) -> Score:
+        candidate = self.rows.candidates[i]
+        return score(gram, candidate.sizes, (candidate.lower, candidate.upper), None)
+
+    def _gain(self, beside: Posterior, i: int) -> float:
+        own = self.rows.places[i]
+        free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
+        gram = beside.group(own)
+        tolerated = score(gram, self.rows.tolerances[own], free, None)
+        gain = self._scored(gram, i).evidence - tolerated.evidence
+        freedom = self.rows.freedom(i)
+        if gain <= 0.0 or math.isinf(freedom):
+            return gain
+        # Student's t in place of a normal distribution: the level is that of few runs.
+        return 0.5 * (freedom + 1.0) * math.log1p(2.0 * gain / freedom)
+
+    def ranking(self, without: int | None = None) -> list[tuple[int, float]]:
+        """Candidates that may be chosen, with the log evidence beyond their need, best first.
+
+        Args:
+            without: A chosen cause that is left out.
+        """
+        taken = [i for i in self.chosen if i != without]
+        beside = self.posterior(self.chosen)
+        if without is not None:
+            own = self.rows.places[without]
+            beside = beside.under(own, self.rows.tolerances[own])
+        margins = [
+            (i, self._gain(beside, i) - self.need(i))
+            for i in self.live
+            if i not in taken and self._is_open(i, taken)
+        ]
+        return sorted(margins, key=lambda pair: -pair[1])
+
+    def run(self) -> None:
+        """Choose until nothing more is wanted."""
+        while wanted := [(i, margin) for i, margin in self.ranking() if margin > 0.0]:
+            self.chosen.append(self._simplest(wanted))
+            self._prune()
+
+    def _simplest(self, wanted: Sequence[tuple[int, float]]) -> int:
+        """The likeliest beforehand of those that do nearly as well as the best.
+
+        That is the cause of fewest numbers at the same place; of bodies, whose columns are much
+        the same as their neighbours', what hangs on the last link.
+        """
+        candidates, last = self.rows.candidates, self.rows.robot.last_links
+        usual = [pair for pair in wanted if candidates[pair[0]].kind.id not in _LAST]
+        wanted = usual or wanted
+        close = [(i, m) for i, m in wanted if m > SIMPLER_MARGIN * wanted[0][1]]
+        best = candidates[wanted[0][0]]
+        if best.kind.id == 'inertial_parameters':
+            for i, _ in close:
+                if candidates[i].kind is best.kind and candidates[i].where in last:
+                    return i
+        near = [(i, margin) for i, margin in close if candidates[i].where == best.where]
+        return min(near, key=lambda pair: (len(candidates[pair[0]].sizes), -pair[1]))[0]
+
+    def _is_open(self, i: int, chosen: Sequence[int]) -> bool:
+        candidate = self.rows.candidates[i]
+        taken = [self.rows.candidates[k] for k in chosen]
+        if self._pruned.get(i, 0) >= MOST_PRUNED or candidate.contradicts(taken):
+            return False
+        here = [t.kind for t in taken if t.where == candidate.where]
+        believed = self.rows.balances[0].effects
+        here += [type(e) for e in believed if e.where == candidate.where]
+        is_rubbing = any(is_kind_of(kind, law) for kind in here for law in (DRY, VISCOUS))
+        return is_rubbing or candidate.kind.id not in _AFTER_FRICTION
+
+    def _prune(self) -> None:
+        while len(self.chosen) > 1:
+            margins = {i: self.gain(i) - self.need(i) for i in self.chosen}
+            worst = min(margins, key=margins.__getitem__)
+            if margins[worst] > 0.0:
+                return
+            self.drop(worst)
+
+    def drop(self, i: int) -> None:
+        """Take a cause back."""
+        self.chosen.remove(i)
+        self._pruned[i] = self._pruned.get(i, 0) + 1
+
+    def bar(self, which: Iterable[int]) -> None:
+        """Choose causes no more."""
+        self._pruned = {**self._pruned, **dict.fromkeys(which, MOST_PRUNED)}
+
+    def ask_again(self, gone: Iterable[int]) -> bool:
+        """Choose what had given way to causes that are gone, unless others give way to it.
+
+        Returns:
+            Whether there is any.
+        """
+        candidates = self.rows.candidates
+        keys = {candidates[i].key for i in gone}
+        self.bar(i for i in self.live if candidates[i].key in keys)
+        other = copy(self)
+        other.chosen = list(self.chosen)
+        other.run()
+        if not set(other.chosen) > set(self.chosen):
+            return False
+        self.take(other)
+        return True
+
+    def held_out(self, i: int) -> Array:
+        """(F,) log evidence that a cause adds to the prediction of each part from the others.
+
+        Beside its not being there at all: a part that is sharp on its own is predicted as well by
+        what is only tolerated.
+        """
+        both = [*self.chosen, i]
+        whole = self._score(self.posterior(both), i).evidence
+        rests = [self.posterior(both, fold.rest) for fold in self.folds(i)]
+        return np.array([whole - self._score(rest, i).evidence for rest in rests])
+
+    def instead_of(self, i: int, barred: Iterable[int]) -> Selection:
+        """What is chosen in the place of a cause, others barred.
+
+        Laws that gave way to it, or would, are open again.
+        """
+        other = copy(self)
+        other.chosen = [k for k in self.chosen if k != i]
+        other._pruned = {**self._pruned, **dict.fromkeys(self.alike(i), 0)}
+        other.bar(barred)
+        other.run()
+        return other
+
+    def alike(self, i: int) -> list[int]:
+        """Special cases of a cause's law at its place, and laws that it is one of."""
+        candidates = self.rows.candidates
+        return [k for k in self.live if candidates[k].repeats([candidates[i]])]
+
+    def take(self, other: Selection) -> None:
+        """Choose as another does, and bar what it bars."""
+        self.chosen, self._pruned = other.chosen, other._pruned
+
+    def held_out_misfit(self, chosen: Sequence[int], i: int | None = None) -> float:
+        """`held_out_misfits` of all parts together."""
+        return float(np.sum(self.held_out_misfits(chosen, i)))
+
+    def held_out_misfits(self, chosen: Sequence[int], i: int | None = None) -> Array:
+        """(F,) squared rows of every part with the coefficients that all others give.
+
+        What is of a part alone, such as its load, is not held against it: its most probable value
+        there is.
+
+        Args:
+            chosen: What is beside the tolerances.
+            i: The cause that the parts judge; None: all of them. It is not there at all where it
+                is not chosen.
+        """
+        out = []
+        for fold in self.folds(i):
+            if i is None or i in chosen:
+                found = self.posterior(chosen, fold.rest)
+            else:
+                found = self.without(i, [*chosen, i], fold.rest)
+            out.append(fold.part.misfit(self._with_own(found, fold)))
+        return np.array(out)
+
+    def _with_own(self, found: Posterior, fold: Fold) -> Array:
+        """(K,) most probable coefficients, those of recordings of which only the part knows."""
+        mean, information = found.mean.copy(), np.diag(fold.rest.matrix)
+        own = np.flatnonzero(self._is_own & (information <= _ROUNDING * self._information))
+        if len(own):
+            mean[own] = 0.0
+            part = fold.part.part(own)
+            left = part.vector - fold.part.matrix[own] @ mean
+            mean[own] = np.linalg.solve(part.matrix + np.diag(found.precision[own]), left)
+        return mean
+
+    def without(self, i: int, chosen: Iterable[int], gram: Gram | None = None) -> Posterior:
+        """Of causes, one of which is not there at all; see `posterior`."""
+        own = self.rows.places[i]
+        return self.posterior(chosen, gram).under(own, NOTHING * self.rows.sizes[own])

@@ -1,0 +1,204 @@
+"""From a comparison to an answer: what changed, how surely, and what would have been seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ...estimation.balance.arm_priors import torque_tolerance
+from ...formats import either
+from ...types import Array
+from ..answer.cause import Estimated, Rival
+from ..answer.result import Series
+from ..answer.words import at, first_few, value_in_words
+from ..arms.arm_evidence import rivals_of
+from .changes import Changes
+
+_UNSEEN = 1e3  # plausible sizes: what must change by more is not seen at all
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """A change from one group of recordings to another.
+
+    Args:
+        effect: Its id. where: Its place. title: What it is, in words.
+        parameters: What was added to each parameter.
+        log_evidence: For it over what any machine changes by itself.
+        held_out_gain: The same for each part of the second group, predicted from the others.
+        indistinguishable_from: What these motions can not tell from it.
+    """
+
+    effect: str
+    where: str | None
+    title: str
+    parameters: Mapping[str, Estimated]
+    log_evidence: float
+    held_out_gain: tuple[float, ...]
+    indistinguishable_from: tuple[Rival, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detectable:
+    """The smallest change of one parameter that would have been named."""
+
+    effect: str
+    where: str | None
+    parameter: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """The whole answer.
+
+    Args:
+        verdict: changed or unchanged. sentence: The same in words.
+        changes: By evidence.
+        detectable: Of every cause the change that would have been seen; infinite where the motion
+            shows nothing of it.
+        left: Rms of what no cause explains of each joint's torque.
+        units: Of each joint's torque.
+        is_repeated: Whether all recordings are of one motion, judged by the scatter between
+            the reference runs.
+        series: What is missed of the torques of the first recording afterwards, with what both
+            groups share and with the changes, too: for plots.
+    """
+
+    verdict: str
+    sentence: str
+    changes: tuple[Change, ...]
+    detectable: tuple[Detectable, ...]
+    left: Mapping[str, float]
+    units: Mapping[str, str]
+    is_repeated: bool
+    series: tuple[Series, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values; `causes` as in diagnosis.json."""
+        return {
+            'schema': 2,
+            'verdict': self.verdict,
+            'sentence': self.sentence,
+            'causes': [asdict(change) for change in self.changes],
+            'detectable': [asdict(one) for one in self.detectable],
+            'repeats': self.is_repeated,
+            'left_unexplained': {
+                'unit': either(self.units.values()),
+                'units': dict(self.units),
+                'joints': dict(self.left),
+            },
+        }
+
+
+def conclude_changes(found: Changes) -> Comparison:
+    """What a comparison says."""
+    selection = found.selection
+    order = sorted(selection.chosen, key=lambda i: -selection.gain(i))
+    changes = tuple(_change(found, i) for i in order)
+    verdict = 'changed' if changes else 'unchanged'
+    levels = np.sqrt(np.sum(found.levels, axis=1))
+    return Comparison(
+        verdict=verdict,
+        sentence=_sentence(changes),
+        changes=changes,
+        detectable=tuple(_detectable(found, i) for i in selection.live),
+        left=dict(zip(found.robot.joints, levels.tolist(), strict=False)),
+        units={joint: found.robot.unit_of('N m', joint) for joint in found.robot.joints},
+        is_repeated=found.is_repeated,
+        series=_series(found, levels),
+    )
+
+
+def _series(found: Changes, levels: Array) -> tuple[Series, ...]:
+    """Of every joint where it moves.
+
+    Args:
+        found: The comparison.
+        levels: Rms of what no cause explains, of every joint first [N m].
+    """
+    rows, run = found.fit.rows, found.after
+    columns, mean = rows.columns[run], found.fit.posterior.mean
+    count = columns.shape[2]
+    chosen = np.zeros(len(mean), dtype=bool)
+    for i in found.fit.chosen:
+        chosen[rows.places[i]] = True
+    shared = mean[:-count] if len(mean) > count else np.zeros(count)
+    before = rows.torque(run) - columns @ shared
+    after = before - columns @ np.where(chosen, mean, 0.0)[-count:]
+    balance = rows.balances[run]
+    seen = [(j, rows.rows_at(balance, j)) for j in range(len(found.robot.joints))]
+    return tuple(
+        Series(
+            channel=f'joint_torque/{found.robot.joints[j]}',
+            unit=found.robot.unit_of('N m', found.robot.joints[j]),
+            time=balance.row_times[at],
+            measured=np.zeros(0),
+            before=before[at, j],
+            after=after[at, j],
+            noise_floor=float(levels[j]),
+        )
+        for j, at in seen
+        if len(at)
+    )
+
+
+def _change(found: Changes, i: int) -> Change:
+    selection, posterior = found.selection, found.fit.posterior
+    candidate, own = selection.rows.candidates[i], selection.rows.places[i]
+    # what a machine that nobody touched changes by itself is in it, too
+    spread = np.hypot(np.sqrt(np.diag(posterior.covariance)[own]), selection.rows.tolerances[own])
+    names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
+    is_body = candidate.kind.id == 'inertial_parameters'
+    scale = float(np.max(torque_tolerance(found.robot))) if is_body else 0.0
+    values = posterior.mean[own]
+    if candidate.kind.id == 'joint_torque_constant':  # columns of measured torques: 1 - 1 / gain
+        gain = 1.0 / (1.0 - np.minimum(values, 0.9))
+        values, spread = gain - 1.0, gain**2 * spread
+    return Change(
+        effect=candidate.kind.id,
+        where=candidate.where,
+        title=candidate.kind.title,
+        parameters={
+            p.name: Estimated(
+                value=float(value),
+                std=math.hypot(std, scale * value),
+                unit=candidate.kind.unit_at(found.robot, candidate.where, p),
+            )
+            for p, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
+        },
+        log_evidence=selection.gain(i),
+        held_out_gain=tuple(selection.held_out(i).tolist()),
+        indistinguishable_from=rivals_of(selection, i),
+    )
+
+
+def _detectable(found: Changes, i: int) -> Detectable:
+    """Of the first parameter alone."""
+    candidate = found.selection.rows.candidates[i]
+    first = candidate.kind.parameters[0]
+    limit = found.selection.limit(i, np.eye(len(candidate.sizes))[0])
+    return Detectable(
+        effect=candidate.kind.id,
+        where=candidate.where,
+        parameter=first.name,
+        value=limit if limit < _UNSEEN * first.size else math.inf,
+        unit=candidate.kind.unit_at(found.robot, candidate.where, first),
+    )
+
+
+def _sentence(changes: tuple[Change, ...]) -> str:
+    if not changes:
+        return 'Nothing changed by more than would have been seen (detectable).'
+    return f'What changed: {first_few([_in_words(change) for change in changes])}.'
+
+
+def _in_words(change: Change) -> str:
+    first = value_in_words(*next(iter(change.parameters.items())), sign='+')
+    rivals = [f', or {r.effect}{at(r.where)}' for r in change.indistinguishable_from]
+    return f'{change.title}{at(change.where)} ({first}){"".join(rivals)}'

@@ -1,0 +1,54 @@
+"""What a comparison of recordings says, whichever way it was made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...estimation.balance.arm_fit import ArmFit
+from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.columns import Candidate
+from ...model.robot import Robot
+from ...types import Array
+from ..arms.selection import Selection
+
+_FINE = (
+    'joint_stribeck_friction',
+    'joint_friction_curvature',
+    'joint_presliding_friction',
+    'joint_coupled_friction',
+    'joint_torque_ripple',
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What a comparison says.
+
+    Args:
+        robot: The robot file's robot.
+        selection: The choice among changes.
+        fit: The chosen ones with values.
+        levels: (n, 8) variances of every joint's leftover [N^2 m^2].
+        after: Number, among those of the fit, of the first recording of the second group.
+        is_repeated: Whether all recordings are of one motion, what is usual from run to run known.
+    """
+
+    robot: Robot
+    selection: Selection
+    fit: ArmFit
+    levels: Array
+    after: int
+    is_repeated: bool = False
+
+
+def is_lasting(candidate: Candidate) -> bool:
+    """Whether a change may be named: of a finer shape of friction it may not."""
+    return candidate.kind.id not in _FINE
+
+
+class ChangeRows(ArmRows):
+    """Rows among whose candidates only changes that last are named."""
+
+    def may_be_chosen(self, i: int) -> bool:
+        """See `is_lasting`."""
+        return is_lasting(self.candidates[i])

@@ -1,0 +1,1 @@
+"""Robots without joints: spin, nutation, thrusters."""

@@ -1,0 +1,59 @@
+"""What a search has found: the chosen causes, why, and whether each proved sound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from ...estimation.inference.evidence import Score
+from ...estimation.refit import Fit, refine
+from .pool import Judged
+from .soundness import Soundness
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """A chosen cause, why, and what might stand in its place.
+
+    Args:
+        key: Effect and place.
+        score: Its score when it was chosen.
+        rivals: (effect, place, gap in log evidence) that fit nearly as well.
+    """
+
+    key: tuple[str, str | None]
+    score: Score
+    rivals: tuple[tuple[str, str | None, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Result of the search.
+
+    Args:
+        null: The model as it stands.
+        fit: The model with all causes.
+        choices: One a cause of `fit`, in the same order.
+        checks: Whether each proved sound.
+        first: Every candidate's score against the model as it stands, best first.
+        is_complete: Whether the search ended because nothing more was wanted.
+    """
+
+    null: Fit
+    fit: Fit
+    choices: tuple[Choice, ...]
+    checks: tuple[Soundness, ...]
+    first: tuple[Judged, ...]
+    is_complete: bool
+
+    @cached_property
+    def sound(self) -> Fit:
+        """The fit with only the sound causes."""
+        return self.only([i for i, check in enumerate(self.checks) if check.is_sound])
+
+    def only(self, kept: Sequence[int]) -> Fit:
+        """The fit with only some of its causes."""
+        if list(kept) == list(range(len(self.choices))):
+            return self.fit
+        return refine(self.fit.run, [self.fit.causes[i] for i in kept]) if kept else self.null

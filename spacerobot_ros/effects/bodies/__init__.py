@@ -1,0 +1,1 @@
+"""Effects of bodies: inertia, panels, fuel, a soft grasp."""

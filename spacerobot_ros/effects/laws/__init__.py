@@ -1,0 +1,1 @@
+"""Laws that a robot file writes or a recording teaches: formulas, learned torques."""

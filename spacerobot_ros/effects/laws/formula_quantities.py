@@ -1,0 +1,99 @@
+"""What a formula may take: quantities of joints, base and sensors, with units and usual values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from ...model.robot import Robot
+from ...types import Array
+from ..joint import STICTION_RATE
+from .law_inputs import AXES
+
+READING = 'reading'
+OF_JOINTS = {'position': 'rad', 'rate': 'rad/s', 'effort': 'N m'}
+"""With units of joints that turn."""
+OF_BASE = {'base_rate': tuple(AXES), 'attitude': tuple(a + b for a in AXES for b in AXES)}
+"""With what may be in brackets behind them."""
+CHANNELS = {
+    'joint_position': (*OF_JOINTS, READING),
+    'joint_velocity': (*OF_JOINTS, READING),
+    'joint_effort': (*OF_JOINTS, READING),
+    'gyro': ('base_rate', READING),
+    'attitude': (),
+}
+"""Channels that a formula may change, and quantities that are known where that is undone."""
+MEASURED = dict(zip(CHANNELS, OF_JOINTS, strict=False))
+"""What a channel of joints measures."""
+_OF_FORCES = (*OF_JOINTS, *OF_BASE)
+_TRIALS = 16  # random states at which a formula is tried
+
+Known = Mapping[str, tuple[str | None, ...]]
+"""Quantities, and what may be in brackets behind each: '' nothing, None any joint."""
+
+
+def parts(name: str) -> tuple[str, str]:
+    """Of a quantity such as `rate[joint_2]`: what it is, and whose; empty for its own."""
+    what, _, whose = name.partition('[')
+    return what, whose.removesuffix(']')
+
+
+def is_axis(where: str | None) -> bool:
+    """Whether a place is an axis of the base, such as `base_link/x`."""
+    return where is not None and where[-2:] in {f'/{axis}' for axis in AXES}
+
+
+def known_quantities(channel: str, is_at_joint: bool, extra: Sequence[str]) -> Known:
+    """What a formula may take.
+
+    Args:
+        channel: That it changes; empty for a force.
+        is_at_joint: Whether it acts at a joint, not at an axis of the base.
+        extra: Names of what else is measured.
+    """
+    joints: tuple[str | None, ...] = ('', None) if is_at_joint else (None,)
+    out: dict[str, tuple[str | None, ...]] = {}
+    for what in CHANNELS[channel] if channel else _OF_FORCES:
+        out[what] = joints if what in OF_JOINTS else OF_BASE.get(what, ('',))
+    return {**out, 'time': ('',), **({'extra': tuple(extra)} if extra else {})}
+
+
+def is_known(name: str, known: Known) -> bool:
+    """Whether a quantity is among some."""
+    what, whose = parts(name)
+    forms = known.get(what, ())
+    return whose in forms or bool(whose and None in forms)
+
+
+def listed(known: Known) -> Iterator[str]:
+    """For messages."""
+    for what, forms in known.items():
+        if '' in forms:
+            yield what
+        names = ['JOINT' if whose is None else whose for whose in forms if whose != '']
+        if names:
+            yield f'{what}[{"|".join(names)}]'
+
+
+def unit_of(name: str, robot: Robot, where: str | None) -> str:
+    """Unit of a quantity of joints, of the base or of time."""
+    what, whose = parts(name)
+    if what in OF_JOINTS:
+        return robot.unit_of(OF_JOINTS[what], whose or str(where))
+    return {'time': 's', 'base_rate': 'rad/s', 'attitude': ''}[what]
+
+
+def at_rest(name: str) -> Array:
+    """(1,) of a robot at rest, its base in the inertial frame."""
+    what, whose = parts(name)
+    return np.full(1, float(what == 'attitude' and whose[0] == whose[1]))
+
+
+def anywhere(name: str, rng: np.random.Generator) -> Array:
+    """(N,) random values; rates both within and beyond stiction."""
+    what, _ = parts(name)
+    if what == 'time':
+        return rng.uniform(0.0, 10.0, _TRIALS)
+    slow = np.where(rng.random(_TRIALS) < 0.3, STICTION_RATE, 1.0)
+    return rng.uniform(-1.0, 1.0, _TRIALS) * (slow if what == 'rate' else 1.0)

@@ -1,0 +1,1 @@
+"""Effects on what sensors say, and when."""

@@ -1,0 +1,1 @@
+"""Effects from outside: gravity, orbit, thrusters, pushes."""

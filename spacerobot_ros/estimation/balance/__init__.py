@@ -1,0 +1,1 @@
+"""Rows by balance of torques along a measured motion, whitened by the level of what is left."""

@@ -1,0 +1,341 @@
+"""Recordings of one arm as linear rows: every cause that an arm may have, at every place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...model.robot import Robot
+from ...types import Array, BoolArray, IntArray
+from ..columns import Candidate
+from ..inference.evidence import Gram
+from .anchor import HELD, scale_columns, unanchored
+from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings
+from .arm_priors import DRY, NOTHING, Machine
+from .balance import Balance
+from .leftover import JointRows
+
+_BLOCKS, _FEW = 4, 2
+_LEAST_BLOCK = 4.0  # s of motion
+_NO_SHAPE = 1e-6  # rms of what a joint without turns and rests has near them
+_TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
+
+
+@dataclass(frozen=True, eq=False)
+class ArmRows:
+    """R recordings of one robot about one model.
+
+    Args:
+        balances: The model along every recording.
+        candidates: Causes that may be, with plausible sizes.
+        tolerances: (K,) what their coefficients are on any machine.
+        about: Coefficients about which rows without a torque are linearized, of the first
+            candidates or all; None: the model.
+    """
+
+    balances: tuple[Balance, ...]
+    candidates: tuple[Candidate, ...]
+    tolerances: Array
+    about: Array | None = field(default=None, kw_only=True)
+
+    @classmethod
+    def of(cls, balances: Sequence[Balance], kinds: Iterable[type[Effect]]) -> ArmRows:
+        """With every effect of a catalogue that an arm may have."""
+        robot = balances[0].robot
+        machine = Machine(robot, balances)
+        found, tolerances = [], []
+        for candidate in arm_candidates(kinds, balances):
+            prior = machine.prior(candidate)
+            if prior is not None:
+                found.append(replace(candidate, sizes=prior[0]))
+                tolerances.append(prior[1])
+        return cls(tuple(balances), tuple(found), np.concatenate(tolerances))
+
+    def with_own(self, loaded: Sequence[int]) -> ArmRows:
+        """With what recordings may have of their own; see `candidates_of_recordings`."""
+        count = len(self.balances)
+        return self.with_more(
+            [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
+        )
+
+    def with_more(self, more: Sequence[Candidate]) -> ArmRows:
+        """With further candidates, which no machine has unless they are chosen."""
+        tolerances = [self.tolerances, *(NOTHING * c.sizes for c in more)]
+        out = replace(
+            self, candidates=(*self.candidates, *more), tolerances=np.concatenate(tolerances)
+        )
+        if 'columns' in self.__dict__:
+            both = zip(self.columns, self._columns_of(more), strict=True)
+            out.__dict__['columns'] = [np.concatenate(pair, axis=2) for pair in both]
+        return out
+
+    @property
+    def own_zeros(self) -> list[int]:
+        """Candidates that are zeros of single recordings."""
+        every = enumerate(self.candidates)
+        return [i for i, c in every if c.recordings and c.kind.id in ZEROS]
+
+    @property
+    def has_load(self) -> bool:
+        """Whether a load is declared in some recordings."""
+        return any(c.recordings and c.kind.id not in ZEROS for c in self.candidates)
+
+    @cached_property
+    def sizes(self) -> Array:
+        """(K,) plausible sizes."""
+        return np.concatenate([c.sizes for c in self.candidates])
+
+    @cached_property
+    def anchors(self) -> Array:
+        """(A, K) changes of scales that nothing measured tells, which stay as in the file."""
+        return scale_columns(self.balances, self.candidates, self.unanchored)
+
+    @cached_property
+    def _own_scale(self) -> Array:
+        """(n, K) relative change of the own weight of each joint that has no motor, or one off.
+
+        Where the torque is zero a model of c times the size misses c times as much, and none of
+        nothing: what counts is the missed torque e by that size, e / (1 + a x), whose slope is
+        that of e and e a more.
+        """
+        off = np.any([b.arm.unpowered.any(axis=0) for b in self.balances], axis=0)
+        out = np.zeros((len(off), len(self.sizes)))
+        joints = np.flatnonzero(off)
+        out[joints] = scale_columns(self.balances, self.candidates, [[int(j)] for j in joints])
+        return out
+
+    def linearized(self, about: Array) -> ArmRows:
+        """The same rows about other coefficients (K,)."""
+        return self._alike(about) if self._own_scale.any() else self
+
+    def about_others(
+        self, columns: Sequence[Array], torques: Sequence[Array] | None = None
+    ) -> ArmRows:
+        """The same rows with other columns (M, n, K), and missed torques (M, n), by recording."""
+        out = self._alike(self.about)
+        out.__dict__['columns'] = columns
+        if torques is not None:
+            out.__dict__['torques'] = torques
+        return out
+
+    def _alike(self, about: Array | None) -> ArmRows:
+        out = replace(self, about=about)
+        shared = ('columns', 'torques', '_own_scale', 'anchors', 'unanchored', 'blocks', 'scale')
+        out.__dict__.update({name: getattr(self, name) for name in shared})
+        return out
+
+    @cached_property
+    def unanchored(self) -> list[list[int]]:
+        """Numbers of the joints of every branch where no torque is measured."""
+        return unanchored(self.balances)
+
+    @property
+    def held(self) -> Gram:
+        """Sums of the rows that hold these scales."""
+        rows = self.anchors / HELD
+        return Gram(rows.T @ rows, np.zeros(rows.shape[1]), 0.0, 0)
+
+    @property
+    def robot(self) -> Robot:
+        """The model's."""
+        return self.balances[0].robot
+
+    @cached_property
+    def lower(self) -> Array:
+        """(K,) least coefficients."""
+        return np.concatenate([c.lower for c in self.candidates])
+
+    @cached_property
+    def upper(self) -> Array:
+        """(K,) largest coefficients."""
+        return np.concatenate([c.upper for c in self.candidates])
+
+    def is_tolerated(self, i: int) -> bool:
+        """Whether a candidate is a little there on any machine."""
+        at = self.places[i]
+        return bool(np.any(self.tolerances[at] > _TOLERATED * self.sizes[at]))
+
+    def freedom(self, i: int) -> float:
+        """Degrees of freedom of the level that judges a candidate."""
+        return math.inf
+
+    def may_be_chosen(self, i: int) -> bool:
+        """Whether a candidate may be named."""
+        return True
+
+    @cached_property
+    def places(self) -> list[IntArray]:
+        """Columns of every candidate."""
+        ends = np.cumsum([len(c.sizes) for c in self.candidates]).tolist()
+        return [np.arange(a, b) for a, b in pairwise([0, *ends])]
+
+    def deviations(self, chosen: Iterable[int], absent: Iterable[int] = ()) -> Array:
+        """(K,) the sizes of what is chosen and the tolerances of the rest, but for the absent."""
+        out = self.tolerances.copy()
+        for i in chosen:
+            out[self.places[i]] = self.sizes[self.places[i]]
+        for i in absent:
+            out[self.places[i]] = NOTHING * self.sizes[self.places[i]]
+        return out
+
+    @cached_property
+    def columns(self) -> list[Array]:
+        """(M, n, K) of every recording [N m by coefficient]."""
+        return self._columns_of(self.candidates)
+
+    def _columns_of(self, candidates: Iterable[Candidate]) -> list[Array]:
+        steps = [step for c in candidates for step in c.small_steps]
+        out = []
+        for run, balance in enumerate(self.balances):
+            at = [k for k, (effect, _) in enumerate(steps) if effect.is_of(run)]
+            columns = balance.columns([steps[k] for k in at])
+            out.append(np.zeros((*columns.shape[:2], len(steps))))
+            out[-1][:, :, at] = columns
+        return out
+
+    @cached_property
+    def scale(self) -> Array:
+        """(n,) rms of the torques where the joints move, `Machine.torque` [N m]."""
+        return Machine(self.robot, self.balances).torque
+
+    @cached_property
+    def friction(self) -> Array:
+        """(n,) Coulomb friction that the model believes in [N m]."""
+        machine = Machine(self.robot, self.balances)
+        return np.array([machine.friction(DRY, j) for j in self.robot.joints])
+
+    @cached_property
+    def blocks(self) -> list[IntArray]:
+        """(M,) number of the block of each row, recording by recording.
+
+        Blocks of a recording have as many rows in which anything moves: others say nothing.
+        """
+        out, first = [], 0
+        for balance in self.balances:
+            arm = balance.arm
+            moved = np.cumsum(np.any(arm.is_moving[:: arm.stride], axis=1))
+            length = moved[-1] * arm.stride * arm.step
+            count = _BLOCKS if length >= _BLOCKS * _LEAST_BLOCK else _FEW
+            out.append(first + count * np.maximum(moved - 1, 0) // max(moved[-1], 1))
+            first = int(out[-1][-1]) + 1
+        return out
+
+    @cached_property
+    def recording(self) -> IntArray:
+        """(B,) number of the recording of each block."""
+        counts = [b[-1] - b[0] + 1 for b in self.blocks]
+        return np.repeat(np.arange(len(counts)), counts)
+
+    @cached_property
+    def torques(self) -> list[Array]:
+        """(M, n) that the model misses in every recording [N m]."""
+        return [balance.torque for balance in self.balances]
+
+    def torque(self, run: int) -> Array:
+        """(M, n) torques that the model misses in a recording [N m]."""
+        return self.torques[run]
+
+    @cached_property
+    def is_driven(self) -> BoolArray:
+        """(n,) whether a joint has a motor that is ever on."""
+        return np.asarray(np.any([b.arm.powered.any(axis=0) for b in self.balances], axis=0))
+
+    def rows_at(self, balance: Balance, k: int) -> IntArray:
+        """Rows of a recording that belong to set k of `joints`."""
+        n, arm = self.robot.n_joints, balance.arm
+        state = arm.powered if k < n else arm.unpowered
+        if k < n and not self.is_driven[k]:
+            state = arm.unpowered
+        rows = (arm.is_moving & state)[:: arm.stride, k % n]
+        return np.flatnonzero(rows & (k < n or self.is_driven[k % n]))
+
+    def joint(self, k: int) -> JointRows:
+        """Set k of `joints`."""
+        j = k % self.robot.n_joints
+        torque, columns, observed, block, gap = [], [], [], [], []
+        parts = zip(self.balances, self.columns, self.blocks, strict=True)
+        for run, (balance, full, own) in enumerate(parts):
+            stride = balance.arm.stride
+            at = self.rows_at(balance, k)
+            times = balance.row_times[at]
+            torque.append(self.torque(run)[at, j])
+            columns.append(full[at, j])
+            if k >= self.robot.n_joints or not self.is_driven[j]:
+                known = np.zeros(0) if self.about is None else self.about
+                about = np.pad(known, (0, full.shape[2] - len(known)))
+                left = self.torque(run)[at, j] - full[at, j] @ about
+                grown = self._own_scale[j] / (1.0 + max(self._own_scale[j] @ about, -0.5))
+                columns[-1] = full[at, j] + np.outer(left, grown)
+                torque[-1] = torque[-1] + left * (grown @ about)
+            needed = balance.motion.effort[::stride, j][at]
+            direction = np.sign(balance.motion.qd[::stride, j][at])
+            late, stuck = (x[at, j] for x in balance.arm.unsure)
+            observed.append(np.column_stack([direction, needed / self.scale[j], late, stuck]))
+            block.append(own[at])
+            gap.append(np.diff(times, prepend=times[:1]))
+        return JointRows(
+            np.concatenate(torque),
+            np.concatenate(columns),
+            _with_unit_shapes(np.concatenate(observed)),
+            np.concatenate(block),
+            np.concatenate(gap),
+        )
+
+    def joint_times(self, k: int) -> Array:
+        """(M,) times of the rows of set k, each of its recording [s]."""
+        return np.concatenate([b.row_times[self.rows_at(b, k)] for b in self.balances])
+
+    @cached_property
+    def joints(self) -> list[JointRows]:
+        """Rows of every joint where it moves; then, n sets more, of those whose motor is off.
+
+        What is left there is no error of a measured torque, and has a level of its own.
+        """
+        return [self.joint(k) for k in range(2 * self.robot.n_joints)]
+
+    def torque_of(self, deviations: Array) -> Array:
+        """(n,) standard deviation of the torques of coefficients (K,) like these [N m].
+
+        Root mean square over the rows where a joint moves; NaN of one that never does.
+        """
+        own = self.joints[: self.robot.n_joints]
+        power = [np.sum((rows.columns * deviations) ** 2, axis=1) for rows in own]
+        return np.array([math.sqrt(np.mean(p)) if len(p) else math.nan for p in power])
+
+    def parts(self, levels: Sequence[Array], weights: Array | None = None) -> list[Gram]:
+        """Gram matrices of every block.
+
+        Args:
+            levels: (8,) variances of the leftover of every set of `joints`, or of the first n.
+            weights: (R, n) how many times as much the rows of each joint say in each recording,
+                divided by the rms of what is left there, which trusts all frequencies alike.
+                None: rows are whitened, which trusts what is fast.
+        """
+        k = len(self.tolerances)
+        out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in self.recording]
+        for j, (rows, variances) in enumerate(zip(self.joints, levels, strict=False)):
+            if len(rows.torque):
+                if weights is None:
+                    torque, columns, _ = rows.whitened(variances)
+                else:
+                    scale = weights[self.recording[rows.block], j % weights.shape[1]]
+                    scale = scale / rows.rms(variances)
+                    torque, columns = rows.torque * scale, rows.columns * scale[:, None]
+                for block in np.unique(rows.block):
+                    own = rows.block == block
+                    out[block] += Gram.of(columns[own], torque[own])
+        return out
+
+
+def _with_unit_shapes(observed: Array) -> Array:
+    """(M, 4) with what friction leaves near turns and rests of unit rms, see `JointRows`."""
+    if not len(observed):
+        return observed
+    size = np.sqrt(np.mean(observed[:, 2:] ** 2, axis=0))
+    return np.column_stack([observed[:, :2], observed[:, 2:] / np.maximum(size, _NO_SHAPE)])

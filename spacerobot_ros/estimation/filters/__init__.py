@@ -1,0 +1,1 @@
+"""Rows by prediction: a Kalman filter, driven by momentum or by torques."""

@@ -1,0 +1,312 @@
+r"""Rows by prediction from momentum: whitened innovations with every unknown constant a column.
+
+State: deviations [dphi; dq, dq', dq'', dq'''] from the reference. The attitude error moves with
+the rate error of the momentum equation (`MomentumModel.linearize`), needs no torque and no process
+noise; each joint follows a quartic driven by white snap. The constants [h_W; AAM; x] are not
+states: every innovation is an affine function of their errors. Whitened innovations are therefore
+rows of a linear least-squares problem, collected in square-root form by QR: recursive, with
+bounded memory, and equal to the Kalman filter with augmented state (Friedland 1969; Bierman 1977).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg.lapack import dgeqrf
+from scipy.spatial.transform import Rotation
+
+from ...dynamics.rotation import skew
+from ...recording.record import Record
+from ...types import Array
+from ..trajectory.reference import NoiseLevels, ReferenceTrajectory
+from ..trajectory.sampled_motion import SampledMotion
+from ..trajectory.time_base import CHANNELS, channel_stamps, measured_rows
+from ..unknowns.torque_hold import Holds
+from .kalman import StateSpace, gains_of, whiten
+from .momentum_process import MomentumModel, RateErrorModel
+
+_ATTITUDE_START_STD = 0.05  # rad; the reference starts far closer to the tracker than this
+# The spline's snap, seen as white noise over its knots' spacing, overstates what the filter needs:
+# with this share the innovations of smooth motions have unit variance. Estimates do not depend on
+# it (factors of 1000 change no digit).
+_SNAP_SHARE = 0.3
+_AT_ONCE = 500  # rows; as many as stay in a processor's cache
+
+
+class Stretch(SampledMotion):
+    """A stretch of a record, made ready for the filter.
+
+    Args:
+        record: Samples within the reference's times.
+        noise: Noise levels.
+        reference: Through the samples and, perhaps, some beyond.
+        holds: When torques were set; None where that is of no interest.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        noise: NoiseLevels,
+        reference: ReferenceTrajectory,
+        holds: Holds | None = None,
+    ) -> None:
+        n = record.q.shape[1]
+        states = {
+            'joint_position': 3 + np.arange(n),
+            'joint_velocity': 3 + n + np.arange(n),
+            'gyro': 3 + 4 * n + np.arange(3),  # of the first time, each later one three further
+            'attitude': np.arange(3),
+        }
+        rows = measured_rows(reference.times, channel_stamps(record), states)
+        super().__init__(record, noise, reference, rows)
+        self.holds = holds
+
+    def joint_states(self) -> Array:
+        """(N, 4 n) positions, rates, accelerations and jerks of the reference."""
+        return np.hstack([self.reference.joints(self.reference.times, k) for k in range(4)])
+
+    def snap_density(self) -> Array:
+        """(n,) power spectral density of a white snap that follows the joints as the spline."""
+        joints = self.reference.joints
+        snap = joints(self.reference.times, 4)
+        return np.asarray(_SNAP_SHARE * np.mean(snap**2, axis=0) * joints.spacing + 1e-12)
+
+    def misreadings(self, model: MomentumModel, constants: Array) -> tuple[Array, Array]:
+        """(R,) what nuisances add to the samples, and (R, m) its derivatives by them."""
+        nuisances = model.nuisances
+        is_held = self.holds is not None and nuisances.torque_hold is not None
+        jerk = model.held_jerk(self.reference, constants) if is_held else None
+        held_parts = {'gyro': slice(0, 3), 'joint_velocity': slice(3, None)}
+        totals, columns = {}, {}
+        for channel, stamps in channel_stamps(self.record).items():
+            if len(stamps):
+                at, held = self.at_samples(channel), None
+                if jerk is not None and self.holds is not None and channel in held_parts:
+                    shape = self.holds.shape(at.time)[:, None]
+                    held = shape * jerk(at.time)[:, held_parts[channel]]
+                total, columns[channel] = nuisances.misreadings(
+                    constants[model.other], channel, at, held
+                )
+                totals[channel] = total[..., None]
+        return self.rows.of(totals)[:, 0], self.rows.of(columns)
+
+
+class SquareRootInformation:
+    """Least squares in square-root form: min |R t - z|^2, rows added by QR.
+
+    Args:
+        size: Number of unknowns.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.factor = np.zeros((size, size + 1))
+        self.residual = 0.0
+        self.rows = 0
+
+    def add(self, columns: Array, values: Array) -> None:
+        """Add rows columns @ t = values, of unit variance; (r, p) and (r,)."""
+        size = self.size
+        triangle = np.zeros((size + 1, size + 1))
+        triangle[:size] = self.factor
+        added = np.column_stack([columns, values])
+        for start in range(0, len(added), _AT_ONCE):
+            stacked = np.vstack([triangle, added[start : start + _AT_ONCE]])
+            reduced = dgeqrf(np.asfortranarray(stacked), overwrite_a=1)[0]
+            triangle = np.triu(reduced[: size + 1])
+        self.factor = triangle[:size]
+        self.residual += float(triangle[size, size] ** 2)
+        self.rows += len(values)
+
+    def reset_residual(self) -> None:
+        """Count residual and rows from here: a prior is no part of the goodness of fit."""
+        self.residual, self.rows = 0.0, 0
+
+    def shift(self, change: Array) -> None:
+        """Count the unknowns from a new origin: t -> t - change."""
+        self.factor[:, -1] -= self.factor[:, :-1] @ change
+
+    def solve(self) -> tuple[Array, Array]:
+        """Estimate (p,) and covariance (p, p); directions without information stay at zero."""
+        R, z = self.factor[:, :-1], self.factor[:, -1]
+        scale = np.linalg.norm(R, axis=0)
+        scale[scale == 0.0] = 1.0
+        left, singular, right = np.linalg.svd(R / scale)
+        known = singular > 1e-13 * singular[0]
+        inverse = right[known].T / singular[known]
+        estimate = inverse @ (left[:, known].T @ z) / scale
+        covariance = (inverse @ inverse.T) / np.outer(scale, scale)
+        return estimate, covariance
+
+
+class MomentumFilter:
+    """Advances the filter stretch by stretch.
+
+    Args:
+        model: The constants and the momentum equation.
+
+    Attributes:
+        information: Of the constants' errors. placebo: What the reference's own error makes of it.
+    """
+
+    def __init__(self, model: MomentumModel) -> None:
+        self._model = model
+        self.information = SquareRootInformation(model.size)
+        self.placebo = SquareRootInformation(model.size)
+        self._last: tuple[float, Rotation] | None = None
+        self._covariance = np.zeros((0, 0))
+        # Mean by 1, placebo and constants; joints count from zero between stretches.
+        self._mean = np.zeros((3 + 4 * model.n, 1 + 2 * model.size))
+
+    def run(self, stretch: Stretch, constants: Array) -> tuple[Array, Array]:
+        """Process a stretch, linearized about constants; a later one begins at the last's end.
+
+        Returns:
+            (R, p) and (R,) columns and values of the rows that the information has got.
+        """
+        p, joints = self._model.size, stretch.joint_states()
+        if self._last is None:
+            self._covariance = _start_covariance(joints)
+        else:
+            self._mean[3:, 0] -= joints[0]
+        disturbed = stretch.reference.disturbed()
+        rate = self._model.linearize(stretch.kinematics, constants, disturbed)
+        space, defects = state_space(stretch, rate, joints)
+        misread, sensors = stretch.misreadings(self._model, constants)
+        drives = np.concatenate([rate.offset[..., None], rate.placebo, rate.constants], axis=2)
+        measured = -_at_gyro(stretch, drives)
+        measured[:, 0] += stretch.deviations - misread
+        measured[:, measured.shape[1] - sensors.shape[1] :] -= sensors
+        gains = gains_of(space, self._covariance)
+        rows = whiten(space, gains, self._mean, drives, defects, measured)
+        self._mean[3:, 0] += joints[-1]
+        self._covariance = gains.end
+        columns, values = -rows[:, 1 + p :], rows[:, 0]
+        if len(rows):
+            self.information.add(columns, values)
+            self.placebo.add(rows[:, 1 : 1 + p], np.zeros(len(rows)))
+        self._last = float(stretch.reference.times[-1]), stretch.kinematics.rotation[-1]
+        return columns, values
+
+    def take_end(self) -> tuple[float, Rotation]:
+        """Time at which the last stretch ended, and the attitude from which the next one starts.
+
+        That is the best known: what was known of the deviation is taken into the reference.
+        """
+        if self._last is None:
+            raise ValueError('no stretch was run yet')
+        time, rotation = self._last
+        correction, self._mean[:3, 0] = Rotation.from_rotvec(self._mean[:3, 0].copy()), 0.0
+        return time, rotation * correction
+
+    def shift_constants(self, change: Array) -> None:
+        """Count the constants' errors from a new origin."""
+        self.information.shift(change)
+        self._mean[:, 0] += self._mean[:, 1 + len(change) :] @ change
+
+
+def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[StateSpace, Array]:
+    """The model of the deviations, and what the joints' quartic misses of the reference.
+
+    Args:
+        stretch: N times, R rows.
+        rate: Rate error at the times.
+        joints: (N, 4 n) of the reference.
+
+    Returns:
+        The model of d = 3 + 4 n states, and (N-1, d) changes by each step.
+    """
+    n = joints.shape[1] // 4
+    size, durations = 3 + 4 * n, np.diff(stretch.reference.times)
+    matrices = np.zeros((len(joints), 3, size))
+    matrices[:, :, : 3 + 2 * n] = rate.state
+    matrices[:, :, :3] -= skew(stretch.kinematics.omega)
+    transitions = transitions_of(durations, matrices)
+    # What joints do within a step moves the attitude by the trapezoid of the rate error's end.
+    spread = np.zeros((len(durations), size, 4 * n))
+    spread[:, 3:] = np.eye(4 * n)
+    spread[:, :3, : 2 * n] = 0.5 * durations[:, None, None] * rate.state[1:, :, 3:]
+    snap = _snap_noise(durations, stretch.snap_density())
+    noise = np.zeros((len(durations), size, size))
+    noise[:, 3:, 3:] = snap
+    noise[:, :3, 3:] = spread[:, :3] @ snap
+    noise[:, 3:, :3] = np.swapaxes(noise[:, :3, 3:], 1, 2)
+    noise[:, :3, :3] = noise[:, :3, 3:] @ np.swapaxes(spread[:, :3], 1, 2)
+    missed = np.einsum('nij,nj->ni', transitions[:, 3:, 3:], joints[:-1]) - joints[1:]
+    rows = stretch.rows
+    is_gyro = rows.channel == CHANNELS.index('gyro')
+    at = np.repeat(np.arange(len(joints)), np.diff(rows.first))
+    by_gyro = np.zeros((3 * len(joints), size))
+    by_gyro[:, : 3 + 2 * n] = rate.state.reshape(-1, 3 + 2 * n)
+    space = StateSpace(
+        durations,
+        transitions,
+        noise,
+        0,
+        rows.first,
+        rows.state + np.where(is_gyro, 3 * at, 0),
+        by_gyro,
+        stretch.row_variance,
+    )
+    return space, np.einsum('nij,nj->ni', spread, missed)
+
+
+def transitions_of(durations: Array, matrices: Array) -> Array:
+    """(N-1, d, d) as those of `linear_steps.Steps`, of which only three rows are no polynomial.
+
+    With z = [[a, b], [0, c]] and c of joints from position to jerk, exp(z) - 1 = [[x, y], [0, w]]
+    has w = exp(c) - 1, exactly, and D_a x = a, D_a y = b - D_b w by the rows of D.
+
+    Args:
+        durations: (N-1,) [s].
+        matrices: (N, 3, d) rates of the attitude by all states.
+    """
+    size, n = matrices.shape[2], (matrices.shape[2] - 3) // 4
+    dt = durations[:, None, None]
+    early, late = dt * matrices[:-1], dt * matrices[1:]
+    rows = 0.5 * (early + late)
+    rows += (late[..., :3] @ early - early[..., :3] @ late) / 12.0
+    rows[..., 3 + n :] += dt * (late - early)[..., 3:-n] / 12.0
+    a, b = rows[..., :3], rows[..., 3:]
+    by_attitude = np.eye(3) - 0.5 * a + (a @ a) / 12.0
+    by_joints = -0.5 * b + (a @ b) / 12.0
+    by_joints[..., n:] += dt * b[..., :-n] / 12.0
+    chain = [np.diag(np.ones(4 - k), k) / math.factorial(k) for k in (1, 2, 3)]
+    out = np.zeros((len(durations), size, size))
+    out[:, 3:, 3:] = sum(dt**k * np.kron(x, np.eye(n)) for k, x in enumerate(chain, 1))
+    rows[..., 3:] -= by_joints @ out[:, 3:, 3:]
+    out[:, :3] = np.linalg.solve(by_attitude, rows)
+    out[:, np.arange(size), np.arange(size)] += 1.0
+    return out
+
+
+def _at_gyro(stretch: Stretch, drives: Array) -> Array:
+    """(R, c) of what drives the rate, (N, 3, c), at the gyro's rows; zero at others."""
+    rows = stretch.rows
+    at = np.repeat(np.arange(len(drives)), np.diff(rows.first))
+    is_gyro = (rows.channel == CHANNELS.index('gyro'))[:, None]
+    return np.where(is_gyro, drives[at, np.minimum(rows.axis, 2)], 0.0)
+
+
+def _start_covariance(joints: Array) -> Array:
+    """(d, d) wide against the noise, but no wider than the motion.
+
+    A covariance that spans twenty decades would lose its sign.
+    """
+    n = joints.shape[1] // 4
+    spread = np.concatenate(
+        [np.std(joints[:, :n], axis=0), np.sqrt(np.mean(joints[:, n:] ** 2, axis=0))]
+    )
+    return np.diag(np.concatenate([np.full(3, _ATTITUDE_START_STD), spread + 1e-6]) ** 2)
+
+
+def _snap_noise(dt: Array, snap: Array) -> Array:
+    """(M, 4n, 4n) noise of joint position to jerk over steps (M,), driven by white snap."""
+    noise = np.zeros((len(dt), 4, 4))
+    for i in range(4):
+        for j in range(4):
+            factorials = math.factorial(3 - i) * math.factorial(3 - j)
+            noise[:, i, j] = dt ** (7 - i - j) / (factorials * (7 - i - j))
+    size = 4 * len(snap)
+    return np.einsum('mij,kl->mikjl', noise, np.diag(snap)).reshape(len(dt), size, size)

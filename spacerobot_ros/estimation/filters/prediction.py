@@ -1,0 +1,280 @@
+r"""Rows by prediction: whitened innovations of the torque-driven filter, for data and columns.
+
+State: deviations [dphi; dq | domega; dqd] from the reference, and the errors of the two effort
+samples between which the step lies, so that an effort that is interpolated is not taken for two
+independent ones. Innovations of data, and of data with an effect, are one linear operator applied
+to what is measured and to what drives (`kalman`; Gertler 1998, ch. 6): all inference behind them
+is ordinary least squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...dynamics.rotation import skew
+from ...recording.record import Record
+from ...types import Array, IntArray
+from ..trajectory.reference import Kinematics, NoiseLevels, ReferenceTrajectory
+from ..trajectory.sampled_motion import NO_GAINS, SampledMotion
+from ..trajectory.time_base import make_time_base, pauses
+from .kalman import StateSpace, correlate, gains_of, whiten
+from .linear_steps import Steps
+from .measured_torque import MeasuredTorque
+from .torque_process import TorqueDriven
+
+_GAUSS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
+_CELLS = np.array([0.0, 5.0, 13.0, 18.0]) / 18.0
+_PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
+_PASSIVE = 1e-3  # of the efforts' noise, at joints whose torque is zero
+_START_STD = 0.03  # rad, rad/s; far above what the reference misses
+_UNKNOWN_RATE = 1.0  # rad/s; by a step in which anything may act
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """K directions in which a model may change.
+
+    Args:
+        acceleration: (N, m, K) change of the accelerations at the times of the filter.
+        measured: Channel to (samples, width, K) change of what is measured; absent: none.
+    """
+
+    acceleration: Array
+    measured: dict[str, Array]
+
+
+class MeasuredMotion(SampledMotion):
+    """A record on its time base, with its reference: what does not depend on a model's forces.
+
+    Args:
+        record: Sensor effects already undone.
+        noise: Noise levels.
+        process: Any model of the robot, for the number of its velocities.
+        left_out: Starts and ends of times [s] in which anything may act from outside.
+        gains: See `SampledMotion`.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        noise: NoiseLevels,
+        process: TorqueDriven,
+        left_out: tuple[tuple[float, float], ...] = (),
+        gains: Mapping[str, Array] = NO_GAINS,
+    ) -> None:
+        # through a gap nobody knows where the reference goes
+        self.left_out = (*left_out, *pauses(record.joint_time))
+        self.time_base = make_time_base(record, process.m, process.first)
+        reference = ReferenceTrajectory(record, noise, self.time_base.times)
+        super().__init__(record, noise, reference, self.time_base.rows, gains)
+
+    @cached_property
+    def inner(self) -> tuple[tuple[float, Kinematics], ...]:
+        """Gauss's places in the step, and the reference there."""
+        start, dt = self.time_base.times[:-1], np.diff(self.time_base.times)
+        return tuple((place, self.reference.at(start + place * dt)) for place in _GAUSS)
+
+
+class Innovations:
+    """The filter of one model on one record.
+
+    Args:
+        measured: The record, its sensors as the model believes them.
+        process: The model.
+        timing: How efforts act, a key of `measured_torque.TIMINGS`.
+    """
+
+    def __init__(
+        self, measured: MeasuredMotion, process: TorqueDriven, timing: str = 'sampled'
+    ) -> None:
+        self.process = process
+        self.record, self.noise, self.timing = measured.record, measured.noise, timing
+        self.m, self.n = process.m, process.n
+        self.time_base, self.reference = measured.time_base, measured.reference
+        self.kinematics = measured.kinematics
+        self.at_samples, self.deviations = measured.at_samples, measured.deviations
+        self._measured = measured
+        passive = np.isin(process.robot.joints, process.robot.passive_joints)
+        noise = np.where(passive, _PASSIVE, 1.0) ** 2 * measured.noise.joint_effort**2
+        self._torque = MeasuredTorque(self.record, self.reference, self.time_base, noise, timing)
+        self.motion = process.motion(self.kinematics, self.reference.effort(self.time_base.times))
+        self._linear = self.process.linearize(self.motion)
+        self._model = self._state_space()
+        self._gains = gains_of(self._model, self._start())
+
+    @property
+    def durations(self) -> Array:
+        """(N-1,) length of each step [s]."""
+        return np.diff(self.time_base.times)
+
+    @property
+    def stds(self) -> Array:
+        """(R,) standard deviation of every innovation."""
+        return self._gains.std
+
+    @cached_property
+    def row_times(self) -> Array:
+        """(R,) time of every scalar measurement [s]."""
+        return np.repeat(self.time_base.times, np.diff(self.time_base.rows.first))
+
+    @property
+    def row_sensors(self) -> IntArray:
+        """(R,) number of the scalar that each row measures."""
+        rows = self.time_base.rows
+        return np.asarray(rows.channel * (int(np.max(rows.axis)) + 1) + rows.axis)
+
+    @cached_property
+    def measured(self) -> Array:
+        """(R,) measured values; for the attitude the turn since the first sample [rad]."""
+        record = self.record
+        values: dict[str, Array] = {'joint_position': record.q, 'gyro': record.omega}
+        if record.qd is not None:
+            values['joint_velocity'] = record.qd
+        if record.attitude is not None:
+            values['attitude'] = (record.attitude[0].inv() * record.attitude).as_rotvec()
+        return self.time_base.rows.of({c: v[..., None] for c, v in values.items()})[:, 0]
+
+    @property
+    def rate_by_impulse(self) -> Array:
+        """(N, m, m) change of rates by an impulse on base (torque) and joints."""
+        return self._linear.by_force[:, :, self.process.first :]
+
+    @cached_property
+    def data(self) -> Array:
+        """(R,) whitened innovations of the data under the model: white and of unit variance."""
+        rates = np.zeros((len(self.time_base.times), self.m, 1))
+        return self._whiten(rates, self._defects(), self.deviations[:, None])[:, 0]
+
+    def columns(self, columns: Columns) -> Array:
+        """(R, K) whitened innovations that each column leaves in the data of a model without it.
+
+        What drives the truth and not the model shows in the data with the sign of its effect on
+        the model reversed.
+        """
+        measured = self._by_row(columns.measured, columns.acceleration.shape[2])
+        rates = np.negative(columns.acceleration, order='C')
+        return self._whiten(rates, np.zeros((0, 0)), measured)
+
+    def force_correlation(self, weights: Array) -> Array:
+        """(N, 6 + n) correlation of a generalised force at each time with weights of the rows.
+
+        Its product with a column's force, summed over times and components, is `weights` times the
+        column's whitened innovations: one pass backwards instead of one a column.
+        """
+        weights = np.ascontiguousarray(weights)  # else it is compiled twice
+        impulses = -correlate(self._model, self._gains, weights, self.m)
+        return np.asarray(np.einsum('nm,nmi->ni', impulses, self._linear.by_force))
+
+    def accelerations(self, forces: Array) -> Array:
+        """(N, m, K) accelerations by generalised forces (N, 6 + n, K) at the filter's times."""
+        return np.asarray(self._linear.by_force @ forces)
+
+    def _whiten(
+        self, rates: Array, defects: Array, measured: Array, mean: Array | None = None
+    ) -> Array:
+        if mean is None:
+            mean = np.zeros((2 * self.m + 2 * self.n, rates.shape[2]))
+        return np.asarray(whiten(self._model, self._gains, mean, rates, defects, measured))
+
+    def _by_row(self, measured: Mapping[str, Array], count: int) -> Array:
+        """(R, count) of what is measured; (0, count) where nothing is."""
+        if not measured:
+            return np.zeros((0, count))
+        return self.time_base.rows.of(dict(measured))
+
+    @cached_property
+    def _steps(self) -> Steps:
+        m, linear = self.m, self._linear
+        a = np.zeros((len(self.time_base.times), 2 * m, 2 * m))
+        a[:, :m, m:] = np.eye(m)
+        a[:, m:, :m] = linear.by_position
+        a[:, m:, m:] = linear.by_velocity
+        if m > self.n:
+            a[:, :3, :3] = -skew(self.kinematics.omega)
+        return Steps(self.durations, a)
+
+    def _state_space(self) -> StateSpace:
+        """The model about the reference.
+
+        A step that lies in another effort interval than the last begins with the sample that the
+        last one ended with, and with a new one at its end; errors of both act along the step.
+        """
+        m, n, rows = self.m, self.n, self.time_base.rows
+        early, late = slice(2 * m, 2 * m + n), slice(2 * m + n, 2 * m + 2 * n)
+        size = 2 * m + 2 * n
+        f = np.zeros((len(self.durations), size, size))
+        f[:, : 2 * m, : 2 * m] = self._steps.transitions
+        by_effort, grows = self._linear.by_effort[:-1], np.diff(self._linear.by_effort, axis=0)
+        start, growth = (x[:, None, None] for x in self._torque.late_shares())
+        late_drives = start * by_effort, growth * by_effort + start * grows, growth * grows
+        f[:, : 2 * m, late] = -self._steps.driven(*late_drives)
+        driven = self._steps.driven(by_effort, grows)
+        f[:, : 2 * m, early] = -f[:, : 2 * m, late] - driven
+        f[:, 2 * m :, 2 * m :] = np.eye(2 * n)
+        variance = np.zeros((len(f), size))  # of the effort samples that enter
+        fresh = self.time_base.fresh
+        sampled = self._torque.sample_variance()
+        variance[fresh > 0, late] = sampled[fresh > 0]
+        variance[fresh > 1, early] = sampled[fresh > 1]
+        noise = (f[:, :, 2 * m :] * variance[:, None, 2 * m :]) @ np.swapaxes(
+            f[:, :, 2 * m :], 1, 2
+        )
+        noise[:, np.arange(size), np.arange(size)] += self._extra_variance()
+        lost = driven * self._torque.lost_variance()[:, None]
+        noise[:, : 2 * m, : 2 * m] += lost @ np.swapaxes(driven, 1, 2)
+        f[fresh == 1, :, late] = f[fresh == 1, :, early]
+        f[fresh == 1, :, early] = 0.0
+        f[fresh > 1, :, 2 * m :] = 0.0
+        return StateSpace(
+            self.durations,
+            f,
+            noise,
+            m,
+            rows.first,
+            rows.state,
+            np.zeros((0, size)),
+            self._measured.row_variance,
+        )
+
+    def _defects(self) -> Array:
+        """(N-1, 2 m) what the model's accelerations miss of the reference over each step.
+
+        The error is a parabola e_0 + e_1 s + e_2 s^2 through Gauss's points of the step.
+        """
+        errors = []
+        for place, kinematics in self._measured.inner:
+            effort = self._torque.at(kinematics.time, self.time_base.interval)
+            motion = self.process.motion(kinematics, effort, window=self._cells(place))
+            by_force = _between(self._linear.by_force, place)
+            errors.append(np.einsum('nij,nj->ni', by_force, self.process.force_error(motion)))
+        parabola = np.einsum('pg,gnm->pnm', _PARABOLA, np.stack(errors))[..., None]
+        return self._steps.driven(*parabola)[..., 0]
+
+    def _cells(self, place: float) -> Array:
+        """(N-1, 2) part of every step that one of Gauss's points stands for, by its weight."""
+        k = _GAUSS.index(place)
+        starts = self.time_base.times[:-1, None]
+        return np.asarray(starts + self.durations[:, None] * _CELLS[k : k + 2])
+
+    def _extra_variance(self) -> Array:
+        """(N-1, d) variance that enters each step beside the efforts' own."""
+        variance = np.zeros((len(self.durations), 2 * self.m + 2 * self.n))
+        times = self.time_base.times
+        for start, end in self._measured.left_out:
+            touched = (times[1:] > start) & (times[:-1] < end)
+            variance[touched, self.m : 2 * self.m] = _UNKNOWN_RATE**2
+        return variance
+
+    def _start(self) -> Array:
+        size = 2 * self.m
+        variance = np.full(size + 2 * self.n, _START_STD**2)
+        variance[size:] = np.tile(self._torque.noise, 2)
+        return np.diag(variance)
+
+
+def _between(x: Array, place: float) -> Array:
+    return np.asarray((1.0 - place) * x[:-1] + place * x[1:])

@@ -1,0 +1,1 @@
+"""After the rows: evidence, constrained solutions, placebo, test of fit."""

@@ -1,0 +1,1 @@
+"""What is unknown, as forces and columns along a motion: effects, parameters, nuisances."""

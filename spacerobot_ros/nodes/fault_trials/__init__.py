@@ -1,0 +1,1 @@
+"""Nodes under faults: odd messages, kills, floods, streams that go wrong."""

@@ -1,0 +1,1 @@
+"""Rosbag2 recordings, in and out."""

@@ -1,0 +1,1 @@
+"""CSV, JSON and npz files by a mapping of their columns."""
