@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from spacerobot_ros.estimation.balance.balance.balance import balance_of
 
 from spacerobot_ros.campaign.description import EXPERIMENTS, key
 from spacerobot_ros.campaign.hidden import arm_campaign as campaign
@@ -12,6 +11,7 @@ from spacerobot_ros.campaign.hidden.arm_campaign import CAUSES, judge, results, 
 from spacerobot_ros.campaign.hidden.real_arm import HIDDEN, JOINTS, RealArm, arm_file
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.main import main
+from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 
 BIAS = {'effect': 'torque_sensor_bias', 'where': 'joint_1', 'values': {'bias': 2.0}}

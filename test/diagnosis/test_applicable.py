@@ -11,8 +11,8 @@ import pytest
 from spacerobot_ros.campaign.hidden.real_arm import JOINTS, RealArm, arm_file
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
-from spacerobot_ros.diagnosis.arms.arms import applicable
-from spacerobot_ros.diagnosis.search.search import predictable
+from spacerobot_ros.diagnosis.arms import applicable
+from spacerobot_ros.diagnosis.search import predictable
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 

@@ -9,8 +9,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
-from spacerobot_ros.estimation.balance.balance.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance.balance.balance import balance_of
 
 from spacerobot_ros.campaign.hidden.event_machines import MACHINES
 from spacerobot_ros.campaign.hidden.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
@@ -23,6 +21,8 @@ from spacerobot_ros.diagnosis.events.event_limits import REST_SHARE
 from spacerobot_ros.diagnosis.events.naming import together
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps

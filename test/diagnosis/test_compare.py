@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from spacerobot_ros.diagnosis.arms.arms.held_out_checks import holds
 from support.contracts import keeps
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
 from spacerobot_ros.campaign.hidden.real_arm import RealArm, arm_file
 from spacerobot_ros.cli.main import main
+from spacerobot_ros.diagnosis.arms.held_out_checks import holds
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.comparison.compare import compare
 from spacerobot_ros.effects.catalogue import CATALOGUE

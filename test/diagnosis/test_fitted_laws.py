@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from spacerobot_ros.diagnosis.arms.arms.arm_found import ArmFound
-from spacerobot_ros.diagnosis.arms.arms.selection import Selection
-from spacerobot_ros.estimation.balance.balance.arm_fit import ArmFit
-from spacerobot_ros.estimation.balance.balance.arm_priors import DRY
-from spacerobot_ros.estimation.balance.balance.arm_priors import VISCOUS as SLIDING
-from spacerobot_ros.estimation.balance.balance.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance.balance.balance import balance_of
 
 from spacerobot_ros.campaign.hidden.real_arm import COULOMB, VISCOUS, RealArm, arm_file
+from spacerobot_ros.diagnosis.arms.arm_found import ArmFound
+from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions
 from spacerobot_ros.diagnosis.discovery.fitted_laws import candidate_of, with_laws
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
+from spacerobot_ros.estimation.balance.arm_fit import ArmFit
+from spacerobot_ros.estimation.balance.arm_priors import DRY
+from spacerobot_ros.estimation.balance.arm_priors import VISCOUS as SLIDING
+from spacerobot_ros.estimation.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 
 JOINT, ASYMMETRY = 2, 4.0  # N m s/rad

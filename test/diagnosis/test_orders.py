@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from spacerobot_ros.diagnosis.arms.arms.orders import find_orders
 
+from spacerobot_ros.diagnosis.arms.orders import find_orders
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 NAMES = ('a', 'b')

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from spacerobot_ros.diagnosis.search.search.pool import Judged, Pool
-from spacerobot_ros.diagnosis.search.search.ranking import ranked
 
+from spacerobot_ros.diagnosis.search.pool import Judged, Pool
+from spacerobot_ros.diagnosis.search.ranking import ranked
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.columns import Candidate
 from spacerobot_ros.estimation.inference.evidence import Gram, Score

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
-from spacerobot_ros.estimation.balance.balance.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance.balance.balance import balance_of
 from support.contracts import keeps
 
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis.events.arm_events import arm_events
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.estimation.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.recording.read import read_record
 

@@ -6,7 +6,7 @@ import pytest
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.search.search import search
+from spacerobot_ros.diagnosis.search import search
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 
 FRICTION = 'joint_viscous_friction'

@@ -7,16 +7,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from spacerobot_ros.diagnosis.arms.arms.arm_verdict import Left, full_scale, sentence
-from spacerobot_ros.diagnosis.arms.arms.gain_notes import gain_of
-from spacerobot_ros.estimation.balance.balance.balance import balance_of, own_noise_in_band
 
 from spacerobot_ros.diagnosis.answer.result import Leftover
+from spacerobot_ros.diagnosis.arms.arm_verdict import Left, full_scale, sentence
+from spacerobot_ros.diagnosis.arms.gain_notes import gain_of
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.events.contact import Pulse, event_of
 from spacerobot_ros.diagnosis.events.rest import rest_events
 from spacerobot_ros.diagnosis.quality.readings import readings
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.balance.balance import balance_of, own_noise_in_band
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from spacerobot_ros.diagnosis.arms.arms.spring_rest import with_rests
 
 from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence
+from spacerobot_ros.diagnosis.arms.spring_rest import with_rests
 from spacerobot_ros.effects.catalogue import CATALOGUE
 
 ROBOT = arm_file().robot

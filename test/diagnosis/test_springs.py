@@ -10,7 +10,7 @@ from support.mujoco_truth import generate
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.limits import MISFIT
-from spacerobot_ros.diagnosis.search.search import search
+from spacerobot_ros.diagnosis.search import search
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.noise_levels import noise_levels

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from spacerobot_ros.diagnosis.arms.arms.arms import find_arm_causes
-from spacerobot_ros.estimation.balance.balance.arm_levels import leftover_levels
-from spacerobot_ros.estimation.balance.balance.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance.balance.balance import balance_of
 
+from spacerobot_ros.diagnosis.arms.arms import find_arm_causes
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.balance.arm_levels import leftover_levels
+from spacerobot_ros.estimation.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps

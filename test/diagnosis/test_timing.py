@@ -6,13 +6,13 @@ import pytest
 
 pytest.importorskip('mujoco')
 
-from spacerobot_ros.diagnosis.search.search.timing import first_timing, in_words, simpler_timing
 from support.mujoco_robots import ROBOTS
 from support.mujoco_run import Excitation
 from support.mujoco_sensors import Sensors
 from support.mujoco_truth import generate
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.search.timing import first_timing, in_words, simpler_timing
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.joints.joint_friction import ViscousFriction
 from spacerobot_ros.effects.robot_file import load_robot_file

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from spacerobot_ros.estimation.balance.balance.anchor import branches
 from support.models import random_tree, robot_of
+
+from spacerobot_ros.estimation.balance.anchor import branches
 
 
 @pytest.mark.parametrize('is_turned', [False, True])

@@ -4,15 +4,15 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from spacerobot_ros.estimation.balance.balance.arm_fit import ArmFit, Posterior
-from spacerobot_ros.estimation.balance.balance.arm_priors import DRY, friction_of
-from spacerobot_ros.estimation.balance.balance.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance.balance.arm_rows_about import about_loads
-from spacerobot_ros.estimation.balance.balance.balance import balance_of
 
 from spacerobot_ros.campaign.hidden.real_arm import JOINTS, RealArm, arm_file
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.motion import Motion
+from spacerobot_ros.estimation.balance.arm_fit import ArmFit, Posterior
+from spacerobot_ros.estimation.balance.arm_priors import DRY, friction_of
+from spacerobot_ros.estimation.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.arm_rows_about import about_loads
+from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.inference.evidence import Gram, sum_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 

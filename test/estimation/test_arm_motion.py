@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from spacerobot_ros.estimation.balance.balance.arm_motion import ArmMotion
 
+from spacerobot_ros.estimation.balance.arm_motion import ArmMotion
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 STEP, LENGTH = 0.008, 20.0  # s

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from spacerobot_ros.estimation.balance.balance.leftover import JointRows, level_of
+
+from spacerobot_ros.estimation.balance.leftover import JointRows, level_of
 
 TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])
 VARIANCES = np.array([0.04, 0.3, 0.2, 0.5, 0.1, 0.02])
