@@ -28,7 +28,8 @@ from functools import partial
 
 import numpy as np
 
-from ..dynamics.equations import Dynamics, ReducedEquation
+from ..dynamics.equations import Dynamics
+from ..dynamics.reduction import ReducedEquation
 from ..dynamics.state import State
 from ..effects.effect import Effect
 from ..effects.motion import Motion

@@ -31,9 +31,8 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..model.robot import Body, Robot
 from ..types import Array, Vector3
-from .block_kernels import fill_blocks, fill_changes, fill_regressor
+from .block_kernels import equation_of_rates, fill_blocks, fill_changes, fill_regressor
 from .forward_kinematics import forward_kinematics
-from .rotation import cross_rows
 from .tree import tree_of
 
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -133,8 +132,8 @@ class BlockTree:
 
     def equation(
         self, q: Array, u: Array, pi: Array, wheels: Wheels, joint_reaction: bool = True
-    ) -> tuple[Array, Array]:
-        """M and bias of M u' + bias = [0; tau] at N states.
+    ) -> Array:
+        """(N, 3 + n, 4 + n) M and beside it the bias of M u' + bias = [0; tau] at N states.
 
         Args:
             q: (N, n) joint positions [rad].
@@ -142,23 +141,13 @@ class BlockTree:
             pi: (K,) block parameters.
             wheels: Bodies and their wheels' momentum in their axes.
             joint_reaction: False omits the wheels' torque on the joints, as the paper prints it.
-
-        Returns:
-            (N, 3 + n, 3 + n) and (N, 3 + n).
         """
-        rotations = self.rotations(q)
-        maps = self.rate_maps(rotations)
-        M, changes = self.inertia_turned(rotations, maps, pi, u)
-        bias = (u[:, None, 3:] @ changes)[:, 0]
-        bias[:, 3:] -= 0.5 * (changes @ u[:, :, None])[..., 0]
-        bias[:, :3] += cross_rows(u[:, :3], np.einsum('nab,nb->na', M[:, :3], u))
+        q, u, pi = (np.ascontiguousarray(x, dtype=float) for x in (q, u, pi))
+        carried = np.zeros((self.n + 1, 3))
         for body, momentum in wheels:
-            rate = np.einsum('nab,nb->na', maps[:, body], u)
-            torque = cross_rows(rate, rotations[:, body] @ momentum)
-            bias[:, :3] += torque
-            if joint_reaction:
-                bias[:, 3:] += np.einsum('naj,na->nj', maps[:, body, :, 3:], torque)
-        return M, bias
+            carried[body] += momentum
+        geometry = self._tree, self._axes, self._moves, self._pair_indices
+        return np.asarray(equation_of_rates(geometry, q, u, pi, carried, joint_reaction))
 
     def parameters(self, robot: Robot | None = None) -> Array:
         """(K,) block parameters of a robot with this tree (default: the one it was made from)."""

@@ -15,7 +15,7 @@ True rotors are joints of the tree like any other and need no such term.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,23 +24,13 @@ from ..types import Array, Matrix3, Vector3, Vector6
 from .aba import aba, machine_of
 from .crba import crba
 from .forward_kinematics import BodyKinematics, body_accelerations, forward_kinematics
+from .reduction import ReducedEquation, equation_of_motion, reduced
 from .rnea import rnea
 from .rotation import cross, rotation_matrix, skew
 from .state import State
 from .tree import tree_of
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ReducedEquation:
-    """Joint equation with the base eliminated: H(q) q'' + c = tau.
-
-    Args:
-        H: (n, n) reduced inertia [kg m^2].
-        c: (n,) velocity-dependent and gravity torques [N m].
-    """
-
-    H: Array
-    c: Array
+_NONE = np.zeros(3)
 
 
 class Dynamics:
@@ -67,6 +57,8 @@ class Dynamics:
         self._rows, self._wheels = in_order['inertial'], in_order['wheels']
         self._motors, self._mass = in_order['motor'][1:], float(np.sum(self._rows[:, 0]))
         self._inertias = spatial_inertias(self._rows)
+        self._trees = self._tree, self._tree if joint_reaction else self._still
+        self._one = np.zeros((1, n)), np.zeros((1, 6 + n)), np.zeros((1, 6 + n))
         self._buffers = np.zeros((1, 13 + 2 * n)), (np.zeros((1, n)), np.zeros((1, 6)))
         self._x, self._tau, self._wrench = (b[0] for b in (self._buffers[0], *self._buffers[1]))
 
@@ -122,14 +114,19 @@ class Dynamics:
     ) -> tuple[Vector6, Array]:
         joints = np.array([qdd], dtype=float)
         acceleration = np.concatenate([[base_acceleration], joints], axis=1)
-        if self.robot.is_free:  # RNEA takes gravity in base coordinates
-            g = self.robot.gravity
-            acceleration[0, :3] += g - rotation_matrix(state.q_WB_xyzw).T @ g
+        acceleration[0, :3] += self._lift(state)
         accelerations = body_accelerations(self._tree, kinematics, acceleration)
         force = rnea(self._tree, kinematics, accelerations, joints)[0]
         if not self._joint_reaction:
             force[6:] = rnea(self._still, kinematics, accelerations, joints)[0, 6:]
         return force[:6], force[6:]
+
+    def _lift(self, state: State) -> Vector3:
+        """(3,) acceleration for gravity, which RNEA takes in base coordinates [m/s^2]."""
+        g = self.robot.gravity
+        if not (self.robot.is_free and g.any()):
+            return _NONE
+        return np.asarray(g - rotation_matrix(state.q_WB_xyzw).T @ g)
 
     def mass_matrix(self, q: Array) -> Array:
         """(6 + n, 6 + n) inertia, base [linear; angular] first; (n, n) for a fixed base."""
@@ -143,12 +140,13 @@ class Dynamics:
 
         Eqs. (18)-(20) of the identification paper, with the joint term that they lack.
         """
-        k = self._kinematics(state)
-        bias = np.concatenate(self._inverse(state, k, np.zeros(6), np.zeros(self._n)))
-        M = self._inertia(k)
+        q, rates, acceleration = self._one
+        q[0], rates[0, :3], rates[0, 3:6] = state.q, state.v_WB_B, state.omega_WB_B
+        rates[0, 6:], acceleration[0, :3] = state.qd, self._lift(state)
+        equation = equation_of_motion(self._trees, q, rates, acceleration)
         if self._first:
-            return ReducedEquation(M, bias[6:])
-        return eliminated(M, bias, 6)
+            return ReducedEquation(equation[6:, 6:-1], equation[6:, -1])
+        return reduced(equation, 6)[0]
 
     def momentum(self, state: State) -> Vector6:
         """Total momentum, wheels included.
@@ -230,21 +228,6 @@ def joint_torques(robot: Robot, q: Array, qd: Array, qdd: Array, omega: Array) -
     M = crba(tree, kinematics)
     base = np.linalg.solve(M[:, :6, :6], force[:, :6, None])
     return np.asarray(force[:, 6:] - (M[:, 6:, :6] @ base)[..., 0])
-
-
-def eliminated(M: Array, bias: Array, count: int) -> ReducedEquation:
-    """The equation M a + bias = [0; tau] with its first accelerations, which nothing drives, gone.
-
-    Args:
-        M: (count + n, count + n) inertia.
-        bias: (count + n,) forces at zero acceleration.
-        count: Number of accelerations to eliminate.
-    """
-    free = np.linalg.solve(M[:count, :count], np.column_stack([M[:count, count:], bias[:count]]))
-    coupling = M[count:, :count]
-    return ReducedEquation(
-        M[count:, count:] - coupling @ free[:, :-1], bias[count:] - coupling @ free[:, -1]
-    )
 
 
 def without_translation(M: Array) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..dynamics.blocks import BlockTree
-from ..dynamics.equations import ReducedEquation, eliminated
+from ..dynamics.reduction import ReducedEquation, reduced
 from ..errors import IdentificationError
 from ..estimation.unknowns.minimal import MinimalSet, minimal_set
 from ..model.robot import Robot
@@ -74,11 +74,9 @@ class EstimatedDynamics:
                 state.
         """
         u = np.concatenate([omega_WB_B, qd])[None]
-        inertia, bias = self._tree.equation(q[None], u, self._pi, self._wheels, joint_reaction)
-        try:
-            np.linalg.cholesky(inertia[0])
-        except np.linalg.LinAlgError as error:
-            raise IdentificationError(
-                'estimate: its inertia is not positive definite at this state'
-            ) from error
-        return eliminated(inertia[0], bias[0], 3)
+        equation = self._tree.equation(q[None], u, self._pi, self._wheels, joint_reaction)
+        found, is_definite = reduced(equation[0], 3)
+        if not is_definite:
+            why = 'estimate: its inertia is not positive definite at this state'
+            raise IdentificationError(why)
+        return found

@@ -14,7 +14,8 @@ from spacerobot_ros.control.laws import (
     robot_model,
     torque_limits,
 )
-from spacerobot_ros.dynamics.equations import Dynamics, ReducedEquation
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.reduction import ReducedEquation
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError

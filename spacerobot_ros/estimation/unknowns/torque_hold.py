@@ -110,7 +110,8 @@ def held_jerk(
     dense = np.linspace(time[0], time[-1], max(count, 4) + 1)
     q, u = joints(dense), np.hstack([rate(dense), joints(dense, 1)])
     u_dot = np.hstack([rate(dense, 1), joints(dense, 2)])
-    inertia, bias = tree.equation(q, u, pi, wheels)
+    equation = tree.equation(q, u, pi, wheels)
+    inertia, bias = equation[..., :-1], equation[..., -1]
     tau = (np.einsum('nab,nb->na', inertia, u_dot) + bias)[:, 3:]
     slope = np.zeros_like(u)
     slope[:, 3:] = CubicSpline(dense, tau)(dense, 1)
