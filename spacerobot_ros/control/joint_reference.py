@@ -15,6 +15,7 @@ from ..model.motion_settings import ReferenceSettings
 from ..types import Array
 
 _POWERS = 6  # of the polynomials that begin and end motions
+_EXPONENTS = np.arange(_POWERS)
 
 
 class Setpoint(NamedTuple):
@@ -147,8 +148,11 @@ class Fourier:
 
     def _sums(self, t: Array) -> Array:
         """(..., 3, n) of position, rate and acceleration at times t (...)."""
-        angle, share = np.multiply.outer(t, self._w), t[..., None] / self._period
-        shapes = np.concatenate([np.sin(angle), np.cos(angle), share ** np.arange(_POWERS)], -1)
+        angle, share = t[..., None] * self._w, t[..., None] / self._period
+        shapes = np.empty((*t.shape, len(self._curves)))
+        np.sin(angle, out=shapes[..., : len(self._w)])
+        np.cos(angle, out=shapes[..., len(self._w) : -_POWERS])
+        shapes[..., -_POWERS:] = share**_EXPONENTS
         return (shapes @ self._curves).reshape(*t.shape, 3, -1)
 
 

@@ -31,6 +31,7 @@ from .waypoints import Waypoints
 
 _MOVING = 6.0  # standard deviations of a rate, from which on a joint is not at rest
 _BRAKED = 5.0  # time constants of the damping, after which 0.7 % of a rate is left
+_TORQUE = tuple(field.name for field in fields(Torque))
 
 
 class ControlLoop:
@@ -317,9 +318,8 @@ class ControlLoop:
         self, stamp_ns: int, torque: Torque, setpoint: Setpoint, sample: Feedback, reason: str
     ) -> Command:
         self._tau = torque.tau
-        asked = {field.name: getattr(torque, field.name) for field in fields(torque)}
         return Command(
-            **asked,
+            **{name: getattr(torque, name) for name in _TORQUE},
             stamp_ns=stamp_ns,
             setpoint=setpoint,
             error=setpoint.q - sample.q,

@@ -9,6 +9,7 @@ samples, and what wanders without sense is never believed.
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from typing import NamedTuple
 
@@ -37,8 +38,8 @@ class ErrorScale:
         self._std = std
         self._errors: deque[Array] = deque(maxlen=_REMEMBERED)
 
-    def limit(self, error: Array, spread: float) -> Array:
-        """Magnitude (m,) that an error (m,) may have.
+    def limit(self, error: Array, spread: float) -> Array | float:
+        """Magnitude (m,) that an error (m,) may have; one for all where what is stated serves.
 
         Args:
             error: Remembered from now on.
@@ -46,12 +47,13 @@ class ErrorScale:
         """
         error = np.abs(error) / spread
         self._errors.append(error)
-        limit = np.full(len(error), FURTHEST * self._std)
-        if np.any(error > limit):
-            with np.errstate(invalid='ignore', over='ignore'):
-                usual = NORMAL * np.median(np.array(self._errors), axis=0)
-                limit = np.maximum(limit, FURTHEST * usual)
-            limit[limit == 0.0] = np.inf  # nothing stated, nothing seen
+        stated = FURTHEST * self._std
+        if not (error > stated).any():
+            return stated * spread
+        with np.errstate(invalid='ignore', over='ignore'):
+            usual = NORMAL * np.median(np.array(self._errors), axis=0)
+            limit = np.maximum(stated, FURTHEST * usual)
+        limit[limit == 0.0] = np.inf  # nothing stated, nothing seen
         return np.asarray(limit * spread)
 
 
@@ -59,12 +61,12 @@ class Doubt(NamedTuple):
     """How rates (m,) look beside those before.
 
     Attributes:
-        off: How far each is off the line through the last two; zero within the limit.
+        off: How far each is off the line through the last two, zero within the limit; None: none.
         is_repeated: Whether they are as the last ones that were doubted.
     """
 
-    off: Array
-    is_repeated: bool
+    off: Array | None = None
+    is_repeated: bool = False
 
 
 class RateGate:
@@ -89,25 +91,25 @@ class RateGate:
     def is_doubtful(self, time: float, rate: Array) -> bool:
         """Whether a rate at a time [s], later than all before, contradicts them."""
         off, is_repeated = self.look(time, rate)
-        return bool(off.any()) and not is_repeated
+        return off is not None and not is_repeated
 
     def look(self, time: float, rate: Array) -> Doubt:
         """Compare a rate at a time [s], later than all before, with them."""
-        predicted, doubted = self.predicted(time), self._doubted
-        self._doubted = None
-        if predicted is None:
-            return Doubt(np.zeros(len(rate)), is_repeated=False)
-        (t0, _), (t1, _) = self._last
-        ahead = (time - t1) / (t1 - t0)
-        error = rate - predicted
-        limit = self._scale.limit(error, np.sqrt(1.0 + (1.0 + ahead) ** 2 + ahead**2))
-        limit = limit + ahead * np.abs(self._last[1][1] - self._last[0][1])
-        off = np.where(np.abs(error) <= limit, 0.0, error)
-        if not off.any():
-            return Doubt(off, is_repeated=False)
+        doubted, self._doubted = self._doubted, None
+        if len(self._last) < 2:
+            return Doubt()
+        (t0, x0), (t1, x1) = self._last
+        ahead, change = (time - t1) / (t1 - t0), x1 - x0
+        error = rate - (x1 + change * ahead)
+        limit = self._scale.limit(error, math.sqrt(1.0 + (1.0 + ahead) ** 2 + ahead**2))
+        limit = limit + ahead * np.abs(change)
+        is_within = np.abs(error) <= limit
+        if is_within.all():
+            return Doubt()
+        off = np.where(is_within, 0.0, error)
         self._doubted = rate, error
         if doubted is None:
-            return Doubt(off, is_repeated=False)
+            return Doubt(off)
         half = 0.5 * doubted[1]  # a jump stays as it is, a slope that sets in adds as much again
         is_repeated = np.all(np.abs(rate - doubted[0] - half) <= limit + np.abs(half))
         return Doubt(off, bool(is_repeated))
@@ -166,12 +168,14 @@ class JointGate:
         off, is_repeated = self._rates.look(time, qd)
         if last is not None:
             error = _position_error(last, time, q, qd)
-            noise = self._scale.limit(error, np.sqrt(2.0))
-            x, y = np.abs(error), np.abs(error + 0.5 * (time - last[0]) * off)
-            is_real = y - x > _SURE * (noise / FURTHEST) ** 2 / (y + x + np.finfo(float).tiny)
-            limit = noise + 0.5 * (time - last[0]) * self._rates.largest_change(time, qd)
-            goes_on = np.all(x <= limit) and np.all(is_real | (off == 0.0))
-            if not goes_on and doubted is not None and (is_repeated or not off.any()):
+            noise, half = self._scale.limit(error, math.sqrt(2.0)), 0.5 * (time - last[0])
+            x, limit = np.abs(error), noise + half * self._rates.largest_change(time, qd)
+            goes_on = (x <= limit).all()
+            if goes_on and off is not None:
+                y = np.abs(error + half * off)
+                is_real = y - x > _SURE * (noise / FURTHEST) ** 2 / (y + x + np.finfo(float).tiny)
+                goes_on = np.all(is_real | (off == 0.0))
+            if not goes_on and doubted is not None and (is_repeated or off is None):
                 goes_on = np.all(np.abs(_position_error(doubted, time, q, qd)) <= limit)
             is_far = is_far or not goes_on
         self._doubted = (time, q, qd) if is_far else None
@@ -183,9 +187,12 @@ class JointGate:
     def _is_stuck(self, time: float, q: Array, qd: Array) -> bool:
         """Whether a joint stands to the last bit, while its rate says that it moved."""
         before, since = self._stood or (q, np.full(len(q), time))
-        since = np.where(q == before, since, time)
+        same = q == before
+        since = np.where(same, since, time)
         self._stood = q, since
-        return bool(self._std and np.any(np.abs(qd) * (time - since) > FURTHEST * self._std))
+        if not (self._std and same.any()):
+            return False
+        return bool((np.abs(qd) * (time - since) > FURTHEST * self._std).any())
 
     def stand_in(self, time: float, furthest: float) -> tuple[Array, Array]:
         """Position and rate at a time by the last samples believed, as of `furthest` ahead [s]."""
@@ -218,7 +225,7 @@ class AttitudeGate:
     def is_doubtful(self, error: Array) -> bool:
         """Whether a turn (3,) [rad] from the predicted attitude to the measured is too large."""
         doubted, self._doubted = self._doubted, None
-        limit = self._scale.limit(error, np.sqrt(2.0))
+        limit = self._scale.limit(error, math.sqrt(2.0))
         if np.all(np.abs(error) <= limit):
             return False
         if doubted is not None and np.all(np.abs(error - doubted) <= limit):

@@ -19,6 +19,7 @@ from ..nodes.identifier import IdentifierNode
 from ..nodes.simulator import SimulatorNode
 from ..recording.bags.bag_writer import BagWriter
 from ..recording.bags.message_types import decoded
+from ..recording.messages import stamp_ns
 from ..ros import convert
 from ..ros.qos import LATCHED
 from ..ros.session import Recorder, Session
@@ -40,7 +41,6 @@ TOPICS = {
     '/estimate': 'spacerobot_msgs/msg/Estimate',
     '/simulator/ledger': 'spacerobot_msgs/msg/Ledger',
 }
-_LEDGER_EVERY = 10  # steps
 LAST = ('/tracking', '/joint_commands', '/joint_states')
 
 
@@ -51,30 +51,34 @@ class _Log:
     time: list[float] = field(default_factory=list)
     joints: list[Array] = field(default_factory=list)
     references: list[Array] = field(default_factory=list)
-    ledger: list[tuple[float, Array, float, float]] = field(default_factory=list)
+    ledger: list[Any] = field(default_factory=list)  # messages
     estimates: list[Estimate] = field(default_factory=list)
 
     def read(self, topic: str, cdr: bytes) -> None:
-        """Note the reference that is followed, or an estimate."""
+        """Note the reference that is followed, an estimate, or the momentum book."""
         if topic == '/tracking':
             self.references.append(decoded(TOPICS[topic], cdr).reference_position)
         elif topic == '/estimate':
             self.estimates.append(convert.estimate(decoded(TOPICS[topic], cdr)))
+        elif topic == '/simulator/ledger':
+            self.ledger.append(decoded(TOPICS[topic], cdr))
 
     def see(self, plant: Plant) -> None:
         """Note the true state."""
-        time = plant.time_ns * 1e-9
-        self.time.append(time)
-        self.joints.append(plant.state.q[: plant.n_arm].copy())
-        if plant.step_index % _LEDGER_EVERY == 0:
-            book = plant.ledger()
-            self.ledger.append((time, book.angular, book.momentum_drift, book.energy_drift))
+        self.time.append(plant.time_ns * 1e-9)
+        self.joints.append(plant.state.q[: plant.n_arm])
 
     def to_run(self) -> DemoRun:
         """The finished run."""
         count = min(len(self.joints), len(self.references))
         error = np.array(self.references[:count]) - np.array(self.joints[:count])
-        at, angular, drift, energy = (np.array(c) for c in zip(*self.ledger, strict=True))
+        at = np.array([stamp_ns(book.header.stamp) * 1e-9 for book in self.ledger])
+        momenta = [book.angular_momentum for book in self.ledger]
+        angular = np.array([[h.x, h.y, h.z] for h in momenta])
+        drift, energy = (
+            np.array([getattr(book, f'{what}_drift') for book in self.ledger])
+            for what in ('momentum', 'energy')
+        )
         time = np.array(self.time[:count])
         return DemoRun(time, error, at, angular, drift, energy, tuple(self.estimates))
 
@@ -174,8 +178,13 @@ def _run(
         if progress is not None:
             simulator.observers.append(lambda plant: progress(plant.time_ns * 1e-9))
         end_ns = simulator.stop_at * simulator.plant.period_ns
+        books = simulator.stop_at // simulator.ledger_every
         session.until(
-            lambda: len(log.references) > simulator.stop_at and recorder.has_reached(end_ns, LAST),
+            lambda: (
+                len(log.references) > simulator.stop_at
+                and len(log.ledger) > books
+                and recorder.has_reached(end_ns, LAST)
+            ),
             lambda: (simulator.step_index, len(log.references)),
         )
         if identifier is not None:

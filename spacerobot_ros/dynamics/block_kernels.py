@@ -10,7 +10,7 @@ import numpy as np
 from ..types import Array, IntArray
 from .compiling import Triple, compiled, inner
 from .forward_kinematics import forward_kinematics
-from .spatial import add, cross, dot, get, plus, rotate, times
+from .spatial import add, cross, dot, get, plus, put, rotate, times
 from .tree import Records
 
 
@@ -208,13 +208,7 @@ def equation_of_rates(
     maps, blocks = np.zeros((count, bodies, 3, m)), np.empty((count, bodies, bodies, 3, 3))
     changes, out = np.zeros((count, joints, m)), np.zeros((count, m, m + 1))
     for s in range(count):
-        for k in range(bodies):
-            for r in range(3):
-                maps[s, k, r, r] = 1.0
-            for j in range(joints):
-                axis = rotate(rotations[s, j + 1], get(axes[j], 0))
-                for r in range(3):
-                    maps[s, k, r, 3 + j] = moves[j, k] * axis[r]
+        _fill_maps(rotations[s], axes, moves, maps[s])
     fill_blocks(rotations, pi, pairs, blocks)
     fill_changes(blocks, maps, u, moves, changes)
     for s in range(count):
@@ -231,6 +225,16 @@ def equation_of_rates(
         for k in range(bodies):
             _add_wheels(rotations[s, k], maps[s, k], u[s], wheels[k], joint_reaction, bias)
     return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def _fill_maps(R: Array, axes: Array, moves: Array, maps: Array) -> None:
+    """Write the maps P_k (b, 3, m), as `BlockTree.rate_maps`, over zeros."""
+    for k in range(len(maps)):
+        for r in range(3):
+            maps[k, r, r] = 1.0
+        for j in range(len(axes)):
+            put(maps[k, :, 3 + j], 0, times(moves[j, k], rotate(R[j + 1], get(axes[j], 0))))
 
 
 @inner  # type: ignore[untyped-decorator]

@@ -29,6 +29,7 @@ from ..ros import convert
 from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.run_node import answer_first
+from .adaptation_file import AdaptationFile
 from .base import TOPICS, SensorNode
 from .controller_status import (
     adaptation_status,
@@ -36,7 +37,6 @@ from .controller_status import (
     estimate_status,
     input_status,
 )
-from .kept_file import AdaptationFile
 from .pairing import Pairing
 from .parameter_publisher import ParameterPublisher
 from .trajectory_action import TrajectoryAction
@@ -180,7 +180,7 @@ class ControllerNode(SensorNode):
                 self._repeat(stamp_ns)
                 check_later(stamp_ns, last[0])
             self.latest['joints'] = (stamp_ns, *content)
-            self._arrived_ns = self.steady.now().nanoseconds
+            self._arrived_ns = self.wall_ns()
             if self.is_active:
                 self._answer_when_complete(self.latest['joints'])
             return
@@ -265,10 +265,7 @@ class ControllerNode(SensorNode):
 
         A simulation may be slower than the wall, and in lockstep takes its time.
         """
-        simulator, silent = (
-            self.settings.simulator,
-            self.steady.now().nanoseconds - self._arrived_ns,
-        )
+        simulator, silent = self.settings.simulator, self.wall_ns() - self._arrived_ns
         if self._pairing.is_lockstep:
             return int(silent - simulator.lockstep_timeout * 1e9)
         is_simulated = self.get_clock().ros_time_is_active
@@ -304,8 +301,11 @@ class ControllerNode(SensorNode):
             lambda: control_status(self.is_active, self.last_command, law, unit),
             lambda: estimate_status(self.loop, self._estimate_note),
         )
-        if (law_in_force := self.loop.adaptive) is not None:
-            self.health.watch(lambda: adaptation_status(law_in_force.health, self.last_command))
+        controller = self.loop.controller
+        if isinstance(controller, FreeFlyingController):  # an estimate gives it another law
+            self.health.watch(
+                lambda: adaptation_status(controller.adaptive.health, self.last_command)
+            )
 
     def _sensor_status(self) -> Status:
         stamp = self.latest['joints'][0] if 'joints' in self.latest else None

@@ -96,12 +96,12 @@ class IdentifierNode(SensorNode):
 
     def _attempt(self, identifier: OnlineIdentifier, until_ns: int | None) -> tuple[Any, ...]:
         """Estimate and time to solve [ms], or why there is none; on whatever thread."""
-        started = self.steady.now().nanoseconds
+        started = self.wall_ns()
         try:
             estimate = identifier.solve(until_ns)
         except IdentificationError as error:
             return None, str(error)
-        return estimate, (self.steady.now().nanoseconds - started) * 1e-6
+        return estimate, (self.wall_ns() - started) * 1e-6
 
     def _conclude(self, identifier: OnlineIdentifier, outcome: tuple[Any, ...]) -> None:
         if identifier is not self.identifier:
@@ -147,7 +147,7 @@ class IdentifierNode(SensorNode):
             identifier.add_rate(stamp_ns, faults.undo_rate(*content))
         else:
             identifier.add_attitude(stamp_ns, faults.undo_attitude(*content))
-        settled_ns = identifier.samples.settled_ns(self.steady.now().nanoseconds)
+        settled_ns = identifier.samples.settled_ns(self.wall_ns())
         if settled_ns is not None:
             self._solve_up_to(settled_ns - DISORDER_NS)
 

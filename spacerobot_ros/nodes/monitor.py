@@ -109,7 +109,7 @@ class MonitorNode(SensorNode):
             'joints': monitor.add_joints,
         }
         add[sensor](stamp_ns, *content)
-        self._say(monitor.step(self.steady.now().nanoseconds))
+        self._say(monitor.step(self.wall_ns()))
 
     def _on_commands(self, message: JointState) -> None:
         names = [thruster.name for thruster in self.monitor.robot.thrusters]

@@ -5,9 +5,8 @@ In lockstep the torque would otherwise depend on which of two messages was handl
 
 from __future__ import annotations
 
+import time
 from typing import Any
-
-from rclpy.clock import Clock, ClockType
 
 from ..control.loop import ControlLoop
 from ..model.settings import SimulatorSettings
@@ -29,7 +28,6 @@ class Pairing:
     def __init__(self, loop: ControlLoop, simulator: SimulatorSettings, patience_ns: int) -> None:
         self.is_lockstep = simulator.lockstep and loop.robot.is_free
         self.waiting: tuple[Any, ...] | None = None
-        self.clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop, self._patience_ns, self._since = loop, patience_ns, 0
         self._gyro_ns = _period_ns(simulator, 'imu_rate')
         self._attitude_ns = _period_ns(simulator, 'attitude_rate')
@@ -39,13 +37,13 @@ class Pairing:
         if not self.is_lockstep or self._is_complete(joints[0]):
             return False
         if self.waiting is None:
-            self._since = self.clock.now().nanoseconds
+            self._since = time.monotonic_ns()
         self.waiting = joints
         return True
 
     def overdue(self) -> tuple[Any, ...] | None:
         """Joint states that have waited too long: time would stand still in lockstep."""
-        waited = self.clock.now().nanoseconds - self._since
+        waited = time.monotonic_ns() - self._since
         return self.waiting if waited > self._patience_ns else None
 
     def _is_complete(self, stamp: int) -> bool:

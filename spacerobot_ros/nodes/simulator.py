@@ -40,9 +40,15 @@ CATCH_UP = 10  # steps in one tick of the real-time timer; beyond, the simulatio
 
 
 class SimulatorNode(RobotNode):
-    """Steps the plant: in lockstep with the commands, or at a pace of wall time."""
+    """Steps the plant: in lockstep with the commands, or at a pace of wall time.
+
+    Attributes:
+        plant: The simulated machine, once the robot is known.
+        ledger_every: Steps from one momentum book to the next.
+    """
 
     plant: Plant
+    ledger_every: int
 
     def __init__(self, **node_kwargs: Any) -> None:
         """Take the node arguments of rclpy; raise ConfigurationError for bad parameters."""
@@ -155,8 +161,8 @@ class SimulatorNode(RobotNode):
         self._held = HeldCommands(len(self._names), options.command_timeout / options.period)
         self._answer = Answer(needs_base=self.settings.controller.law in ADAPTIVE_LAWS)
         self._build()
-        every = max(1, round(LEDGER_PERIOD / options.period))
-        self._topics = SimulatorTopics(self, bool(wheels_of(self.plant)), every)
+        self.ledger_every = max(1, round(LEDGER_PERIOD / options.period))
+        self._topics = SimulatorTopics(self, bool(wheels_of(self.plant)), self.ledger_every)
         if self.firings:
             self._thrust = self.create_publisher(JointState, THRUSTERS, SAMPLES)
         commands = self.listen('/joint_commands', JointState, STATE, self._on_command)

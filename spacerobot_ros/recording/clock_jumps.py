@@ -81,14 +81,14 @@ class JumpDetector:
         if self._held and abs(sample.stamp_ns - self._held[-1].stamp_ns) > PATIENCE_NS:
             refused, self._held = tuple(self._held), []
         self._held.append(sample)
-        return self.judge_held(clock())._replace(refused=refused)
+        return self.judge_held(clock)._replace(refused=refused)
 
-    def judge_held(self, now_ns: int | None) -> Judgement:
-        """Look again at what is held back, at another time of /clock [ns]."""
+    def judge_held(self, clock: Callable[[], int | None]) -> Judgement:
+        """Look again at what is held back, at another time of /clock [ns]; None: there is none."""
         newest, held = self.newest_ns, self._held
         if not held or newest is None:
             return Judgement()
-        last, largest = held[-1].stamp_ns, self._largest_ns
+        now_ns, last, largest = clock(), held[-1].stamp_ns, self._largest_ns
         is_now = now_ns is not None and abs(last - now_ns) <= largest < abs(newest - now_ns)
         if not is_now and len(held) < _CONFIRMED:
             return Judgement()

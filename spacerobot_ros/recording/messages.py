@@ -6,6 +6,7 @@ that fails raises `MessageRejectedError` with the reason; nothing is repaired.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -56,7 +57,8 @@ def joint_columns(
         MessageRejectedError: joints that are missing, foreign or named twice, wrong lengths, or a
             number that is not finite.
     """
-    order = joint_order(message.name, names, others=others)
+    given = list(message.name)
+    order = None if given == list(names) else joint_order(given, names, others=others)
     out: list[Array | None] = []
     for column in columns:
         name = column.rstrip('?')
@@ -65,11 +67,10 @@ def joint_columns(
         if is_optional and np.isnan(values).all():
             out.append(None)
             continue
-        if len(values) != len(message.name):
-            raise MessageRejectedError(
-                f'{name} has {len(values)} entries for {len(message.name)} joints'
-            )
-        values = values[order]  # what other joints say is of no concern
+        if len(values) != len(given):
+            raise MessageRejectedError(f'{name} has {len(values)} entries for {len(given)} joints')
+        # what other joints say is of no concern
+        values = values.copy() if order is None else values[order]
         if not is_optional:
             out.append(finite(values, name))
             continue
@@ -200,7 +201,8 @@ def unit(q_xyzw: Quaternion) -> Quaternion:
 
 def finite(values: Array, what: str) -> Array:
     """The values; raise MessageRejectedError where one is not finite."""
-    if not np.isfinite(values).all():
+    few = values.ndim == 1  # then Python is quicker than NumPy
+    if not (all(map(math.isfinite, values.tolist())) if few else np.isfinite(values).all()):
         raise MessageRejectedError(f'{what} is not finite')
     return values
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 import importlib
 from array import array
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..control.adaptive.controller import AdaptiveController
-from ..control.command import Command
-from ..control.joint_reference import Setpoint
 from ..control.waypoints import Waypoints
 from ..errors import ConfigurationError, IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
@@ -19,6 +16,11 @@ from ..recording.bags.compose import PACKAGE, Composer
 from ..recording.bags.message_types import composer
 from ..recording.messages import INERTIAL_FRAME, joint_order, stamp_ns
 from ..types import Array
+
+if TYPE_CHECKING:
+    from ..control.adaptive.controller import AdaptiveController
+    from ..control.command import Command
+    from ..control.joint_reference import Setpoint
 
 PARAMETER_UNIT = 'kg m^2'
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import gc
 import io
 import struct
+import time
 from collections.abc import Callable, Iterable
-from itertools import count
 from typing import Any
 
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..model.settings import Settings
@@ -24,8 +24,7 @@ from .convert import type_name
 from .params import leaves
 from .qos import SAMPLES
 
-_WAIT = 0.05  # s for a callback
-_SPINS = 20  # from one look at whether something moves to the next
+_SLICE = 0.01  # s from one look at whether something moves to the next
 
 
 class SessionError(SpaceRobotError, RuntimeError):
@@ -44,7 +43,6 @@ class Session:
     def __init__(self, stall: float = 60.0, *, by_events: bool = True) -> None:
         self._by_events = by_events
         self._stall_ns = round(stall * 1e9)
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.context = Context()
         self._nodes: list[Node] = []
 
@@ -97,24 +95,21 @@ class Session:
         return self._join(Node(name, context=self.context, enable_rosout=False))
 
     def until(self, predicate: Callable[[], object], progress: Callable[[], Any]) -> None:
-        """Run callbacks until the predicate holds.
+        """Run callbacks until the predicate holds; a few more may run.
 
         Args:
-            predicate: Asked after every callback.
-            progress: Called now and then; its value must change within `stall`.
+            predicate: Asked every 10 ms, as an executor goes on quicker than it starts.
+            progress: Likewise; its value must change within `stall`.
 
         Raises:
             SessionError: nothing moves any more.
         """
         gc.freeze()  # what exists by now stays: no search for garbage needs to look at it
-        last, since = progress(), self._steady.now().nanoseconds
-        for k in count(1):
-            if predicate():
-                return
-            self._executor.spin_once(timeout_sec=_WAIT)
-            if k % _SPINS:
-                continue
-            value, now = progress(), self._steady.now().nanoseconds
+        last, since = progress(), time.monotonic_ns()
+        never: Future[None] = Future()
+        while not predicate():
+            self._executor.spin_until_future_complete(never, _SLICE)
+            value, now = progress(), time.monotonic_ns()
             if value != last:
                 last, since = value, now
             elif now - since > self._stall_ns:

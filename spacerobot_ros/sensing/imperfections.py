@@ -54,12 +54,13 @@ class Imperfections:
             for place, name in enumerate(STREAMS)
         }
         random = 1.0 if settings.noise else 0.0
-        self._std = {
-            channel: random * np.array(getattr(sensors, f'{channel}_std') or 0.0)
-            for channel in CHANNELS
-        }
+        std = {channel: getattr(sensors, f'{channel}_std') or 0.0 for channel in CHANNELS}
         # a tachometer is as noisy as a joint's rate
-        self._std['wheel_rate'] = np.array(random * (sensors.std('joint_velocity') or 0.0))
+        std['wheel_rate'] = sensors.std('joint_velocity') or 0.0
+        self._std = {
+            name: random * np.array(value) if random and np.any(value) else None
+            for name, value in std.items()
+        }
         self._resolution = {
             channel: getattr(sensors, f'{channel}_resolution', 0.0) for channel in CHANNELS
         }
@@ -101,13 +102,16 @@ class Imperfections:
             self._bias = self._bias + self._walk * step
             omega = omega + self._bias
         noisy = self.noisy('gyro', omega, stepped=False)
-        return self._stepped('gyro', np.clip(noisy, -self._gyro_range, self._gyro_range))
+        if self._gyro_range < math.inf:
+            noisy = np.clip(noisy, -self._gyro_range, self._gyro_range)
+        return self._stepped('gyro', noisy)
 
     def noisy(self, name: str, values: Array, *, stepped: bool = True) -> Array:
         """Values with white noise, rounded to the sensor's steps."""
         std = self._std[name]
-        out = np.array(values, dtype=float)
-        if std.any():
+        if std is None:
+            out = np.array(values, dtype=float)
+        else:
             out = values + std * self._streams[name].standard_normal(len(values))
         return self._stepped(name, out) if stepped else out
 

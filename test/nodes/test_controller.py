@@ -35,7 +35,8 @@ class Bench:
         self.references = self.probe.create_publisher(JointTrajectory, '/reference', STATE)
         overrides = {'simulator.lockstep': False, 'reference.kind': 'hold', **more}
         self.node = rig.add(ControllerNode, {**parameters, **overrides})
-        self.node.steady = self.wall = Wall()
+        self.wall = Wall()
+        self.node.wall_ns = self.wall.ns
 
     def gyro(self, ms, omega=(0.1, 0.12, 0.08), frame='base_link'):
         self.imu.publish(compose.imu(ms * MS, frame, np.array(omega), None))

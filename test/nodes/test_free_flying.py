@@ -1,5 +1,7 @@
 """Base attitude and joints under adaptive laws, on nodes in lockstep."""
 
+import time
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import QuaternionStamped, WrenchStamped
@@ -20,6 +22,7 @@ from support.free_flying import (
 )
 from support.rig import Rig, Wall, file_parameters
 
+from spacerobot_ros.control.adaptive.prior import load
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.nodes.controller import ControllerNode
@@ -108,7 +111,8 @@ class Bench:
         self.estimates = self.probe.create_publisher(EstimateMessage, '/estimate', LATCHED)
         parameters = node_parameters('adaptive_rls', 0.05) | {'simulator.lockstep': False} | more
         self.node = rig.add(ControllerNode, parameters)
-        self.node.steady = self.wall = Wall()
+        self.wall = Wall()
+        self.node.wall_ns = self.wall.ns
 
     def sample(self, ms, attitude=(0.0, 0.0, 0.0, 1.0)):
         ns = ms * 1_000_000
@@ -229,8 +233,9 @@ def test_parameters_are_saved_at_the_end(rig, tmp_path):
     assert load_robot_file(path).robot.n_joints == 4
 
 
-def test_an_estimate_starts_the_adaptation_and_an_indefinite_one_does_not(rig):
-    bench = Bench(rig)
+def test_an_estimate_starts_the_adaptation_and_an_indefinite_one_does_not(rig, tmp_path):
+    saved = tmp_path / 'learned.json'
+    bench = Bench(rig, **{'controller.save_file': str(saved)})
     bench.sample(0)
     good = convert.estimate_message(
         estimate_of(file_with(free_flying_parameters('adaptive_rls', 0.05))), 0
@@ -248,6 +253,11 @@ def test_an_estimate_starts_the_adaptation_and_an_indefinite_one_does_not(rig):
     bench.sample(50)
     assert bench.tracking[-1].uses_estimate
     assert 'started from an estimate' in bench.status('estimate').message
+    assert bench.call('/controller/save').success
+    law, robot = bench.node.loop.adaptive, bench.node.loop.robot
+    kept = load(saved, robot, time.time_ns())
+    assert_allclose(kept.mean, law.learned.mean, rtol=1e-12, atol=0)
+    assert bench.status('adaptation').values['excitation'] == law.health.excitation
 
 
 @pytest.mark.parametrize(

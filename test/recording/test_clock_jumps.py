@@ -51,7 +51,7 @@ def test_a_clock_confirms_at_once():
     play(detector, samples(START, 5))
     (late,) = samples(5 * S, 1, ('joints',))
     assert detector.judge(late, lambda: START).taken == ()
-    judged = detector.judge_held(5 * S)
+    judged = detector.judge_held(lambda: 5 * S)
     assert judged.taken == (late,)
     assert judged.jump_ns < 0
     other = samples(10 * S, 1, ('joints',))[0]

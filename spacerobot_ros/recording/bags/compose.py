@@ -14,6 +14,7 @@ from ..messages import INERTIAL_FRAME, SECOND_NS
 PACKAGE = 'spacerobot_msgs'
 _END_NS = 2**31 * SECOND_NS  # of the whole seconds of a stamp
 _ABSENT = np.array([-1.0, *np.zeros(8)])  # a covariance of what is not measured (REP 145)
+_NONE, _UNTURNED, _DIAGONAL = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.eye(3).ravel()
 
 
 class Composer:
@@ -76,11 +77,11 @@ class Composer:
             'sensor_msgs/msg/Imu',
             ns,
             base_link,
-            orientation=self.rotation(np.array([0.0, 0.0, 0.0, 1.0])),
+            orientation=self.rotation(_UNTURNED),
             orientation_covariance=_ABSENT.copy(),
             angular_velocity=self.vector(omega_WB_B),
-            angular_velocity_covariance=((std or 0.0) ** 2 * np.eye(3)).ravel(),
-            linear_acceleration=self.vector(np.zeros(3)),
+            angular_velocity_covariance=(std or 0.0) ** 2 * _DIAGONAL,
+            linear_acceleration=self.vector(_NONE),
             linear_acceleration_covariance=_ABSENT.copy(),
         )
 
@@ -91,7 +92,7 @@ class Composer:
 
     def base_torque(self, ns: int, base_link: str, torque: Vector3) -> Any:
         """A WrenchStamped of a torque alone, in base coordinates [N m]."""
-        force = self.vector(np.zeros(3))
+        force = self.vector(_NONE)
         wrench = self.make('geometry_msgs/msg/Wrench', force=force, torque=self.vector(torque))
         return self.stamped('geometry_msgs/msg/WrenchStamped', ns, base_link, wrench=wrench)
 

@@ -30,11 +30,16 @@ def off_neighbours(time: Array, values: Array, good: Array) -> tuple[Array, Arra
     error, spread = np.stack(errors), np.stack(spreads)[..., None]
     known = np.isfinite(error).any(axis=0)
     error[:, ~known] = 0.0  # alone on either side of a gap
-    differences = (error - np.nanmedian(error, axis=0)) / spread
-    return (
-        np.nanmedian(error / spread, axis=0),
-        NORMAL * np.nanmedian(np.abs(differences), axis=0),
-    )
+    differences = (error - _median(error)) / spread
+    return _median(error / spread), NORMAL * _median(np.abs(differences))
+
+
+def _median(stack: Array) -> Array:
+    """Median over the first axis without NaN, in a quarter of the time of `np.nanmedian`."""
+    in_order = np.sort(stack, axis=0)  # NaN last
+    count = np.count_nonzero(~np.isnan(stack), axis=0)[None]
+    low, high = (np.take_along_axis(in_order, k // 2, axis=0)[0] for k in (count - 1, count))
+    return np.asarray(0.5 * (low + high))
 
 
 def _errors(time: Array, values: Array, good: Array, stencil: IntArray) -> tuple[Array, Array]:
