@@ -213,7 +213,7 @@ def _concluded(
     """The answer of a search."""
     report('measuring the gain', 0.9)
     answer = conclude(found, (*notes, *in_words(found.fit.run.timing)))
-    if answer.verdict in ('consistent', 'explained'):
+    if answer.fit_p is not None and answer.fit_p >= MISFIT:
         return answer
     return discover_in_flight(answer, found.sound, report)
 

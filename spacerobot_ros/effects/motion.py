@@ -45,6 +45,9 @@ class Motion:
             so that what an effect does to the whole comes on top: nobody measures translations.
         window: (N, 2) times between which inputs count with their mean [s]; None: around
             each time.
+
+    Attributes:
+        swung: Forces of effects with states of their own along it, by effect and values.
     """
 
     robot: Robot
@@ -60,6 +63,7 @@ class Motion:
     unpowered: BoolArray | None = None
     coasts: bool = False
     window: Array | None = None
+    swung: dict[tuple[object, ...], Array] = field(init=False, default_factory=dict)
     _accelerated: tuple[Array, Array] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:

@@ -133,19 +133,21 @@ class Fit:
         except ConfigurationError:
             return False
 
+    def changed(self, index: int) -> Array:
+        """(R,) what a cause takes from the rows, by all that its entry is in proportion to."""
+        moved = [k for k in self.own(index) if self.free[k][1].role in PROPORTIONAL]
+        return np.asarray(self.tangents[:, moved] @ self.offsets[moved])
+
     def held_out(self, without: int | None = None) -> Array:
         """(R,) whitened residuals of each block of rows with the values that the others give.
 
         Args:
-            without: A cause that is left out, its effect taken to be in proportion to what the
-                catalogue says that it is in proportion to.
+            without: A cause that is left out.
         """
         kept, out = np.arange(len(self.free)), self.data.copy()
         if without is not None:
-            own = self.own(without)
-            moved = own[[self.free[k][1].role in PROPORTIONAL for k in own]]
-            out += self.tangents[:, moved] @ self.offsets[moved]
-            kept = np.setdiff1d(kept, own)
+            out += self.changed(without)
+            kept = np.setdiff1d(kept, self.own(without))
         columns, precision = self.tangents[:, kept], self.precision[kept]
         information, slope = columns.T @ columns, columns.T @ out
         slope -= precision * self.offsets[kept]
@@ -343,8 +345,6 @@ def _descend(fit: Fit, ahead: list[Effect]) -> Fit | None:
 
 
 def _between(old: Effect, new: Effect, share: float) -> Mapping[str, float]:
-    out = {}
-    for p in old.parameters:
-        a, b = coordinate_of(p, old.values[p.name]), coordinate_of(p, new.values[p.name])
-        out[p.name] = value_of(p, a + share * (b - a))
-    return out
+    a, b = ([coordinate_of(p, e.values[p.name]) for p in old.parameters] for e in (old, new))
+    moved = (x + share * (y - x) for x, y in zip(a, b, strict=True))
+    return {p.name: value_of(p, x) for p, x in zip(old.parameters, moved, strict=True)}

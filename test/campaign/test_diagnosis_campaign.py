@@ -8,7 +8,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.stats import binomtest
 
 from spacerobot_ros.campaign.description import EXPERIMENTS
@@ -31,19 +33,30 @@ from spacerobot_ros.campaign.hidden.diagnosis_score import score
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from spacerobot_ros.estimation.unknowns.response import InverseDynamics
 
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
+WHEELS = ('target_wheel_momentum', 'left_3')
+LATE = [
+    ('joint_sensor_delay', f'{side}_joint_{k}') for side in ('left', 'right') for k in (1, 2, 3)
+]
 BIAS = ('torque_sensor_bias', 'joint_2')
 VALUES = {
     'gyro_bias': {'x': 3e-5, 'y': 0.0, 'z': 4e-5},
     'joint_torque_ripple': {'amplitude': 0.5, 'harmonic': 10.0, 'phase': 1.0},
     'joint_stiffness': {'stiffness': 1e-3, 'rest_angle': 20.0},
     'torque_sensor_bias': {'bias': 0.2},
+    'joint_delay': {},
+    'joint_sensor_delay': {},
+    'encoder_offset': {},
+    'inertial_parameters': {},
+    'target_wheel_momentum': {},
 }
 
 
@@ -153,6 +166,43 @@ def test_an_effect_out_of_the_catalogue(causes, verdict, became):
     scores = score([case])
     assert scores['left_out_wrong'] == Share(became == 'wrong name', 1)
     assert scores['left_out_missed'] == Share(became == 'consistent', 1)
+
+
+@pytest.mark.parametrize(
+    ('truth', 'causes', 'became'),
+    [
+        ('joint_delay', LATE, 'equivalent'),
+        ('joint_delay', LATE[1:], 'wrong name'),
+        ('right_joint_3', [('inertial_parameters', 'right_3')], 'equivalent'),
+        ('right_joint_3', [('inertial_parameters', 'right_2')], 'wrong name'),
+        ('left_joint_3', [('inertial_parameters', 'left_3')], 'wrong name'),  # wheels turn along
+        ('left_joint_3', [('inertial_parameters', 'left_3'), WHEELS], 'equivalent'),
+    ],
+)
+def test_what_effects_at_other_places_are_together(truth, causes, became):
+    name = (truth, None) if truth == 'joint_delay' else ('encoder_offset', truth)
+    case = line('left_out', [name], causes, multiple=10.0)
+    assert outcome(case | {'robot': 'twin'}) == became
+
+
+def test_an_encoder_at_the_end_of_an_arm_is_its_last_body_turned():
+    robot, d = robot_file('twin').robot, 0.1
+    k = 1 + robot.joints.index('left_joint_3')
+    turn = Rotation.from_rotvec(d * robot.bodies[k].axis).as_matrix()
+    own = pin.Inertia.FromDynamicParameters(robot.inertial_parameters[k])
+    every = robot.inertial_parameters.copy()
+    every[k] = own.se3Action(pin.SE3(turn, np.zeros(3))).toDynamicParameters()
+    turned = robot.with_inertial_parameters(every)
+    turned = turned.with_target_momentum(turn @ robot.target_momentum)
+    q, qd, a, *base = np.random.default_rng(0).standard_normal((5, 1, robot.n_joints))
+    base = {'omega': base[0][:, :3], 'velocity': base[1][:, :3]}
+    a = np.concatenate([a, q], axis=1)
+    true_q = q + d * (np.arange(robot.n_joints) == k - 1)
+    says, is_true = (
+        InverseDynamics(r)(Motion(r, np.zeros(1), at, qd, qd, **base, acceleration=a))
+        for r, at in ((turned, q), (robot, true_q))
+    )
+    np.testing.assert_allclose(says, is_true, rtol=1e-12, atol=1e-9)
 
 
 @pytest.mark.parametrize(('narrower', 'wider', 'why'), EQUIVALENTS)

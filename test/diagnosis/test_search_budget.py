@@ -31,7 +31,7 @@ def test_a_search_ends_with_its_budget_and_says_so(monkeypatch, most, is_named):
 
 def test_wheels_that_run_down_beside_dry_friction_cost_few_models(monkeypatch):
     """One after the other, each fitted beside what the other leaves, they take 120."""
-    monkeypatch.setattr(search, 'MOST_MODELS', 60)
+    monkeypatch.setattr(search, 'MOST_MODELS', 20)
     robot = robot_file('servicer').robot
     hidden = [
         bind_effect(f'hidden_{effect}', effect, where, values, robot)

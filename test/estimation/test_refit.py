@@ -9,9 +9,10 @@ from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simula
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.columns import is_physical, is_possible
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import refine
+from spacerobot_ros.estimation.refit import Fit, refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from spacerobot_ros.estimation.unknowns.response import Response
 
 
 def applied(effect, where, **values):
@@ -23,6 +24,7 @@ def test_two_causes_that_take_the_same_mass_are_drawn_back_to_a_body():
     robot = robot_file('servicer').robot
     record = observed(simulated('servicer', 'default', 1, (), 6.0), robot)
     run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
+    _check_swings_are_remembered(run, applied('fuel_slosh', 'link_2', mass=1.0, frequency=3.0))
     # link_2 has 100 kg: taken at its centre of mass, 60 kg leave a body and 120 kg do not
     x = float(robot.bodies[2].com[0])
     second = -60.0 * x**2
@@ -36,6 +38,18 @@ def test_two_causes_that_take_the_same_mass_are_drawn_back_to_a_body():
     assert np.isfinite(fit.evidence)
     # nothing is hidden in the record: both come out as nothing
     assert abs(fit.causes[0].values['mass']) < 5.0 * fit.standard_deviations()[0]['mass']
+
+
+def _check_swings_are_remembered(run, fuel):
+    """Along the motion that models of one robot share; another body has another one."""
+    causes = [(), [applied('gyro_bias', None)], [applied('joint_viscous_friction', 'joint_1')]]
+    causes.append([applied('inertial_parameters', 'link_3', mass=1.0, ixx=0.1, iyy=0.1, izz=0.1)])
+    rows = [Fit(run, some).rows for some in causes]
+    alone, biased, rubbed, loaded = (Response(r.robot, r.motion).force(fuel) for r in rows)
+    assert rubbed is alone
+    assert biased is not alone  # its record is another one
+    np.testing.assert_allclose(biased, alone, rtol=0.0, atol=1e-6 * np.max(np.abs(alone)))
+    assert np.max(np.abs(loaded - alone)) > 1e-5 * np.max(np.abs(alone))
 
 
 @pytest.mark.parametrize('delay', [4e-6, 3e-4])

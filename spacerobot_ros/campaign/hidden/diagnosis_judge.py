@@ -141,8 +141,28 @@ def _left_out(line: Line) -> str:
     if line['verdict'] != 'explained':
         return str(line['verdict'])
     (truth,) = hidden(line)
-    causes = [(c['effect'], c['where']) for c in line['causes']]
-    return 'equivalent' if all(is_equivalent(c, truth) for c in causes) else 'wrong name'
+    causes = {(c['effect'], c['where']) for c in line['causes']}
+    is_same = all(is_equivalent(c, truth) for c in causes) or causes == _as_said_of(line, *truth)
+    return 'equivalent' if is_same else 'wrong name'
+
+
+def _as_said_of(line: Line, effect: str, where: str | None) -> set[Key]:
+    """Effects at other places that together are what was hidden, on the case's robot.
+
+    All joints late by t are each of them late by t. With an encoder at the end of an arm that says
+    d too much the last body is turned by d about its joint, as R(q) = R(q + d) R(-d), and with it
+    the momentum of wheels in it.
+    """
+    robot = truth_of(line['truth']).robot_file(line['robot']).robot
+    if effect == 'joint_delay':
+        return {('joint_sensor_delay', joint) for joint in robot.joints}
+    if effect != 'encoder_offset':
+        return set()
+    body = 1 + robot.joints.index(str(where))
+    wheels = [g for g in robot.target_wheels if g.body == body and np.any(g.momentum)]
+    turned = {('target_wheel_momentum', g.link) for g in wheels}
+    name = robot.bodies[body].name
+    return {('inertial_parameters', name), *turned} if name in robot.last_links else set()
 
 
 _OF = {

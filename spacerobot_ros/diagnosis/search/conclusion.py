@@ -15,6 +15,10 @@ from ..answer.words import cause_in_words, verdict_of
 from ..limits import MISFIT
 from .found import Found
 
+_CANCEL = (
+    'but these undo most of what each of them does: something that is not in the catalogue may be '
+    'what they stand for'
+)
 _UNFINISHED = 'the search was ended before all that stands out was looked into'
 
 
@@ -33,12 +37,14 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     fit_p, white_left = found.sound.rows.whiteness()
     # what is shown is the model that is written
     extended = found.only([i for i, c in sound.items() if c.relevant]) if minor else found.sound
-    verdict = verdict_of(fit_p is not None and fit_p >= MISFIT, bool(named))
+    fits = fit_p is not None and fit_p >= MISFIT
+    is_undone = fits and bool(named) and found.is_cancelled
+    verdict = verdict_of(fits and not is_undone, bool(named))
     channels = series(null.rows.channels(), extended.rows.channels())
     joints = null.run.robot.joints
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, named, minor, _left(white_left)),
+        sentence=_sentence(verdict, named, minor, '' if is_undone else _left(white_left)),
         causes=named,
         minor=minor,
         residuals=residuals(channels, white_before, extended.rows.whiteness()[1], joints),
@@ -116,7 +122,7 @@ def _ranked(found: Found) -> Iterable[Ranked]:
 
 
 def _sentence(verdict: str, named: Sequence[Cause], minor: Sequence[Cause], left: str) -> str:
-    """The verdict as a test engineer would say it."""
+    """The verdict as a test engineer would say it; nothing is left of causes that cancel."""
     what = ' and '.join(cause_in_words(c) for c in named)
     if verdict == 'consistent' and minor:
         small = ' and '.join(cause_in_words(c) for c in minor)
@@ -125,6 +131,8 @@ def _sentence(verdict: str, named: Sequence[Cause], minor: Sequence[Cause], left
         return 'The model explains the data within the noise of the sensors.'
     if verdict == 'explained':
         return f'The data differ from the model by {what}; nothing else is left.'
+    if verdict == 'partly_explained' and not left:
+        return f'The data differ from the model as by {what}, {_CANCEL}.'
     if verdict == 'partly_explained':
         return f'The data differ from the model by {what}, but {left} remains unexplained.'
     return f'The model does not explain the data ({left}), and no known effect does.'

@@ -6,8 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from ...estimation.inference.evidence import Score
 from ...estimation.refit import Fit, refine
+from ..limits import CANCELLED
 from .pool import Judged
 from .soundness import Soundness
 
@@ -51,6 +54,13 @@ class Found:
     def sound(self) -> Fit:
         """The fit with only the sound causes."""
         return self.only([i for i, check in enumerate(self.checks) if check.is_sound])
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether the sound causes undo most of what each of them does."""
+        each = [self.sound.changed(i) for i in range(len(self.sound.causes))]
+        apart, together = sum(float(x @ x) for x in each), float(np.sum(np.sum(each, axis=0) ** 2))
+        return apart > CANCELLED * together
 
     def only(self, kept: Sequence[int]) -> Fit:
         """The fit with only some of its causes."""

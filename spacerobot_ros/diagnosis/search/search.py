@@ -91,7 +91,8 @@ class Search:
                 break
             self._unsound = self._unsound or found
             fit, choices = ahead
-            ranking = self.judge(fit)
+            again = (j for j in first if self._may_be(j.candidate))
+            ranking = self.judge(fit) if choices else [*again]
         is_complete = not (self._is_ended(choices) and wanted_of(self.judge(found.sound)))
         if self._unsound and not self._pays(found):
             found = self._unsound
@@ -189,10 +190,11 @@ class Search:
         asks = p_value is not None and p_value < SUSPICIOUS
         kinds = [kind for kind in self._kinds if asks or not (kind.hidden or kind.is_rare)]
         found = candidates(kinds, fit.rows, spectral_lines(channels))
-        barred, timing = self._barred, self.run.timing
-        return [
-            c for c in found if not c.contradicts(fit.causes) and (timing, *c.key) not in barred
-        ]
+        return [c for c in found if not c.contradicts(fit.causes) and self._may_be(c)]
+
+    def _may_be(self, candidate: Candidate) -> bool:
+        """Whether it was not barred."""
+        return (self.run.timing, *candidate.key) not in self._barred
 
     def _pool(self, fit: Fit, pool: Sequence[Candidate]) -> Pool:
         columns = fit.signatures.whitened([step for c in pool for step in c.small_steps])

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from ...dynamics.rotation import skew
+from ...effects.motion import Motion
 from ...recording.record import Record
 from ...types import Array, IntArray
 from ..trajectory.reference import Kinematics, NoiseLevels, ReferenceTrajectory
@@ -53,7 +54,7 @@ class MeasuredMotion(SampledMotion):
     Args:
         record: Sensor effects already undone.
         noise: Noise levels.
-        process: Any model of the robot, for the number of its velocities.
+        process: A model of the robot.
         left_out: Starts and ends of times [s] in which anything may act from outside.
         gains: See `SampledMotion`.
     """
@@ -71,6 +72,19 @@ class MeasuredMotion(SampledMotion):
         self.time_base = make_time_base(record, process.m, process.first)
         reference = ReferenceTrajectory(record, noise, self.time_base.times)
         super().__init__(record, noise, reference, self.time_base.rows, gains)
+        self._process = process
+
+    def motion(self, process: TorqueDriven) -> Motion:
+        """The reference under a model; models of one robot share it, and all found along it."""
+        is_shared = process.robot is self._process.robot
+        return self._shared if is_shared else self._moved(process)
+
+    @cached_property
+    def _shared(self) -> Motion:
+        return self._moved(self._process)
+
+    def _moved(self, process: TorqueDriven) -> Motion:
+        return process.motion(self.kinematics, self.reference.effort(self.time_base.times))
 
     @cached_property
     def inner(self) -> tuple[tuple[float, Kinematics], ...]:
@@ -101,7 +115,7 @@ class Innovations:
         passive = np.isin(process.robot.joints, process.robot.passive_joints)
         noise = np.where(passive, _PASSIVE, 1.0) ** 2 * measured.noise.joint_effort**2
         self._torque = MeasuredTorque(self.record, self.reference, self.time_base, noise, timing)
-        self.motion = process.motion(self.kinematics, self.reference.effort(self.time_base.times))
+        self.motion = measured.motion(process)
         self._linear = self.process.linearize(self.motion)
         self._model = self._state_space()
         self._gains = gains_of(self._model, self._start())

@@ -17,6 +17,8 @@ from ...model.robot import Robot
 from ...types import Array
 from ..trajectory.reference import Kinematics
 
+_REMEMBERED = 1e8  # bytes of a motion: all of 20 s with ten joints
+
 
 class InverseDynamics:
     """Generalised force that a motion of one robot needs; wheels and gravity included.
@@ -113,7 +115,22 @@ class Response:
         self._inverse = InverseDynamics(robot)
 
     def force(self, effect: Effect) -> Array:
-        """(N, 6 + n) by which the robot with the effect differs from the one without."""
+        """(N, 6 + n) by which the robot with the effect differs from the one without.
+
+        What swings is dear, and along a motion that models share it is asked again and again.
+        """
+        if not effect.hidden:
+            return self._force(effect)
+        key = (effect.id, effect.where, *effect.values.values())
+        known = self.motion.swung
+        if key in known:
+            return known[key]
+        force = self._force(effect)
+        if len(known) * force.nbytes < _REMEMBERED:
+            known[key] = force
+        return force
+
+    def _force(self, effect: Effect) -> Array:
         changed = effect.change(self.robot)
         if changed is self.robot:
             return effect.force(self.motion, effect.driven(self.motion))

@@ -1,0 +1,41 @@
+"""Causes that undo each other stand for another one: together they fit, and explain nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.diagnosis.search import conclusion
+from spacerobot_ros.diagnosis.search.found import Choice, Found
+from spacerobot_ros.diagnosis.search.soundness import Soundness
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.inference.evidence import Score
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.refit import Fit
+from spacerobot_ros.estimation.runs import Run
+from spacerobot_ros.estimation.trajectory.observations import observed
+
+SOUND = Soundness(held_out_gain=1.0, placebo_gain=0.0, constant_p=1.0)
+
+
+@pytest.fixture(scope='module')
+def run():
+    """Return four seconds of the servicer, whose base hardly turns."""
+    robot = robot_file('servicer').robot
+    record = observed(simulated('servicer', 'slow', 5, (), 4.0), robot)
+    return Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
+
+
+@pytest.mark.parametrize(('sign', 'verdict'), [(-1.0, 'partly_explained'), (1.0, 'explained')])
+def test_torques_that_undo_each_other_explain_nothing(run, monkeypatch, sign, verdict):
+    monkeypatch.setattr(conclusion, 'MISFIT', 0.0)  # as where their sum is what is lacking
+    sizes = {'external_torque_body': 0.1, 'external_torque_inertial': 0.1 * sign}
+    kinds = [(CATALOGUE[name], {'x': 0.0, 'y': y, 'z': 0.0}) for name, y in sizes.items()]
+    fit = Fit(run, [kind(name=kind.id, where=None, values=values) for kind, values in kinds])
+    score = Score(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, np.zeros(1))
+    choices = tuple(Choice((name, None), score, ()) for name in sizes)
+    said = conclusion.conclude(Found(Fit(run, ()), fit, choices, (SOUND,) * 2, (), True), ())
+    assert said.verdict == verdict, said.sentence
+    assert ('undo' in said.sentence) == (verdict != 'explained')
+    assert len(said.causes) == 2
