@@ -7,6 +7,7 @@ import io
 import struct
 import time
 from collections.abc import Callable, Iterable
+from itertools import count
 from typing import Any
 
 import rclpy
@@ -15,7 +16,6 @@ from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..model.settings import Settings
@@ -24,7 +24,8 @@ from .convert import type_name
 from .params import leaves
 from .qos import SAMPLES
 
-_SLICE = 0.01  # s from one look at whether something moves to the next
+_WAIT = 0.05  # s for a callback
+_SPINS = 20  # from one look at whether something moves to the next
 
 
 class SessionError(SpaceRobotError, RuntimeError):
@@ -95,20 +96,23 @@ class Session:
         return self._join(Node(name, context=self.context, enable_rosout=False))
 
     def until(self, predicate: Callable[[], object], progress: Callable[[], Any]) -> None:
-        """Run callbacks until the predicate holds; a few more may run.
+        """Run callbacks until the predicate holds.
 
         Args:
-            predicate: Asked every 10 ms, as an executor goes on quicker than it starts.
-            progress: Likewise; its value must change within `stall`.
+            predicate: Asked after every callback.
+            progress: Called now and then; its value must change within `stall`.
 
         Raises:
             SessionError: nothing moves any more.
         """
         gc.freeze()  # what exists by now stays: no search for garbage needs to look at it
         last, since = progress(), time.monotonic_ns()
-        never: Future[None] = Future()
-        while not predicate():
-            self._executor.spin_until_future_complete(never, _SLICE)
+        for k in count(1):
+            if predicate():
+                return
+            self._executor.spin_once(timeout_sec=_WAIT)
+            if k % _SPINS:
+                continue
             value, now = progress(), time.monotonic_ns()
             if value != last:
                 last, since = value, now
