@@ -21,6 +21,8 @@ from ..types import Array
 
 _PEAKS = 3
 _OVERSAMPLING = 2.0
+_FEW = (0.25, 0.5, 1.0, 1.5)
+"""Rounds along the record that have no peak; a fit finds its way from one to the next."""
 _NEIGHBOURHOOD = 101  # values of p over which the background is judged
 _MOST = 4000
 _CHUNK = 256  # turns after which rounding is started afresh
@@ -60,7 +62,9 @@ def propose(
             chosen.append(float(values[k]))
         if len(chosen) == _PEAKS:
             break
-    return tuple(chosen), len(values)
+    few = (rounds * 2.0 * np.pi / max(float(np.ptp(argument)), 1e-6) for rounds in _FEW)
+    slow = [p for p in few if min(parameter.guesses) <= p < values[0]]
+    return (*chosen, *slow), len(values) + len(slow)
 
 
 def _values(parameter: Parameter, argument: Array) -> Array:
@@ -69,7 +73,7 @@ def _values(parameter: Parameter, argument: Array) -> Array:
     step = 2.0 * np.pi / max(span, 1e-6) / _OVERSAMPLING
     rate = float(np.median(np.abs(np.diff(argument))))
     high = min(max(parameter.guesses), np.pi / rate if rate > 0.0 else np.inf)
-    # less than two rounds along the record are not told from a bias and a spring
+    # less than two rounds along the record are no peak beside a bias and a spring
     low = max(min(parameter.guesses), min(2.0 * _OVERSAMPLING * step, 0.5 * high))
     count = int(np.clip((high - low) / step, 2, _MOST)) + 1
     return np.linspace(low, high, count)

@@ -30,6 +30,8 @@ _ALMOST = 0.5  # of the strength asked for
 
 EQUIVALENTS: tuple[tuple[str, str, str], ...] = (
     ('torque_sensor_bias', 'joint_stiffness', 'a spring of no stiffness, k q0 kept'),
+    ('torque_sensor_bias', 'joint_torque_ripple', 'a harmonic of nothing, A sin phi kept'),
+    ('joint_stiffness', 'joint_torque_ripple', 'a harmonic of nothing, its slope A k kept'),
     ('joint_coulomb_friction', 'joint_stribeck_friction', 'static torque as the Coulomb one'),
     ('joint_coulomb_friction', 'joint_presliding_friction', 'no displacement'),
     ('joint_coulomb_friction', 'joint_coupled_friction', 'a ratio of nothing, no viscous part'),
