@@ -1,4 +1,4 @@
-"""A ripple that a record shows a part of a round of is neither a bias nor a spring, nor they it."""
+"""A ripple of which a record shows a part of a round is no bias and no spring, nor are they it."""
 
 from __future__ import annotations
 
