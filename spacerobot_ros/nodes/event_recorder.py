@@ -106,8 +106,9 @@ class EventRecorder:
         self._bag = None
 
     def _free_path(self, stamp_ns: int) -> Path:
+        """Where neither a bag is nor what a kill left of one."""
         name, k = f'alarm_{stamp_ns // 1_000_000_000}', 1
-        while (self._folder / name).exists():
+        while any((self._folder / place).exists() for place in (name, f'.{name}.partial')):
             k += 1
             name = f'alarm_{stamp_ns // 1_000_000_000}_{k}'
         return self._folder / name

@@ -191,6 +191,8 @@ def open_robot(node: Node, settings: Settings, use: Callable[[Robot], None]) -> 
             if not seen:
                 seen.append(build_robot(settings, message.data, '/robot_description'))
                 use(seen[0])
+            elif message.data != seen[0].urdf:
+                node.get_logger().warning('/robot_description has changed: start again to use it')
 
         node.create_subscription(String, '/robot_description', take, LATCHED)
 

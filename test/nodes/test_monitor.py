@@ -141,6 +141,9 @@ def test_stopped_just_after_an_alarm_it_leaves_the_bag(rig, parameters, nominal,
     # the alarm comes sooner after zero than what is recorded before it
     change = in_flight('gyro_bias', 2e-4, Flight()).changed
     bench = Bench(rig, parameters, **{'monitor.record_folder': str(tmp_path / 'events')})
+    killed = [tmp_path / 'events' / f'.alarm_{second}.partial' for second in (6, 7, 8)]
+    for left in killed:
+        left.mkdir(parents=True)  # by a run before that had come as far
     bench.joint((2**31 - 1) * 10**9)  # a stamp that no other agrees with ends no recording
     bench.play([change(s) if s.stamp_ns >= 6000 * MS else s for s in nominal[:820]])
     raised = bench.node.monitor.state.raised_ns
@@ -148,7 +151,8 @@ def test_stopped_just_after_an_alarm_it_leaves_the_bag(rig, parameters, nominal,
     rig.executor.remove_node(bench.node)
     rig.nodes.remove(bench.node)
     bench.node.destroy_node()
-    (folder,) = (tmp_path / 'events').iterdir()
+    (folder,) = (tmp_path / 'events').glob('alarm_*')
+    assert all(left.exists() for left in killed)
     start, end = read_bag(folder, bench.node.monitor.robot).span_ns
     assert start <= 100 * MS
     assert end >= raised

@@ -74,7 +74,7 @@ def test_bad_parameters_are_refused_at_the_start(rig, servicer, node_type, chang
 
 
 @pytest.mark.parametrize('node_type', ALL)
-def test_description_can_come_as_a_parameter_or_as_a_topic(rig, servicer, node_type):
+def test_description_can_come_as_a_parameter_or_as_a_topic(rig, servicer, node_type, capfd):
     urdf = Path('config/servicer.urdf').read_text(encoding='utf-8')
     assert rig.add(node_type, servicer, **{'robot.urdf': '', 'robot_description': urdf}).is_open
     node = rig.add(node_type, servicer, **{'robot.urdf': ''})
@@ -84,6 +84,12 @@ def test_description_can_come_as_a_parameter_or_as_a_topic(rig, servicer, node_t
     publisher = rig.plain().create_publisher(String, '/robot_description', LATCHED)
     publisher.publish(String(data=urdf))
     rig.until(lambda: node.is_open)
+    publisher.publish(String(data=urdf))
+    rig.deliver()
+    assert 'has changed' not in capfd.readouterr().err
+    publisher.publish(String(data='<robot/>'))  # such a node goes on with the robot that it has
+    rig.deliver()
+    assert '/robot_description has changed' in capfd.readouterr().err
 
 
 def test_a_bad_description_on_the_topic_is_refused(rig, servicer):
