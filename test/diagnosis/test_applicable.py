@@ -11,7 +11,7 @@ import pytest
 from spacerobot_ros.campaign.hidden.real_arm import JOINTS, RealArm, arm_file
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
-from spacerobot_ros.diagnosis.arms import applicable
+from spacerobot_ros.diagnosis.arms import applicable, arm_spread
 from spacerobot_ros.diagnosis.search import predictable
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
@@ -35,6 +35,15 @@ def test_the_cause_goes_that_spoils_a_joint_and_not_the_weakest(monkeypatch, gui
     ratios = np.array([[1.5, 1.01]])
     found = SimpleNamespace(selection=selection, ratios=ratios, weights=np.ones((1, 2)))
     assert applicable.culprit(found, None) == guilty
+
+
+def test_a_cause_that_parts_disagree_about_has_no_name(monkeypatch):
+    """Three and five deviations by the fit, one and a half and two and a half as printed."""
+    monkeypatch.setattr(arm_spread, 'scatter_of', lambda found, i: (8.0, 2.0))
+    rows = SimpleNamespace(places=[[0], [1]])
+    values = np.array([-3.0, 5.0])
+    fit = SimpleNamespace(chosen=(0, 1), rows=rows, values=values, spread=lambda i: np.ones(1))
+    assert arm_spread.clear_causes(SimpleNamespace(fit=fit)) == (1,)
 
 
 def test_a_part_is_tried_in_which_the_joints_go_furthest():

@@ -73,6 +73,19 @@ def test_all_else_is_as_without_them(moving):
     assert moving.gain.before < 1.5  # held-out errors leave the events out
 
 
+def test_what_may_come_from_outside_says_nothing_of_the_machine_either():
+    """A burst below the limit of a name hid the viscous friction of its joint on a public arm."""
+    file, weak = arm_file(), (3, 12.0, 0.6, -1.8)
+    record = pushed(RealArm(31).record(0, duration=20.0), [PULSES[0], weak])
+    balances = [balance_of(record, file.robot, file.effects)]
+    kinds = ('joint_coulomb_friction', 'inertial_parameters')
+    found = arm_events(balances, ArmRows.of(balances, [CATALOGUE[kind] for kind in kinds]))
+    assert [e.where for e in found.events.named] == ['joint_2']
+    assert [(e.joints, e.reason) for e in found.events.possible] == [(('joint_4',), 'weak')]
+    ((first, second),) = found.left_out
+    assert first[0] < 6.5 < first[1] < second[0] < 12.3 < second[1]
+
+
 def test_quiet_machines_have_none():
     file = arm_file()
     for seed in (41, 42):

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from spacerobot_ros.diagnosis.answer.cause import Estimated
 from spacerobot_ros.diagnosis.answer.result import Leftover
 from spacerobot_ros.diagnosis.arms.arm_verdict import Left, full_scale, sentence
 from spacerobot_ros.diagnosis.arms.gain_notes import gain_of
@@ -137,13 +138,24 @@ def test_a_joint_that_stands_is_not_spoken_of(robot):
 
 
 def test_a_law_of_next_to_nothing_that_is_not_applied_is_none_of_the_verdict(robot):
-    """One that is applied, or of a joint with more than a hundredth left, is."""
+    """One that is applied, or clear and of a joint with more than a hundredth left, is."""
     left = Left(robot, np.array([5.0, 0.3]), np.array([0.5, 0.1]), np.ones(2), SCALE)
+    clear, unclear = ((Estimated(value=v, std=1.0, unit=''),) for v in (-3.0, -1.5))
     laws = [
-        Leftover(channel=f'joint_torque/{joint}', depends_on=(f'rate/{joint}',), form=form)
-        for joint, form in (('lift', 'x'), ('turn', 'x'), ('turn', None))
+        Leftover(
+            channel=f'joint_torque/{joint}',
+            depends_on=(f'rate/{joint}',),
+            form=form,
+            coefficients=coefficients,
+        )
+        for joint, form, coefficients in (
+            ('lift', 'x', clear),
+            ('turn', 'x', clear),
+            ('turn', 'x', unclear),
+            ('turn', None, ()),
+        )
     ]
-    assert [left.matters(law) for law in laws] == [False, True, False]
+    assert [left.matters(law) for law in laws] == [False, True, False, False]
     assert left.matters(replace(laws[0], applied=LAW))
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from spacerobot_ros.recording.faults.even_stamps import with_even_stamps
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
+from spacerobot_ros.recording.tables.sample_clock import parted
 
 PERIOD = 0.01
 EVEN = PERIOD * np.arange(3000)
@@ -36,6 +37,40 @@ def test_an_even_clock_counts_where_samples_follow_it(rng, scatter, lost):
     assert np.max(np.abs(off)) < 5.0 * scatter / np.sqrt(len(EVEN))
     np.testing.assert_array_equal(even.q, record.q)
     assert even.origin_ns == record.origin_ns
+
+
+def test_stamps_that_are_late_by_periods_do_not_lose_the_clock(rng):
+    """Samples that waited in a queue: two dozen come at once, twice two of them with one stamp."""
+    stamped = EVEN + 5e-4 * rng.standard_normal(len(EVEN))
+    stamped[700:703] = stamped[703] - 1e-3 * np.array([3.0, 2.0, 2.0])
+    stamped[1500:1503] = stamped[1503] - 1e-3 * np.array([3.0, 3.0, 2.0])
+    even = with_even_stamps(record_of(parted(np.sort(stamped)), EVEN, rng))
+    off = 1e-9 * (even.joints.stamp_ns - 10**18) - EVEN
+    assert np.max(np.abs(off)) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ('alike', 'is_parted'),
+    [
+        ([50], True),
+        ([50, 51, 70], True),
+        ([50, 51, 52], False),  # a block
+        ([50, 52, 54, 56], False),  # too many of 300
+        ([299], False),  # nothing follows
+    ],
+)
+def test_a_few_stamps_that_come_twice_are_spread_up_to_the_next(alike, is_parted):
+    stamps = np.arange(300.0)
+    for k in alike:
+        stamps[k] = stamps[k - 1]
+    out = parted(stamps)
+    if not is_parted:
+        np.testing.assert_array_equal(out, stamps)
+    else:
+        assert np.all(np.diff(out) > 0.0)
+        changed = np.flatnonzero(out != stamps)
+        np.testing.assert_array_equal(changed, alike)
+        assert out[alike[0]] == 50.0 if len(alike) == 1 else 49.0 < out[50] < out[51] < 52.0
 
 
 @pytest.mark.parametrize('scatter', [1e-4, 1e-3])

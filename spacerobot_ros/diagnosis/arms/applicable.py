@@ -13,7 +13,8 @@ from ...estimation.balance.arm_fit import ArmFit
 from ...estimation.inference.evidence import Gram, sum_of
 from ...types import Array
 from ..limits import MOST
-from .arm_found import WORSE, ArmFound, is_clear
+from .arm_found import WORSE, ArmFound
+from .arm_spread import clear_causes
 from .selection import Selection
 
 _HEAVIEST = 8.0
@@ -93,8 +94,9 @@ def _applied(found: ArmFound, chosen: Sequence[int], plain: Gram) -> Iterator[Ar
     """What is found with some causes, with all corrections of the file and with none."""
     selection = found.selection
     fit = ArmFit(selection.rows, selection.whole, tuple(chosen), plain)
-    clear = tuple(i for i in fit.chosen if is_clear(fit, i))
-    out = replace(found, fit=fit, clear=clear, named=tuple(fit.effects(clear)))
+    out = replace(found, fit=fit)
+    clear = clear_causes(out)
+    out = replace(out, clear=clear, named=tuple(fit.effects(clear)))
     unclear = [i for i in fit.chosen if i not in clear]
     for more in ([*unclear, *fit.calibration], unclear):
         yield replace(out, calibration=tuple(fit.effects(more)))

@@ -24,7 +24,7 @@ from ..events.event import Events
 from ..limits import RELEVANT
 from .arm_evidence import rivals_of
 from .arm_found import WORSE, ArmFound, rms, still_words, touched_notes
-from .arm_spread import scatter_of, usual_scatter, values_std, whole_std
+from .arm_spread import birge_of, scatter_of, usual_scatter, values_std, whole_std
 from .arm_verdict import Left, laws_that_matter, overall, sentence
 from .friction_law import friction_laws
 from .gain_notes import gain_notes
@@ -123,9 +123,8 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
         for p, value in ((p, applied.values[p.name]) for p in applied.parameters)
     ]
     scatter, dof = scatter_of(found, i)
-    birge = math.sqrt(max(1.0, scatter / dof, usual))
-    spread = birge * fit.spread(i)
-    stds = values_std(found, i, spread)
+    birge = birge_of(found, i, usual)
+    stds = values_std(found, i, birge * fit.spread(i))
     return Cause(
         applied=applied,
         parameters={

@@ -19,7 +19,7 @@ from ...estimation.balance.arm_priors import (
 from ...estimation.inference.evidence import score
 from ...estimation.scaling import value_std
 from ...types import Array, BoolArray
-from .arm_found import ArmFound
+from .arm_found import ArmFound, is_clear
 
 
 def values_std(found: ArmFound, i: int, spread: Array) -> list[float]:
@@ -82,6 +82,21 @@ def scatter_of(found: ArmFound, i: int) -> tuple[float, float]:
         judged = score(alone, deviations[own], free, None)
         total, dof = total + judged.gain, dof + judged.dof
     return total, max(dof - len(own), 1.0)
+
+
+def clear_causes(found: ArmFound) -> tuple[int, ...]:
+    """Chosen causes any of whose coefficients is clear of what is printed as its deviation."""
+    usual = usual_scatter(found)
+    return tuple(i for i in found.fit.chosen if is_clear(found.fit, i, birge_of(found, i, usual)))
+
+
+def birge_of(found: ArmFound, i: int, usual: float) -> float:
+    """Times by which a cause is less certain than its fit says (Birge's ratio).
+
+    By its own scatter between the parts of the data, or by the usual one of all causes.
+    """
+    total, dof = scatter_of(found, i)
+    return math.sqrt(max(1.0, total / dof, usual))
 
 
 def usual_scatter(found: ArmFound) -> float:

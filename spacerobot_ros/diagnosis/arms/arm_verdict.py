@@ -16,7 +16,7 @@ from ...types import Array, BoolArray
 from ..answer.cause import Cause
 from ..answer.result import Leftover
 from ..answer.words import cause_in_words, first_few
-from ..limits import FULL_SCALE, LIKE_NOISE, RELEVANT
+from ..limits import CLEAR, FULL_SCALE, LIKE_NOISE, RELEVANT
 from .arm_found import ArmFound, rms
 
 
@@ -50,9 +50,14 @@ class Left:
         return np.flatnonzero(self.after > self.usual).tolist()
 
     def matters(self, entry: Leftover) -> bool:
-        """Whether a channel's leftover has a law, and is enough for one that is not applied."""
+        """Whether a channel's leftover has a law.
+
+        One that is not applied must be clear of its own deviations, and of enough.
+        """
         if entry.form is None or entry.applied is not None:
             return entry.form is not None
+        if not any(abs(c.value) > CLEAR * c.std for c in entry.coefficients):
+            return False
         j = self.robot.joints.index(entry.channel.rpartition('/')[2])
         return bool(self.after[j] > RELEVANT * self.scale[j])
 

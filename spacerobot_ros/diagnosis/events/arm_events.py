@@ -23,7 +23,10 @@ Spans = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmEvents:
-    """Events, and the times of each recording that they take."""
+    """Events, and the times of each recording that they take.
+
+    What happens once says nothing of a machine, whether it is large enough for a name or not.
+    """
 
     events: Events = field(default_factory=Events)
     left_out: tuple[Spans, ...] = ()
@@ -52,8 +55,10 @@ def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
     friction = np.where(friction > 0.0, friction, np.nan)
     for run, balance in enumerate(balances):
         found = found.with_more(rest_events(balance, run, friction, of_load, scan))
+    once = [(e.recording, e.start, e.end) for e in found.named]
+    once += [(e.recording, e.start, e.end) for e in found.possible if e.reason == 'weak']
     spans = [
-        tuple((e.start - SPREAD, e.end + SPREAD) for e in found.named if e.recording == run)
-        for run in range(len(balances))
+        tuple((start - SPREAD, end + SPREAD) for run, start, end in once if run == own)
+        for own in range(len(balances))
     ]
     return ArmEvents(found, tuple(spans))

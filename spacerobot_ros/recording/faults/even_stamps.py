@@ -53,7 +53,10 @@ def _motions(record: Record) -> Iterator[tuple[str, Array, Array]]:
 
 
 def _even(time: Array) -> Array | None:
-    """(N,) times of an even clock, lost samples counted; None where stamps are of none."""
+    """(N,) times of an even clock, lost samples counted; None where stamps are of none.
+
+    A stamp that is late by periods tells no count: where none is lost, samples are counted.
+    """
     if len(time) < _FEWEST:
         return None
     period = float(np.median(np.diff(time)))
@@ -64,10 +67,13 @@ def _even(time: Array) -> Array | None:
     for _ in range(2):  # the first stamp may be off, too
         period, first = np.polyfit(count, time, 1)
         count = np.round((time - first) / period)
+    if np.any(np.diff(count) < 1.0):
+        count = np.arange(len(time))
+        period, first = np.polyfit(count, time, 1)
     even = first + period * count
     scatter = time - even
     size = float(np.std(scatter))
-    if not _LEAST * period < size < _MOST * period or np.any(np.diff(count) < 1.0):
+    if not _LEAST * period < size < _MOST * period:
         return None
     wander = np.std(uniform_filter1d(scatter, _WINDOW, mode='nearest'))
     return np.asarray(even) if wander < _WANDERS * size / np.sqrt(_WINDOW) else None

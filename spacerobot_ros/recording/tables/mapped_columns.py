@@ -14,7 +14,7 @@ from ...types import Array, IntArray
 from ..faults.gaps import continued
 from ..record import shown, to_stamps
 from .mapping import ColumnMapping, MappedColumns
-from .sample_clock import rebuilt
+from .sample_clock import parted, rebuilt
 from .table import SampleTable
 from .units import LARGEST, TIME, si_size
 
@@ -101,7 +101,12 @@ class ColumnReader:
         """Rows and their times, by the counter of the samples where there is one."""
         counter = self.mapping.sample_index
         if counter is None:
-            return kept, seconds
+            apart = parted(seconds)
+            twice = np.count_nonzero(apart != seconds)
+            note = f'{counted(int(twice), "stamp")} the same as the one before: spread up to the next'
+            if twice and note not in self.notes:
+                self.notes.append(note)
+            return kept, apart
         index = self.values(counter, [''])[kept, 0]
         _refuse(self.table, np.isnan(index), f'{counter.place}: is empty', kept)
         order, mended = rebuilt(seconds, index, lambda i: self.table.row(int(kept[i])))

@@ -19,6 +19,8 @@ from ...errors import RecordingError
 from ...types import Array, IntArray
 from ..record import shown
 
+_ALIKE, _MOST = 0.01, 3  # of all stamps; of them together
+
 
 def rebuilt(seconds: Array, index: Array, row: Callable[[int], str]) -> tuple[IntArray, Array]:
     """Rows in the order of the counter, and their times.
@@ -60,6 +62,21 @@ def rebuilt(seconds: Array, index: Array, row: Callable[[int], str]) -> tuple[In
             f'tell the time: it goes from {index[bad - 1]:g} to {index[bad]:g}',
         )
     return order, out
+
+
+def parted(seconds: Array) -> Array:
+    """(N,) stamps [s], of which those that are alike are spread evenly up to the next one.
+
+    Stamps of arrival, or of too few digits, come twice now and then. Where more than `_ALIKE` of
+    them do, or more than `_MOST` together, they are of blocks, and tell no times: then all stay.
+    """
+    first = np.flatnonzero(np.diff(seconds, prepend=-np.inf) != 0.0)
+    counts = np.diff(np.append(first, len(seconds)))
+    alike = len(seconds) - len(first)
+    if not 0 < alike <= _ALIKE * len(seconds) or np.max(counts) > _MOST or counts[-1] > 1:
+        return seconds
+    places = np.append(first, len(seconds) - 1).astype(float)
+    return np.asarray(np.interp(np.arange(len(seconds)), places, seconds[places.astype(int)]))
 
 
 def _goes_on(given: Array, steps: Array, period: float) -> NDArray[np.bool_]:
