@@ -225,8 +225,7 @@ class Fit:
             if c.id == 'inertial_parameters'
         )
         lower, upper = np.array(self._room).T
-        still = np.zeros(len(slope))
-        known = tuple(body for body in bodies if body.inverse(still) is not None)
+        known = tuple(body for body in bodies if body.is_body)
         sizes = np.array([spread_of(p) for _, p in self.free])
         return ConstrainedProblem(information, slope, sizes, lower, upper, known).solve()
 

@@ -162,8 +162,7 @@ class ArmFit:
             and (i in self.chosen or self.rows.is_tolerated(i))
             and np.all(np.isin(self.rows.places[i], used))
         ]
-        still = np.zeros(len(used))
-        return tuple(body for body in found if body.inverse(still) is not None)
+        return tuple(body for body in found if body.is_body)
 
     def effects(self, which: Sequence[int]) -> list[Effect]:
         """Some candidates with their values.

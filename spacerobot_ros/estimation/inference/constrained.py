@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -50,14 +51,14 @@ class PhysicalBody:
         """(k, 4, 4) derivatives of the pseudo-inertia by the unknowns."""
         return _BASIS[self.which]
 
-    def inverse(self, x: Array) -> Array | None:
-        """(4, 4) inverse of the pseudo-inertia; None where this is no body."""
-        j = pseudo_inertia(self.file) + np.tensordot(x[self.columns], self.basis, 1)
+    @property
+    def is_body(self) -> bool:
+        """Whether it is one in the file."""
         try:
-            np.linalg.cholesky(j)
-            return np.asarray(np.linalg.inv(j))
+            np.linalg.cholesky(pseudo_inertia(self.file))
         except np.linalg.LinAlgError:
-            return None
+            return False
+        return True
 
 
 def _basis() -> Array:
@@ -95,7 +96,7 @@ def _least(matrix: Array, right: Array) -> Array:
     return np.asarray(cho_solve(factor, right, check_finite=False))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ConstrainedProblem:
     """K unknowns.
 
@@ -147,12 +148,14 @@ class ConstrainedProblem:
         )
 
     def _cost(self, x: Array, barrier: float) -> float:
-        inverses = [j for body in self.bodies if (j := body.inverse(x)) is not None]
-        is_inside = np.all(x > self.lower) and np.all(x < self.upper)
-        if not is_inside or len(inverses) < len(self.bodies):
+        if np.any(x <= self.lower) or np.any(x >= self.upper):
+            return np.inf
+        try:
+            factors = np.linalg.cholesky(self._pseudo_inertias(x))
+        except np.linalg.LinAlgError:
             return np.inf
         logs = np.sum(np.log(_finite(x - self.lower))) + np.sum(np.log(_finite(self.upper - x)))
-        logs -= sum(np.linalg.slogdet(j)[1] for j in inverses)
+        logs += 2.0 * np.sum(np.log(np.diagonal(factors, axis1=1, axis2=2)))
         return float(0.5 * x @ self.information @ x - self.vector @ x - barrier * logs)
 
     def _derivatives(self, x: Array, barrier: float) -> tuple[Array, Array]:
@@ -160,15 +163,29 @@ class ConstrainedProblem:
         low, high = 1.0 / (x - self.lower), 1.0 / (self.upper - x)
         slope = self.information @ x - self.vector - barrier * (low - high)
         curvature = self.information + barrier * np.diag(low**2 + high**2)
-        for body in self.bodies:
-            inverse = body.inverse(x)
-            if inverse is None:
-                raise ValueError('a body of the file is none')
+        for body, inverse in zip(
+            self.bodies, np.linalg.inv(self._pseudo_inertias(x)), strict=True
+        ):
             turned = inverse @ body.basis  # (k, 4, 4) J^-1 dJ
             slope[body.columns] -= barrier * np.trace(turned, axis1=1, axis2=2)
-            at = np.ix_(body.columns, body.columns)
-            curvature[at] += barrier * np.einsum('kab,lba->kl', turned, turned)
+            flat = turned.reshape(-1, 16)
+            across = flat @ turned.transpose(0, 2, 1).reshape(-1, 16).T
+            curvature[np.ix_(body.columns, body.columns)] += barrier * across
         return slope, curvature
+
+    @cached_property
+    def _bodies_by_unknowns(self) -> tuple[Array, Array]:
+        """(B, 4, 4) pseudo-inertias of the file, (16 B, K) their derivatives by the unknowns."""
+        slope = np.zeros((len(self.bodies), 16, len(self.vector)))
+        for own, body in zip(slope, self.bodies, strict=True):
+            own[:, body.columns] = body.basis.reshape(-1, 16).T
+        file = [pseudo_inertia(body.file) for body in self.bodies]
+        return np.reshape(file, (-1, 4, 4)), slope.reshape(-1, len(self.vector))
+
+    def _pseudo_inertias(self, x: Array) -> Array:
+        """(B, 4, 4) of all bodies."""
+        file, slope = self._bodies_by_unknowns
+        return np.asarray(file + (slope @ x).reshape(-1, 4, 4))
 
 
 def _finite(values: Array) -> Array:

@@ -103,7 +103,9 @@ class ColumnReader:
         if counter is None:
             apart = parted(seconds)
             twice = np.count_nonzero(apart != seconds)
-            note = f'{counted(int(twice), "stamp")} the same as the one before: spread up to the next'
+            note = (
+                f'{counted(int(twice), "stamp")} the same as the one before: spread up to the next'
+            )
             if twice and note not in self.notes:
                 self.notes.append(note)
             return kept, apart
