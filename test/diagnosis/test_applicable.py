@@ -13,6 +13,7 @@ from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
 from spacerobot_ros.diagnosis.arms import applicable, arm_spread
 from spacerobot_ros.diagnosis.search import predictable
+from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 
@@ -44,6 +45,20 @@ def test_a_cause_that_parts_disagree_about_has_no_name(monkeypatch):
     values = np.array([-3.0, 5.0])
     fit = SimpleNamespace(chosen=(0, 1), rows=rows, values=values, spread=lambda i: np.ones(1))
     assert arm_spread.clear_causes(SimpleNamespace(fit=fit)) == (1,)
+
+
+@pytest.mark.parametrize(
+    ('clear', 'shared'), [((), [0, 2]), ((2,), []), ((1, 3), [0, 2]), ((0, 1, 2, 3), [])]
+)
+def test_laws_that_share_one_dry_friction_are_told_where_none_is_clear(clear, shared):
+    """Two of joint `a`; at `b` one, and one that is of the rate alone."""
+    laws = ('coulomb', 'coulomb', 'stribeck', 'viscous')
+    candidates = [
+        SimpleNamespace(kind=CATALOGUE[f'joint_{law}_friction'], where=where)
+        for law, where in zip(laws, 'abab', strict=True)
+    ]
+    fit = SimpleNamespace(chosen=(0, 1, 2, 3), rows=SimpleNamespace(candidates=candidates))
+    assert applicable.shared_frictions(fit, clear) == shared
 
 
 def test_a_part_is_tried_in_which_the_joints_go_furthest():

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import ConfigurationError
 from ...estimation.balance.arm_fit import ArmFit
+from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.inference.evidence import Gram, sum_of
 from ...types import Array
 from ..limits import MOST
@@ -33,8 +34,8 @@ def applicable(found: ArmFound) -> ArmFound:
         plain = plain_of(selection, [*found.levels], weights).whole
         tried = list(_applied(replace(found, weights=weights), selection.chosen, plain))
         unrelated = [i for i in selection.chosen if is_unrelated(tried[0].fit, i)]
-        if unrelated:
-            selection.drop(min(unrelated, key=selection.gain))
+        if superfluous := unrelated or shared_frictions(tried[0].fit, tried[0].clear):
+            selection.drop(min(superfluous, key=selection.gain))
             continue
         for out in tried:
             if not np.any(_ratios(out) > WORSE):
@@ -48,6 +49,19 @@ def applicable(found: ArmFound) -> ArmFound:
         else:
             selection.drop(culprit(best, plain))
             weights = np.ones_like(weights)
+
+
+def shared_frictions(fit: ArmFit, clear: Sequence[int]) -> list[int]:
+    """Laws of dry friction at one joint, none of which is clear: together they share one torque.
+
+    Without the least of them the others may be.
+    """
+    rubbing = [i for i in fit.chosen if is_kind_of(fit.rows.candidates[i].kind, DRY)]
+    for where in dict.fromkeys(fit.rows.candidates[i].where for i in rubbing):
+        here = [i for i in rubbing if fit.rows.candidates[i].where == where]
+        if len(here) > 1 and not set(here) & set(clear):
+            return here
+    return []
 
 
 def is_unrelated(fit: ArmFit, i: int) -> bool:
