@@ -39,11 +39,17 @@ def test_the_cause_goes_that_spoils_a_joint_and_not_the_weakest(monkeypatch, gui
 
 
 def test_a_cause_that_parts_disagree_about_has_no_name(monkeypatch):
-    """Three and five deviations by the fit, one and a half and two and a half as printed."""
+    """By the fit 2.8 and 3.2 deviations, as printed 1.4 and 1.6; without scatter 1.9 and 2.1."""
+    fit = SimpleNamespace(
+        chosen=(0, 1),
+        rows=SimpleNamespace(places=[[0], [1]]),
+        values=np.array([-2.8, 3.2]),
+        spread=lambda i: np.ones(1),
+    )
     monkeypatch.setattr(arm_spread, 'scatter_of', lambda found, i: (8.0, 2.0))
-    rows = SimpleNamespace(places=[[0], [1]])
-    values = np.array([-3.0, 5.0])
-    fit = SimpleNamespace(chosen=(0, 1), rows=rows, values=values, spread=lambda i: np.ones(1))
+    assert arm_spread.clear_causes(SimpleNamespace(fit=fit)) == (1,)
+    fit.values = np.array([-1.9, 2.1])
+    monkeypatch.setattr(arm_spread, 'scatter_of', lambda found, i: (1.0, 2.0))
     assert arm_spread.clear_causes(SimpleNamespace(fit=fit)) == (1,)
 
 

@@ -89,13 +89,13 @@ def balances_of(
     ]
 
 
-def is_clear(fit: ArmFit, i: int, widened: float = 1.0) -> bool:
-    """Whether any coefficient of a cause or a law is clear of its spread, so many times its own.
+def is_clear(fit: ArmFit, i: int, by: float = CLEAR) -> bool:
+    """Whether any coefficient of a cause or a law is so many times its own spread.
 
     The others predict, too, and stay in the model without a name.
     """
     values = fit.values[fit.rows.places[i]]
-    return bool(np.max(np.abs(values) / fit.spread(i)) > CLEAR * widened)
+    return bool(np.max(np.abs(values) / fit.spread(i)) > by)
 
 
 def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:

@@ -19,6 +19,7 @@ from ...estimation.balance.arm_priors import (
 from ...estimation.inference.evidence import score
 from ...estimation.scaling import value_std
 from ...types import Array, BoolArray
+from ..limits import CLEAR, CLEAR_AS_PRINTED
 from .arm_found import ArmFound, is_clear
 
 
@@ -85,9 +86,13 @@ def scatter_of(found: ArmFound, i: int) -> tuple[float, float]:
 
 
 def clear_causes(found: ArmFound) -> tuple[int, ...]:
-    """Chosen causes any of whose coefficients is clear of what is printed as its deviation."""
-    usual = usual_scatter(found)
-    return tuple(i for i in found.fit.chosen if is_clear(found.fit, i, birge_of(found, i, usual)))
+    """Chosen causes that are clear by their fit, and of what is printed as their deviation."""
+    fit, usual = found.fit, usual_scatter(found)
+    return tuple(
+        i
+        for i in fit.chosen
+        if is_clear(fit, i, max(CLEAR, CLEAR_AS_PRINTED * birge_of(found, i, usual)))
+    )
 
 
 def birge_of(found: ArmFound, i: int, usual: float) -> float:
