@@ -108,14 +108,35 @@ def test_scores_are_of_variables():
     clean = [record(law=''), record(said(None, 'time'), law=''), record(said('x', 'a'), law='')]
     scores = results([right, right, wrong, taken, *clean])['discovery']
     (group,) = scores['groups']
-    shares = [group[name].value for name in ('right', 'wrong', 'taken')]
-    assert shares == [0.5, 0.25, 0.25]
+    shares = [group['right'].value, group['wrong'].value]
+    assert shares == [0.75, 0.25]
+    assert [group[name] for name in ('own', 'named', 'false')] == [2, 1, 1]
     assert group['transfer'] == 0.99
     assert scores['false'].value == pytest.approx(1 / 3)
     assert scores['timed'].value == pytest.approx(1 / 3)
     missed = [check.what for check in judge({'discovery': scores}) if not check.is_met]
     assert len(missed) == 3  # right, wrong, false
     assert len(tables({'discovery': scores})) == 4
+
+
+def test_a_cause_counts_by_its_variables_and_where_it_holds():
+    """So does a wrong one; the line of a noise that is one is no variable of the law."""
+    viscous, load = 'joint_viscous_friction', 'joint_load_friction'
+    records = {
+        'named': record(named=[(viscous, 'joint_1')]),
+        'misnamed': record(named=[(viscous, 'joint_1'), (load, 'joint_1')]),
+        'missed': record(named=[(viscous, 'joint_2')]),
+        'line': record(said(None, 'time'), colour='line'),
+        'false': record(said(None, 'time'), colour='pink'),
+        'own': record(said('x', 'rate/joint_1'), named=[('gravity_error', None)]),
+    }
+    tilted = record(named=[('gravity_error', None)])
+    astray = record(named=[(viscous, 'joint_1')], r2=0.3)
+    for outcome, one in [*records.items(), ('misnamed', tilted), ('misnamed', astray)]:
+        (group,) = results([one])['discovery']['groups']
+        assert group[outcome] == 1
+        assert group['right'].value == (outcome in ('own', 'named'))
+        assert group['wrong'].value == (outcome in ('false', 'misnamed'))
 
 
 def test_learned_laws_count_at_work_and_beyond_their_data():

@@ -15,6 +15,21 @@ from .hidden_laws import INSIDE
 LOOPS = ('free base', 'fixed base')
 """In place of the noise's colour: robots in closed loop, their sensors' noise white."""
 
+_OF_CAUSES = {
+    'joint_coulomb_friction': ('rate',),
+    'joint_viscous_friction': ('rate',),
+    'joint_stribeck_friction': ('rate',),
+    'joint_friction_curvature': ('rate',),
+    'joint_load_friction': ('rate', 'load'),
+    'joint_presliding_friction': ('angle',),
+    'joint_stiffness': ('angle',),
+    'joint_torque_ripple': ('angle',),
+}
+"""Variables of what the catalogue has, as the grammar has them: of a history the angle."""
+_OUTCOMES = ('own', 'named', 'false', 'misnamed', 'line', 'missed')
+"""A law with the right variables; causes in its place that have them all and no others, and hold
+on another motion; a law of others; other causes; only the line of a noise that is one; none."""
+
 # figures to reach
 _RIGHT = {3.0: (0.95, 1.0), 1.0: (0.7, 1.0)}
 _OUTSIDE = (0.7, 1.0)
@@ -99,13 +114,29 @@ def _is_right(record: Record) -> bool:
     return any(set(s['depends_on']) == set(record['variables']) for s in _own(record))
 
 
-def _is_wrong(record: Record) -> bool:
-    return bool(_own(record)) and not _is_right(record)
+def _is_explained(record: Record) -> bool:
+    """Whether causes that are named at the joint have its variables, and hold elsewhere.
+
+    What the catalogue has, or comes close to, has its best answer there.
+    """
+    place = record['where']
+    own = [_OF_CAUSES.get(kind, ('other',)) for kind, where in record['named'] if where == place]
+    named = {f'{quantity}/{place}' for quantities in own for quantity in quantities}
+    return named == set(record['variables']) and record['r2'] > _TRANSFER_OUTSIDE[0]
 
 
-def _is_taken(record: Record) -> bool:
-    """Whether a cause of the catalogue at the joint stands in the law's place."""
-    return not _own(record) and any(where == record['where'] for _, where in record['named'])
+def _outcome(record: Record) -> str:
+    """What the answer says of the law's joint, see `_OUTCOMES`."""
+    own, has_line = _own(record), record['colour'] == 'line'
+    if _is_right(record):
+        return 'own'
+    if any(s['form'] is not None or not has_line for s in own):
+        return 'false'
+    if _is_explained(record):
+        return 'named'
+    if any(where in (record['where'], None) for _, where in record['named']):
+        return 'misnamed'
+    return 'line' if own else 'missed'
 
 
 def _has_other(record: Record) -> bool:
@@ -115,10 +146,11 @@ def _has_other(record: Record) -> bool:
 
 def _score(records: Sequence[Record]) -> dict[str, Any]:
     found = [r['r2'] for r in records if _is_right(r) and r['variables'] != ['time']]
+    outcomes = [_outcome(r) for r in records]
     return {
-        'right': share_of(map(_is_right, records)),
-        'wrong': share_of(map(_is_wrong, records)),
-        'taken': share_of(map(_is_taken, records)),
+        'right': share_of(outcome in ('own', 'named') for outcome in outcomes),
+        'wrong': share_of(outcome in ('false', 'misnamed') for outcome in outcomes),
+        **{name: outcomes.count(name) for name in _OUTCOMES},
         'transfer': float(np.median(found)) if found else float('nan'),
         'worst': float(np.quantile(found, 0.1)) if found else float('nan'),
     }
@@ -153,8 +185,10 @@ def judge(results: Results) -> list[Check]:
 def tables(results: Results) -> list[Table]:
     """Groups, laws, machines without one."""
     s = results['discovery']
-    columns = 'variables right | wrong | a named cause instead | median R2 | tenth'
-    form = '{right} | {wrong} | {taken} | {transfer:.3f} | {worst:.2f}'
+    columns = 'variables right | of a law, of a cause | wrong | of a law, of a cause | '
+    columns += "the noise's own line | median R2 | tenth"
+    form = '{right} | {own}, {named} | {wrong} | {false}, {misnamed} | {line} | '
+    form += '{transfer:.3f} | {worst:.2f}'
     return [
         table_of(
             'Laws',

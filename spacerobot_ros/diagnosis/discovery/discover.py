@@ -64,8 +64,7 @@ def _asked(
     where fewer laws explain more in their place, by all prices, they are none.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
-    channel = JointChannel(motions, j, found.levels[j], chosen)
-    held, rest = laws_of(channel)
+    channel, held, rest = _heard(JointChannel(motions, j, found.levels[j], chosen))
     instead = tuple(
         i
         for i in found.clear
@@ -73,12 +72,30 @@ def _asked(
     )
     if len(instead) > 1:
         kept = tuple(i for i in chosen if i not in instead)
-        other = JointChannel(motions, j, found.levels[j], kept)
-        laws, left = laws_of(other)
-        beyond = worth(other, [it.step for it in laws]) - worth(channel, [it.step for it in held])
+        other, laws, left = _heard(JointChannel(motions, j, found.levels[j], kept))
+        own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
+        beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
         if 0 < len(laws) < len(instead) and beyond > MARGIN:
             return other, laws, left, instead
     return channel, held, rest, ()
+
+
+def _heard(channel: JointChannel) -> tuple[JointChannel, list[HeldLaw], list[Winner]]:
+    """A channel under the noise that is likeliest beside its laws, these, and what else won.
+
+    A law leaves more where it is larger, as noise that grows with the rate does: what it leaves
+    is asked again beside it.
+    """
+    channel = channel.likeliest(())
+    held, rest = laws_of(channel)
+    again = channel.likeliest([it.law for it in held])
+    if again.loud == channel.loud:
+        return channel, held, rest
+    return (again, *laws_of(again))
+
+
+def _laws(held: Sequence[HeldLaw]) -> list[Winner]:
+    return [it.step for it in held]
 
 
 def _applied(

@@ -128,13 +128,12 @@ class LawSearch:
         here = self.terms.level(beside)
         judge = _Judge(self, here.scale, beside)
         scores = judge.scores(judge.data[:, None])[:, 0]
-        refitted = []
-        for g in self._shortlist(scores):
-            level = self.terms.level(np.concatenate([beside, self.columns[:, self.groups[g]]], 1))
-            refitted.append((level.likelihood - here.likelihood - self.laws[g].price, g, level))
-        refitted.sort(key=lambda entry: -entry[0])
+        refitted = self._refitted(self._shortlist(scores), beside, here)
         margin, g, level = refitted[0]
         if margin < MARGIN:
+            return None
+        is_law = self.laws[g].kind not in NO_LAWS
+        if is_law and self._belongs_to_causes(margin, judge, beside, here):
             return None
         p_value = self._chance(g, beside, level, judge.usable)
         if p_value > CHANCE:
@@ -143,6 +142,28 @@ class LawSearch:
         rivals = tuple((self.laws[k], margin - m) for k, m in close)
         law, columns, margin = self._refined(g, beside, here, margin)
         return Winner(law, columns, margin, p_value, rivals)
+
+    def _refitted(
+        self, groups: Sequence[int], beside: Array, here: Level
+    ) -> list[tuple[float, int, Level]]:
+        """Margin, law and level of each, the best first."""
+        out = []
+        for g in groups:
+            level = self.terms.level(np.concatenate([beside, self.columns[:, self.groups[g]]], 1))
+            out.append((level.likelihood - here.likelihood - self.laws[g].price, g, level))
+        return sorted(out, key=lambda entry: -entry[0])
+
+    def _belongs_to_causes(self, margin: float, judge: _Judge, beside: Array, here: Level) -> bool:
+        """Whether a law that is nearly a free cause explains more than the best that is asked.
+
+        Then the cause is of a slightly other shape, which a law of other variables would follow.
+        """
+        every = _Judge(self, here.scale, beside, np.ones(self.ways.shape[1], dtype=bool))
+        scores = every.scores(every.data[:, None])[:, 0]
+        known = [np.any(judge.usable[at]) for at in self.groups]
+        near = self._shortlist(np.where(known, -np.inf, scores), _ALIKE)
+        near = [g for g in near if not known[g]]
+        return any(m > margin for m, _, _ in self._refitted(near, beside, here))
 
     def _chance(self, g: int, beside: Array, level: Level, usable: BoolArray) -> float:
         """Under the level that the law leaves, among the laws that were asked."""
@@ -173,7 +194,7 @@ class LawSearch:
                         law, columns, margin = tried, moved, gain
         return law, columns, margin
 
-    def _shortlist(self, scores: Array) -> list[int]:
+    def _shortlist(self, scores: Array, count: int = _SHORTLIST) -> list[int]:
         taken: dict[object, int] = {}
         out: list[int] = []
         for g in np.argsort(-scores).tolist():
@@ -181,7 +202,7 @@ class LawSearch:
             taken[family] = taken.get(family, 0) + 1
             if taken[family] <= _ALIKE:
                 out.append(g)
-            if len(out) == _SHORTLIST:
+            if len(out) == count:
                 break
         return out
 

@@ -1,0 +1,73 @@
+"""What a search for laws takes for noise, and what it leaves to causes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.campaign.hidden_laws import LawArm
+from spacerobot_ros.campaign.real_arm import arm_file
+from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
+from spacerobot_ros.diagnosis.discovery.law_search import LawSearch
+from spacerobot_ros.diagnosis.discovery.possible_laws import Law
+from spacerobot_ros.diagnosis.discovery.spectral_terms import SpectralTerms
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.grammar import FORMS
+from spacerobot_ros.estimation.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance import balance_of
+from spacerobot_ros.estimation.observations import observed
+
+COUNT = 300  # terms
+
+
+@pytest.mark.parametrize(('colour', 'loud'), [('speed', 0.9), ('white', 0.0)])
+def test_noise_that_grows_with_the_rate_is_told_by_its_likelihood(colour, loud):
+    file = arm_file()
+    record = observed(LawArm(1, colour=colour).record(0, ['joint_3'], 20.0), file.robot)
+    rows = ArmRows.of(
+        [balance_of(record, file.robot, file.effects)], [CATALOGUE['joint_viscous_friction']]
+    )
+    channel = JointChannel(ArmMotions(rows), 2, np.array([0.1, *[1e-9] * 7]), ())
+    assert channel.likeliest([]).loud == loud
+    drag = Law(FORMS['x |x|'], ('rate/joint_3',), 1.5, 'drag', 'dissipative')
+    assert channel.likeliest([drag]).loud == loud
+
+
+@dataclass
+class Terms:
+    """A channel of given terms."""
+
+    terms: SpectralTerms
+    by_input: dict[str, np.ndarray]
+    place: str = 'joint'
+
+    def columns(self, laws: Sequence[Law]) -> list[np.ndarray]:
+        return [self.by_input[law.inputs[0]][:, None] for law in laws]
+
+    @property
+    def laws(self) -> list[Law]:
+        every = self.by_input
+        return [Law(FORMS['x'], (name,), 1.0, name, 'dissipative') for name in every]
+
+    times = np.arange(COUNT * 5 // 4)  # rows, of which the band has four fifths
+    part = times * 5 // len(times)
+
+
+@pytest.mark.parametrize('bend', [0.15, 0.5])
+def test_what_a_free_cause_nearly_is_is_no_law_of_others(bend):
+    """The hidden column is the cause's and a part of its own, which another law shares.
+
+    Of the one that is 2 % its own nothing is said; of the one that is a fifth so the law.
+    """
+    rng = np.random.default_rng(2)
+    cause, own, another, noise = rng.standard_normal((4, COUNT))
+    true = cause + bend * own
+    data = true / bend + noise
+    free = SpectralTerms(data, 20.0 * cause[:, None], np.ones(1, dtype=bool))
+    every = {'true': true, 'false': own + 0.7 * another}
+    every |= {f'other {k}': column for k, column in enumerate(rng.standard_normal((8, COUNT)))}
+    won = [step.law.inputs for step in LawSearch(Terms(free, every)).run()]
+    assert won == ([('true',)] if bend > 0.2 else [])
