@@ -13,6 +13,7 @@ from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions
 from spacerobot_ros.diagnosis.discovery.fitted_laws import candidate_of, with_laws
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
+from spacerobot_ros.diagnosis.events.arm_events import ArmEvents
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
 from spacerobot_ros.estimation.balance.arm_fit import ArmFit
@@ -23,6 +24,7 @@ from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 
 JOINT, ASYMMETRY = 2, 4.0  # N m s/rad
+GROWTH = 0.002  # of the load's square, 1/(N m)
 
 
 @pytest.fixture(scope='module')
@@ -31,12 +33,17 @@ def found():
     return found_with(DRY, SLIDING)
 
 
-def found_with(*chosen):
-    """The same with other frictions."""
+def asymmetric(rate, torque):
+    return ASYMMETRY * np.abs(rate)
+
+
+def found_with(*chosen, hidden=asymmetric):
+    """The same with other frictions, and another torque beside them."""
     file = arm_file(has_friction=False)
     record = observed(RealArm(0, [], leftover=0.0).record(0, duration=12.0), file.robot)
     effort = record.effort.copy()
-    effort[:, JOINT] += ASYMMETRY * np.abs(np.gradient(record.q[:, JOINT], record.joint_time))
+    rate = np.gradient(record.q[:, JOINT], record.joint_time)
+    effort[:, JOINT] += hidden(rate, effort[:, JOINT])
     record = replace(record, joints=replace(record.joints, effort=effort))
     balances = [balance_of(record, file.robot, ())]
     kinds = dict.fromkeys([DRY, SLIDING, *chosen])
@@ -58,13 +65,15 @@ def found_with(*chosen):
         np.array(levels),
         np.ones((1, file.robot.n_joints)),
         clear=fit.chosen,
+        events=ArmEvents(left_out=((),)),
     )
 
 
 def test_friction_is_not_shared_out_with_a_law_that_has_its_terms(found):
     """Half of a Coulomb friction went to the law, with a deviation of ten times its size."""
     law = Law(FORMS['sign(x), x, |x|'], ('rate/joint_3',), 2.0, 'friction', 'friction')
-    fitted, (number,) = with_laws(found, [candidate_of(law, JOINT, ArmMotions(found.fit.rows))])
+    motions = ArmMotions(found.fit.rows, found.extended)
+    fitted, (number,) = with_laws(found, [candidate_of(law, JOINT, motions)])
     named = {effect.id: next(iter(effect.values.values())) for effect in fitted.named}
     # the smoothing of its sign at reversals takes some of a dry friction
     assert named[DRY] == pytest.approx(COULOMB[JOINT], rel=0.03)
@@ -82,9 +91,23 @@ def test_a_friction_with_a_history_keeps_its_size_beside_a_law_of_dry_friction()
     history = 'joint_presliding_friction'
     searched = found_with(history, SLIDING)
     law = Law(FORMS['sign(x), x, |x|'], ('rate/joint_3',), 2.0, 'friction', 'friction')
-    motions = ArmMotions(searched.fit.rows)
+    motions = ArmMotions(searched.fit.rows, searched.extended)
     fitted, (number,) = with_laws(searched, [candidate_of(law, JOINT, motions)])
     named = {effect.id: next(iter(effect.values.values())) for effect in fitted.named}
     assert named[history] == pytest.approx(COULOMB[JOINT], rel=0.1)
     own = fitted.fit.rows.places[number]
     np.testing.assert_allclose(fitted.fit.values[own][:2], 0.0, atol=1e-3)
+
+
+def test_a_law_of_the_load_goes_with_the_whole_torque_of_its_motor():
+    """Of a file without friction the model's own load lacks it: half of the torque here."""
+    searched = found_with(DRY, SLIDING, hidden=lambda rate, load: GROWTH * load**2 * np.sign(rate))
+    searched = replace(searched, named=tuple(searched.fit.effects(searched.fit.chosen)))
+    law = Law(
+        FORMS['y^2 sign(x)'], ('rate/joint_3', 'load/joint_3'), 3.0, 'friction', 'dissipative'
+    )
+    motions = ArmMotions(searched.fit.rows, searched.extended)
+    fitted, (number,) = with_laws(searched, [candidate_of(law, JOINT, motions)])
+    (value,) = fitted.fit.values[fitted.fit.rows.places[number]]
+    # friction that was found without the law has some of it
+    assert value == pytest.approx(-GROWTH, rel=0.15)

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden_laws import LawArm
-from spacerobot_ros.campaign.real_arm import arm_file
+from spacerobot_ros.campaign.hidden.hidden_laws import LawArm
+from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
 from spacerobot_ros.diagnosis.discovery.law_search import LawSearch
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
 from spacerobot_ros.diagnosis.discovery.spectral_terms import SpectralTerms
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.effects.grammar import FORMS
-from spacerobot_ros.estimation.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance import balance_of
-from spacerobot_ros.estimation.observations import observed
+from spacerobot_ros.effects.laws.grammar import FORMS
+from spacerobot_ros.estimation.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.balance import balance_of
+from spacerobot_ros.estimation.trajectory.observations import observed
 
 COUNT = 300  # terms
 
@@ -30,7 +30,7 @@ def test_noise_that_grows_with_the_rate_is_told_by_its_likelihood(colour, loud):
     rows = ArmRows.of(
         [balance_of(record, file.robot, file.effects)], [CATALOGUE['joint_viscous_friction']]
     )
-    channel = JointChannel(ArmMotions(rows), 2, np.array([0.1, *[1e-9] * 7]), ())
+    channel = JointChannel(ArmMotions(rows, rows.balances), 2, np.array([0.1, *[1e-9] * 7]), ())
     assert channel.likeliest([]).loud == loud
     drag = Law(FORMS['x |x|'], ('rate/joint_3',), 1.5, 'drag', 'dissipative')
     assert channel.likeliest([drag]).loud == loud

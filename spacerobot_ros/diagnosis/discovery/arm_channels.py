@@ -10,6 +10,7 @@ import numpy as np
 
 from ...effects.laws.law_inputs import input_of
 from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.balance.balance import Balance
 from ...estimation.balance.leftover import JointRows
 from ...types import Array, IntArray
 from .discovery_limits import ONE_SPEED
@@ -36,9 +37,12 @@ class ArmMotions:
 
     Args:
         rows: The recordings.
+        balances: The model with all that was found along each of them: a model that lacks friction
+            and bodies lacks their share of a motor's torque, with which a law may go.
     """
 
     rows: ArmRows
+    balances: Sequence[Balance]
 
     @cached_property
     def extent(self) -> Extent:
@@ -50,7 +54,7 @@ class ArmMotions:
 
     def inputs(self, law: Law, run: int) -> list[Array]:
         """(N,) inputs of a law along a recording."""
-        motion = self.rows.balances[run].motion
+        motion = self.balances[run].motion
         return [np.asarray(input_of(name, motion)) for name in law.inputs]
 
     def ranges(self, law: Law, j: int) -> Mapping[str, tuple[float, float]]:

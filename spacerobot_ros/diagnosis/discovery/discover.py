@@ -30,7 +30,7 @@ def discover(
 
     Of a joint without one what is left is of its motion, of which no torque is a function.
     """
-    motions = ArmMotions(found.fit.rows)
+    motions = ArmMotions(found.fit.rows, found.extended)
     accepted: list[HeldLaw] = []
     said: list[Leftover] = []
     replaced: dict[str, tuple[int, ...]] = {}
@@ -116,7 +116,7 @@ def _applied(
     pairs = [(it, c) for it, c in zip(accepted, candidates, strict=True) if c is not None]
     before = rms(found.extended)
     named = {e.where for e in found.named if is_kind_of(e, DRY) and not e.hidden}
-    along = [balance.motion for balance in motions.rows.balances]
+    along = [balance.motion for balance in motions.balances]
     several = len(motions.rows.balances) > 1
     refused: list[Leftover] = []
     while True:

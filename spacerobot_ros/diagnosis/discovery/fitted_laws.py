@@ -13,6 +13,7 @@ from ...effects.laws.learned_torque import LearnedTorque, law_at
 from ...estimation.balance.arm_fit import ArmFit
 from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.balance.arm_rows_about import about_loads
 from ...estimation.columns import Candidate
 from ...types import Array, BoolArray
 from ..arms.applicable import plain_of
@@ -91,7 +92,7 @@ def candidate_of(law: Law, j: int, motions: ArmMotions, react: str = '') -> LawC
 def applied_law(law: Law, free: LearnedTorque, motions: ArmMotions) -> LearnedTorque:
     """The law as it is simulated: limited, and without what friction can not do."""
     largest = 0.0
-    for balance in motions.rows.balances:
+    for balance in motions.balances:
         motion, j = balance.motion, motions.rows.robot.joints.index(str(free.where))
         torque = free.force(motion, np.zeros((len(motion), 0)))[:, 6 + j]
         moving = balance.arm.is_moving[:, j]  # in some recordings it may stand
@@ -116,13 +117,18 @@ def with_laws(
     if not laws:
         return found, []
     causes = [i for i in found.fit.chosen if i not in dropped]
-    rows = found.fit.rows.with_more(laws)
-    numbers = list(range(len(rows.candidates) - len(laws), len(rows.candidates)))
+    first = len(found.fit.rows.candidates)
+    numbers = list(range(first, first + len(laws)))
+
+    def rows_with(some: Sequence[LawCandidate]) -> ArmRows:
+        return about_loads(found.fit.rows.with_more(some), found.extended, numbers)
+
+    rows = rows_with(laws)
     own = [
         replace(law, sizes=np.where(_is_of(rows, i, causes), NOTHING, 1.0) * law.sizes)
         for i, law in zip(numbers, laws, strict=True)
     ]
-    rows = found.fit.rows.with_more(own)
+    rows = rows_with(own)
     rough = Selection.of(rows, [*found.levels])
     rough.chosen = [*causes, *numbers]
     levels = levels_of(rows, rough)

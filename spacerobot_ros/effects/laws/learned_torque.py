@@ -58,6 +58,7 @@ class LearnedTorque(Effect):
     title = 'a torque learned from data'
     group = 'learned'
     parameters = ()
+    follows_load = True  # it may
     is_fitted = False  # the catalogue's search is not how it is found
 
     form: Form | TableForm
