@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 from geometry_msgs.msg import QuaternionStamped
-from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -280,9 +280,11 @@ class SensorNode(RobotNode):
             min_backward=Duration(nanoseconds=-1),
             on_clock_change=False,
         )
-        self._jump = self.get_clock().create_jump_callback(
-            moves, post_callback=lambda _: self._use(self._jumps.judge_held(self.now_ns))
-        )
+        self._jump = self.get_clock().create_jump_callback(moves, post_callback=self._on_time)
+
+    def _on_time(self, jump: TimeJump) -> None:
+        self._jumps.hear_clock(jump.delta.nanoseconds)
+        self._use(self._jumps.judge_held(self.now_ns))
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the run."""

@@ -2,6 +2,7 @@
 
 A stamp far from those before is held back. It is believed once /clock agrees with it, or
 once stamps that follow agree with it and with each other; a stamp of the old time refutes it.
+Where /clock goes back by less, the first sample that does begins another run.
 """
 
 from __future__ import annotations
@@ -53,11 +54,17 @@ class JumpDetector:
         self._newest: dict[str, int] = {}
         self._recent: dict[str, deque[int]] = {}
         self._held: list[Sample] = []
+        self._is_back = False
 
     def clear(self) -> tuple[Sample, ...]:
         """Begin anew, without any stamp; what was held back."""
         held, self._newest, self._recent, self._held = tuple(self._held), {}, {}, []
+        self._is_back = False
         return held
+
+    def hear_clock(self, delta_ns: int) -> None:
+        """Hear that /clock moved [ns]: back, however little, a sample may show another run."""
+        self._is_back |= delta_ns < 0
 
     @property
     def newest_ns(self) -> int | None:
@@ -74,8 +81,11 @@ class JumpDetector:
         refused: tuple[Sample, ...] = ()
         if self._follows(sample):
             refused, self._held = tuple(self._held), []
+            jump_ns = self._gone_back(sample, clock) if self._is_back else None
+            if jump_ns is not None:
+                self.clear()
             self._believe(sample)
-            return Judgement((sample,), refused)
+            return Judgement((sample,), refused, jump_ns)
         if any(h.sensor == sample.sensor and h.stamp_ns >= sample.stamp_ns for h in self._held):
             return Judgement(refused=(sample,))  # stuck stamps agree with nothing
         if self._held and abs(sample.stamp_ns - self._held[-1].stamp_ns) > PATIENCE_NS:
@@ -97,6 +107,13 @@ class JumpDetector:
         for sample in held:
             self._believe(sample)
         return Judgement(tuple(held), jump_ns=jump_ns)
+
+    def _gone_back(self, sample: Sample, clock: Callable[[], int | None]) -> int | None:
+        """How far a sample goes back with /clock [ns]; None where it, or that, does not."""
+        now_ns, newest_ns = clock(), self._newest.get(sample.sensor, sample.stamp_ns)
+        self._is_back = now_ns is not None and now_ns < (self.newest_ns or 0)
+        jump_ns = sample.stamp_ns - newest_ns
+        return jump_ns if self._is_back and jump_ns < 0 else None
 
     def _follows(self, sample: Sample) -> bool:
         """Whether a stamp is as one expects.

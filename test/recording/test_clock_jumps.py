@@ -58,6 +58,18 @@ def test_a_clock_confirms_at_once():
     assert detector.judge(other, lambda: 10 * S).taken == (other,)
 
 
+@pytest.mark.parametrize(('now_ns', 'is_run'), [(START, True), (START + S, False), (None, False)])
+def test_a_clock_that_goes_back_a_little_begins_another_run(now_ns, is_run):
+    detector, late = JumpDetector(S), samples(START, 1, ('joints',))[0]
+    play(detector, samples(START, 5))
+    assert detector.judge(late, lambda: now_ns).jump_ns is None  # one that is late, no more
+    detector.hear_clock(-4 * S // 100)
+    ahead = samples(START + 5 * S // 100, 1, ('imu',))[0]
+    assert detector.judge(ahead, lambda: now_ns).jump_ns is None
+    assert detector.judge(late, lambda: now_ns).jump_ns == (-4 * S // 100 if is_run else None)
+    assert detector.judge(late, lambda: now_ns).jump_ns is None
+
+
 def test_stamps_that_stand_still_confirm_nothing():
     detector, right = JumpDetector(S), samples(START, 5)
     stuck = [Sample('imu', 5 * S, ())] * 20
