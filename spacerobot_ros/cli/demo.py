@@ -18,7 +18,6 @@ examples:
 from __future__ import annotations
 
 import argparse
-import importlib
 import multiprocessing
 import os
 import signal
@@ -72,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 def _results(args: argparse.Namespace, work: Path) -> tuple[Results, RunPictures]:
     """All runs, and pictures of the first, which are drawn while another goes on."""
     from ..demo.results import Results, truth_of
-    from ..demo.run import check_file, identify, track
+    from ..demo.run import check_file, get_ready, identify, track
     from ..simulation.truth import true_robot
 
     started = time.perf_counter()
@@ -85,7 +84,8 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[Results, RunPictures
     # another process that sees these topics would mix with them
     with progress() as bars, _here() if args.live else beside() as submit:
         exciting = _stage(bars, 'tracking without the wheels, identifying them', passes * length)
-        submit(importlib.import_module, track.__module__)  # while this process computes
+        if not args.live:
+            submit(get_ready, file)  # while this process computes
         found = identify(file, passes, bags[:2], exciting)
         tracking = _stage(bars, 'tracking with them', length)
         identified = submit(track, file, found.estimates[-1], bags[2])

@@ -132,6 +132,11 @@ def track(file: RobotFile, estimate: Estimate | None, bag: Path) -> DemoRun:
     return _run(file, _settings(file, law), 1, [bag], None, estimate)
 
 
+def get_ready(file: RobotFile) -> None:
+    """Load all that `track` needs: run its nodes for a single sample, in a process that waits."""
+    _run(file, _settings(file, 'computed_torque'), 0, [], None)
+
+
 def _settings(file: RobotFile, law: str, passes: int = 1) -> Settings:
     return file.settings.changed(
         {
