@@ -107,6 +107,13 @@ def test_a_recording_in_which_nothing_moves_is_refused():
         diagnose(still, arm_file().robot)
 
 
+def test_a_recording_that_tells_less_than_may_be_wrong_is_refused():
+    """In 2 s of six joints a rotor or a body was named in half of the machines."""
+    short = RealArm(9000).record(1, duration=2.0)
+    with pytest.raises(RecordingError, match=r'too short: 90 torques .*; record \d s or'):
+        diagnose(short, arm_file(has_friction=False).robot)
+
+
 def in_jerks(record, joint):
     """The record with a joint that goes by 0.05 rad in a tenth of a second, once a second."""
     time, j = record.joint_time, record.joints.names.index(joint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,13 +12,14 @@ import numpy as np
 from ...effects.effect import Effect
 from ...errors import RecordingError
 from ...estimation.balance.arm_fit import ArmFit
+from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance, balance_of
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
 from ..answer.cause import Evidence
 from ..events.arm_events import ArmEvents, Spans
-from ..limits import CLEAR
+from ..limits import CLEAR, ENOUGH_ROWS, FEWEST_ROWS
 from .selection import Selection
 
 WORSE = 1.02
@@ -107,6 +109,26 @@ def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:
     if not any(balance.arm.is_moving.any() for balance in balances):
         source = records[0].source or 'recording'
         raise RecordingError(source, f'{still_words(balances)}; record a motion')
+
+
+def refuse_short(rows: ArmRows, records: Sequence[Record]) -> None:
+    """Refuse recordings that say less than may be wrong.
+
+    Raises:
+        RecordingError: too few torques for the numbers that are asked of them.
+    """
+    arms = [balance.arm for balance in rows.balances]
+    count = sum(int(np.sum(arm.is_moving[:: arm.stride])) for arm in arms)
+    asked = sum(len(at) for at in rows.places)
+    if count < FEWEST_ROWS * asked:
+        enough = ENOUGH_ROWS * asked / rows.robot.n_joints * arms[0].stride * arms[0].step
+        raise RecordingError(
+            records[0].source or 'recording',
+            f'is too short: {count} torques of moving joints in the band of their motion do not '
+            f'tell apart {asked} numbers that may be wrong (friction, offsets, inertias, ...); '
+            f'record {math.ceil(enough)} s or more in which every joint moves and turns both '
+            'ways, as `spacerobot excite` designs it',
+        )
 
 
 def still_words(balances: Sequence[Balance]) -> str:

@@ -23,7 +23,7 @@ from ..answer.cause import Evidence
 from ..events.arm_events import Spans, arm_events
 from .applicable import applicable, plain_of
 from .arm_evidence import evidence_of
-from .arm_found import ArmFound, balances_of, refuse_rest
+from .arm_found import ArmFound, balances_of, refuse_rest, refuse_short
 from .held_out_checks import check_bodies, check_held_out, check_plain, check_refinements
 from .selection import Selection
 
@@ -94,6 +94,7 @@ def _found(
     balances = balances_of(records, robot, believed, [()] * len(records))
     refuse_rest(balances, records)
     rows = ArmRows.of(balances, kinds).with_own(loaded)
+    refuse_short(rows, records)
     report('looking for events', 0.15)
     events = arm_events(balances, rows)
     if any(events.left_out):
