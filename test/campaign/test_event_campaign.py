@@ -36,7 +36,7 @@ def pulse(ratio, *, is_named=True, off=0.01, error=0.02, std=None):
         if is_named
         else {'reason': 'weak'}
     )
-    return {'ratio': ratio, 'is_named': is_named, **said}
+    return {'ratio': ratio, 'allowed': 1.0 / ratio, 'is_named': is_named, **said}
 
 
 def test_trials_are_distinct_and_of_every_kind():

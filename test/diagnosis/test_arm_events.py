@@ -73,6 +73,20 @@ def test_all_else_is_as_without_them(moving):
     assert moving.gain.before < 1.5  # held-out errors leave the events out
 
 
+def test_pushes_that_fill_a_third_of_a_recording_do_not_hide_each_other():
+    """None was even listed: the level was theirs, and beside it each was small."""
+    file = arm_file()
+    pulses = [(1, 2.2 + 1.4 * k, 0.5, 25.0 * s) for k, s in enumerate((1.0, -1.0, 1.1, -0.9, 1.0))]
+    record = pushed(RealArm(35).record(0, duration=10.0), pulses)
+    balance = balance_of(record, file.robot, file.effects)
+    rows = ArmRows.of([balance], [CATALOGUE['joint_coulomb_friction']])
+    named = arm_events([balance], rows).events.named
+    assert [e.where for e in named] == ['joint_2'] * len(pulses)
+    for event, (_, start, duration, torque) in zip(named, pulses, strict=True):
+        assert abs(0.5 * (event.start + event.end) - start - 0.5 * duration) < 0.1
+        assert event.peak['joint_2'] == pytest.approx(torque, rel=0.15)
+
+
 def test_what_may_come_from_outside_says_nothing_of_the_machine_either():
     """A burst below the limit of a name hid the viscous friction of its joint on a public arm."""
     file, weak = arm_file(), (3, 12.0, 0.6, -1.8)

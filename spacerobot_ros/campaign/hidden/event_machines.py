@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
@@ -48,6 +49,8 @@ class HiddenPulse:
         start: [s]. duration: [s].
         size: Torque [N m], or (3,) impulse along inertial axes [N m s].
         ratio: Of its size, by which it was drawn.
+        std: Rms error that the noise leaves of it where its times are known, all axes together;
+            NaN where friction decides.
     """
 
     where: str | None
@@ -55,6 +58,7 @@ class HiddenPulse:
     duration: float
     size: Array
     ratio: float
+    std: float = math.nan
 
     def torque(self, time: Array) -> Array:
         """(N,) on its joint [N m]."""
@@ -68,7 +72,7 @@ class HiddenPulse:
 
 
 Found = Callable[[Sequence[HiddenPulse]], Events]
-Unit = Callable[[np.random.Generator, Events, float], tuple[str | None, Array] | None]
+Unit = Callable[[np.random.Generator, Events, float], tuple[str | None, Array, float] | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,7 @@ class DrawnMachine:
         words: What it is. seconds: Length of its recordings.
         found: Events of a recording with pulses.
         unit: Place and size, of ratio one, of a pulse of a duration [s], by what was found in
-            quiet; None: of which nothing is said.
+            quiet, and `HiddenPulse.std`; None: of which nothing is said.
         ratios: Sizes of its pulses.
     """
 
@@ -148,13 +152,15 @@ def _torque(names: Sequence[str], *, is_limit: bool = False) -> Unit:
 
     def unit(
         rng: np.random.Generator, events: Events, duration: float
-    ) -> tuple[str, Array] | None:
+    ) -> tuple[str, Array, float] | None:
         name, sign = str(rng.choice(names)), rng.choice([-1.0, 1.0])
         limit = events.limits[name]
         if limit is None:
             return None
         peak = _peak(limit, duration)
-        return name, np.asarray(sign * (peak if is_limit else peak / limit.snr))
+        if is_limit:
+            return name, np.asarray(sign * peak), math.nan
+        return name, np.asarray(sign * peak / limit.snr), peak / limit.snr
 
     return unit
 
@@ -220,14 +226,14 @@ def _body_file(rng: np.random.Generator) -> RobotFile:
 
 def _impulse(
     rng: np.random.Generator, events: Events, duration: float
-) -> tuple[None, Array] | None:
+) -> tuple[None, Array, float] | None:
     """Of any direction."""
     limits = [limit for limit in events.limits.values() if limit is not None]
     if len(limits) < len(AXES):
         return None
     way = rng.standard_normal(3)
     stds = np.array([_peak(limit, duration) / limit.snr for limit in limits])
-    return None, way / float(np.linalg.norm(way / stds))
+    return None, way / float(np.linalg.norm(way / stds)), float(np.linalg.norm(stds))
 
 
 def _impulses(pulses: Sequence[HiddenPulse]) -> list[Effect]:

@@ -11,14 +11,20 @@ FALSE_PER_HOUR = 1.0
 LISTED = 5.0
 """z from which something is listed: white noise on seven joints exceeds it once in four hours."""
 
+SUSPECTED = 3.5
+"""z from which something is left out until the level of the rest is known. Four pushes in five
+seconds of motion reach 3 to 8 beside a level that has them, 7 to 15 beside one without; of white
+noise on seven joints half a minute has one such time, and its level hardly changes without it."""
+
 NAMED = 10.0
 """z from which something may be named. On quiet records of measured arms what exceeds `LISTED`
 does so by `EXCESS` on average, a hundred times an hour: an exponential tail gives one false name
 an hour at 8.7. A pulse of `SNR` reaches it with room for a shape that is no bell."""
 
-EXCESS, _RECORDS, _TAIL = 0.8, 6.0, 8.0
+EXCESS, _RECORDS, _TAIL = 0.8, 6.0, 6.5
 """Mean of z beyond `LISTED` on quiet records, of how many excesses that is the mean, and the z
-below which what is listed is thought to be such an excess."""
+below which what is listed is thought to be such an excess: five of six are. Events reach any z,
+and where they are many would raise a limit that counts them."""
 
 SNR = 20.0
 """Size by standard deviation, at that duration, from which 95 % and more are named."""
@@ -56,7 +62,7 @@ enough to look for steps first: else causes are, and steps beside them."""
 def named_from(sizes: Sequence[float], hours: float) -> float:
     """Z from which `FALSE_PER_HOUR` false events are expected, on this machine.
 
-    What is listed below `_TAIL` is taken to be an exponential tail.
+    What is listed below `_TAIL` is taken to be that part of an exponential tail.
 
     Args:
         sizes: z of all that is listed.
@@ -64,7 +70,7 @@ def named_from(sizes: Sequence[float], hours: float) -> float:
     """
     tail = [z - LISTED for z in sizes if z < _TAIL]
     excess = (_RECORDS * EXCESS + sum(tail)) / (_RECORDS + len(tail))
-    per_hour = (len(tail) + 0.5) / hours
+    per_hour = (len(tail) + 0.5) / hours / -math.expm1(-(_TAIL - LISTED) / excess)
     return max(NAMED, LISTED + excess * math.log(max(per_hour / FALSE_PER_HOUR, 1.0)))
 
 

@@ -1,8 +1,11 @@
 """Pulses of torque on the joints of an arm that moves: looked for, left out, and measured.
 
-What stands out of a first scan is left out of the rows, and the level of what is left is found
-again without it: a push of a second would pass for a wandering friction. Each pulse is then
-measured beside all other rows, its start, end and edges where the likelihood is largest.
+A push of a second passes for a wandering friction, and several for a level beside which none
+stands out. So whatever might be one is left out of the rows, and the level of the rest found
+again, until nothing more is suspected; what is none beside that level comes back. Where none is
+large even so, only what is listed is left out: a quiet machine's level is that of all its rows.
+Each pulse is then measured beside all other rows, its start, end and edges where the likelihood is
+largest.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import numpy as np
 from ...estimation.balance.arm_rows import ArmRows
 from ...types import Array, BoolArray
 from .contact import Pulse, overlap
-from .event_limits import LISTED, NAMED, ROOM, SNR
+from .event_limits import LISTED, NAMED, ROOM, SNR, SUSPECTED
 from .scan import SPREAD, Filtered, Pulses, PulseScan
 from .scatter import scales as scatter_scales
 
@@ -38,27 +41,47 @@ class PulseSearch:
 
     def __init__(self, rows: ArmRows) -> None:
         self.rows = rows
+        self.found = self._search(SUSPECTED)
+        if not any(abs(p.z) >= NAMED for p in self.found):
+            self.found = self._search(LISTED)
+
+    def _search(self, least: float) -> list[Pulse]:
+        """What is listed, beside a level without what exceeds some z."""
+        rows = self.rows
         self._windows: list[Pulse] = []
-        scales = [np.ones(len(joint.torque)) for joint in rows.joints]
+        ones = [np.ones(len(joint.torque)) for joint in rows.joints]
         guess = [np.full(6, (_GUESS * scale) ** 2) for scale in (*rows.scale, *rows.scale)]
-        self.scan = PulseScan(rows, self._left_out(), scales, guess)
+        self._scales = scatter_scales(PulseScan(rows, self._left_out(), ones, guess), ones)
         for _ in range(_PASSES):
-            scales = scatter_scales(self.scan, scales)
-            self.scan = PulseScan(rows, self._left_out(), scales)
-            self.colours: dict[tuple[int, float], float] = {}
-            self._stds: dict[tuple[int, float], float] = {}
-            fresh = [p for j in range(rows.robot.n_joints) for p in self._peaks(j)]
+            fresh = self._look(least)
             self._windows += fresh
             if not fresh:
                 break
-        else:
-            self.scan = PulseScan(rows, self._left_out(), scales)
-        measured = sorted(map(self._measured, self._windows), key=lambda p: -abs(p.z))
-        self.found = list[Pulse]()
-        for p in measured:
-            is_new = not any(q.joint == p.joint and overlap(p, q) for q in self.found)
+        if not self._windows:
+            return []
+        self._windows = self._best()
+        self._scales = scatter_scales(self.scan, self._scales)
+        fresh = self._look(LISTED)
+        if fresh:
+            self._windows += fresh
+            self._look(LISTED)
+        return self._best()
+
+    def _look(self, least: float) -> list[Pulse]:
+        """What exceeds some z beside the rows that are kept, their level found again."""
+        self.scan = PulseScan(self.rows, self._left_out(), self._scales)
+        self.colours: dict[tuple[int, float], float] = {}
+        self._stds: dict[tuple[int, float], float] = {}
+        return [p for j in range(self.rows.robot.n_joints) for p in self._peaks(j, least)]
+
+    def _best(self) -> list[Pulse]:
+        """What is left out and listed, where it is most likely, without what overlaps."""
+        out: list[Pulse] = []
+        for p in sorted(map(self._measured, self._windows), key=lambda p: -abs(p.z)):
+            is_new = not any(q.joint == p.joint and overlap(p, q) for q in out)
             if abs(p.z) >= LISTED and is_new:
-                self.found.append(p)
+                out.append(p)
+        return out
 
     def _left_out(self) -> list[BoolArray]:
         out = [np.zeros(len(joint.torque), dtype=bool) for joint in self.rows.joints]
@@ -68,18 +91,22 @@ class PulseSearch:
             out[w.joint] |= inside & (self.rows.recording[joint.block] == w.run)
         return out
 
-    def _peaks(self, j: int) -> Iterator[Pulse]:
-        """Largest templates of a joint that do not overlap, beyond what is listed."""
-        seen = []
+    def _peaks(self, j: int, least: float) -> Iterator[Pulse]:
+        """Largest templates of a joint that do not overlap, beyond some z."""
+        seen: list[Pulse] = []
         for duration in DURATIONS:
             parts = [(run, self._bells(run, duration)) for run in range(len(self.rows.balances))]
             found = [(run, bells, self.scan.test_kept(j, run, bells)) for run, bells in parts]
             colour = self.colours[j, duration] = _colour([f.z for _, _, f in found])
             stds = np.concatenate([f.std for _, _, f in found])
             self._stds[j, duration] = _usual(stds[np.isfinite(stds)])
-            seen += [_pulses(j, run, bells, f, colour) for run, bells, f in found]
+            seen += [
+                _pulse(j, run, bells, f, k, colour)
+                for run, bells, f in found
+                for k in np.flatnonzero(np.abs(f.z) >= least * colour).tolist()
+            ]
         taken: list[Pulse] = []
-        for p in sorted((p for some in seen for p in some), key=lambda p: -abs(p.z)):
+        for p in sorted(seen, key=lambda p: -abs(p.z)):
             if not any(overlap(p, q) for q in taken):
                 taken.append(p)
                 yield p
@@ -137,13 +164,6 @@ def _colour(z: Sequence[Array]) -> float:
     seen = np.abs(np.concatenate(z))
     seen = seen[seen > 0.0]
     return max(1.0, float(np.quantile(seen, _QUANTILE)) / _OF_NOISE) if len(seen) else 1.0
-
-
-def _pulses(j: int, run: int, bells: Pulses, found: Filtered, colour: float) -> list[Pulse]:
-    return [
-        _pulse(j, run, bells, found, k, colour)
-        for k in np.flatnonzero(np.abs(found.z) >= LISTED * colour).tolist()
-    ]
 
 
 def _pulse(j: int, run: int, shapes: Pulses, found: Filtered, k: int, colour: float) -> Pulse:

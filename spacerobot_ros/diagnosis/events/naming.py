@@ -21,7 +21,7 @@ from .moving import DURATIONS, PulseSearch
 from .states import States
 from .wrench import applied_wrench, wrench_of
 
-_TOUCHING = 0.3  # s between two pulses that may be one
+_TOUCHING = 0.5  # s between two pulses that may be one: errors of a start come in a row
 _TOGETHER = 0.4  # of the time of both that pulses of one event share
 _EDGE = 0.3  # s from an end of the record, where filters and drives start up
 _STARTED = 0.5  # s since a rest, in which friction may still change its side
