@@ -86,13 +86,16 @@ def scatter_of(found: ArmFound, i: int) -> tuple[float, float]:
 
 
 def clear_causes(found: ArmFound) -> tuple[int, ...]:
-    """Chosen causes that are clear by their fit, and of what is printed as their deviation."""
+    """Chosen causes that are clear by their fit, and of what is printed as their deviation.
+
+    Of two parts only, scatter has no size that could take a name.
+    """
     fit, usual = found.fit, usual_scatter(found)
-    return tuple(
-        i
+    printed = {
+        i: CLEAR_AS_PRINTED * birge_of(found, i, usual) if scatter_of(found, i)[1] > 1.0 else 0.0
         for i in fit.chosen
-        if is_clear(fit, i, max(CLEAR, CLEAR_AS_PRINTED * birge_of(found, i, usual)))
-    )
+    }
+    return tuple(i for i in fit.chosen if is_clear(fit, i, max(CLEAR, printed[i])))
 
 
 def birge_of(found: ArmFound, i: int, usual: float) -> float:
