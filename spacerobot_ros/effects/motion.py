@@ -47,7 +47,8 @@ class Motion:
             each time.
 
     Attributes:
-        swung: Forces of effects with states of their own along it, by effect and values.
+        swung: Forces of effects with states of their own along it, by effect and values; None
+            where they are not asked twice.
     """
 
     robot: Robot
@@ -63,7 +64,7 @@ class Motion:
     unpowered: BoolArray | None = None
     coasts: bool = False
     window: Array | None = None
-    swung: dict[tuple[object, ...], Array] = field(init=False, default_factory=dict)
+    swung: dict[tuple[object, ...], Array] | None = field(init=False, default=None)
     _accelerated: tuple[Array, Array] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:

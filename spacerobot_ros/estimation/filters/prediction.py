@@ -81,7 +81,9 @@ class MeasuredMotion(SampledMotion):
 
     @cached_property
     def _shared(self) -> Motion:
-        return self._moved(self._process)
+        motion = self._moved(self._process)
+        motion.swung = {}
+        return motion
 
     def _moved(self, process: TorqueDriven) -> Motion:
         return process.motion(self.kinematics, self.reference.effort(self.time_base.times))

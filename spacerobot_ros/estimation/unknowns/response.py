@@ -119,10 +119,10 @@ class Response:
 
         What swings is dear, and along a motion that models share it is asked again and again.
         """
-        if not effect.hidden:
+        known = self.motion.swung
+        if known is None or not effect.hidden:
             return self._force(effect)
         key = (effect.id, effect.where, *effect.values.values())
-        known = self.motion.swung
         if key in known:
             return known[key]
         force = self._force(effect)
