@@ -28,6 +28,7 @@ docs: setup  ## the documentation as a site, out/docs/site/index.html; strict
 		.venv/bin/python -m pip --python .venv/docs/bin/python install -q $(LOCKED); } && touch .venv/docs/lock; }
 	@$(ENTER) python scripts/make_docs.py
 	@NO_MKDOCS_2_WARNING=1 .venv/docs/bin/mkdocs build -q -f out/docs/mkdocs.yml
+	@rm -f out/docs/site/404.html # of servers alone: in a folder it finds nothing that it links to
 	@echo out/docs/site/index.html
 
 lint: setup  ## ruff, mypy, codespell
