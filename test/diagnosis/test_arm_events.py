@@ -21,6 +21,7 @@ from spacerobot_ros.diagnosis.events.event_limits import REST_SHARE
 from spacerobot_ros.diagnosis.events.naming import together
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.balance.arm_levels import leftover_level
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.model.loader import build_robot
@@ -85,6 +86,24 @@ def test_pushes_that_fill_a_third_of_a_recording_do_not_hide_each_other():
     for event, (_, start, duration, torque) in zip(named, pulses, strict=True):
         assert abs(0.5 * (event.start + event.end) - start - 0.5 * duration) < 0.1
         assert event.peak['joint_2'] == pytest.approx(torque, rel=0.15)
+
+
+def test_a_pass_over_a_recording_finds_again_only_what_changed(monkeypatch):
+    """Every pass found the level of every joint: a second of CPU more for each."""
+    file, found = arm_file(), []
+
+    def counted(rows, j, priors, friction, own):
+        found.append((j, own.torque.tobytes()))
+        return leftover_level(rows, j, priors, friction, own)
+
+    monkeypatch.setattr('spacerobot_ros.diagnosis.events.joint_scan.leftover_level', counted)
+    record = pushed(RealArm(31).record(0, duration=20.0), PULSES[:1])
+    balance = balance_of(record, file.robot, file.effects)
+    arm_events([balance], ArmRows.of([balance], [CATALOGUE['joint_coulomb_friction']]))
+    moving = [j for j, torque in found if torque]
+    assert len(set(found)) == len(found)
+    assert moving.count(PULSES[0][0]) > 1  # what is left out of it changes
+    assert min(map(moving.count, range(len(JOINTS)))) < moving.count(PULSES[0][0])
 
 
 def test_what_may_come_from_outside_says_nothing_of_the_machine_either():

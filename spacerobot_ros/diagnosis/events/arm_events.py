@@ -12,10 +12,10 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance
 from .break_away import break_away
 from .event import Events
+from .joint_scan import SPREAD
 from .moving import PulseSearch
 from .naming import Naming
 from .rest import rest_events
-from .scan import SPREAD
 
 Spans = tuple[tuple[float, float], ...]
 """Times [s] that nothing constant is estimated from."""

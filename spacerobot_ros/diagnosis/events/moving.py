@@ -18,7 +18,8 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...types import Array, BoolArray
 from .contact import Pulse, overlap
 from .event_limits import LISTED, NAMED, ROOM, SNR, SUSPECTED
-from .scan import SPREAD, Filtered, Pulses, PulseScan
+from .joint_scan import SPREAD, Pulses, bells
+from .scan import Filtered, PulseScan
 from .scatter import scales as scatter_scales
 
 DURATIONS = (0.3, 0.6, 1.2, 2.4, 4.8)
@@ -27,7 +28,6 @@ _PASSES = 3
 _QUANTILE, _OF_NOISE = 0.3, 0.385
 """A quantile of |z| that events on 40 % of a record leave alone, and its value in white noise."""
 _GUESS = 0.03  # of a joint's torque, for a first look
-_STEPS = 6  # centres a duration
 _EDGES = (0.5, 0.25, 0.1)
 _SHORTEST, _LONGEST = 0.25, 10.0  # s
 
@@ -41,17 +41,18 @@ class PulseSearch:
 
     def __init__(self, rows: ArmRows) -> None:
         self.rows = rows
-        self.found = self._search(SUSPECTED)
-        if not any(abs(p.z) >= NAMED for p in self.found):
-            self.found = self._search(LISTED)
-
-    def _search(self, least: float) -> list[Pulse]:
-        """What is listed, beside a level without what exceeds some z."""
-        rows = self.rows
-        self._windows: list[Pulse] = []
         ones = [np.ones(len(joint.torque)) for joint in rows.joints]
         guess = [np.full(6, (_GUESS * scale) ** 2) for scale in (*rows.scale, *rows.scale)]
-        self._scales = scatter_scales(PulseScan(rows, self._left_out(), ones, guess), ones)
+        scales = scatter_scales(PulseScan.of(rows, ones, guess), ones)
+        first = PulseScan.of(rows, scales, [None] * len(scales))
+        self.found = self._search(first, scales, SUSPECTED)
+        if not any(abs(p.z) >= NAMED for p in self.found):
+            self.found = self._search(first, scales, LISTED)
+
+    def _search(self, first: PulseScan, scales: Sequence[Array], least: float) -> list[Pulse]:
+        """What is listed, beside a level without what exceeds some z."""
+        self._windows: list[Pulse] = []
+        self.scan, self._scales = first, scales
         for _ in range(_PASSES):
             fresh = self._look(least)
             self._windows += fresh
@@ -69,7 +70,7 @@ class PulseSearch:
 
     def _look(self, least: float) -> list[Pulse]:
         """What exceeds some z beside the rows that are kept, their level found again."""
-        self.scan = PulseScan(self.rows, self._left_out(), self._scales)
+        self.scan = self.scan.without(self._left_out(), self._scales)
         self.colours: dict[tuple[int, float], float] = {}
         self._stds: dict[tuple[int, float], float] = {}
         return [p for j in range(self.rows.robot.n_joints) for p in self._peaks(j, least)]
@@ -95,14 +96,16 @@ class PulseSearch:
         """Largest templates of a joint that do not overlap, beyond some z."""
         seen: list[Pulse] = []
         for duration in DURATIONS:
-            parts = [(run, self._bells(run, duration)) for run in range(len(self.rows.balances))]
-            found = [(run, bells, self.scan.test_kept(j, run, bells)) for run, bells in parts]
+            found = [
+                (run, bells(self.rows, run, duration), self.scan.test_kept(j, run, duration))
+                for run in range(len(self.rows.balances))
+            ]
             colour = self.colours[j, duration] = _colour([f.z for _, _, f in found])
             stds = np.concatenate([f.std for _, _, f in found])
             self._stds[j, duration] = _usual(stds[np.isfinite(stds)])
             seen += [
-                _pulse(j, run, bells, f, k, colour)
-                for run, bells, f in found
+                _pulse(j, run, tried, f, k, colour)
+                for run, tried, f in found
                 for k in np.flatnonzero(np.abs(f.z) >= least * colour).tolist()
             ]
         taken: list[Pulse] = []
@@ -110,12 +113,6 @@ class PulseSearch:
             if not any(overlap(p, q) for q in taken):
                 taken.append(p)
                 yield p
-
-    def _bells(self, run: int, duration: float) -> Pulses:
-        times = self.rows.balances[run].row_times
-        step = max(1, int(duration / _STEPS / (times[1] - times[0])))
-        centres = times[::step]
-        return Pulses(centres, *(np.full(len(centres), x) for x in (duration, 0.5)))
 
     def _measured(self, window: Pulse) -> Pulse:
         """A pulse where its likelihood is largest."""

@@ -103,9 +103,10 @@ class Naming:
     def _explained(self) -> list[bool]:
         """Of every joint whether the model explains enough of its torques."""
         out = []
-        for j, own in enumerate(self._search.scan.kept[: len(self._joints)]):
+        for joint, scale in zip(self._search.scan.joints, self._rows.scale, strict=False):
+            own = joint.kept
             left = own.rows.torque - own.rows.columns @ self._search.scan.coefficients
-            total = float(np.sum(own.scale**2) * self._rows.scale[j] ** 2)
+            total = float(np.sum(own.scale**2) * scale**2)
             out.append(bool(np.sum((left * own.scale) ** 2) <= (1.0 - EXPLAINED) * total))
         return out
 
@@ -139,7 +140,7 @@ class Naming:
         """
         rows, scan = self._rows, self._search.scan
         line = np.concatenate([self._places(j, law) for law in (DRY, VISCOUS)])
-        columns = scan.kept[j].rows.columns
+        columns = scan.joints[j].kept.rows.columns
         if len(line) < 2 or not len(columns):
             return 0.0
         every = zip(rows.candidates, rows.places, strict=True)

@@ -199,9 +199,9 @@ def _of_model(
 
 def _level(scan: PulseScan | None, j: int) -> float:
     """Rms of what the model misses of a joint that moves [N m]."""
-    if scan is None or not len(scan.kept[j].time):
+    if scan is None or not len(scan.joints[j].kept.time):
         return 0.0
-    own = scan.kept[j]
+    own = scan.joints[j].kept
     left = own.rows.torque - own.rows.columns @ scan.coefficients
     return float(np.sqrt(np.mean((left * own.scale) ** 2)))
 

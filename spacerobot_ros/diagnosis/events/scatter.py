@@ -33,7 +33,7 @@ def scales(scan: PulseScan, before: Sequence[Array]) -> list[Array]:
     """
     out = []
     for j, scale in enumerate(before):
-        kept = ~scan.left_out[j]
+        kept = ~scan.joints[j].left_out
         left = np.abs(scan.left(j)) * scale[kept]
         if not len(left) or not np.median(left) > 0.0:
             out.append(np.ones(len(scale)))

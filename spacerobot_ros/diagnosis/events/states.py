@@ -33,7 +33,7 @@ class States:
     """
 
     def __init__(self, search: PulseSearch, j: int) -> None:
-        rows, own = search.rows, search.scan.all[j]
+        rows, own = search.rows, search.scan.joints[j].whole
         self._time, self._run = own.time, own.run
         self._left = own.rows.torque - own.rows.columns @ search.scan.coefficients
         self._left *= own.scale

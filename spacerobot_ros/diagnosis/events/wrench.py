@@ -17,8 +17,8 @@ from ...effects.surroundings.external import ExternalWrench
 from ...estimation.balance.balance import Balance
 from ...types import Array
 from .contact import Pulse
+from .joint_scan import Pulses
 from .moving import PulseSearch
-from .scan import Pulses
 
 NAMES = tuple(f'{what}_{axis}' for what in ('force', 'torque') for axis in 'xyz')
 

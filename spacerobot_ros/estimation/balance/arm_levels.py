@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ...types import Array
@@ -16,26 +14,28 @@ friction or the gain themselves (docs/real_machines.md)."""
 _FRICTION_DRIFT = 0.1  # of the friction that was found
 
 
-def leftover_levels(
-    rows: ArmRows, priors: Array, friction: Array, joints: Sequence[JointRows] | None = None
-) -> list[Array]:
-    """(8,) variances of the leftover of every set of `ArmRows.joints`; NaN of one without rows.
+def leftover_levels(rows: ArmRows, priors: Array, friction: Array) -> list[Array]:
+    """Level of every set of `ArmRows.joints`; see `leftover_level`."""
+    every = enumerate(rows.joints)
+    return [leftover_level(rows, k, priors, friction, own) for k, own in every]
+
+
+def leftover_level(rows: ArmRows, k: int, priors: Array, friction: Array, own: JointRows) -> Array:
+    """(8,) variances of the leftover of a set of `ArmRows.joints`; NaN of one without rows.
 
     Args:
         rows: The recordings.
+        k: Number of the set.
         priors: (K,) standard deviation of every coefficient.
         friction: (n,) Coulomb friction that was found [N m].
-        joints: Rows of every joint; None: all there are.
+        own: Its rows, or some of them.
     """
-    scale = np.tile(rows.scale, 2)
-    friction_drift = np.maximum(_DRIFT * scale, _FRICTION_DRIFT * np.tile(friction, 2))
-    gain_drift = _DRIFT * scale * np.append(rows.is_driven, np.zeros_like(rows.is_driven))
-    drifts = np.column_stack([friction_drift, gain_drift, scale, scale])
+    if not len(own.torque):
+        return np.full(VARIANCES, np.nan)
+    j = k % len(friction)
+    scale = float(rows.scale[j])
+    friction_drift = max(_DRIFT * scale, _FRICTION_DRIFT * friction[j])
+    gain_drift = _DRIFT * scale * (k == j and rows.is_driven[j])
+    drift = np.array([friction_drift, gain_drift, scale, scale])[: own.observed.shape[1]]
     free, _ = np.linalg.qr((rows.anchors * priors).T)
-    sets = zip(joints or rows.joints, scale.tolist(), drifts, strict=True)
-    return [
-        level_of(own, priors, s, drift[: own.observed.shape[1]], free)
-        if len(own.torque)
-        else np.full(VARIANCES, np.nan)
-        for own, s, drift in sets
-    ]
+    return level_of(own, priors, scale, drift, free)

@@ -14,7 +14,7 @@ from functools import cache, cached_property
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d, minimum_filter1d
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
 from ...effects.joint import STICTION_RATE
@@ -296,19 +296,28 @@ def _low_passed(values: Array, cut: float, step: float, *, is_path: bool = False
     """
     reach = min(len(values) - 1, math.ceil(_REACH / (cut * step)))
     whole = _extended(values, reach, round(1.0 / (cut * step))) if is_path else values
-    out = sosfiltfilt(_butterworth(cut * step), whole, axis=0, padlen=reach)
-    return np.asarray(out[reach : reach + len(values)] if is_path else out)
+    sections, steady = _butterworth(cut * step)
+    steady = steady.reshape(*steady.shape, *[1] * (values.ndim - 1))
+    out = _extended(whole, reach)
+    for _ in range(2):  # forwards, then backwards, as if the first value had always been
+        out = sosfilt(sections, out, axis=0, zi=steady * out[0])[0][::-1]
+    margin = reach * (1 + is_path)
+    return np.asarray(out[margin : margin + len(values)])
 
 
-def _extended(path: Array, reach: int, few: int) -> Array:
-    """A path (N, n) and so many samples beyond both ends, with the accelerations of so few.
+def _extended(path: Array, reach: int, few: int = 0) -> Array:
+    """A path (N, ...) and so many samples beyond both ends: its reflections in them.
 
-    Its reflection in an end alone has another sign of the acceleration, and none at the end.
+    The reflection in an end alone has another sign of the acceleration, and none at the end: it is
+    bent by that of so few samples, if any.
     """
-    few = min(len(path), max(_FEWEST_OF_BEND, few))
-    bent = np.arange(reach, 0, -1.0)[:, None] ** 2
-    before = 2.0 * path[0] - path[reach:0:-1] + bent * _bend(path[:few])
-    after = 2.0 * path[-1] - path[-2 : -reach - 2 : -1] + bent[::-1] * _bend(path[-few:])
+    before = 2.0 * path[0] - path[reach:0:-1]
+    after = 2.0 * path[-1] - path[-2 : -reach - 2 : -1]
+    if few:
+        few = min(len(path), max(_FEWEST_OF_BEND, few))
+        bent = np.arange(reach, 0, -1.0)[:, None] ** 2
+        before = before + bent * _bend(path[:few])
+        after = after + bent[::-1] * _bend(path[-few:])
     return np.concatenate([before, path, after])
 
 
@@ -320,9 +329,13 @@ def _bend(values: Array) -> Array:
 
 
 @cache
-def _butterworth(cut: float) -> Array:
-    """Sections of the filter; `cut` by the rate of samples."""
-    return np.asarray(butter(3, cut, fs=1.0, output='sos'))
+def _butterworth(cut: float) -> tuple[Array, Array]:
+    """(S, 6) sections of the filter, and (S, 2) their states at a steady 1.
+
+    `cut` is by the rate of samples.
+    """
+    sections = butter(3, cut, fs=1.0, output='sos')
+    return np.asarray(sections), np.asarray(sosfilt_zi(sections))
 
 
 def _widened(where: BoolArray, margin: int) -> BoolArray:
