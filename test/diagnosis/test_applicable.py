@@ -11,7 +11,7 @@ import pytest
 from spacerobot_ros.campaign.hidden.real_arm import JOINTS, RealArm, arm_file
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
-from spacerobot_ros.diagnosis.arms import applicable, arm_spread
+from spacerobot_ros.diagnosis.arms import applicable
 from spacerobot_ros.diagnosis.search import predictable
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
@@ -36,21 +36,6 @@ def test_the_cause_goes_that_spoils_a_joint_and_not_the_weakest(monkeypatch, gui
     ratios = np.array([[1.5, 1.01]])
     found = SimpleNamespace(selection=selection, ratios=ratios, weights=np.ones((1, 2)))
     assert applicable.culprit(found, None) == guilty
-
-
-def test_a_cause_that_parts_disagree_about_has_no_name(monkeypatch):
-    """By the fit 2.8 and 3.2 deviations, as printed 1.4 and 1.6; without scatter 1.9 and 2.1."""
-    fit = SimpleNamespace(
-        chosen=(0, 1),
-        rows=SimpleNamespace(places=[[0], [1]]),
-        values=np.array([-2.8, 3.2]),
-        spread=lambda i: np.ones(1),
-    )
-    monkeypatch.setattr(arm_spread, 'scatter_of', lambda found, i: (8.0, 2.0))
-    assert arm_spread.clear_causes(SimpleNamespace(fit=fit)) == (1,)
-    fit.values = np.array([-1.9, 2.1])
-    monkeypatch.setattr(arm_spread, 'scatter_of', lambda found, i: (1.0, 2.0))
-    assert arm_spread.clear_causes(SimpleNamespace(fit=fit)) == (1,)
 
 
 @pytest.mark.parametrize(

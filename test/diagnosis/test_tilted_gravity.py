@@ -35,8 +35,13 @@ def test_what_is_held_has_no_standard_deviation():
     record = RealArm(4).record(0, ('joint_2',), 5.0)
     balance = balance_of(observed(record, file.robot), file.robot, file.effects)
     rows = ArmRows.of([balance], [CATALOGUE['gravity_error']])
-    fit = SimpleNamespace(rows=rows, values=np.array([0.4, 1.2, 0.0]))
+    fit = SimpleNamespace(
+        rows=rows,
+        values=np.array([0.4, 1.2, 0.0]),
+        spread=lambda i: np.full(3, 0.01),
+        covariance=lambda i, wider: np.diag(np.full(3, (wider * 0.01) ** 2)),
+    )
     found = SimpleNamespace(fit=fit, clear=(0,), named=(GRAVITY,))
-    x, y, z = values_std(found, 0, np.full(3, 0.01))
+    x, y, z = values_std(found, 0, 1.0)
     np.testing.assert_allclose([x, y], 0.01, rtol=1e-9)
     assert math.isnan(z)

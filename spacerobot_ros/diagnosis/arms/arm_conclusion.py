@@ -124,7 +124,7 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
     ]
     scatter, dof = scatter_of(found, i)
     birge = birge_of(found, i, usual)
-    stds = values_std(found, i, birge * fit.spread(i))
+    stds = values_std(found, i, birge)
     return Cause(
         applied=applied,
         parameters={

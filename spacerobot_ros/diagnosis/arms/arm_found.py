@@ -19,7 +19,7 @@ from ...recording.record import Record
 from ...types import Array
 from ..answer.cause import Evidence
 from ..events.arm_events import ArmEvents, Spans
-from ..limits import CLEAR, ENOUGH_ROWS, FEWEST_ROWS
+from ..limits import CHANCE, ENOUGH_ROWS, FEWEST_ROWS
 from .selection import Selection
 
 WORSE = 1.02
@@ -91,13 +91,22 @@ def balances_of(
     ]
 
 
-def is_clear(fit: ArmFit, i: int, by: float = CLEAR) -> bool:
-    """Whether any coefficient of a cause or a law is so many times its own spread.
+def is_clear(
+    fit: ArmFit, i: int, birge: float = 1.0, which: Sequence[int] | slice = slice(None)
+) -> bool:
+    """Whether a cause or a law is no chance: all its numbers together.
 
-    The others predict, too, and stay in the model without a name.
+    Of ten one is two deviations off by chance on four records in ten, and two that share one
+    torque may each be uncertain where their sum is not. What is not clear predicts, too, and stays
+    in the model without a name.
+
+    Args:
+        fit: All causes.
+        i: One of them.
+        birge: Times by which it is less certain than its fit says.
+        which: Of its coefficients; all others are free.
     """
-    values = fit.values[fit.rows.places[i]]
-    return bool(np.max(np.abs(values) / fit.spread(i)) > by)
+    return fit.chance(i, birge, which) < CHANCE
 
 
 def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:

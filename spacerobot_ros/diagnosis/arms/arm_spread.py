@@ -6,8 +6,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from ...effects.effect import Effect
+from ...effects.parameter import Parameter
 from ...estimation.balance.arm_priors import (
     DRY,
     NOTHING,
@@ -19,33 +21,43 @@ from ...estimation.balance.arm_priors import (
 from ...estimation.inference.evidence import score
 from ...estimation.scaling import value_std
 from ...types import Array, BoolArray
-from ..limits import CLEAR, CLEAR_AS_PRINTED
+from ..limits import ALIKE
 from .arm_found import ArmFound, is_clear
 
 
-def values_std(found: ArmFound, i: int, spread: Array) -> list[float]:
-    """Standard deviations of a candidate's parameters from those of its coefficients.
+def values_std(found: ArmFound, i: int, birge: float) -> list[float]:
+    """Standard deviations of a candidate's parameters from the covariance of its coefficients.
+
+        std^2 = diag(J V J'), J = d parameters / d coefficients
 
     NaN of those that it is not linear in, which are chosen, and of those that it holds.
+
+    Args:
+        found: The causes.
+        i: One of them.
+        birge: Times by which it is less certain than its fit says.
     """
     candidate, applied = found.fit.rows.candidates[i], found.named[found.clear.index(i)]
-    mean = found.fit.values[found.fit.rows.places[i]]
-    held = _held(found.fit.rows.sizes[found.fit.rows.places[i]], applied)
+    own = found.fit.rows.places[i]
+    mean, steps = found.fit.values[own], 1e-3 * found.fit.spread(i)
+    held = _held(found.fit.rows.sizes[own], applied)
     here = candidate.values(mean)
-    total = dict.fromkeys(here, 0.0)
-    for k, std in enumerate(spread):
-        step = 1e-3 * float(std) * np.eye(len(mean))[k]
-        moved = candidate.values(mean + step)
-        for name in total:
-            change = ((moved[name] - here[name]) / 1e-3) ** 2
-            total[name] += math.nan if held[k] and change else change
-    stds = {name: math.sqrt(square) for name, square in total.items()}
-    for p in applied.parameters:
-        if p.role in ('reciprocal', 'square'):
-            stds[p.name] = value_std(p, applied.values[p.name], stds[p.name])
-        elif p.role == 'search':
-            stds[p.name] = math.nan
-    return [stds[p.name] for p in applied.parameters]
+    moved = [candidate.values(mean + step) for step in np.diag(steps)]
+    names = [p.name for p in applied.parameters]
+    slopes = np.array([[(m[n] - here[n]) for m in moved] for n in names]) / steps
+    variances = np.sum((slopes @ found.fit.covariance(i, birge)) * slopes, axis=1)
+    stds = np.where(np.any(slopes[:, held], axis=1), math.nan, np.sqrt(variances))
+    return [
+        _std(p, applied, std) for p, std in zip(applied.parameters, stds.tolist(), strict=True)
+    ]
+
+
+def _std(p: Parameter, applied: Effect, std: float) -> float:
+    """Of a parameter, from that of the coordinate in which its effect is linear."""
+    if p.role == 'search':
+        return math.nan
+    is_inverse = p.role in ('reciprocal', 'square')
+    return value_std(p, applied.values[p.name], std) if is_inverse else std
 
 
 def _held(sizes: Array, effect: Effect) -> BoolArray:
@@ -86,28 +98,25 @@ def scatter_of(found: ArmFound, i: int) -> tuple[float, float]:
 
 
 def clear_causes(found: ArmFound) -> tuple[int, ...]:
-    """Chosen causes that are clear by their fit, and of what is printed as their deviation.
-
-    Of two parts only, scatter has no size that could take a name.
-    """
-    fit, usual = found.fit, usual_scatter(found)
-    printed = {
-        i: CLEAR_AS_PRINTED * birge_of(found, i, usual) if scatter_of(found, i)[1] > 1.0 else 0.0
-        for i in fit.chosen
-    }
-    return tuple(i for i in fit.chosen if is_clear(fit, i, max(CLEAR, printed[i])))
+    """Chosen causes that are clear, their deviations as printed."""
+    usual = usual_scatter(found)
+    return tuple(i for i in found.fit.chosen if is_clear(found.fit, i, birge_of(found, i, usual)))
 
 
 def birge_of(found: ArmFound, i: int, usual: float) -> float:
     """Times by which a cause is less certain than its fit says (Birge's ratio).
 
-    By its own scatter between the parts of the data, or by the usual one of all causes.
+    By its own scatter between the parts of the data and the usual one of all causes, which counts
+    like `ALIKE` numbers more: of two parts alone a scatter has next to no size.
     """
     total, dof = scatter_of(found, i)
-    return math.sqrt(max(1.0, total / dof, usual))
+    return math.sqrt(max(1.0, (total + ALIKE * usual) / (dof + ALIKE)))
 
 
 def usual_scatter(found: ArmFound) -> float:
-    """Half of all causes are taken to be as constant as they should be (Birge's ratio)."""
-    ratios = [total / dof for total, dof in (scatter_of(found, i) for i in found.fit.chosen)]
-    return float(np.median(ratios)) if ratios else 1.0
+    """Scatter by its freedom of the middle one of all causes; half of them have less by chance.
+
+    Two more are as constant as the fit says: of few causes the middle one is any.
+    """
+    scatters = [scatter_of(found, i) for i in found.fit.chosen]
+    return float(np.median([1.0, 1.0, *(total / chdtri(dof, 0.5) for total, dof in scatters)]))

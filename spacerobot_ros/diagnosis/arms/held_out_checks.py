@@ -13,7 +13,8 @@ import numpy as np
 
 from ...estimation.balance.arm_fit import ArmFit
 from ...types import Array
-from ..limits import CLEAR, HELD_OUT, OTHERS, RELEVANT
+from ..limits import HELD_OUT, OTHERS, RELEVANT
+from .arm_found import is_clear
 from .selection import Selection
 
 
@@ -78,9 +79,7 @@ def check_refinements(selection: Selection, plain: Selection) -> None:
         if not further or i not in selection.chosen:
             continue
         fit = ArmFit(selection.rows, selection.whole, tuple(selection.chosen), plain.whole)
-        own = fit.values[selection.rows.places[i]][further]
-        is_clear = np.max(np.abs(own) / fit.spread(i)[further]) > CLEAR
-        if is_clear and fit.share(i, further) > RELEVANT:
+        if is_clear(fit, i, which=further) and fit.share(i, further) > RELEVANT:
             continue
         other = selection.instead_of(i, [i])
         check_held_out(other)

@@ -9,6 +9,7 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...model.robot import Robot
 from ...types import Array
+from ..arms.arm_found import is_clear
 from ..arms.selection import Selection
 
 _FINE = (
@@ -44,6 +45,16 @@ class Changes:
 def is_lasting(candidate: Candidate) -> bool:
     """Whether a change may be named: of a finer shape of friction it may not."""
     return candidate.kind.id not in _FINE
+
+
+def clear_fit(selection: Selection) -> ArmFit:
+    """The choice with values; changes that are not clear of them go, weakest first."""
+    while True:
+        fit = ArmFit(selection.rows, selection.whole, tuple(selection.chosen))
+        unclear = [i for i in fit.chosen if not is_clear(fit, i)]
+        if not unclear:
+            return fit
+        selection.drop(min(unclear, key=selection.gain))
 
 
 class ChangeRows(ArmRows):

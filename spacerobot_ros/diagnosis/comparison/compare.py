@@ -16,7 +16,7 @@ import numpy as np
 
 from ...effects.catalogue import kinds_beside
 from ...effects.effect import Effect
-from ...estimation.balance.arm_fit import ArmFit, Posterior
+from ...estimation.balance.arm_fit import Posterior
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
@@ -31,7 +31,7 @@ from ...types import Array, IntArray
 from ..arms.arm_found import refuse_rest
 from ..arms.held_out_checks import check_held_out
 from ..arms.selection import Selection
-from .changes import ChangeRows, Changes, is_lasting
+from .changes import ChangeRows, Changes, clear_fit, is_lasting
 from .repeats import FEWEST, aligned, find_changes_of_repeats
 
 _TOLERANCE = {
@@ -154,8 +154,7 @@ def find_changes(
     selection.run()
     check_held_out(selection)
     _drop_smaller_than_rest(selection)
-    fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
-    return Changes(robot, selection, fit, np.array(levels), len(before))
+    return Changes(robot, selection, clear_fit(selection), np.array(levels), len(before))
 
 
 def _drop_smaller_than_rest(selection: Selection) -> None:

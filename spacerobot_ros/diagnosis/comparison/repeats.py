@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.balance.arm_fit import ArmFit, Posterior
+from ...estimation.balance.arm_fit import Posterior
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_motion import RATE, ArmMotion
 from ...estimation.balance.arm_priors import NOTHING
@@ -27,7 +27,7 @@ from ...recording.record import Record
 from ...types import Array
 from ..arms.held_out_checks import check_held_out
 from ..arms.selection import Selection
-from .changes import ChangeRows, Changes
+from .changes import ChangeRows, Changes, clear_fit
 
 FEWEST = 3
 """Reference runs from which the scatter between them is worth more than a usual tolerance."""
@@ -112,8 +112,7 @@ def find_changes_of_repeats(
     selection = Selection.of(rows, levels)
     selection.run()
     check_held_out(selection)
-    fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
-    return Changes(robot, selection, fit, np.array(levels), 0, is_repeated=True)
+    return Changes(robot, selection, clear_fit(selection), np.array(levels), 0, is_repeated=True)
 
 
 def _levels(every: ArmRows, reference: Sequence[Array], count: int) -> list[Array]:

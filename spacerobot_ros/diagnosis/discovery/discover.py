@@ -13,7 +13,8 @@ from ...effects.laws.learned_torque import LearnedTorque
 from ...effects.motion import Motion
 from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ..answer.result import Leftover
-from ..arms.arm_found import WORSE, ArmFound, is_clear, rms
+from ..arms.arm_found import WORSE, ArmFound, rms
+from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
 from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discovery_limits import FED_IN, MARGIN
@@ -131,19 +132,20 @@ def _applied(
         fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
         worse = rms(fitted.extended) > before
         is_refused = (fitted.ratios > WORSE).any()
+        clear, usual = clear_causes(fitted), usual_scatter(fitted)
         is_out = [
             law is None
             or (law.form.has_history and it.place in named)
             or worse[joints.index(it.place)]
             or is_refused
-            or not is_clear(fitted.fit, i)
+            or i not in clear
             for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]
         said = [
             leftover_of(
                 it,
                 free.coefficients,
-                fitted.fit.spread(i),
+                fitted.fit.spread(i, birge_of(fitted, i, usual)),
                 motions.rows.robot,
                 applied=None if out else law,
                 is_of_several=several,

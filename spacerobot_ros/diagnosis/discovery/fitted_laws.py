@@ -17,7 +17,8 @@ from ...estimation.balance.arm_rows_about import about_loads
 from ...estimation.columns import Candidate
 from ...types import Array, BoolArray
 from ..arms.applicable import plain_of
-from ..arms.arm_found import ArmFound, is_clear
+from ..arms.arm_found import ArmFound
+from ..arms.arm_spread import clear_causes
 from ..arms.arms import levels_of
 from ..arms.selection import Selection
 from ..limits import LARGEST_LAW
@@ -136,14 +137,12 @@ def with_laws(
     plain = plain_of(selection, levels, found.weights)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
     has_corrections = len(found.calibration) > len(found.fit.chosen) - len(found.clear)
-    clear = tuple(i for i in found.clear if i in causes and is_clear(fit, i))
+    out = replace(found, selection=selection, fit=fit, levels=np.array(levels))
+    clear = tuple(i for i in clear_causes(out) if i in causes and i in found.clear)
     unclear = [i for i in causes if i not in clear]
     corrections = fit.calibration if has_corrections else []
     out = replace(
-        found,
-        selection=selection,
-        fit=fit,
-        levels=np.array(levels),
+        out,
         clear=clear,
         named=tuple(fit.effects(clear)),
         calibration=tuple(fit.effects([*unclear, *corrections])),

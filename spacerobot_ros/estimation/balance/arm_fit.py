@@ -11,7 +11,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...types import Array, IntArray
 from ..inference.constrained import ConstrainedProblem, PhysicalBody
-from ..inference.evidence import Gram
+from ..inference.evidence import Gram, chi_square_tail
 from .arm_candidates import ZEROS
 from .arm_rows import ArmRows
 
@@ -106,15 +106,43 @@ class ArmFit:
         out[np.abs(out) < _ROUNDING * self.deviations] = 0.0
         return out
 
-    def spread(self, i: int) -> Array:
-        """(k,) standard deviations of a candidate's coefficients.
+    def covariance(self, i: int, wider: float = 1.0) -> Array:
+        """(k, k) of a candidate's coefficients.
 
-        Where two ways to weigh the rows differ, what is left is no noise: by so much, too, a value
-        is uncertain.
+        Where two ways to weigh the rows differ, what is left is no noise: by so much, too, values
+        are uncertain, all in that one direction.
+
+        Args:
+            i: The candidate.
+            wider: Times by which deviations are larger than whitened rows say.
         """
         own = self.rows.places[i]
         weighing = self.values[own] - self.posterior.mean[own]
-        return np.hypot(np.sqrt(np.diag(self.posterior.covariance)[own]), weighing)
+        return wider**2 * self.posterior.covariance[np.ix_(own, own)] + np.outer(
+            weighing, weighing
+        )
+
+    def spread(self, i: int, wider: float = 1.0) -> Array:
+        """(k,) standard deviations of a candidate's coefficients, see `covariance`."""
+        return np.asarray(np.sqrt(np.diag(self.covariance(i, wider))))
+
+    def chance(self, i: int, wider: float, which: Sequence[int] | slice = slice(None)) -> float:
+        """Probability that a candidate's coefficients are so far from nothing by chance (Wald).
+
+            v' V^-1 v ~ chi-square of as many numbers as the data tell, trace(1 - V / prior^2)
+
+        Args:
+            i: The candidate.
+            wider: See `covariance`.
+            which: Of its coefficients; all others are free.
+        """
+        own = self.rows.places[i][which]
+        scale = self.deviations[own]
+        values = self.values[own] / scale
+        covariance = self.covariance(i, wider)[which][:, which] / np.outer(scale, scale)
+        told = np.diag(self.posterior.covariance)[own] / scale**2
+        square = float(values @ np.linalg.solve(covariance, values))
+        return chi_square_tail(square, max(1.0, float(np.sum(1.0 - told))))
 
     def share(self, i: int, which: Sequence[int] | slice = slice(None)) -> float:
         """Rms of a candidate's torques by the joint's own rms, at the joint where it is most.
