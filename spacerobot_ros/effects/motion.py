@@ -47,8 +47,9 @@ class Motion:
             each time.
 
     Attributes:
-        swung: Forces of effects with states of their own along it, by effect and values; None
-            where they are not asked twice.
+        swung: Forces of effects with states of their own along it, or along one that differs
+            from it as little as models of one record do, by effect and values; None where they
+            are not asked twice.
     """
 
     robot: Robot

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -176,6 +176,11 @@ class Fit:
         return out
 
     @property
+    def promised(self) -> float:
+        """Misfit that the best values near these take, by the tangents."""
+        return float(self.slope @ self.covariance() @ self.slope)
+
+    @property
     def slope(self) -> Array:
         """(P,) minus half the derivative of the misfit by every coordinate."""
         return np.asarray(self.tangents.T @ self.data - self.precision * self.offsets)
@@ -252,18 +257,26 @@ class Fit:
         return i, moved, there - here
 
 
-def refine(run: Run, causes: Sequence[Effect], passes: int = PASSES) -> Fit:
+def refine(
+    run: Run,
+    causes: Sequence[Effect],
+    passes: int = PASSES,
+    is_worth: Callable[[Fit], bool] = lambda fit: True,
+) -> Fit:
     """The most probable values of the causes' parameters, from the given ones.
 
     Args:
         run: The run.
         causes: Effects with first guesses.
         passes: Largest number of steps.
+        is_worth: Whether one more step may lead to a fit that is wanted.
     """
     fit = Fit(run, _possible(run, causes))
     earlier: list[Secant] = []
     for _ in range(passes):
         try:
+            if not is_worth(fit):
+                break
             ahead = fit.step(earlier)
         except (ConfigurationError, np.linalg.LinAlgError):
             break  # at the edge of what is physical: no neighbour is a robot that can be followed

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
+import numpy as np
+
 from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..recording.record import Record
@@ -74,8 +76,15 @@ class Run:
         """The record, the robot's own sensor effects and those of some causes undone; a model."""
         process = TorqueDriven(self.robot, (*self.believed, *causes))
         if any(cause.acts(a) for cause in causes for a in ('sense', 'delay', 'joint_delays')):
-            return self._motion(causes, process), process
+            return self._misread(causes, process), process
         return self._believed_motion, process
+
+    def _misread(self, causes: Sequence[Effect], process: TorqueDriven) -> MeasuredMotion:
+        """The record with sensor effects of causes undone, which leaves what swings as it is."""
+        motion, believed = self._motion(causes, process), self._believed_motion
+        if np.array_equal(motion.time_base.times, believed.time_base.times):
+            motion.swung = believed.swung
+        return motion
 
     @cached_property
     def _believed_motion(self) -> MeasuredMotion:

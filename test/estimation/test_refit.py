@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.diagnosis.search.ranking import may_rival
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.columns import is_physical, is_possible
 from spacerobot_ros.estimation.noise_levels import noise_levels
@@ -41,15 +42,31 @@ def test_two_causes_that_take_the_same_mass_are_drawn_back_to_a_body():
 
 
 def _check_swings_are_remembered(run, fuel):
-    """Along the motion that models of one robot share; another body has another one."""
+    """That of the first model serves all others, to the rounding of single precision."""
     causes = [(), [applied('gyro_bias', None)], [applied('joint_viscous_friction', 'joint_1')]]
     causes.append([applied('inertial_parameters', 'link_3', mass=1.0, ixx=0.1, iyy=0.1, izz=0.1)])
     rows = [Fit(run, some).rows for some in causes]
-    alone, biased, rubbed, loaded = (Response(r.robot, r.motion).force(fuel) for r in rows)
-    assert rubbed is alone
-    assert biased is not alone  # its record is another one
-    np.testing.assert_allclose(biased, alone, rtol=0.0, atol=1e-6 * np.max(np.abs(alone)))
-    assert np.max(np.abs(loaded - alone)) > 1e-5 * np.max(np.abs(alone))
+    alone, *others = (Response(r.robot, r.motion).force(fuel) for r in rows)
+    for other in others:
+        np.testing.assert_allclose(other, alone, rtol=0.0, atol=1e-7 * np.max(np.abs(alone)))
+    late = Fit(run, [applied('joint_delay', None, delay=1e-3)]).rows
+    assert late.motion.swung is not rows[0].motion.swung  # its samples are of other times
+
+
+def test_a_fit_that_stays_behind_is_given_up():
+    robot = robot_file('servicer').robot
+    hidden = applied('joint_viscous_friction', 'joint_1', coefficient=5.0)
+    record = observed(simulated('servicer', 'default', 1, [hidden], 4.0), robot)
+    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
+    guess = [applied('joint_viscous_friction', 'joint_1', coefficient=1.0)]
+    whole, before = refine(run, guess), run.models
+    behind = refine(run, guess, is_worth=lambda fit: may_rival(fit, whole.evidence + 1e9))
+    assert run.models == before + 1  # of the guess, whose tangents promise less
+    assert behind.causes[0].values == guess[0].values
+    for margin in (0.0, 10.0):  # a rival by less than three times `limits.EQUIVALENT`
+        top = whole.evidence + margin
+        again = refine(run, guess, is_worth=lambda fit, top=top: may_rival(fit, top))
+        assert again.causes[0].values == whole.causes[0].values
 
 
 @pytest.mark.parametrize('delay', [4e-6, 3e-4])

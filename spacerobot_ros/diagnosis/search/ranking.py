@@ -83,6 +83,16 @@ def elsewhere(best: Judged, wanted: Sequence[Judged]) -> list[Judged]:
     return [j for j in same if j.score.evidence >= floor][:MOST_ALIKE]
 
 
+def may_rival(fit: Fit, top: float) -> bool:
+    """Whether better values may make a fit a rival of log evidence `top`.
+
+    By twice what its tangents promise: guesses from columns are wrong by less.
+    """
+    if not np.isfinite(fit.evidence):
+        return True
+    return fit.evidence + fit.promised > top - FREEDOM * EQUIVALENT
+
+
 def is_rival(other: Fit, top: Fit) -> bool:
     """Whether a fit can not be told from the best, or is as good by more freedom."""
     gap, more = top.evidence - other.evidence, other.misfit - top.misfit

@@ -38,7 +38,7 @@ from ..limits import (
 )
 from .found import Choice, Found
 from .pool import Judged, Pool
-from .ranking import close_to, elsewhere, is_rival, ranked, shortlist, wanted_of
+from .ranking import close_to, elsewhere, is_rival, may_rival, ranked, shortlist, wanted_of
 from .soundness import soundness
 from .timing import better_timing, is_simple
 
@@ -229,11 +229,14 @@ class Search:
         Several simpler ones take its place where they do better together by more than its freedom
         alone may have cost it.
         """
-        tried = shortlist(wanted)
-        fits = [self._with(fit, j) for j in tried]
+        tried, fits = shortlist(wanted), list[Fit]()
+        for j in tried:
+            fits.append(self._with(fit, j, beside=fits))
         best = max(range(len(fits)), key=lambda i: fits[i].evidence)
         alike = elsewhere(tried[best], wanted)
-        tried, fits = tried + alike, fits + [self._with(fit, j) for j in alike]
+        tried += alike
+        for j in alike:
+            fits.append(self._with(fit, j, beside=fits))
         order = sorted(range(len(fits)), key=lambda i: -fits[i].evidence)
         top = order[0]
         if len(simpler := self._simpler(fit, wanted, tried[top])) > 1:
@@ -257,8 +260,11 @@ class Search:
         evidence = sum(j.score.evidence for j in found)
         return found if numbers < most and evidence >= close_to(one) else []
 
-    def _with(self, fit: Fit, *judged: Judged) -> Fit:
-        return refine(self.run, [*fit.causes, *(j.guess(fit.rows.robot) for j in judged)])
+    def _with(self, fit: Fit, *judged: Judged, beside: Sequence[Fit] = ()) -> Fit:
+        """A fit with more causes, given up where it stays behind the best of others."""
+        top = max((other.evidence for other in beside), default=-math.inf)
+        causes = [*fit.causes, *(j.guess(fit.rows.robot) for j in judged)]
+        return refine(self.run, causes, is_worth=lambda ahead: may_rival(ahead, top))
 
     def _all(self, fit: Fit, judged: Sequence[Judged]) -> tuple[Fit, list[Choice]]:
         return self._with(fit, *judged), [Choice(j.candidate.key, j.score, ()) for j in judged]

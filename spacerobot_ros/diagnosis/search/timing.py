@@ -113,7 +113,11 @@ def better_timing(fit: Fit, tried: Collection[str], passes: int = PASSES) -> str
     if fit.run.record.effort is None or not fit.run.robot.joints or not others:
         return None
     started = {t: Fit(fit.run.timed(t), fit.causes) for t in others}
-    fits = {t: refine(f.run, f.causes, passes) for t, f in started.items() if _may_do(f, fit)}
+    fits = {
+        t: refine(f.run, f.causes, passes, lambda other: _may_do(other, fit))
+        for t, f in started.items()
+        if _may_do(f, fit)
+    }
     if not fits:
         return None
     best = min(fits, key=lambda t: np.nan_to_num(fits[t].misfit, nan=np.inf))
@@ -125,7 +129,7 @@ def _may_do(other: Fit, fit: Fit) -> bool:
     more = other.misfit - fit.misfit
     if more < 0.0 or not math.isfinite(other.evidence):
         return more < 0.0
-    return float(other.slope @ other.covariance() @ other.slope) > _PROMISED * more
+    return other.promised > _PROMISED * more
 
 
 def simpler_timing(fit: Fit) -> str | None:

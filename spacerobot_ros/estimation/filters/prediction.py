@@ -57,6 +57,9 @@ class MeasuredMotion(SampledMotion):
         process: A model of the robot.
         left_out: Starts and ends of times [s] in which anything may act from outside.
         gains: See `SampledMotion`.
+
+    Attributes:
+        swung: See `Motion.swung`; records at the same times may share it.
     """
 
     def __init__(
@@ -73,6 +76,7 @@ class MeasuredMotion(SampledMotion):
         reference = ReferenceTrajectory(record, noise, self.time_base.times)
         super().__init__(record, noise, reference, self.time_base.rows, gains)
         self._process = process
+        self.swung: dict[tuple[object, ...], Array] = {}
 
     def motion(self, process: TorqueDriven) -> Motion:
         """The reference under a model; models of one robot share it, and all found along it."""
@@ -81,12 +85,12 @@ class MeasuredMotion(SampledMotion):
 
     @cached_property
     def _shared(self) -> Motion:
-        motion = self._moved(self._process)
-        motion.swung = {}
-        return motion
+        return self._moved(self._process)
 
     def _moved(self, process: TorqueDriven) -> Motion:
-        return process.motion(self.kinematics, self.reference.effort(self.time_base.times))
+        motion = process.motion(self.kinematics, self.reference.effort(self.time_base.times))
+        motion.swung = self.swung
+        return motion
 
     @cached_property
     def inner(self) -> tuple[tuple[float, Kinematics], ...]:

@@ -17,7 +17,7 @@ from ...model.robot import Robot
 from ...types import Array
 from ..trajectory.reference import Kinematics
 
-_REMEMBERED = 1e8  # bytes of a motion: all of 20 s with ten joints
+_REMEMBERED = 1e8  # bytes of a motion: all of 20 s with ten joints, of 60 s with seven
 
 
 class InverseDynamics:
@@ -117,17 +117,19 @@ class Response:
     def force(self, effect: Effect) -> Array:
         """(N, 6 + n) by which the robot with the effect differs from the one without.
 
-        What swings is dear, and along a motion that models share it is asked again and again.
+        What swings is dear, and asked again and again: that of the first model of a record serves
+        all others, as first guesses of a frequency are farther from any truth than models are
+        from each other.
         """
         known = self.motion.swung
         if known is None or not effect.hidden:
             return self._force(effect)
         key = (effect.id, effect.where, *effect.values.values())
         if key in known:
-            return known[key]
+            return known[key].astype(float)
         force = self._force(effect)
-        if len(known) * force.nbytes < _REMEMBERED:
-            known[key] = force
+        if len(known) * force.nbytes < 2.0 * _REMEMBERED:
+            known[key] = force.astype(np.float32)
         return force
 
     def _force(self, effect: Effect) -> Array:
