@@ -175,7 +175,10 @@ def _faulty_bodies(
     for index in last_bodies(bodies):
         if bodies[index].effective_inertia <= 0.0:
             joint = options.joints[index - 1]
-            yield bodies[index], f'joint {joint!r} moves it, so it needs mass and inertia'
+            yield (
+                bodies[index],
+                f'joint {joint!r} moves it, so it needs mass and inertia about its axis',
+            )
     for carrier in sorted({rotor.body.parent for rotor in rotors}):
         rotor_mass = sum(rotor.body.mass for rotor in rotors if rotor.body.parent == carrier)
         if bodies[carrier].mass <= rotor_mass * (1.0 + 1e-9):

@@ -21,7 +21,7 @@ from spacerobot_ros.diagnosis.answer.extended_model import effects_section, name
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.arms.arm_evidence import evidence_of
 from spacerobot_ros.diagnosis.arms.arm_found import rms
-from spacerobot_ros.diagnosis.arms.held_out_checks import check_bodies
+from spacerobot_ros.diagnosis.arms.held_out_checks import check_bodies, check_held_out
 from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
@@ -297,6 +297,52 @@ def test_a_body_stays_where_it_helps_whitened_or_plain_and_no_part_decides_alone
     selection = Judged(*whitened)
     check_bodies(selection, Judged(*plain))
     assert bool(selection.chosen) == stays
+
+
+class Alternating(Selection):
+    """Two laws of one friction, neither of which holds; each is chosen where the other is not."""
+
+    def __init__(self):
+        kinds = [CATALOGUE[f'joint_{law}_friction'] for law in ('coulomb', 'stribeck')]
+        self.rows = SimpleNamespace(
+            candidates=[SimpleNamespace(kind=kind, where='joint_1') for kind in kinds]
+        )
+        self.chosen = [0]
+        self.asked = 0
+
+    def held_out(self, i):
+        self.asked += 1
+        assert self.asked < 10
+        return np.full(4, -1.0)
+
+    def alike(self, i):
+        return [1 - i]
+
+    def instead_of(self, i, barred):
+        other = copy(self)
+        other.chosen = [k for k in (0, 1) if k not in barred]
+        return other
+
+    def take(self, other):
+        self.chosen = other.chosen
+
+
+def test_two_laws_that_take_each_others_place_both_go():
+    selection = Alternating()
+    check_held_out(selection)
+    assert not selection.chosen
+
+
+def test_friction_of_the_load_goes_before_the_plain_friction_that_it_leans_on():
+    kinds = ('joint_coulomb_friction', 'joint_load_friction', 'joint_friction_curvature')
+    selection = Alternating()
+    selection.rows.candidates = [
+        SimpleNamespace(kind=CATALOGUE[kind], where=where)
+        for kind, where in zip((*kinds, kinds[1]), ('joint_1',) * 3 + ('joint_2',), strict=True)
+    ]
+    selection.chosen = [0, 1, 2, 3]
+    selection.gain = {0: 50.0, 1: 40.0, 2: 30.0, 3: 5.0}.__getitem__
+    assert [selection.leaning_on(i) for i in selection.chosen] == [2, 1, 2, 3]
 
 
 def test_a_recording_in_which_nothing_moves_decides_nothing():

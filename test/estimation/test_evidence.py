@@ -102,3 +102,16 @@ def test_a_constant_is_not_its_own_placebo(rng: np.random.Generator) -> None:
     halves = [slice(0, 200), slice(200, 400)]
     gain = held_out_gain(np.ones((400, 1)), data, np.array([1.0]), halves, times)
     assert gain < 0.25 * (400 * 4)
+
+
+def test_few_moves_are_not_their_own_placebo() -> None:
+    """Nine moves of a second have too few orders and signs to make columns without meaning."""
+    times = np.arange(180) / 20.0
+    shares = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        sign = np.repeat(rng.choice((-1.0, 1.0), 9), 20)[:, None]
+        data = 1.5 * sign[:, 0] + rng.normal(size=180)
+        halves = [slice(0, 90), slice(90, 180)]
+        shares.append(held_out_gain(sign, data, np.ones(1), halves, times) / (180 * 1.5**2))
+    assert np.max(shares) < 0.3  # 0.15 to 0.95 in pieces of a second

@@ -235,6 +235,7 @@ def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int,
         worst = min(excess, key=excess.__getitem__, default=None)
         if worst is None or excess[worst] > 0.0 or math.isnan(excess[worst]):
             return evidence
+        worst = selection.leaning_on(worst)
         selection.drop(worst)
         if selection.ask_again([worst]):
             _check(selection, levels)

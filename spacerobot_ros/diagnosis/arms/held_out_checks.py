@@ -21,16 +21,19 @@ from .selection import Selection
 def check_held_out(selection: Selection) -> None:
     """Drop what does not hold on parts that it was not fitted to, weakest first.
 
-    A law that goes leaves its place to its special cases, and to those that it is one of.
+    A law that goes leaves its place to its special cases, and to those that it is one of, but not
+    to what failed before it.
     """
+    failed: set[int] = set()
     while selection.chosen:
         gains = {i: selection.held_out(i) for i in selection.chosen}
         failing = {i: float(np.sum(g)) for i, g in gains.items() if not holds(g)}
         if not failing:
             return
-        weakest = min(failing, key=failing.__getitem__)
+        weakest = selection.leaning_on(min(failing, key=failing.__getitem__))
+        failed.add(weakest)
         if selection.alike(weakest):
-            selection.take(selection.instead_of(weakest, [weakest]))
+            selection.take(selection.instead_of(weakest, failed))
         else:
             selection.drop(weakest)
 

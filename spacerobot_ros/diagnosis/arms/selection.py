@@ -22,6 +22,8 @@ from ...types import Array, IntArray
 from ..limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
 _AFTER_FRICTION = (*SHAPES, OF_LOAD)
+_LEANING = (OF_LOAD, 'joint_friction_curvature')
+"""Of those, what is no friction by itself: the others have a dry torque, or a viscous one, of their own."""
 
 _ROUNDING = 1e-9  # of sums over all rows, from which others were taken
 _LAST = ('joint_torque_ripple',)
@@ -299,6 +301,19 @@ class Selection:
         """Special cases of a cause's law at its place, and laws that it is one of."""
         candidates = self.rows.candidates
         return [k for k in self.live if candidates[k].repeats([candidates[i]])]
+
+    def leaning_on(self, i: int) -> int:
+        """The weakest finer law chosen beside plain friction at its joint; else that cause.
+
+        Such laws are asked for beside plain friction alone. Where a load or a rate hardly changes
+        they are nearly the same, and it is they that go.
+        """
+        candidates = self.rows.candidates
+        if candidates[i].kind.id not in (DRY, VISCOUS):
+            return i
+        here = (k for k in self.chosen if candidates[k].where == candidates[i].where)
+        finer = (k for k in here if candidates[k].kind.id in _LEANING)
+        return min(finer, key=self.gain, default=i)
 
     def take(self, other: Selection) -> None:
         """Choose as another does, and bar what it bars."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...model.robot import Robot
-from ...types import BoolArray
 from ..columns import Candidate, candidate_at
 from .balance import Balance
 
@@ -22,8 +21,8 @@ _STRIBECK = 0.1  # of the 95 % rate
 _BY_PATH = ('joint_presliding_friction',)
 """Effects with a state of their own that the path of a joint gives."""
 _DISPLACEMENTS = (1e-3, 3e-3, 1e-2, 3e-2)  # rad, over which dry friction builds up
-_TOGETHER = 0.05  # of a recording, in which two joints must show what couples them
-_CLEARLY = 0.1  # of a rate, by which the sum of two is of another sign
+_TOGETHER = 0.05  # of a recording, in which two joints must show what couples them, either way
+_CLEARLY = 0.1  # of a rate, which the sum of two exceeds where its sign counts
 ZEROS = ('torque_sensor_bias', 'current_offset')
 """Of sensors, which may be set anew before each recording."""
 _REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back
@@ -107,24 +106,24 @@ def _variants(
 
 
 def _is_coupled(j: int, ratio: float, balances: Sequence[Balance]) -> bool:
-    """Whether q_j' + r q_k' is ever clearly of another sign than the joint's own rate.
+    """Whether friction of u = q_j' + r q_k' is ever anything but friction of q_j' and of q_k'.
 
-    Friction of that sum is friction of the joint's own rate otherwise, as of joints that always
-    move in the same proportion.
+    On each of the two joints it has the sign of that joint's own rate throughout, or the other one,
+    where they always move in the same proportion.
     """
     robot = balances[0].robot
     k = robot.bodies[1 + j].parent - 1
-    return k >= 0 and any(
-        np.mean(b.arm.is_moving[:, [j, k]].all(axis=1) & _turns_over(b, j, k, ratio)) > _TOGETHER
-        for b in balances
-    )
-
-
-def _turns_over(balance: Balance, j: int, k: int, ratio: float) -> BoolArray:
-    """(N,) where the sum is clearly of another sign."""
-    own = balance.motion.qd[:, j]
-    both = own + ratio * balance.motion.qd[:, k]
-    return np.asarray((own * both < 0.0) & (np.abs(both) > _CLEARLY * np.abs(own)))
+    if k < 0:
+        return False
+    for b in balances:
+        rates = b.motion.qd[b.arm.is_moving[:, [j, k]].all(axis=1)][:, [j, k]]
+        both = rates @ [1.0, ratio]
+        for own, share in zip(rates.T, (1.0, ratio), strict=True):
+            sign = np.sign(own * share * both) * (np.abs(both) > _CLEARLY * np.abs(own))
+            least = _TOGETHER * len(b.motion.qd)
+            if min(np.sum(sign > 0.0), np.sum(sign < 0.0)) > least:
+                return True
+    return False
 
 
 def _displacements(j: int, balances: Sequence[Balance]) -> tuple[float, float]:

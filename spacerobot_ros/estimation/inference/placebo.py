@@ -1,8 +1,8 @@
 """Placebo extensions: as many columns of the same size and color, without any meaning.
 
-A candidate's whitened columns are cut into pieces of a second, which are shuffled, and half of
-them reversed in time, half in sign: a column that hardly changes, a bias's, would stay what it is.
-What such columns explain of data they were not fitted to, any extension of that size would.
+A candidate's whitened columns are cut into pieces of a second, or less where these would be few,
+which are shuffled, and half of them reversed in time, half in sign: a column that hardly changes, a
+bias's, would stay what it is. What such columns explain of data they were not fitted to, any extension of that size would.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from .evidence import Gram, cross_validated, folds
 
 DRAWS = 20
 _PIECE = 1.0  # s
+_FEWEST = 30
+"""Pieces of a recording: among the orders and signs of fewer, 20 draws find one that is much like
+the column itself. Of nine, one did as well as the Coulomb friction of a Staubli's joint, 118 nats."""
 SEED = 20
 
 
@@ -43,9 +46,9 @@ def held_out_gain(
 
 
 def shuffle(times: Array, rng: np.random.Generator) -> tuple[IntArray, Array]:
-    """Rows in another order, with signs: pieces of a second shuffled, half of them turned."""
+    """Rows in another order, with signs: pieces shuffled, half of them turned."""
     length = float(np.sum(np.clip(np.diff(times), 0.0, _PIECE)))  # without what lies between parts
-    count = max(2, round(length / _PIECE))
+    count = min(len(times), max(_FEWEST, round(length / _PIECE)))
     pieces = np.array_split(np.arange(len(times)), count)
     order = rng.permutation(count)
     turned = rng.random(count) < 0.5
