@@ -23,7 +23,7 @@ from ..limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
 _AFTER_FRICTION = (*SHAPES, OF_LOAD)
 _LEANING = (OF_LOAD, 'joint_friction_curvature')
-"""Of those, what is no friction by itself: the others have a dry torque, or a viscous one, of their own."""
+"""Of those, what has no dry or viscous torque of its own."""
 
 _ROUNDING = 1e-9  # of sums over all rows, from which others were taken
 _LAST = ('joint_torque_ripple',)

@@ -108,8 +108,8 @@ def _variants(
 def _is_coupled(j: int, ratio: float, balances: Sequence[Balance]) -> bool:
     """Whether friction of u = q_j' + r q_k' is ever anything but friction of q_j' and of q_k'.
 
-    On each of the two joints it has the sign of that joint's own rate throughout, or the other one,
-    where they always move in the same proportion.
+    Where they always move in the same proportion it has, on each of the two joints, the sign of
+    that joint's own rate throughout, or the other one.
     """
     robot = balances[0].robot
     k = robot.bodies[1 + j].parent - 1

@@ -1,8 +1,9 @@
 """Placebo extensions: as many columns of the same size and color, without any meaning.
 
 A candidate's whitened columns are cut into pieces of a second, or less where these would be few,
-which are shuffled, and half of them reversed in time, half in sign: a column that hardly changes, a
-bias's, would stay what it is. What such columns explain of data they were not fitted to, any extension of that size would.
+which are shuffled, and half of them reversed in time, half in sign: a column that hardly changes,
+a bias's, would stay what it is. What such columns explain of data they were not fitted to, any
+extension of that size would.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ DRAWS = 20
 _PIECE = 1.0  # s
 _FEWEST = 30
 """Pieces of a recording: among the orders and signs of fewer, 20 draws find one that is much like
-the column itself. Of nine, one did as well as the Coulomb friction of a Staubli's joint, 118 nats."""
+the column itself. Of nine, one did as well as a joint's Coulomb friction of 118 nats."""
 SEED = 20
 
 
