@@ -12,6 +12,7 @@ examples:
   spacerobot reproduce wheel-momentum --campaign coverage --runs 200 --out out/coverage
   spacerobot reproduce adaptive-control --runs 20
   spacerobot reproduce diagnosis --jobs 2 --out out/diagnosis-campaign
+  spacerobot reproduce diagnosis --only left_out --out out/left-out
   spacerobot reproduce monitor --runs 40 --out out/monitor-campaign
   spacerobot reproduce wheel-momentum --json | jq '.checks[] | select(.is_met | not)'
 
@@ -76,7 +77,11 @@ def run(args: argparse.Namespace) -> int:
     campaign = COVERAGE if args.campaign else campaign
     experiment, workers = campaign.load(), workers_of(args, isolated=False)
     runs = args.runs or (campaign.quick_runs if args.quick else campaign.runs)
-    keys = experiment.trials(runs, args.quick)
+    keys = [key for key in experiment.trials(runs, args.quick) if (args.only or '') in key]
+    if not keys:
+        raise ConfigurationError(
+            '--only', f'no trial of {campaign.name} has {args.only!r} in its key'
+        )
     with progress() as stage:
         done = stage('reproducing', len(keys))
         minutes = (campaign.file and args.minutes) or math.inf  # others are judged as a whole

@@ -18,7 +18,6 @@ from spacerobot_ros.campaign.hidden.diagnosis_campaign import HiddenCase, run, t
 from spacerobot_ros.campaign.hidden.diagnosis_campaign_tables import CONFUSION, ROC
 from spacerobot_ros.campaign.hidden.diagnosis_draw import drawn, places
 from spacerobot_ros.campaign.hidden.diagnosis_judge import (
-    EQUIVALENTS,
     is_equivalent,
     outcome,
     physical_limits,
@@ -33,6 +32,7 @@ from spacerobot_ros.campaign.hidden.diagnosis_score import score
 from spacerobot_ros.campaign.shares import Share
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.equivalents import EQUIVALENTS, unasked
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.estimation.noise_levels import noise_levels
@@ -212,6 +212,25 @@ def test_declared_equivalents_are_of_the_catalogue(narrower, wider, why):
     assert is_equivalent((wider, None), (narrower, None))
 
 
+def test_what_a_name_may_stand_for_is_said_where_it_was_not_compared():
+    robot = robot_file('servicer').robot
+    stuck, (bias, late) = ('joint_stribeck_friction', 'joint_2'), ('gyro_bias', 'joint_delay')
+    assert not unasked(robot, [stuck], CATALOGUE)  # rivals say what fits as well
+    (note,) = unasked(robot, [stuck, (bias, None)], {*CATALOGUE} - {'joint_coulomb_friction'})
+    assert 'joint_stribeck_friction at joint_2 may be joint_coulomb_friction' in note
+    # a grasp is at an arm's end
+    for link, count in (('link_2', 0), ('link_3', 1)):
+        body = ('inertial_parameters', link)
+        assert len(unasked(robot, [body], {*CATALOGUE} - {'grasp_compliance'})) == count
+    turned = [('inertial_parameters', 'link_3'), ('target_wheel_momentum', 'link_3')]
+    assert not unasked(robot, turned[:1], CATALOGUE)  # its wheels would be turned, too
+    (note,) = unasked(robot, turned, CATALOGUE)
+    assert 'may be encoder_offset at joint_3' in note
+    delays = [('joint_sensor_delay', joint) for joint in robot.joints]
+    assert late in unasked(robot, delays, CATALOGUE)[0]
+    assert not unasked(robot, delays[1:], CATALOGUE)
+
+
 def test_values_without_a_deviation_and_detuned_frequencies_are_no_hits():
     good, bad = line('single', [RIPPLE], [RIPPLE]), line('single', [RIPPLE], [RIPPLE])
     unsure = line('single', [RIPPLE], [RIPPLE])  # to 1 %: not asked for
@@ -271,6 +290,11 @@ def test_page_and_files_of_scores(tmp_path):
     kept = json.loads((tmp_path / 'results.json').read_text(encoding='utf-8'))['diagnosis']
     assert kept['top']['3.0']['total'] == 1
     assert kept['outcomes']['single 3.0'] == {'right': 1}
+    command = [*command, '--jobs', '1', '--out', str(tmp_path), '--only']
+    assert main([*command, 'gyro_bias']) == 0
+    kept = json.loads((tmp_path / 'results.json').read_text(encoding='utf-8'))['diagnosis']
+    assert kept['outcomes'] == {'single 3.0': {'right': 1}}
+    assert main([*command, 'no_such']) == 2
 
 
 def test_the_docs_show_every_signature_and_every_equivalent():

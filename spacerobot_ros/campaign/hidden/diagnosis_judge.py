@@ -11,13 +11,13 @@ import numpy as np
 from ...diagnosis.answer.cause import Estimated, Rival
 from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect
+from ...effects.equivalents import EQUIVALENTS, Key, made_of
 from ...effects.parameter import Parameter
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_of
 from ..description import grouped
 from .diagnosis_scenario import truth_of
 
 Line = dict[str, Any]
-Key = tuple[str, str | None]
 
 REFUSED = 'refused'
 """Verdict of a record that the diagnosis took for unusable: never right."""
@@ -27,29 +27,6 @@ TOO_WEAK = 'too weak'
 """Outcome where bounds, robot or motion allow less than the strength asked for: no trial."""
 NO_TRIAL = (NOT_SIMULATED, TOO_WEAK)
 _ALMOST = 0.5  # of the strength asked for
-
-EQUIVALENTS: tuple[tuple[str, str, str], ...] = (
-    ('torque_sensor_bias', 'joint_stiffness', 'a spring of no stiffness, k q0 kept'),
-    ('torque_sensor_bias', 'joint_torque_ripple', 'a harmonic of nothing, A sin phi kept'),
-    ('joint_stiffness', 'joint_torque_ripple', 'a harmonic of nothing, its slope A k kept'),
-    ('joint_coulomb_friction', 'joint_stribeck_friction', 'static torque as the Coulomb one'),
-    ('joint_coulomb_friction', 'joint_presliding_friction', 'no displacement'),
-    ('joint_coulomb_friction', 'joint_coupled_friction', 'a ratio of nothing, no viscous part'),
-    ('joint_viscous_friction', 'joint_coupled_friction', 'a ratio of nothing, no dry part'),
-    ('joint_stiffness', 'joint_presliding_friction', 'a displacement beyond the motion, T/d kept'),
-    ('motor_inertia', 'joint_flexibility', 'a gear without flexibility'),
-    ('external_torque_body', 'thruster_leak', 'no force at a long lever, the torque kept'),
-    ('free_wheel_rotors', 'inertial_parameters', 'the inertia of the rotors taken from the link'),
-    ('inertial_parameters', 'fuel_slosh', 'no spring: the fuel taken from the body'),
-    ('inertial_parameters', 'flexible_appendage', 'no spring: the panel taken from the body'),
-    ('inertial_parameters', 'grasp_compliance', 'no spring: the share taken from the last body'),
-)
-"""(narrower, wider, what of the wider one the narrower one is): effects that no record tells
-apart, so that naming one where the other was hidden is no error. Only what follows from the
-equations counts, at the same place: one effect is a special or limiting case of the other.
-Confusions of single motions are not in the list: there the diagnosis must name the rival itself.
-Late clocks are not, either: joints late by t look like gyro and tracker early by t, which no delay
-is."""
 
 _PAIRS = {frozenset(entry[:2]) for entry in EQUIVALENTS}
 
@@ -144,27 +121,9 @@ def _left_out(line: Line) -> str:
         return str(line['verdict'])
     (truth,) = hidden(line)
     causes = {(c['effect'], c['where']) for c in line['causes']}
-    is_same = all(is_equivalent(c, truth) for c in causes) or causes == _as_said_of(line, *truth)
-    return 'equivalent' if is_same else 'wrong name'
-
-
-def _as_said_of(line: Line, effect: str, where: str | None) -> set[Key]:
-    """Effects at other places that together are what was hidden, on the case's robot.
-
-    All joints late by t are each of them late by t. With an encoder at the end of an arm that says
-    d too much the last body is turned by d about its joint, as R(q) = R(q + d) R(-d), and with it
-    the momentum of wheels in it.
-    """
     robot = truth_of(line['truth']).robot_file(line['robot']).robot
-    if effect == 'joint_delay':
-        return {('joint_sensor_delay', joint) for joint in robot.joints}
-    if effect != 'encoder_offset':
-        return set()
-    body = 1 + robot.joints.index(str(where))
-    wheels = [g for g in robot.target_wheels if g.body == body and np.any(g.momentum)]
-    turned = {('target_wheel_momentum', g.link) for g in wheels}
-    name = robot.bodies[body].name
-    return {('inertial_parameters', name), *turned} if name in robot.last_links else set()
+    is_same = all(is_equivalent(c, truth) for c in causes) or causes == made_of(robot, *truth)
+    return 'equivalent' if is_same else 'wrong name'
 
 
 _OF = {
