@@ -29,7 +29,7 @@ from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
 from .events.arm_events import arm_events
 from .events.event import Event, Events
-from .events.impulses import impulse_events, spans_of, steps_beside_wheels
+from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
 from .limits import MISFIT, MOST
 from .lone_bodies.spinning import diagnose_spin, is_spinning
 from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
@@ -227,11 +227,7 @@ def _predicted(
 ) -> Diagnosis:
     """The answer of rows by prediction.
 
-    Events of an arm on the ground are those of its balance. Where on a free base more is wrong
-    than wheels, or may be (thrusters each time they fire), causes are found first and steps of the
-    momentum beside them. What lasts may make steps as well (clocks that are late, a lone body's
-    inertia): where one cause may take most of what steps do, that is searched, too, and steps are
-    named where they explain more.
+    Events of an arm on the ground are those of its balance.
     """
     report('looking for events', 0.05)
     if balances:
@@ -240,7 +236,22 @@ def _predicted(
         return with_events(_concluded(found, notes, report), events.events)
     if not run.robot.is_free:
         return _concluded(_searched(run, kinds, report), notes, report)
-    steps = Events() if run.record.inputs else steps_beside_wheels(run)
+    found, steps = _in_flight(run, kinds, report)
+    return with_events(_concluded(found, notes, report), steps)
+
+
+def _in_flight(
+    run: Run, kinds: Sequence[type[Effect]], report: Callable[[str, float], None]
+) -> tuple[Found, Events]:
+    """Causes of a free base, and steps of its momentum.
+
+    Where more is wrong than is usual, causes are found first and steps beside them. What lasts may
+    make steps as well (clocks that are late, a lone body's inertia): where one cause may take most
+    of what steps do, that is searched, too, and steps are named where they explain more. A large
+    step may hide all causes, as no part of the record agrees with the others: where nothing
+    fits, its times are left out of a second search.
+    """
+    steps, large = steps_beside_usual(run)
     found = _searched(run.without(spans_of(steps)), kinds, report)
     if steps.named:
         without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.named))
@@ -248,8 +259,13 @@ def _predicted(
             causes = _searched(run, kinds, report)
             if _cost(_with(causes.sound, ())) < cost:
                 found, steps = causes, Events()
-    if not any(steps.limits.values()):
+    if not steps.is_judged:
         steps = impulse_events(found.sound)
         if steps.named:
-            found = _searched(run.without(spans_of(steps)), kinds, report)
-    return with_events(_concluded(found, notes, report), steps)
+            return _searched(run.without(spans_of(steps)), kinds, report), steps
+    if steps.is_judged or not (large := (*large, *large_steps(found.fit))):
+        return found, steps
+    causes = _searched(run.without(large), kinds, report)
+    beside = impulse_events(Fit(run, causes.sound.causes))
+    is_better = _cost(_with(causes.sound, beside.named)) < _cost(_with(found.sound, ()))
+    return (causes, beside) if beside.named and is_better else (found, steps)

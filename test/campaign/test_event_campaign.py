@@ -13,7 +13,7 @@ from spacerobot_ros.campaign.hidden import event_machines
 from spacerobot_ros.campaign.hidden.event_campaign import judge, results, run, tables, trials
 from spacerobot_ros.campaign.hidden.event_machines import MACHINES, HiddenPulse
 from spacerobot_ros.campaign.hidden.real_arm import COULOMB, JOINTS
-from spacerobot_ros.diagnosis.events.impulses import steps_beside_wheels
+from spacerobot_ros.diagnosis.events.impulses import steps_beside_usual
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
@@ -69,7 +69,7 @@ def steps_alone(record, robot):
     """Without a search for causes beside them."""
     seen = observed(record, robot)
     noise, _ = noise_levels(robot.sensors, seen)
-    events = steps_beside_wheels(Run(seen, robot, (), noise, 'sampled'))
+    events = steps_beside_usual(Run(seen, robot, (), noise, 'sampled'))[0]
     return replace(hand_made('explained'), events=events)
 
 

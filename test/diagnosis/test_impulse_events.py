@@ -8,7 +8,7 @@ import pytest
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.events import impulse_scan
 from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
-from spacerobot_ros.diagnosis.events.impulses import spans_of, steps_beside_wheels
+from spacerobot_ros.diagnosis.events.impulses import spans_of, steps_beside_usual
 from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import Fit
@@ -43,7 +43,7 @@ def run_of(robot, steps, duration=13.0):
 @pytest.fixture(scope='module')
 def bumped(robot):
     run = run_of(robot, STEPS)
-    return run, steps_beside_wheels(run)
+    return run, steps_beside_usual(run)[0]
 
 
 def test_impulses_are_named_with_time_and_size(bumped):
@@ -62,7 +62,7 @@ def test_impulses_are_named_with_time_and_size(bumped):
 def test_two_that_one_would_cover_are_two(robot):
     """0.4 s apart; one of 2.8 s explains most of both, and 2,000 less in chi-square."""
     pair = (8.0, 9.0, (0.6, 0.3, -0.6)), (9.4, 9.5, (0.3, 0.15, -0.3))
-    named = steps_beside_wheels(run_of(robot, pair)).named
+    named = steps_beside_usual(run_of(robot, pair))[0].named
     for event, (start, end, _) in zip(named, pair, strict=True):
         off = 0.5 * (event.start + event.end) - 0.5 * (start + end)
         assert abs(off) < 4.0 * event.middle_std < 0.1
@@ -70,7 +70,7 @@ def test_two_that_one_would_cover_are_two(robot):
 
 def test_as_many_as_are_looked_for_are_named(bumped, monkeypatch):
     monkeypatch.setattr(impulse_scan, '_MOST', len(STEPS))
-    assert len(steps_beside_wheels(bumped[0]).named) == len(STEPS)
+    assert len(steps_beside_usual(bumped[0])[0].named) == len(STEPS)
 
 
 def test_what_changes_all_the_time_is_no_step_and_is_not_taken_apart(robot, monkeypatch, rng):
@@ -78,7 +78,7 @@ def test_what_changes_all_the_time_is_no_step_and_is_not_taken_apart(robot, monk
     refined = []
     monkeypatch.setattr(ImpulseFit, 'refined', lambda self: refined.append(self) or self)
     walk = [(0.6 * k, 0.6 * (k + 1), rng.normal(size=3)) for k in range(12)]
-    events = steps_beside_wheels(run_of(robot, walk, 8.0))
+    events = steps_beside_usual(run_of(robot, walk, 8.0))[0]
     assert events.named == events.possible == ()
     assert 'is no noise' in events.notes[0]
     assert max(len(fit.times) for fit in refined) == 0
@@ -106,14 +106,14 @@ def test_what_lasts_is_as_without_them(bumped):
 
 
 def test_a_quiet_record_has_none(robot):
-    events = steps_beside_wheels(run_of(robot, ()))
+    events = steps_beside_usual(run_of(robot, ()))[0]
     assert not events.named
     assert all(0.0 < limit.peak < 0.2 for limit in events.limits.values())
 
 
 @pytest.mark.parametrize(('duration', 'asked'), [(1.0, None), (2.0, None), (2.5, (0.05, 0.3))])
 def test_a_short_record_is_asked_for_what_fits_into_it(robot, duration, asked):
-    events = steps_beside_wheels(run_of(robot, (), duration))
+    events = steps_beside_usual(run_of(robot, (), duration))[0]
     assert not events.named
     if asked is None:
         assert set(events.limits.values()) == {None}

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.events.impulses import steps_beside_wheels
+from spacerobot_ros.diagnosis.events.impulses import steps_beside_usual
 from spacerobot_ros.diagnosis.flight.monitor import Monitor
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import ConfigurationError, RecordingError
@@ -101,7 +101,7 @@ def test_a_weak_torque_that_lasts_is_no_hit(box):
     record = in_robot_order(weak, box.robot)
     seen = observed(record, box.robot)
     noise, _ = noise_levels(box.robot.sensors, seen)
-    assert steps_beside_wheels(Run(seen, box.robot, (), noise, 'held_before')).named
+    assert steps_beside_usual(Run(seen, box.robot, (), noise, 'held_before'))[0].named
 
     found = diagnose(record, box.robot, catalogue=SENSORS_AND_TORQUES)
 
@@ -118,9 +118,32 @@ def test_hits_whose_traces_lie_over_each_other_are_told_apart(box, rng):
     record = observed(record, box.robot)
     noise, _ = noise_levels(box.robot.sensors, record)
 
-    named = steps_beside_wheels(Run(record, box.robot, (), noise, 'held_before')).named
+    named = steps_beside_usual(Run(record, box.robot, (), noise, 'held_before'))[0].named
 
     assert [round(0.5 * (e.start + e.end) + 0.3) for e in named] == [6, 9, 12]
+
+
+BIAS = (2e-3, 0.0, -1e-3)
+TILTED = np.array([[0.30, 0.01, 0.0], [0.01, 0.36, 0.0], [0.0, 0.0, 0.40]])
+
+
+@pytest.mark.parametrize(
+    ('cause', 'inertia', 'wrong'),
+    [('gyro_bias', BOX, {'bias': BIAS}), ('inertial_parameters', TILTED, {})],
+)
+def test_a_hit_hides_no_cause(box, rng, cause, inertia, wrong):
+    """Neither was named: all that a search chose was unsound, as the hit is in one fifth."""
+    impulse = np.array([0.02, -0.012, 0.018])
+    hits = [(6.0, impulse)]
+    record = in_robot_order(tumbled(rng, inertia, hits=hits, duration=20.0, **wrong), box.robot)
+    kinds = [CATALOGUE[name] for name in ('gyro_bias', 'gyro_scale', 'inertial_parameters')]
+
+    found = diagnose(record, box.robot, catalogue=kinds)
+
+    assert found.verdict == 'explained', found.sentence
+    assert [c.applied.id for c in found.causes] == [cause]
+    (event,) = found.events.named
+    np.testing.assert_allclose([event.peak[axis] for axis in 'xyz'], impulse, atol=1e-3)
 
 
 def test_bias_and_delay_are_named_with_their_size(box, rng):

@@ -29,7 +29,7 @@ THRUSTERS = {
     'T4': {'at': [0.1, 0.0, 0.05], 'direction': [0.0, 1.0, 0.0], 'force': 0.3},
 }
 NAMES = tuple(THRUSTERS)
-PERIOD = 0.1
+PERIOD, HIT = 0.1, 0.2  # s
 RIVALS = ('thruster_gain', 'command_delay', 'gyro_bias', 'inertial_parameters',
           'external_torque_body')  # fmt: skip
 
@@ -50,21 +50,28 @@ def torque_of(shares):
     return total
 
 
-def flown(rng, gains=(1.0,) * 4, late=0.0, duration=10.0):
-    """Euler's equations under held commands, by SciPy from switch to switch."""
+def flown(rng, gains=(1.0,) * 4, late=0.0, duration=10.0, hit=None):
+    """Euler's equations under held commands, by SciPy from switch to switch.
+
+    A hit of 0.2 s has a start [s] and an impulse along inertial axes [N m s].
+    """
     commands = (rng.random((round(duration / PERIOD), 4)) < 0.2).astype(float)
     starts = PERIOD * np.arange(len(commands))
     gyro, tracker = np.arange(0.0, duration, 0.02), np.arange(0.0, duration, 0.1)
-    edges = np.unique(np.concatenate([[0.0, duration], starts + late]).clip(0.0, duration))
+    switches = [[0.0, duration], starts + late, [hit[0], hit[0] + HIT] if hit else []]
+    edges = np.unique(np.concatenate(switches).clip(0.0, duration))
     times, states = [], []
     x = np.array([0.0, 0.0, 0.0, 1.0, 0.05, -0.02, 0.03])
     for start, end in itertools.pairwise(edges):
         k = int(np.searchsorted(starts + late, start + 1e-9)) - 1
         torque = torque_of(np.array(gains) * commands[k]) if k >= 0 else np.zeros(3)
 
-        def rate(_, x, torque=torque):
+        def rate(t, x, torque=torque):
             q, w = x[:4], x[4:]
             turn = 0.5 * np.append(q[3] * w + np.cross(q[:3], w), -q[:3] @ w)
+            if hit and hit[0] < t < hit[0] + HIT:
+                bell = np.sin(np.pi * (t - hit[0]) / HIT) ** 2 / (0.5 * HIT)
+                torque = torque + Rotation.from_quat(q).inv().apply(bell * np.array(hit[1]))
             return np.append(turn, np.linalg.solve(INERTIA, torque - np.cross(w, INERTIA @ w)))
 
         inside = np.unique(np.concatenate([gyro, tracker]))
@@ -111,6 +118,36 @@ def test_dead_and_weak_thrusters_and_the_delay_are_named(box, rng):
     ):
         assert abs(causes[key][name].value - true) < 4.0 * causes[key][name].std
         assert causes[key][name].std < 0.01
+
+
+WRONG = {
+    'nothing': ({}, {}),
+    'weak': ({'gains': (1.0, 1.0, 0.8, 1.0)}, {('thruster_gain', 'T3'): 0.8}),
+    'dead and late': (
+        {'gains': (1.0, 0.0, 1.0, 1.0), 'late': 0.073},
+        {('thruster_gain', 'T2'): 0.0, ('command_delay', None): 0.073},
+    ),
+}
+
+
+@pytest.mark.parametrize('size', [0.0014, 0.027])
+@pytest.mark.parametrize(('faults', 'true'), WRONG.values(), ids=WRONG)
+def test_a_hit_hides_no_thruster_and_none_hides_it(box, rng, size, faults, true):
+    """46 and 900 deviations of the gyro: no fifth of the record agreed with the others."""
+    impulse = size * np.array([-0.3, -0.9, 0.3])
+    flight = flown(rng, duration=8.0, hit=(4.23, impulse), **faults)
+    kinds = [CATALOGUE[name] for name in RIVALS]
+
+    found = diagnose(in_robot_order(flight, box.robot), box.robot, catalogue=kinds)
+
+    assert found.verdict == 'explained', found.sentence
+    (event,) = found.events.named
+    assert abs(0.5 * (event.start + event.end) - 4.23 - 0.5 * HIT) < 0.02
+    np.testing.assert_allclose([event.peak[a] for a in 'xyz'], impulse, atol=0.03 * size)
+    assert {(c.applied.id, c.applied.where) for c in found.causes} == set(true)
+    for cause in found.causes:
+        (value,) = cause.parameters.values()
+        assert abs(value.value - true[cause.applied.id, cause.applied.where]) < 4.0 * value.std
 
 
 def test_the_simulator_turns_as_the_impulses_say(box, tmp_path):

@@ -13,7 +13,7 @@ from ...diagnosis.answer.extended_model import effects_section
 from ...diagnosis.diagnose import diagnose
 from ...diagnosis.events.arm_events import arm_events
 from ...diagnosis.events.event import EventLimit, Events
-from ...diagnosis.events.impulses import steps_beside_wheels
+from ...diagnosis.events.impulses import steps_beside_usual
 from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
@@ -182,7 +182,7 @@ def _base(seed: int) -> DrawnMachine:
     def found(pulses: Sequence[HiddenPulse]) -> Events:
         record = observed(simulated(name, 'default', seed, _impulses(pulses), 30.0), robot)
         noise, _ = noise_levels(robot.sensors, record)
-        return steps_beside_wheels(Run(record, robot, (), noise, 'held_before'))
+        return steps_beside_usual(Run(record, robot, (), noise, 'held_before'))[0]
 
     return DrawnMachine(name, 30.0, found, _impulse)
 

@@ -123,6 +123,11 @@ class Events:
     notes: tuple[str, ...] = ()
     recordings: int = 1
 
+    @property
+    def is_judged(self) -> bool:
+        """Whether any would be named."""
+        return any(self.limits.values())
+
     def place_of(self, event: Event | PossibleEvent) -> str:
         """The recording of an event, from 1, where there are several."""
         return f' in recording {1 + event.recording}' if self.recordings > 1 else ''

@@ -113,6 +113,13 @@ class ImpulseScan:
         return max(self.colours.values(), default=1.0) <= STEADY
 
     @property
+    def standing_out(self) -> list[Impulse]:
+        """What is large even by the scatter of what is left, at its likeliest times, and short."""
+        large = [i for i in self._best.found if self._size(i) >= LISTED_STEP]
+        found = self._best.at(_apart(large)).refined().found
+        return [i for i in found if i.end - i.start < max(DURATIONS)]
+
+    @property
     def is_transient(self) -> bool:
         """Whether what was found comes and goes: no bell is long, and most times have none."""
         lengths = [i.end - i.start for i in self.found]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ...effects.catalogue import CATALOGUE
@@ -13,6 +15,10 @@ from .event_limits import NAMED, SNR, chance, named_from
 from .impulse_fit import EDGE, Impulse
 from .impulse_scan import AXES, TAIL, ImpulseScan
 
+Spans = tuple[tuple[float, float], ...]
+"""Starts and ends of times [s]."""
+_USUAL = ('target_wheel_momentum', 'thruster_gain', 'command_delay')
+_ROUNDS = 4  # of steps that are left out
 _SHOWN = 0.3  # s, the duration whose limit stands for all
 
 
@@ -22,7 +28,46 @@ def impulse_events(fit: Fit) -> Events:
     Args:
         fit: Of a free base, what lasts in it.
     """
-    scan = ImpulseScan(fit)
+    return _events(ImpulseScan(fit))
+
+
+def steps_beside_usual(run: Run) -> tuple[Events, Spans]:
+    """Steps of a run beside what is wrong of most: wheels that nobody knows, its thrusters.
+
+    None where that leaves too much for a step to be told from it. A step that is large even so
+    spoils what is fitted to it, delays most of all: its times are left out, and all is fitted and
+    looked for again. Where that does not help these times are returned.
+    """
+    usual = [
+        kind(name=f'{kind.id}_{where}', where=where, values=kind.nominal())
+        for kind in map(CATALOGUE.__getitem__, _USUAL)
+        for where in kind.fitted_places(run.robot)
+    ]
+    spans: Spans = ()
+    scan = ImpulseScan(refine(run, usual))
+    for _ in range(_ROUNDS):
+        if scan.is_steady or (ahead := _spans(scan.standing_out)) == spans:
+            break
+        spans = ahead
+        scan = ImpulseScan(Fit(run, refine(run.without(spans), usual).causes))
+    return _events(scan), spans
+
+
+def large_steps(fit: Fit) -> Spans:
+    """Times of steps that are large even by what a fit leaves."""
+    return _spans(ImpulseScan(fit).standing_out)
+
+
+def spans_of(events: Events) -> Spans:
+    """Times that named events take, and what sensors spread of their ends [s]."""
+    return _spans(events.named)
+
+
+def _spans(found: Iterable[Event | Impulse]) -> Spans:
+    return tuple((i.start - TAIL, i.end + TAIL) for i in found)
+
+
+def _events(scan: ImpulseScan) -> Events:
     if _SHOWN not in scan.durations:
         why = f'{scan.seconds:.3g} s are too short for steps of the momentum to be judged'
         return Events(limits=dict.fromkeys(AXES), notes=(why,))
@@ -50,24 +95,6 @@ def impulse_events(fit: Fit) -> Events:
         for axis, own in zip(AXES, stds, strict=True)
     }
     return Events(named=tuple(named), possible=tuple(possible), limits=limits)
-
-
-def steps_beside_wheels(run: Run) -> Events:
-    """Steps of a run beside the wheels that nobody knows.
-
-    None where that leaves too much for a step to be told from it.
-    """
-    kind = CATALOGUE['target_wheel_momentum']
-    wheels = [
-        kind(name=f'wheels_{where}', where=where, values=kind.nominal())
-        for where in kind.fitted_places(run.robot)
-    ]
-    return impulse_events(refine(run, wheels))
-
-
-def spans_of(events: Events) -> tuple[tuple[float, float], ...]:
-    """Times that named events take, and what sensors spread of their ends [s]."""
-    return tuple((e.start - TAIL, e.end + TAIL) for e in events.named)
 
 
 def _event(scan: ImpulseScan, found: Impulse, cells: float) -> Event:

@@ -123,21 +123,22 @@ class BlockInnovations(Innovations):
             mean,
         )
 
-    def _extra_variance(self) -> Array:
+    def _unknown(self) -> Array:
         """A little torque on the base that nobody knows, so that the memory is finite.
 
         Without it the whole's angular momentum is kept for ever, and what discretisation makes of
         it in minutes would pass for a torque.
         """
-        extra = super()._extra_variance()
+        unknown = super()._unknown()
         base = self.m - self.n
         if not base or self.record.effort is None:
-            return extra
+            return unknown
         interval = float(np.median(np.diff(self.record.effort_time)))
         impulse = _UNKNOWN_TORQUE * self.noise.joint_effort * np.sqrt(interval * self.durations)
         by_impulse = np.einsum('nii->ni', self.rate_by_impulse[:-1, :base, :base])
-        extra[:, self.m : self.m + base] = (by_impulse * impulse[:, None]) ** 2
-        return extra
+        rates = np.arange(self.m, self.m + base)
+        unknown[:, rates, rates] += (by_impulse * impulse[:, None]) ** 2
+        return unknown
 
     def _start(self) -> Array:
         return super()._start() if self._covariance is None else self._covariance

@@ -243,7 +243,7 @@ class Innovations:
         noise = (f[:, :, 2 * m :] * variance[:, None, 2 * m :]) @ np.swapaxes(
             f[:, :, 2 * m :], 1, 2
         )
-        noise[:, np.arange(size), np.arange(size)] += self._extra_variance()
+        noise[:, : 2 * m, : 2 * m] += self._unknown()
         lost = driven * self._torque.lost_variance()[:, None]
         noise[:, : 2 * m, : 2 * m] += lost @ np.swapaxes(driven, 1, 2)
         f[fresh == 1, :, late] = f[fresh == 1, :, early]
@@ -280,14 +280,21 @@ class Innovations:
         starts = self.time_base.times[:-1, None]
         return np.asarray(starts + self.durations[:, None] * _CELLS[k : k + 2])
 
-    def _extra_variance(self) -> Array:
-        """(N-1, d) variance that enters each step beside the efforts' own."""
-        variance = np.zeros((len(self.durations), 2 * self.m + 2 * self.n))
-        times = self.time_base.times
+    def _unknown(self) -> Array:
+        """(N-1, 2 m, 2 m) covariance that enters each step by what may act from outside.
+
+        It is as white as can be: with a standard deviation s of the rate's change in a step of
+        length T, that of the position is s T / sqrt(3), their covariance s^2 T / 2. A change of
+        the rate alone has the position go on at the rate before it.
+        """
+        eye, times = np.eye(self.m), self.time_base.times
+        out = np.zeros((len(self.durations), 2 * self.m, 2 * self.m))
         for start, end in self._measured.left_out:
-            touched = (times[1:] > start) & (times[:-1] < end)
-            variance[touched, self.m : 2 * self.m] = _UNKNOWN_RATE**2
-        return variance
+            for k in np.flatnonzero((times[1:] > start) & (times[:-1] < end)):
+                length = self.durations[k]
+                shares = np.array([[length**2 / 3.0, 0.5 * length], [0.5 * length, 1.0]])
+                out[k] = _UNKNOWN_RATE**2 * np.kron(shares, eye)
+        return out
 
     def _start(self) -> Array:
         size = 2 * self.m
