@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from dataclasses import replace
 
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
+from ..effects.equivalents import unasked
 from ..estimation.balance.arm_rows import ArmRows
 from ..estimation.balance.balance import Balance, balance_of
 from ..estimation.balance.motor_constants import as_recorded
@@ -75,9 +76,16 @@ def diagnose(
     kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
     pieces = pieces_of(every[0])
     if len(every) == 1 < len(pieces):
-        one = partial(diagnose, robot=robot, believed=believed, catalogue=kinds)
-        return diagnose_pieces(pieces, one, report)
-    return _diagnosed(every, robot, believed, kinds, report, loaded)
+
+        def judge(piece: Record, some: Sequence[type[Effect]]) -> Diagnosis:
+            return _diagnosed([piece], robot, believed, some, lambda what, share: None, ())
+
+        answer = diagnose_pieces(pieces, kinds, judge, report)
+    else:
+        answer = _diagnosed(every, robot, believed, kinds, report, loaded)
+    named = [(c.applied.id, c.applied.where) for c in (*answer.causes, *answer.minor)]
+    alike = unasked(robot, named, {kind.id for kind in kinds})
+    return replace(answer, notes=(*answer.notes, *alike))
 
 
 def _diagnosed(

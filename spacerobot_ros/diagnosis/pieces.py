@@ -9,9 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..effects.effect import Effect
 from ..errors import RecordingError
 from ..recording.record import Record
 from .answer.result import Diagnosis, Series
+from .limits import SUSPICIOUS
 from .pieces_conclusion import combined
 
 _PER_SAMPLE = 2500.0
@@ -22,7 +24,9 @@ PIECE_MEMORY = 1e9  # of each, so that all of it stays below 2 GB
 _SHORTEST = 20.0  # s, `limits.BUDGETED`: a shorter one tells too little
 _SHOWN = 20_000  # samples of a channel that plots keep
 
-Judge = Callable[[Record], Diagnosis]
+
+Judge = Callable[[Record, Sequence[type[Effect]]], Diagnosis]
+"""Diagnoses a piece, with effects that may be causes."""
 
 
 def pieces_of(record: Record) -> list[Record]:
@@ -42,25 +46,30 @@ def pieces_of(record: Record) -> list[Record]:
 
 
 def diagnose_pieces(
-    pieces: Sequence[Record], judge: Judge, report: Callable[[str, float], None]
+    pieces: Sequence[Record],
+    kinds: Sequence[type[Effect]],
+    judge: Judge,
+    report: Callable[[str, float], None],
 ) -> Diagnosis:
     """One answer of all pieces.
 
     Args:
         pieces: Of one record.
+        kinds: Effects that may be causes.
         judge: Diagnoses one.
         report: Called with what is being done and the share done, from 0 to 1.
 
     Raises:
         RecordingError: no piece can be used; the reason of the first.
     """
-    spans, answers, refused = [], [], list[str]()
+    spans, answers, refused = [], list[Diagnosis](), list[str]()
     first: RecordingError | None = None
     for i, piece in enumerate(pieces):
         report(f'diagnosing piece {i + 1} of {len(pieces)}', i / len(pieces))
         span = piece.span if len(piece.joint_time) else (math.nan, math.nan)
         try:
-            answers.append(_thin(judge(piece), math.ceil(_SHOWN / len(pieces))))
+            answer = _judged(piece, kinds, judge, answers[-1:])
+            answers.append(_thin(answer, math.ceil(_SHOWN / len(pieces))))
             spans.append(span)
         except RecordingError as error:
             first = first or error
@@ -69,6 +78,28 @@ def diagnose_pieces(
         raise first or RecordingError('recording', 'is empty')
     notes = [f'diagnosed in {len(answers)} pieces of {np.ptp(spans[0]):.0f} s each']
     return combined(answers, spans, [*notes, *(f'left out: {why}' for why in refused[:3])])
+
+
+def _judged(
+    piece: Record, kinds: Sequence[type[Effect]], judge: Judge, before: Sequence[Diagnosis]
+) -> Diagnosis:
+    """The answer of a piece, with what swings only where there is a sign of it.
+
+    Its columns take most of the time. They are left out where the piece before shows no such
+    cause, nor a rival, and nothing beyond its causes, until this one shows something.
+    """
+    for last in filter(_is_clear, before):
+        causes = (*last.causes, *last.minor)
+        known = {c.applied.id for c in causes} | {r.effect for c in causes for r in c.rivals}
+        some = [kind for kind in kinds if kind.id in known or not (kind.hidden or kind.is_rare)]
+        if _is_clear(answer := judge(piece, some)):
+            return answer
+    return judge(piece, kinds)
+
+
+def _is_clear(answer: Diagnosis) -> bool:
+    """Whether nothing is left that a search would look for."""
+    return answer.fit_p is not None and answer.fit_p >= SUSPICIOUS
 
 
 def _thin(answer: Diagnosis, most: int) -> Diagnosis:

@@ -60,9 +60,8 @@ def said(value, std=0.05, verdict='explained', is_named=True):
 
 
 def joined(answers):
-    queue = iter(answers)
-    parts = [two_hours(1, 20.0)] * len(answers)
-    return diagnose_pieces(parts, lambda _: next(queue), silent)
+    parts = [two_hours(1, 20.0) for _ in answers]
+    return diagnose_pieces(parts, (), lambda part, catalogue: answers[parts.index(part)], silent)
 
 
 def test_values_are_weighted_means_and_scatter_widens_them():
@@ -107,7 +106,7 @@ def test_one_bad_piece_is_told_and_one_that_can_not_be_read_is_left_out():
     assert f' s: {bad.sentence}' in found.sentence  # of the piece that has something left
     queue = iter(answers)
 
-    def judge(piece):
+    def judge(piece, catalogue):
         if judge.calls == 1:
             judge.calls += 1
             raise RecordingError('run', 'no joint moves')
@@ -115,15 +114,29 @@ def test_one_bad_piece_is_told_and_one_that_can_not_be_read_is_left_out():
         return next(queue)
 
     judge.calls = 0
-    found = diagnose_pieces([two_hours(1, 20.0)] * 5, judge, silent)
+    found = diagnose_pieces([two_hours(1, 20.0)] * 5, (), judge, silent)
     assert 'left out: 0 to 20 s: no joint moves' in found.notes
     assert 'diagnosed in 4 pieces' in found.notes[0]
 
-    def refuse(piece):
+    def refuse(piece, catalogue):
         raise RecordingError('run', 'no joint moves')
 
     with pytest.raises(RecordingError, match='no joint moves'):
-        diagnose_pieces([two_hours(1, 20.0)] * 2, refuse, silent)
+        diagnose_pieces([two_hours(1, 20.0)] * 2, (), refuse, silent)
+
+
+def test_what_swings_is_asked_where_there_is_a_sign_of_it():
+    kinds = [CATALOGUE[name] for name in (KEY, 'torque_sensor_bias', 'fuel_slosh')]
+    asked, fits = [], iter([0.5, 0.5, 0.01, 0.5, 0.01, 0.5])
+
+    def judge(piece, catalogue):
+        asked.append({kind.id for kind in catalogue})
+        return replace(said(3.0), fit_p=next(fits))
+
+    diagnose_pieces([two_hours(1, 20.0)] * 4, kinds, judge, silent)
+    every, few = {kind.id for kind in kinds}, {KEY, 'torque_sensor_bias'}
+    # the third piece is asked again, in full, and so is the fourth, which finds no more
+    assert asked == [every, few, few, every, few, every]
 
 
 def test_an_arm_in_pieces_says_what_the_whole_says(tmp_path, monkeypatch):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from ...effects.equivalents import unasked
 from ...estimation.refit import Fit
 from ...estimation.rows import ChannelFit
 from ...estimation.scaling import is_relevant
@@ -42,15 +41,13 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     is_undone = fits and bool(named) and found.is_cancelled
     verdict = verdict_of(fits and not is_undone, bool(named))
     channels = series(null.rows.channels(), extended.rows.channels())
-    robot = null.run.robot
-    keys = [found.choices[i].key for i in sound]
-    notes = (*notes, *unasked(robot, keys, {judged.candidate.kind.id for judged in found.first}))
+    joints = null.run.robot.joints
     return Diagnosis(
         verdict=verdict,
         sentence=_sentence(verdict, named, minor, '' if is_undone else _left(white_left)),
         causes=named,
         minor=minor,
-        residuals=residuals(channels, white_before, extended.rows.whiteness()[1], robot.joints),
+        residuals=residuals(channels, white_before, extended.rows.whiteness()[1], joints),
         series=channels,
         gain=_gain(null, extended, named),
         ranking=tuple(_ranked(found)),
