@@ -89,7 +89,6 @@ class Loop:
         for name, value in settings.items():
             self._arguments += ['-p', f'{name}:={value}']
         self._context = multiprocessing.get_context('forkserver')
-        self._context.set_forkserver_preload([f'{__package__}.{node}' for node in NODES])
         self._processes: dict[str, Any] = {}
         robot = packaged('servicer').robot
         self.limits = robot.effort_limits
