@@ -117,7 +117,8 @@ with 0.9 to 4.5 (`RealArm`, 1.5 to 12 s of six joints); lone joints of a fast pe
 
 RELEVANT = 0.01
 """Of the rms torque of the joint where a cause of an arm shows most: less is fitted, not named. It
-is a third of what the best torque sensors are right within (docs/real_machines.md)."""
+is a third of what the best torque sensors are right within (docs/real_machines.md). Of what the
+model misses at a joint without a motor, of whose torque nothing is uncertain."""
 
 FULL_SCALE = 3e-3
 """Of a motor's full scale: what a measured torque is off by whatever it is. Arms of stated limits

@@ -12,7 +12,7 @@ from ..effects.effect import Effect
 from ..effects.joints.motors import MotorConstant
 from ..errors import RecordingError
 from ..estimation.balance.arm_motion import BAND as BAND
-from ..estimation.balance.balance import balance_of
+from ..estimation.balance.balance import balance_of, rms
 from ..estimation.balance.motor_constants import as_recorded
 from ..estimation.trajectory.observations import observed
 from ..formats import either
@@ -21,7 +21,6 @@ from ..recording.faults.check import check_data
 from ..recording.record import Record
 from .answer.free_motion import free_motion
 from .answer.result import FreeMotion
-from .arms.arm_found import rms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

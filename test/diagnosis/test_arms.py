@@ -20,7 +20,6 @@ from spacerobot_ros.campaign.hidden.real_arm import (
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.arms.arm_evidence import evidence_of
-from spacerobot_ros.diagnosis.arms.arm_found import rms
 from spacerobot_ros.diagnosis.arms.held_out_checks import check_bodies, check_held_out
 from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.diagnose import diagnose
@@ -28,7 +27,7 @@ from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.balance.arm_levels import leftover_levels
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance.balance import balance_of
+from spacerobot_ros.estimation.balance.balance import balance_of, rms
 from spacerobot_ros.estimation.inference.evidence import Gram
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.model.loader import build_robot

@@ -388,3 +388,26 @@ def test_a_small_machine_of_stated_noise(driven):
     assert values_of(large)
     for key, (value, _) in values_of(small).items():
         assert value == pytest.approx(2.0**-30 * values_of(large)[key][0], rel=1e-6), key
+
+
+def test_friction_of_a_free_swing_has_a_name_however_little_of_the_weight_it_is():
+    """0.3 % of the weight's torque, and nearly all that the file misses: swings fade in 60 s."""
+    urdf = """<robot name="swing"><link name="base_link"/><link name="rod"><inertial>
+    <origin xyz="0 0 -0.15"/><mass value="0.15"/><inertia ixx="4e-4" iyy="4e-4" izz="1e-5" ixy="0"
+    ixz="0" iyz="0"/></inertial></link><joint name="pivot" type="continuous"><axis xyz="0 1 0"/>
+    <parent link="base_link"/><child link="rod"/></joint></robot>"""
+    robot = robot_from(urdf, ('pivot',), passive_joints=['pivot'], scale={'anchor': 'gravity'})
+    inertia, weight, viscous = 0.15 * 0.15**2 + 4e-4, 0.15 * 0.15 * 9.81, 1.2e-4
+
+    def rate(t, x):
+        return [x[1], -(weight * np.sin(x[0]) + viscous * x[1]) / inertia]
+
+    times = np.arange(0.0, 24.0, 0.005)
+    run = solve_ivp(rate, (0.0, 24.0), [1.2, 0.0], 'DOP853', times, rtol=1e-10, atol=1e-12)
+    q = run.y[0] + 1e-4 * np.random.default_rng(5).standard_normal(len(times))
+    joints = JointSeries(
+        ('pivot',), to_stamps(times), q[:, None], unpowered=np.ones((len(times), 1), dtype=bool)
+    )
+    (cause,) = diagnose(Record(joints=joints), robot).causes
+    assert (cause.applied.id, cause.applied.where) == ('joint_viscous_friction', 'pivot')
+    assert cause.parameters['coefficient'].value == pytest.approx(viscous, rel=0.05)

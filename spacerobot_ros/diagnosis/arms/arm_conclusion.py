@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.balance.balance import Balance
+from ...estimation.balance.balance import Balance, rms
 from ...estimation.inference.evidence import chi_square_tail
 from ...estimation.rows import ChannelError
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
@@ -23,7 +23,7 @@ from ..answer.words import verdict_of
 from ..events.event import Events
 from ..limits import RELEVANT
 from .arm_evidence import rivals_of
-from .arm_found import WORSE, ArmFound, rms, still_words, touched_notes
+from .arm_found import WORSE, ArmFound, still_words, touched_notes
 from .arm_spread import birge_of, scatter_of, usual_scatter, values_std, whole_std
 from .arm_verdict import Left, laws_that_matter, overall, sentence
 from .friction_law import friction_laws

@@ -13,7 +13,7 @@ from ...effects.effect import Effect
 from ...errors import RecordingError
 from ...estimation.balance.arm_fit import ArmFit
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.balance import Balance, balance_of
+from ...estimation.balance.balance import Balance, balance_of, rms
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
@@ -159,17 +159,3 @@ def touched_notes(balances: Sequence[Balance]) -> tuple[str, ...]:
     names = touched_joints(balances)
     words = 'moves, in jerks or once, are too short to be judged'
     return (f'{", ".join(names)}: {words}',) if names else ()
-
-
-def rms(balances: Sequence[Balance]) -> Array:
-    """(n,) rms of the torques that a model misses in the band where joints move [N m].
-
-    NaN for a joint that never does.
-    """
-    total, count = 0.0, 0
-    for balance in balances:
-        moving = balance.arm.is_moving[:: balance.arm.stride]
-        total = total + np.sum(balance.torque**2 * moving, axis=0)
-        count = count + np.sum(moving, axis=0)
-    with np.errstate(invalid='ignore'):
-        return np.asarray(np.sqrt(total / np.where(count, count, np.nan)))

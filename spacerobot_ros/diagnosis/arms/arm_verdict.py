@@ -10,14 +10,14 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...estimation.balance.arm_priors import RUN_TO_RUN, torque_tolerance
-from ...estimation.balance.balance import Balance, own_noise_in_band
+from ...estimation.balance.balance import Balance, own_noise_in_band, rms
 from ...model.robot import Robot
 from ...types import Array, BoolArray
 from ..answer.cause import Cause
 from ..answer.result import Leftover
 from ..answer.words import cause_in_words, first_few
 from ..limits import CLEAR, FULL_SCALE, LIKE_NOISE, RELEVANT
-from .arm_found import ArmFound, rms
+from .arm_found import ArmFound
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +29,7 @@ class Left:
         before: (n,) rms by the model as it stands; nan of a joint that never moves [N m].
         after: (n,) by the extended model [N m].
         usual: (n,) what any machine differs from its file by, and the noise of its sensors [N m].
-        scale: (n,) rms of the torques themselves [N m].
+        scale: (n,) `ArmRows.judged_by` [N m].
     """
 
     robot: Robot
@@ -42,7 +42,7 @@ class Left:
     def of(cls, found: ArmFound) -> Left:
         """Of an arm's causes."""
         before, after = rms(found.fit.rows.balances), rms(found.extended)
-        return cls(found.robot, before, after, _usual(found), found.fit.rows.scale)
+        return cls(found.robot, before, after, _usual(found), found.fit.rows.judged_by)
 
     @property
     def unusual(self) -> list[int]:
@@ -102,13 +102,13 @@ def laws_that_matter(found: ArmFound, left: Left, leftover: Sequence[Leftover]) 
 
 
 def _share(found: ArmFound, law: Effect) -> float:
-    """Rms of a law's torque by that of its joint, where that moves."""
+    """Rms of a law's torque by `ArmRows.judged_by` of its joint, where that moves."""
     j, total, count = found.robot.joints.index(str(law.where)), 0.0, 0
     for balance in found.extended:
         moving = balance.arm.is_moving[:, j]
         torque = law.force(balance.motion, law.driven(balance.motion))[moving, 6 + j]
         total, count = total + float(torque @ torque), count + len(torque)
-    return math.sqrt(total / max(count, 1)) / float(found.fit.rows.scale[j])
+    return math.sqrt(total / max(count, 1)) / float(found.fit.rows.judged_by[j])
 
 
 def sentence(

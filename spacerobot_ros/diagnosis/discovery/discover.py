@@ -12,8 +12,9 @@ from ...effects.laws.grammar import quantity
 from ...effects.laws.learned_torque import LearnedTorque
 from ...effects.motion import Motion
 from ...estimation.balance.arm_priors import DRY, is_kind_of
+from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
-from ..arms.arm_found import WORSE, ArmFound, rms
+from ..arms.arm_found import WORSE, ArmFound
 from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
 from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.balance.balance import noise_in_band
+from ...estimation.balance.balance import noise_in_band, rms
 from ...estimation.refit import Fit, refine
 from ...estimation.runs import Run
 from ...estimation.trajectory.reference import NoiseLevels
 from ...recording.record import Record
-from ..arms.arm_found import ArmFound, rms
+from ..arms.arm_found import ArmFound
 from ..limits import LIKE_NOISE, MISFIT
 from .search import Search
 from .timing import better_timing, first_timing

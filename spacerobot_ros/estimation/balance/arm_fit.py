@@ -145,7 +145,7 @@ class ArmFit:
         return chi_square_tail(square, max(1.0, float(np.sum(1.0 - told))))
 
     def share(self, i: int, which: Sequence[int] | slice = slice(None)) -> float:
-        """Rms of a candidate's torques by the joint's own rms, at the joint where it is most.
+        """Rms of a candidate's torques by `ArmRows.judged_by`, at the joint where it is most.
 
         Args:
             i: The candidate.
@@ -153,9 +153,10 @@ class ArmFit:
         """
         own, shares = self.rows.places[i][which], [0.0]
         for k, rows in enumerate(self.rows.joints):
-            if len(rows.torque) and (scale := float(self.rows.scale[k % len(self.rows.scale)])):
+            whole = float(self.rows.judged_by[k % self.rows.robot.n_joints])
+            if len(rows.torque) and whole:
                 torque = rows.columns[:, own] @ self.values[own]
-                shares.append(float(np.sqrt(np.mean(torque**2))) / scale)
+                shares.append(float(np.sqrt(np.mean(torque**2))) / whole)
         return max(shares)
 
     @property

@@ -18,7 +18,7 @@ from ..inference.evidence import Gram
 from .anchor import HELD, scale_columns, unanchored
 from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings
 from .arm_priors import DRY, NOTHING, Machine
-from .balance import Balance
+from .balance import Balance, rms
 from .leftover import JointRows
 
 _BLOCKS, _FEW = 4, 2
@@ -203,6 +203,16 @@ class ArmRows:
     def scale(self) -> Array:
         """(n,) rms of the torques where the joints move, `Machine.torque` [N m]."""
         return Machine(self.robot, self.balances).torque
+
+    @cached_property
+    def judged_by(self) -> Array:
+        """(n,) torques of which a cause must be some share to matter [N m].
+
+        Those of the joint, which no sensor measures but for a share of them. The torque of one
+        without a motor is known: there it is what the model misses.
+        """
+        is_passive = np.isin(self.robot.joints, self.robot.passive_joints)
+        return np.where(is_passive, rms(self.balances), self.scale)
 
     @cached_property
     def friction(self) -> Array:

@@ -260,3 +260,17 @@ def own_noise_in_band(balance: Balance) -> Array:
         for values in (record.q, np.asarray(record.effort))
     )
     return noise_in_band(balance, position, effort)
+
+
+def rms(balances: Sequence[Balance]) -> Array:
+    """(n,) rms of the torques that a model misses in the band where joints move [N m].
+
+    NaN for a joint that never does.
+    """
+    total, count = 0.0, 0
+    for balance in balances:
+        moving = balance.arm.is_moving[:: balance.arm.stride]
+        total = total + np.sum(balance.torque**2 * moving, axis=0)
+        count = count + np.sum(moving, axis=0)
+    with np.errstate(invalid='ignore'):
+        return np.asarray(np.sqrt(total / np.where(count, count, np.nan)))
