@@ -91,12 +91,28 @@ def test_a_law_that_no_effect_knows_is_no_change():
     assert conclude_changes(found).verdict == 'unchanged'  # a spring and a gain at joint_3
 
 
+def test_what_no_change_explains_makes_others_less_visible():
+    """A change must have half of it: what is said to be detectable says so."""
+    file = arm_file()
+    found = compare([EMPTY.record(0)], [EMPTY.record(1)], file.robot, file.effects)
+    told, rough = (
+        {
+            (d.effect, d.where): d.value
+            for d in conclude_changes(replace(found, unexplained=u)).detectable
+        }
+        for u in (0.0, 800.0)
+    )
+    for key in (('joint_coulomb_friction', 'joint_5'), ('inertial_parameters', 'link_6')):
+        assert 2.0 * told[key] < rough[key] < 9.0 * told[key]  # of some 10 nats by 400
+
+
 def test_what_one_part_alone_says_is_no_cause():
     assert not holds(np.array([3.8, 80.8, 2.9, 1.1]))
     assert holds(np.array([30.0, 80.8, 12.0, 11.0]))
     assert holds(np.array([-10.6, 0.9, 14.9, 52.9]))  # faster from part to part
     assert holds(np.array([513.3, 21.3, 11.2, 16.0]))  # the weight that a lift's efforts leave out
     assert holds(np.array([4.0, 80.8]))  # of two parts each is the other's only test
+    assert not holds(np.array([-0.9, 15.8]))
 
 
 @pytest.fixture(scope='module')

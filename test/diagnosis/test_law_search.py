@@ -11,7 +11,7 @@ import pytest
 from spacerobot_ros.campaign.hidden.hidden_laws import LawArm
 from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
-from spacerobot_ros.diagnosis.discovery.law_search import LawSearch
+from spacerobot_ros.diagnosis.discovery.law_search import LawSearch, Winner
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
 from spacerobot_ros.diagnosis.discovery.spectral_terms import SpectralTerms
 from spacerobot_ros.effects.catalogue import CATALOGUE
@@ -71,3 +71,18 @@ def test_what_a_free_cause_nearly_is_is_no_law_of_others(bend):
     every |= {f'other {k}': column for k, column in enumerate(rng.standard_normal((8, COUNT)))}
     won = [step.law.inputs for step in LawSearch(Terms(free, every)).run()]
     assert won == ([('true',)] if bend > 0.2 else [])
+
+
+@pytest.mark.parametrize(
+    ('rivals', 'doubt'),
+    [
+        ({}, 0.0),
+        ({('rate/a',): 1.0, ('rate/a', 'rate/b', 'load/a'): 1.0}, 0.0),  # some of them, and more
+        ({('angle/a', 'angle/b'): 3.1, ('angle/a', 'angle/c'): 3.8}, np.exp(-3.1) + np.exp(-3.8)),
+        ({('time',): 0.5}, np.exp(-0.5)),
+    ],
+)
+def test_laws_of_other_variables_that_do_as_well_are_a_doubt(rivals, doubt):
+    laws = tuple((Law(FORMS['x y'], i, 3.0, '', 'external'), gap) for i, gap in rivals.items())
+    law = Law(FORMS['x y'], ('rate/a', 'rate/b'), 3.0, '', 'external')
+    assert Winner(law, np.zeros((1, 1)), 9.0, 1e-9, laws).doubt == pytest.approx(doubt)

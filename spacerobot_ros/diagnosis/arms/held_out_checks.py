@@ -127,14 +127,14 @@ def check_plain(selection: Selection, plain: Selection) -> None:
 def holds(gains: Array) -> bool:
     """Whether a cause predicts parts of the data that it was not fitted to.
 
-    The worst part loses less than half of what the others gain, and of three or more no single
-    one decides: each shows it by itself, or all others gain together and the next one shows the
+    The worst part loses less than half of what the others gain, and no single one decides: each
+    shows it by itself, or all others gain together and, of three or more, the next one shows the
     same.
     """
     total, worst = float(np.sum(gains)), min(float(np.min(gains)), 0.0)
     if total <= HELD_OUT or -worst > 0.5 * (total - worst):
         return False
-    if len(gains) < 3 or np.min(gains) > HELD_OUT:
+    if len(gains) < 2 or np.min(gains) > HELD_OUT:
         return True
     *_, second, best = np.sort(gains).tolist()
-    return bool(total > best and second > OTHERS * best)
+    return bool(total > best and (len(gains) < 3 or second > OTHERS * best))

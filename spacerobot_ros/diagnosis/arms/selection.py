@@ -151,16 +151,21 @@ class Selection:
         """All that is to be said of a cause beside the chosen ones."""
         return self._score(self.posterior(self.chosen), i)
 
-    def limit(self, i: int, direction: Array) -> float:
+    def limit(self, i: int, direction: Array, least: float = 0.0) -> float:
         """Multiple x of a cause's coefficients (K,) from which it is named, beside nothing else.
 
         Noise aside, its evidence is 1/2 x^2 d' S (S + 1 / prior^2)^-1 S d less the price of its
         freedom, with S the information of the coefficients, and must exceed that of its tolerance
         by the need. Infinite where the motion shows nothing of it.
+
+        Args:
+            i: The cause.
+            direction: (K,) of its coefficients.
+            least: Log evidence that it must have anyway.
         """
         own = self.rows.places[i]
         gram = self.posterior(()).group(own)
-        power, cost = 0.0, self.need(i)
+        power, cost = 0.0, max(self.need(i), least)
         tolerances = self.rows.tolerances[own]
         for sign, prior in ((1.0, self.rows.candidates[i].sizes), (-1.0, tolerances)):
             scaled, seen = prior[:, None] * gram.matrix * prior, prior * (gram.matrix @ direction)

@@ -182,7 +182,8 @@ def _detectable(found: Changes, i: int) -> Detectable:
     """Of the first parameter alone."""
     candidate = found.selection.rows.candidates[i]
     first = candidate.kind.parameters[0]
-    limit = found.selection.limit(i, np.eye(len(candidate.sizes))[0])
+    half = 0.5 * found.unexplained
+    limit = found.selection.limit(i, np.eye(len(candidate.sizes))[0], half)
     return Detectable(
         effect=candidate.kind.id,
         where=candidate.where,

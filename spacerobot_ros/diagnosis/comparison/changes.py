@@ -31,6 +31,7 @@ class Changes:
         fit: The chosen ones with values.
         levels: (n, 8) variances of every joint's leftover [N^2 m^2].
         after: Number, among those of the fit, of the first recording of the second group.
+        unexplained: Squares of whitened rows of which a change must explain half [-].
         is_repeated: Whether all recordings are of one motion, what is usual from run to run known.
     """
 
@@ -39,6 +40,7 @@ class Changes:
     fit: ArmFit
     levels: Array
     after: int
+    unexplained: float = 0.0
     is_repeated: bool = False
 
 

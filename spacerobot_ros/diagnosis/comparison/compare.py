@@ -154,7 +154,8 @@ def find_changes(
     selection.run()
     check_held_out(selection)
     _drop_smaller_than_rest(selection)
-    return Changes(robot, selection, clear_fit(selection), np.array(levels), len(before))
+    fit, unexplained = clear_fit(selection), _unexplained(selection)
+    return Changes(robot, selection, fit, np.array(levels), len(before), unexplained)
 
 
 def _drop_smaller_than_rest(selection: Selection) -> None:

@@ -13,7 +13,15 @@ from ...model.robot import Robot
 from ...types import Array
 from ..answer.cause import Estimated
 from ..answer.result import LawRival, Leftover
-from .discovery_limits import AGREEING, BEYOND_PLACEBO, DEAD_HEAT, HELD_OUT, NEEDS_OTHER, OWN_SHARE
+from .discovery_limits import (
+    AGREEING,
+    BEYOND_PLACEBO,
+    DEAD_HEAT,
+    HELD_OUT,
+    NEEDS_OTHER,
+    OWN_SHARE,
+    UNSETTLED,
+)
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
 from .possible_laws import NO_LAWS, Law, is_of_another
@@ -74,7 +82,10 @@ def leftover_without(place: str, step: Winner | None, *, one_speed: bool = False
         return nothing
     law, p_value = step.law, step.p_value
     if step.is_law:
-        seems = f'seems to be {law.resembles}, but other parts of the data do not repeat it'
+        but = 'other parts of the data do not repeat it'
+        if step.doubt > UNSETTLED:
+            but = 'a law of other variables may do as well'
+        seems = f'seems to be {law.resembles}, but {but}'
         return replace(nothing, resembles=seems, p_value=p_value)
     if law.kind == 'inertial':
         return replace(nothing, resembles=law.resembles, p_value=p_value)
@@ -105,6 +116,8 @@ def _held(search: LawSearch, channel: SearchedChannel, steps: list[Winner]) -> l
 
 def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winner]) -> bool:
     out = it.left_out
+    if it.step.doubt > UNSETTLED:
+        return False
     if out.share < HELD_OUT or out.share < out.placebo + BEYOND_PLACEBO or out.agreeing < AGREEING:
         return False
     if not is_of_another(it.law, it.place):

@@ -23,6 +23,7 @@ from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 from .law_search import Winner, worth
 
 _AGREE = 3.0  # standard deviations
+_PARTLY = 'joint_torque_ripple'  # of a few periods a turn, a motion shows a part
 
 
 def discover(
@@ -62,8 +63,9 @@ def _asked(
 ) -> tuple[JointChannel, list[HeldLaw], list[Winner], tuple[int, ...]]:
     """Laws of a joint, what else won there, and the causes in whose place these laws stand.
 
-    Several causes can stand in for one law, a spring and a ripple for a spring that stiffens:
-    where fewer laws explain more in their place, by all prices, they are none.
+    Causes can stand in for a law: a spring and a ripple, or a ripple of which the motion shows a
+    part, for a spring that stiffens. Where fewer laws, or one, explain more in their place, by
+    all prices, they are none. A spring alone stays: next to any law is better in some noise.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
     channel, held, rest = _heard(JointChannel(motions, j, found.levels[j], chosen))
@@ -72,12 +74,12 @@ def _asked(
         for i in found.clear
         if candidates[i].where == channel.place and candidates[i].kind.id in REPLACEABLE
     )
-    if len(instead) > 1:
+    if any(candidates[i].kind.id == _PARTLY for i in instead):
         kept = tuple(i for i in chosen if i not in instead)
         other, laws, left = _heard(JointChannel(motions, j, found.levels[j], kept))
         own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
         beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
-        if 0 < len(laws) < len(instead) and beyond > MARGIN:
+        if 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN:
             return other, laws, left, instead
     return channel, held, rest, ()
 

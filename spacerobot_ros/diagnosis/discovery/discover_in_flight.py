@@ -21,6 +21,7 @@ from .discover import pushes
 from .flight_channels import Component, FlightChannel, FlightRows
 from .law_search import Winner
 from .possible_laws import ACROSS, SENSOR
+from .whole_friction import corrected_by, with_friction
 
 
 def discover_in_flight(
@@ -45,10 +46,11 @@ def discover_in_flight(
     said, laws = [], []
     for it, values, spread in _fitted(channel, held, rest):
         law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
-        applied = None if law is None or pushes(law, [flight.motion]) else law
+        if law is not None and pushes(law, [flight.motion]):
+            law = replace(law, kind='external') if corrected_by(law, answer.causes) else None
         robot = flight.motion.robot
-        said.append(leftover_of(it, values, spread, robot, applied=applied, is_of_several=False))
-        laws += [] if applied is None else [applied]
+        said.append(leftover_of(it, values, spread, robot, applied=law, is_of_several=False))
+        laws += [] if law is None else [law]
     done = {entry.channel for entry in said}
     for place in (p for p, component in places.items() if isinstance(component, int)):
         if channel_name(place) not in done:
@@ -65,9 +67,6 @@ def discover_in_flight(
 def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagnosis:
     """The causes with the values that they have beside the laws, where these are worth it."""
     extended = refine(fit.run, [*fit.causes, *laws])
-    if extended.misfit >= fit.misfit:
-        leftover = tuple(replace(entry, applied=None) for entry in answer.leftover or ())
-        return replace(answer, verdict='partly_explained', leftover=leftover)
     moved = {(e.id, e.where): e for e in extended.causes}
     causes = tuple(
         replace(
@@ -80,7 +79,20 @@ def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagno
         for cause in answer.causes
         for now in [moved.get((cause.applied.id, cause.applied.where), cause.applied)]
     )
-    return replace(answer, verdict='partly_explained', causes=causes)
+    entries, gone = [], []
+    for entry in answer.leftover or ():
+        law, own = entry.applied, []
+        if isinstance(law, LearnedTorque) and law.kind == 'external':
+            own = corrected_by(law, causes)
+        entries.append(with_friction(entry, own, extended.rows.motion) if own else entry)
+        gone += own
+    lost = sum(e.applied is not None for e in answer.leftover or ())
+    lost -= sum(e.applied is not None for e in entries)
+    if extended.misfit >= fit.misfit or lost:
+        leftover = tuple(replace(entry, applied=None) for entry in answer.leftover or ())
+        return replace(answer, verdict='partly_explained', leftover=leftover)
+    kept = tuple(c for c in causes if c not in gone)
+    return replace(answer, verdict='partly_explained', causes=kept, leftover=tuple(entries))
 
 
 def _places(flight: FlightRows) -> dict[str, Component]:

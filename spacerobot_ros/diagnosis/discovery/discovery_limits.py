@@ -19,6 +19,10 @@ LEFT = 0.05
 DEAD_HEAT = 6.0
 """Gap in nats within which two laws are not told apart, as between causes (`EQUIVALENT`)."""
 
+UNSETTLED = 0.05
+"""Odds of laws of other variables together, beside the best, from which nobody knows which are
+right: 1 to 20, as `MARGIN`. A product of two rates stood for sines of two angles with 0.07."""
+
 MOST_LAWS = 4
 """Laws of one channel: more were never right."""
 

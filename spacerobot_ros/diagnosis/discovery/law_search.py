@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -68,6 +69,13 @@ class Winner:
     def is_law(self) -> bool:
         """Whether it is neither a sine of the time, a drift, nor an inertial error."""
         return self.law.kind not in NO_LAWS
+
+    @property
+    def doubt(self) -> float:
+        """Odds that the variables are others: all rivals with neither some of them nor more."""
+        own = set(self.law.inputs)
+        others = ((set(law.inputs), gap) for law, gap in self.rivals)
+        return sum(math.exp(-gap) for it, gap in others if not (it <= own or own <= it))
 
 
 def columns_of(steps: Sequence[Winner], count: int) -> Array:
