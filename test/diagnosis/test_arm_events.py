@@ -127,6 +127,22 @@ def test_quiet_machines_have_none():
         assert set(found.events.limits) == set(JOINTS)
 
 
+@pytest.mark.parametrize('seed', [34, 37])
+def test_a_pause_of_a_recording_is_no_event(seed):
+    """What filters make of its ends was named, z = 19 and 13, though nobody came."""
+    file, whole = arm_file(), RealArm(seed).record(0, duration=20.0)
+    seconds = 1e-9 * (whole.joints.stamp_ns - whole.joints.stamp_ns[0])
+    kept = (seconds < 8.0) | (seconds > 13.37)
+    series = {name: getattr(whole.joints, name) for name in ('stamp_ns', 'position', 'effort')}
+    parts = {name: values[kept] for name, values in series.items()}
+    record = replace(whole, joints=replace(whole.joints, velocity=None, **parts))
+    balance = balance_of(record, file.robot, file.effects)
+    rows = ArmRows.of([balance], [CATALOGUE['joint_coulomb_friction']])
+    found = arm_events([balance], rows).events
+    assert not found.named
+    assert 'edge' in {e.reason for e in found.possible}
+
+
 def test_what_comes_back_at_the_same_state_is_no_event():
     """Twice the same motion with the same torque at the same place of it: friction, a cable."""
     file, arm = arm_file(), RealArm(33)

@@ -23,7 +23,7 @@ from .wrench import applied_wrench, wrench_of
 
 _TOUCHING = 0.5  # s between two pulses that may be one: errors of a start come in a row
 _TOGETHER = 0.4  # of the time of both that pulses of one event share
-_EDGE = 0.3  # s from an end of the record, where filters and drives start up
+_EDGE = 0.3  # s from an end of the record or a pause, where filters and drives start up
 _STARTED = 0.5  # s since a rest, in which friction may still change its side
 _STICTION = 2.0  # Coulomb torques that it may do so by
 _SHOWN = 0.6  # s: duration of the limit that is shown
@@ -80,17 +80,21 @@ class Naming:
         if p.joint not in self._states:
             self._states[p.joint] = States(self._search, p.joint)
         share, distance = self._states[p.joint].visited(p)
-        arm = self._rows.balances[p.run].arm
-        known = arm.times[arm.is_known]
         if share > RECURS:
             return 'recurs'
-        if p.start < known[0] + _EDGE or p.end > known[-1] - _EDGE:
+        if self._is_at_edge(p):
             return 'edge'
         if distance > 1.0:
             return 'unvisited'
         if self._is_stiction(p):
             return 'stiction'
         return ''
+
+    def _is_at_edge(self, p: Pulse) -> bool:
+        """Whether a pulse begins or ends where the recording does, or pauses."""
+        arm, ends = self._rows.balances[p.run].arm, np.array([p.start, p.end])
+        off = np.abs(arm.times[~arm.is_known, None] - ends)
+        return bool(ends[0] < arm.times[0] or ends[1] > arm.times[-1] or np.any(off < _EDGE))
 
     def _spoiled(self, group: Sequence[Pulse]) -> str:
         """Why nothing of what touches in time is named: a large part is an error of the model."""
