@@ -50,7 +50,21 @@ def fault_of(mass: float, inertia: Matrix3) -> str:
         (
             c > (a + b) * (1.0 + _TRIANGLE_SLACK),
             f'no rigid body has these principal moments: {c:.6g} > {a:.6g} + {b:.6g} kg m^2 '
-            '(triangle inequality)',
+            f'(triangle inequality); the nearest in the axes of the link: {_nearest(inertia)}',
         ),
     )
     return next((why for is_wrong, why in tests if is_wrong), '')
+
+
+def _nearest(inertia: Matrix3) -> str:
+    """The closest inertia that keeps the triangle inequality, as a URDF says it.
+
+    Least squares: each principal moment moves by a third of what the two smaller ones lack.
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    lack = (moments[2] - moments[0] - moments[1]) * (1.0 + _TRIANGLE_SLACK) / 3.0
+    near = (axes * (moments + lack * np.array([1.0, 1.0, -1.0]))) @ axes.T
+    rows, columns = np.triu_indices(3)
+    return ' '.join(
+        f'i{"xyz"[i]}{"xyz"[j]}="{near[i, j]:.7g}"' for i, j in zip(rows, columns, strict=True)
+    )

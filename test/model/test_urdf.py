@@ -328,3 +328,16 @@ def test_check_inertia(mass, inertia, match):
 def test_a_flat_plate_and_a_point_mass_are_physical():
     check_inertia(1.0, np.diag([1.0, 2.0, 3.0]), 'plate')
     check_inertia(1.0, np.zeros((3, 3)), 'point')
+
+
+def test_an_inertia_that_no_body_has_is_refused_beside_the_nearest_one():
+    """As CAD programs round: what the message says is taken, and is off by a third of the lack."""
+    inertia = 'ixx="0.00777" ixy="1e-4" ixz="0" iyy="0.00156" iyz="2e-5" izz="0.00598"'
+    link = '<link name="a"><inertial><mass value="1"/><inertia {}/></inertial></link>'
+    body = f'<robot name="r">{link}</robot>'
+    with pytest.raises(ModelError) as refused:
+        parse_urdf(body.format(inertia))
+    near = str(refused.value).partition('axes of the link: ')[2]
+    (mended,) = parse_urdf(body.format(near)).links.values()
+    given = np.array([[777e-5, 1e-4, 0], [1e-4, 156e-5, 2e-5], [0, 2e-5, 598e-5]])
+    assert 0.0 < np.linalg.norm(mended.inertia - given) < 1.5e-4
