@@ -39,8 +39,8 @@ def _kinds() -> Iterator[type[Effect]]:
 
 _KNOWN: dict[str, type[Effect]] = {kind.id: kind for kind in _kinds()}
 CATALOGUE: Mapping[str, type[Effect]] = MappingProxyType(_KNOWN)
-"""Every kind of effect by its id, in the order of the documentation; then those of others, once
-a robot file has named their modules."""
+"""Every kind of effect by its id, in the order of the documentation; then those of others, whose
+modules the robot file names that was read last."""
 
 
 def believed_effects(
@@ -56,7 +56,9 @@ def believed_effects(
     Raises:
         ConfigurationError: a module that can't be used, or anything wrong in `effects`.
     """
-    _add_installed()
+    lasting = _add_installed()
+    for one in [one for one in _KNOWN if one not in lasting]:
+        del _KNOWN[one]  # of another robot file: none of what may be wrong with this robot
     add_named(_KNOWN, settings.robot.effect_modules, folder)
     return bind_effects(settings.effects, robot)
 
@@ -68,8 +70,10 @@ def kinds_beside(believed: Iterable[Effect]) -> list[type[Effect]]:
 
 
 @cache
-def _add_installed() -> None:
+def _add_installed() -> frozenset[str]:
+    """Ids of the kinds that every robot has."""
     add_installed(_KNOWN)
+    return frozenset(_KNOWN)
 
 
 def bind_effect(

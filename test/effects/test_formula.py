@@ -460,9 +460,10 @@ def test_effects_of_a_module_are_as_those_of_the_catalogue(with_module, rng):
     force = file.effects[0].force(motion, np.zeros((3, 0)))[:, 6]
     np.testing.assert_allclose(force, -0.5 * motion.qd[:, 0] * np.abs(motion.qd[:, 0]))
     assert CATALOGUE['grease'].is_own
-    assert load_robot_file  # a second time it is the same kind
     again = with_module(MODULE.replace('{id}', 'grease'), effects={'own': entry})
     assert type(again.effects[0]) is type(file.effects[0])
+    load_robot_file(CONFIG / 'servicer.yaml')
+    assert 'grease' not in CATALOGUE  # another robot's
 
 
 @pytest.mark.parametrize(
