@@ -18,9 +18,11 @@ from .pieces_conclusion import combined
 
 _PER_SAMPLE = 2500.0
 """Bytes that a diagnosis needs a sample and joint squared: every joint adds rows and columns, each
-held a few times. `bench/scaling.py` measures 2300 to 2950 from point to point."""
+held a few times. `bench/scaling.py` measures 2300 to 2950 from point to point, 3200 at most."""
 MOST_MEMORY = 4e9  # bytes; a record that needs more is taken in pieces
-PIECE_MEMORY = 1e9  # of each, so that all of it stays below 2 GB
+PIECE_MEMORY = 7e8
+"""Of each, so that all of it stays below 2 GB: of two hours of seven joints the record alone, and
+what is loaded, are 0.8 GB, and a piece may need 0.9."""
 _SHORTEST = 20.0  # s, `limits.BUDGETED`: a shorter one tells too little
 _SHOWN = 20_000  # samples of a channel that plots keep
 
