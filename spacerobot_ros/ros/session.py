@@ -23,6 +23,7 @@ from ..recording.bags.message_types import CanonicalMessages
 from .convert import type_name
 from .params import leaves
 from .qos import SAMPLES
+from .transport import avoid_shared_memory
 
 _WAIT = 0.05  # s for a callback
 _SPINS = 20  # from one look at whether something moves to the next
@@ -49,6 +50,7 @@ class Session:
 
     def __enter__(self) -> Session:
         """Start the context."""
+        avoid_shared_memory()
         rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
         self._executor = _executor(self.context, by_events=self._by_events)
         return self

@@ -1,0 +1,92 @@
+"""Fast DDS without shared memory: what is set, and that nodes hear programs that use it."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from spacerobot_ros.nodes.fault_trials.process_loop import _own_domain
+from spacerobot_ros.ros import transport
+from spacerobot_ros.ros.transport import RANGE, avoid_shared_memory
+
+pytestmark = pytest.mark.ros
+
+NAMES = ('FASTDDS_BUILTIN_TRANSPORTS', 'FASTDDS_DEFAULT_PROFILES_FILE', *transport._OTHERS)
+
+
+def settings(monkeypatch, given, middleware='rmw_fastrtps_cpp'):
+    for name in NAMES:
+        monkeypatch.delenv(name, raising=False)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(transport, 'get_rmw_implementation_identifier', lambda: middleware)
+    before = dict(os.environ)
+    for _ in range(2):  # whoever asks again changes nothing
+        avoid_shared_memory()
+    return {name: value for name, value in os.environ.items() if before.get(name) != value}
+
+
+@pytest.mark.parametrize('around', ['OFF', 'SUBNET', 'SYSTEM_DEFAULT'])
+def test_the_range_stays_where_fast_dds_lets_transports_be_chosen(monkeypatch, around):
+    assert settings(monkeypatch, {RANGE: around}) == {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+
+
+def test_a_profile_describes_the_range_localhost(monkeypatch):
+    changed = settings(monkeypatch, {RANGE: 'LOCALHOST'})
+    assert changed.pop(RANGE) == 'SYSTEM_DEFAULT'
+    assert changed == transport._CHOSEN
+    assert os.path.isfile(changed['FASTDDS_DEFAULT_PROFILES_FILE'])
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_what_a_user_has_chosen_stays(monkeypatch, name):
+    assert settings(monkeypatch, {RANGE: 'LOCALHOST', name: 'mine'}) == {}
+
+
+def test_another_middleware_is_left_alone(monkeypatch):
+    assert settings(monkeypatch, {RANGE: 'LOCALHOST'}, 'rmw_cyclonedds_cpp') == {}
+
+
+_HEARS = """
+import sys, time
+from pathlib import Path
+from std_msgs.msg import String
+def talk(node, said, awaited, spin):
+    heard = []
+    publisher = node.create_publisher(String, said, 10)
+    node.create_subscription(String, awaited, heard.append, 10)
+    node.create_timer(0.05, lambda: publisher.publish(String(data='word')))
+    late = time.monotonic() + 60.0  # a hang guard
+    while not heard and time.monotonic() < late:
+        spin()
+    late = time.monotonic() + 1.0  # the other hears, too
+    while time.monotonic() < late:
+        spin()
+    print(bool(heard), '/dev/shm/fastdds' in Path('/proc/self/maps').read_text())
+"""
+_OURS = """
+from spacerobot_ros.ros.session import Session
+with Session(by_events=False) as session:
+    node = session.plain('ours')
+    talk(node, 'a', 'b', lambda: session._executor.spin_once(timeout_sec=0.05))
+"""
+_THEIRS = """
+import rclpy
+with rclpy.init():
+    node = rclpy.create_node('theirs')
+    talk(node, 'b', 'a', lambda: rclpy.spin_once(node, timeout_sec=0.05))
+"""
+
+
+def test_nodes_and_programs_that_use_shared_memory_hear_each_other(monkeypatch):
+    for name in NAMES:
+        monkeypatch.delenv(name, raising=False)
+    with _own_domain():
+        both = [
+            subprocess.Popen([sys.executable, '-c', _HEARS + mine], stdout=subprocess.PIPE)
+            for mine in (_OURS, _THEIRS)
+        ]
+        ours, theirs = (process.communicate()[0].split() for process in both)
+    assert ours == [b'True', b'False']
+    assert theirs == [b'True', b'True']
