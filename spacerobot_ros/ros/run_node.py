@@ -20,7 +20,7 @@ from rclpy.node import Node
 from ..errors import ConfigurationError, SpaceRobotError
 from ..interrupts import interruptible
 from ..model.files import read_yaml
-from .transport import avoid_shared_memory
+from .middleware import set_up_middleware
 
 SWITCH = 5e-4  # s after which a thread that computes lets callbacks go on; a tenth of Python's
 CONFIGURATION = (ConfigurationError, ParameterException, rclpy_implementation.RCLError)
@@ -45,7 +45,7 @@ def run_nodes(
         0 when stopped from outside, 1 when the run failed, 2 for an unusable configuration.
     """
     sys.setswitchinterval(SWITCH)
-    avoid_shared_memory()
+    set_up_middleware()
     try:
         _check_parameter_files(sys.argv if args is None else args)
         with ExitStack() as stack:

@@ -21,9 +21,9 @@ from ..errors import MessageRejectedError, SpaceRobotError
 from ..model.settings import Settings
 from ..recording.bags.message_types import CanonicalMessages
 from .convert import type_name
+from .middleware import set_up_middleware
 from .params import leaves
 from .qos import SAMPLES
-from .transport import avoid_shared_memory
 
 _WAIT = 0.05  # s for a callback
 _SPINS = 20  # from one look at whether something moves to the next
@@ -50,7 +50,7 @@ class Session:
 
     def __enter__(self) -> Session:
         """Start the context."""
-        avoid_shared_memory()
+        set_up_middleware()
         rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
         self._executor = _executor(self.context, by_events=self._by_events)
         return self

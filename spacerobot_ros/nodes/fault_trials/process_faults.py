@@ -18,8 +18,8 @@ import rclpy
 from rclpy.serialization import serialize_message
 
 from ...campaign.description import Record
+from ...ros.middleware import set_up_middleware
 from ...ros.qos import SAMPLES
-from ...ros.transport import avoid_shared_memory
 from .message_fuzz import spoilt
 from .process_loop import Loop, loop_of_processes
 from .wrong_streams import flight
@@ -107,7 +107,7 @@ def _messages(topic: str, seed: int) -> tuple[Any, list[bytes]]:
 
 def send_flood(kind: Any, topic: str, messages: list[bytes], count: int) -> None:
     """Publish messages over and over, at the rate of a flood."""
-    avoid_shared_memory()
+    set_up_middleware()
     with rclpy.init(args=[]):
         publisher = rclpy.create_node('flood').create_publisher(kind, topic, SAMPLES)
         begin, sent, endless = time.monotonic(), 0, cycle(messages)

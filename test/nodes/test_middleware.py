@@ -1,4 +1,4 @@
-"""Fast DDS without shared memory: what is set, and that nodes hear programs that use it."""
+"""How Fast DDS is set up, and that nodes hear programs that have it as it comes."""
 
 import os
 import subprocess
@@ -7,36 +7,48 @@ import sys
 import pytest
 
 from spacerobot_ros.nodes.fault_trials.process_loop import _own_domain
-from spacerobot_ros.ros import transport
-from spacerobot_ros.ros.transport import RANGE, avoid_shared_memory
+from spacerobot_ros.ros import middleware
+from spacerobot_ros.ros.middleware import RANGE, set_up_middleware
 
 pytestmark = pytest.mark.ros
 
-NAMES = ('FASTDDS_BUILTIN_TRANSPORTS', 'FASTDDS_DEFAULT_PROFILES_FILE', *transport._OTHERS)
+NAMES = tuple(middleware._OURS)
+ANYWHERE, LOCALHOST = middleware._OURS['FASTDDS_DEFAULT_PROFILES_FILE']
 
 
-def settings(monkeypatch, given, middleware='rmw_fastrtps_cpp'):
+def settings(monkeypatch, given, implementation='rmw_fastrtps_cpp'):
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     for name, value in given.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.setattr(transport, 'get_rmw_implementation_identifier', lambda: middleware)
+    monkeypatch.setattr(middleware, 'get_rmw_implementation_identifier', lambda: implementation)
     before = dict(os.environ)
     for _ in range(2):  # whoever asks again changes nothing
-        avoid_shared_memory()
+        set_up_middleware()
     return {name: value for name, value in os.environ.items() if before.get(name) != value}
 
 
 @pytest.mark.parametrize('around', ['OFF', 'SUBNET', 'SYSTEM_DEFAULT'])
 def test_the_range_stays_where_fast_dds_lets_transports_be_chosen(monkeypatch, around):
-    assert settings(monkeypatch, {RANGE: around}) == {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+    changed = settings(monkeypatch, {RANGE: around})
+    assert changed == {
+        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+        'FASTDDS_DEFAULT_PROFILES_FILE': ANYWHERE,
+    }
 
 
 def test_a_profile_describes_the_range_localhost(monkeypatch):
     changed = settings(monkeypatch, {RANGE: 'LOCALHOST'})
-    assert changed.pop(RANGE) == 'SYSTEM_DEFAULT'
-    assert changed == transport._CHOSEN
-    assert os.path.isfile(changed['FASTDDS_DEFAULT_PROFILES_FILE'])
+    assert changed == {
+        RANGE: 'SYSTEM_DEFAULT',
+        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+        'FASTDDS_DEFAULT_PROFILES_FILE': LOCALHOST,
+    }
+
+
+def test_a_child_that_is_given_the_range_anew_gets_its_profile(monkeypatch):
+    before = settings(monkeypatch, {RANGE: 'OFF'})
+    assert settings(monkeypatch, {**before, RANGE: 'LOCALHOST'})[RANGE] == 'SYSTEM_DEFAULT'
 
 
 @pytest.mark.parametrize('name', NAMES)
@@ -63,7 +75,9 @@ def talk(node, said, awaited, spin):
     late = time.monotonic() + 1.0  # the other hears, too
     while time.monotonic() < late:
         spin()
-    print(bool(heard), '/dev/shm/fastdds' in Path('/proc/self/maps').read_text())
+    threads = {path.read_text() for path in Path('/proc/self/task').glob('*/comm')}
+    shared = '/dev/shm/fastdds' in Path('/proc/self/maps').read_text()
+    print(bool(heard), shared, 'dds.tls.request\\n' in threads)
 """
 _OURS = """
 from spacerobot_ros.ros.session import Session
@@ -88,5 +102,5 @@ def test_nodes_and_programs_that_use_shared_memory_hear_each_other(monkeypatch):
             for mine in (_OURS, _THEIRS)
         ]
         ours, theirs = (process.communicate()[0].split() for process in both)
-    assert ours == [b'True', b'False']
-    assert theirs == [b'True', b'True']
+    assert ours == [b'True', b'False', b'False']
+    assert theirs == [b'True', b'True', b'True']
