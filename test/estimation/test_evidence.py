@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.stats import multivariate_normal
 
 from spacerobot_ros.estimation.inference.evidence import (
     Gram,
     cross_validated,
     folds,
+    log_evidence,
     score,
     sum_of,
 )
@@ -52,6 +54,19 @@ def test_bounds_hold_and_cost_gain(rng: np.random.Generator) -> None:
     bound = score(gram, sizes, (np.zeros(2), np.full(2, np.inf)), None)
     assert free.estimate[0] < 0.0 <= bound.estimate[0]
     assert bound.gain < free.gain
+
+
+@pytest.mark.parametrize('bounds', [(-np.inf, np.inf), (0.0, np.inf), (-0.1, 0.2)])
+def test_evidence_of_one_coefficient_is_that_of_a_score(
+    rng: np.random.Generator, bounds: tuple[float, float]
+) -> None:
+    """Free, at its bound, and beside it; to rounding of the same sums."""
+    for sign in (1.0, -1.0):
+        column = rng.normal(size=(40, 1))
+        gram = Gram.of(column, sign * 0.4 * column[:, 0] + rng.normal(size=40))
+        found = gram, np.array([2.0]), (np.array(bounds[:1]), np.array(bounds[1:]))
+        expected = score(*found, None).evidence
+        np.testing.assert_allclose(log_evidence(*found), expected, rtol=1e-12, atol=1e-12)
 
 
 def test_gain_without_effect_is_chi_squared(rng: np.random.Generator) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from ...estimation.balance.arm_fit import Posterior
 from ...estimation.balance.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISCOUS, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.inference.evidence import Fold, Gram, Score, price, score, sum_of
+from ...estimation.inference.evidence import Fold, Gram, Score, log_evidence, price, score, sum_of
 from ...types import Array, IntArray
 from ..limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 
@@ -174,18 +174,16 @@ class Selection:
         return math.sqrt(2.0 * cost / power) if power > 0.0 else math.inf
 
     def _score(self, beside: Posterior, i: int) -> Score:
-        return self._scored(beside.group(self.rows.places[i]), i)
-
-    def _scored(self, gram: Gram, i: int) -> Score:
-        candidate = self.rows.candidates[i]
+        candidate, gram = self.rows.candidates[i], beside.group(self.rows.places[i])
         return score(gram, candidate.sizes, (candidate.lower, candidate.upper), None)
 
     def _gain(self, beside: Posterior, i: int) -> float:
         own = self.rows.places[i]
         free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
         gram = beside.group(own)
-        tolerated = score(gram, self.rows.tolerances[own], free, None)
-        gain = self._scored(gram, i).evidence - tolerated.evidence
+        tolerated = log_evidence(gram, self.rows.tolerances[own], free)
+        candidate = self.rows.candidates[i]
+        gain = log_evidence(gram, candidate.sizes, (candidate.lower, candidate.upper)) - tolerated
         freedom = self.rows.freedom(i)
         if gain <= 0.0 or math.isinf(freedom):
             return gain

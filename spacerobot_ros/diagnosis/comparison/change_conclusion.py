@@ -152,7 +152,9 @@ def _change(found: Changes, i: int) -> Change:
     selection, posterior = found.selection, found.fit.posterior
     candidate, own = selection.rows.candidates[i], selection.rows.places[i]
     # what a machine that nobody touched changes by itself is in it, too
-    spread = np.hypot(np.sqrt(np.diag(posterior.covariance)[own]), selection.rows.tolerances[own])
+    wider = found.moments.judge(i).wider if found.moments else 1.0
+    spread = wider * np.sqrt(np.diag(posterior.covariance)[own])
+    spread = np.hypot(spread, selection.rows.tolerances[own])
     names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
     is_body = candidate.kind.id == 'inertial_parameters'
     scale = float(np.max(torque_tolerance(found.robot))) if is_body else 0.0
@@ -183,7 +185,10 @@ def _detectable(found: Changes, i: int) -> Detectable:
     candidate = found.selection.rows.candidates[i]
     first = candidate.kind.parameters[0]
     half = 0.5 * found.unexplained
-    limit = found.selection.limit(i, np.eye(len(candidate.sizes))[0], half)
+    direction = np.eye(len(candidate.sizes))[0]
+    limit = found.selection.limit(i, direction, half)
+    if found.moments:
+        limit = max(limit, found.moments.judge(i, direction).limit)
     return Detectable(
         effect=candidate.kind.id,
         where=candidate.where,

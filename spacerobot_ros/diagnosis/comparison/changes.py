@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from ...estimation.balance.arm_fit import ArmFit
@@ -11,6 +12,7 @@ from ...model.robot import Robot
 from ...types import Array
 from ..arms.arm_found import is_clear
 from ..arms.selection import Selection
+from .moments import Moments
 
 _FINE = (
     'joint_stribeck_friction',
@@ -31,6 +33,7 @@ class Changes:
         fit: The chosen ones with values.
         levels: (n, 8) variances of every joint's leftover [N^2 m^2].
         after: Number, among those of the fit, of the first recording of the second group.
+        moments: By which a change is less certain than its rows say; None: no more is known.
         unexplained: Squares of whitened rows of which a change must explain half [-].
         is_repeated: Whether all recordings are of one motion, what is usual from run to run known.
     """
@@ -40,6 +43,7 @@ class Changes:
     fit: ArmFit
     levels: Array
     after: int
+    moments: Moments | None = None
     unexplained: float = 0.0
     is_repeated: bool = False
 
@@ -49,11 +53,16 @@ def is_lasting(candidate: Candidate) -> bool:
     return candidate.kind.id not in _FINE
 
 
-def clear_fit(selection: Selection) -> ArmFit:
-    """The choice with values; changes that are not clear of them go, weakest first."""
+def clear_fit(selection: Selection, wider: Callable[[int], float] = lambda i: 1.0) -> ArmFit:
+    """The choice with values; changes that are not clear of them go, weakest first.
+
+    Args:
+        selection: The choice.
+        wider: Times by which a change is less certain than its rows say.
+    """
     while True:
         fit = ArmFit(selection.rows, selection.whole, tuple(selection.chosen))
-        unclear = [i for i in fit.chosen if not is_clear(fit, i)]
+        unclear = [i for i in fit.chosen if not is_clear(fit, i, wider(i))]
         if not unclear:
             return fit
         selection.drop(min(unclear, key=selection.gain))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from ..arms.arm_found import refuse_rest
 from ..arms.held_out_checks import check_held_out
 from ..arms.selection import Selection
 from .changes import ChangeRows, Changes, clear_fit, is_lasting
+from .moments import Moments
 from .repeats import FEWEST, aligned, find_changes_of_repeats
 
 _TOLERANCE = {
@@ -57,13 +59,13 @@ class ChangedRows(ChangeRows):
 
     common: Array
 
-    @property
+    @cached_property
     def sizes(self) -> Array:
         """(2 K,) plausible sizes."""
         own = np.concatenate([c.sizes for c in self.candidates])
         return np.concatenate([self.common, own])
 
-    @property
+    @cached_property
     def places(self) -> list[IntArray]:
         """Columns of every candidate's change."""
         ends = len(self.common) + np.cumsum([len(c.sizes) for c in self.candidates])
@@ -152,10 +154,20 @@ def find_changes(
         _doubled(sum_of(first.parts(levels)), shared, is_changed=False) + _both_held(both.held),
     )
     selection.run()
+    moments = Moments(
+        selection,
+        [
+            _doubled(part, shared, is_changed=group is second)
+            for group in (first, second)
+            for part in group.by_moments.parts(levels)
+        ],
+    )
+    moments.drop_chances()
     check_held_out(selection)
     _drop_smaller_than_rest(selection)
-    fit, unexplained = clear_fit(selection), _unexplained(selection)
-    return Changes(robot, selection, fit, np.array(levels), len(before), unexplained)
+    fit = clear_fit(selection, lambda i: moments.judge(i).wider)
+    unexplained = _unexplained(selection)
+    return Changes(robot, selection, fit, np.array(levels), len(before), moments, unexplained)
 
 
 def _drop_smaller_than_rest(selection: Selection) -> None:

@@ -56,7 +56,8 @@ class Posterior:
 
     def group(self, own: IntArray) -> Gram:
         """Sums for some columns alone, all others integrated out."""
-        inverse = np.linalg.inv(self.covariance[np.ix_(own, own)])
+        covariance = self.covariance[own[:, None], own]
+        inverse = 1.0 / covariance if len(own) == 1 else np.linalg.inv(covariance)
         matrix = inverse - np.diag(self.precision[own])
         return Gram(0.5 * (matrix + matrix.T), inverse @ self.mean[own], 0.0, self.rows)
 

@@ -14,6 +14,7 @@ times what a small one shows. Selected columns are removed by the Schur compleme
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -22,7 +23,7 @@ from operator import add
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import lsq_linear
-from scipy.special import chdtrc
+from scipy.special import chdtrc, fdtrc, fdtri
 
 from ...types import Array, IntArray
 
@@ -154,6 +155,18 @@ def chi_square_tail(value: float, dof: float) -> float:
     return float(chdtrc(dof, max(value, 0.0)))
 
 
+def fisher_tail(square: float, dof: float, freedom: float) -> float:
+    """Probability that a chi-square is above a value, by a variance of some freedom."""
+    if math.isinf(freedom):
+        return chi_square_tail(square, dof)
+    return float(fdtrc(dof, freedom, max(square, 0.0) / dof))
+
+
+def fisher_limit(chance: float, dof: float, freedom: float) -> float:
+    """The square whose `fisher_tail` is a chance; freedom finite."""
+    return dof * float(fdtri(dof, freedom, 1.0 - chance))
+
+
 def sum_of(parts: Sequence[Gram]) -> Gram:
     """Sums over the rows of all parts."""
     return reduce(add, parts)
@@ -195,6 +208,18 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
         held_out=held_out,
         estimate=estimate,
     )
+
+
+def log_evidence(gram: Gram, sizes: Array, bounds: tuple[Array, Array]) -> float:
+    """`Score.evidence` alone; that of one coefficient, as most causes have, without matrices."""
+    if len(sizes) > 1:
+        return score(gram, sizes, bounds, None).evidence
+    size = float(sizes[0])
+    value, vector = max(size**2 * float(gram.matrix[0, 0]), 0.0), size * float(gram.vector[0])
+    low = min(float(bounds[0][0]) / size, -1e-300)
+    high = max(float(bounds[1][0]) / size, 1e-300)
+    z = min(max(vector / (1.0 + value), low), high)
+    return 0.5 * (z * (2.0 * vector - (1.0 + value) * z) - math.log1p(min(value, gram.rows)))
 
 
 def _solved(matrix: Array, right: Array) -> Array:
