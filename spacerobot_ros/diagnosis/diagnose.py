@@ -35,7 +35,7 @@ from .limits import MISFIT, MOST
 from .lone_bodies.spinning import diagnose_spin, is_spinning
 from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .pieces import diagnose_pieces, pieces_of
-from .search.conclusion import conclude
+from .search.conclusion import conclude, said_with_laws
 from .search.found import Found
 from .search.predictable import is_predictable
 from .search.search import Search
@@ -223,7 +223,7 @@ def _concluded(
     answer = conclude(found, (*notes, *in_words(found.fit.run.timing)))
     if answer.fit_p is not None and answer.fit_p >= MISFIT:
         return answer
-    return discover_in_flight(answer, found.sound, report)
+    return said_with_laws(discover_in_flight(answer, found.sound, report), found.sound)
 
 
 def _predicted(

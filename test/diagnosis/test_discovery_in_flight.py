@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis import hand_made
+from support.diagnosis import friction_cause, hand_made
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import motion_of, robot_file, simulated
 from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import discover_in_flight
-from spacerobot_ros.effects.catalogue import bind_effects
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit
+from spacerobot_ros.estimation.refit import Fit, refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
@@ -81,6 +81,35 @@ def test_drag_of_a_joint_is_found_there_alone(joint, dragged):
     assert entry.form == 'x |x|'
     assert entry.coefficients[0].value == pytest.approx(-DRAG, rel=0.1)
     assert entry.applied.kind == 'dissipative'
+
+
+def test_a_cause_that_stood_for_a_law_goes(hidden, joint):
+    """Viscous friction is the best that the catalogue has for drag, and nothing beside it."""
+    plain = flown(bind_effects({'hidden': hidden}, robot_file(ROBOT).robot))
+    viscous = CATALOGUE['joint_viscous_friction']
+    fit = refine(plain.run, [viscous(name='it', where=joint, values={'coefficient': 0.01})])
+    assert fit.causes[0].values['coefficient'] > 0.005
+    named = replace(friction_cause(), applied=fit.causes[0])
+    answer = replace(hand_made('partly_explained'), causes=(named,))
+    answer = discover_in_flight(answer, fit, lambda what, share: None)
+    assert [entry.form for entry in laws(answer).values()] == ['x |x|']
+    assert answer.causes == ()
+
+
+def test_a_law_takes_friction_that_is_too_small_to_matter(hidden, joint):
+    """Friction of one way is half of it in both, and a law that alone would push."""
+    knots = np.array(hidden['knots']['x'])
+    one_way = {**hidden, 'values': (-DRAG * np.maximum(knots, 0.0)).tolist()}
+    plain = flown(bind_effects({'hidden': one_way}, robot_file(ROBOT).robot))
+    viscous = CATALOGUE['joint_viscous_friction']
+    fit = refine(plain.run, [viscous(name='it', where=joint, values={'coefficient': 0.01})])
+    small = replace(friction_cause(), applied=fit.causes[0], relevant=False)
+    answer = replace(hand_made('unexplained'), causes=(), minor=(small,))
+    answer = discover_in_flight(answer, fit, lambda what, share: None)
+    (entry,) = laws(answer).values()
+    assert entry.depends_on == (f'rate/{joint}',)
+    assert entry.applied.kind == 'dissipative'
+    assert answer.minor == ()
 
 
 def tracking_errors(hidden, added):

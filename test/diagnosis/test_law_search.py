@@ -13,7 +13,7 @@ from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
 from spacerobot_ros.diagnosis.discovery.law_search import LawSearch, Winner
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
-from spacerobot_ros.diagnosis.discovery.spectral_terms import SpectralTerms
+from spacerobot_ros.diagnosis.discovery.spectral_terms import SpectralTerms, cosines
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
@@ -86,3 +86,17 @@ def test_laws_of_other_variables_that_do_as_well_are_a_doubt(rivals, doubt):
     laws = tuple((Law(FORMS['x y'], i, 3.0, '', 'external'), gap) for i, gap in rivals.items())
     law = Law(FORMS['x y'], ('rate/a', 'rate/b'), 3.0, '', 'external')
     assert Winner(law, np.zeros((1, 1)), 9.0, 1e-9, laws).doubt == pytest.approx(doubt)
+
+
+@pytest.mark.parametrize('size', [1e2, 1e8])
+def test_offsets_of_a_light_joint_hide_no_law(rng, size):
+    """A newton metre all along is 10^8 deviations of its noise, its law a few."""
+    time = np.linspace(0.0, 1.0, COUNT)
+    offsets = size * np.column_stack([time**k for k in range(3)])
+    law = np.sin(25.0 * time)[:, None]
+    data = 3.0 * law[:, 0] + rng.standard_normal(COUNT) + offsets @ [1e-7, -2e-7, 1e-7]
+    terms = SpectralTerms.of(data, offsets, np.ones(3, dtype=bool), lambda values: values)
+    level = terms.level(cosines(law))
+    nothing = terms.level(np.zeros((len(terms.data), 0)))
+    assert level.likelihood - nothing.likelihood > 10.0  # 23, beside noise with a line there
+    assert level.coefficients[0] == pytest.approx(3.0, abs=4.0 * level.deviations[0])

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from support.diagnosis import friction_cause
+from support.diagnosis import friction_cause, hand_made
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file
+from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.cause import Estimated
 from spacerobot_ros.diagnosis.answer.result import Leftover
 from spacerobot_ros.diagnosis.discovery.discover import pushes
 from spacerobot_ros.diagnosis.discovery.whole_friction import corrected_by, with_friction
 from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.effects.motion import Motion
+from spacerobot_ros.estimation.rows import ChannelFit
 
 HALF = 3.0  # N m s/rad, that `friction_cause` names at joint_2: of 6 one way and none back
 BOTH = 'sign(x), x, |x|'
@@ -70,3 +75,20 @@ def test_a_law_that_pushes_with_all_friction_is_not_applied():
 
 def test_a_law_without_such_a_term_takes_no_friction():
     assert not corrected_by(said('x |x|', [1.0]).applied, [friction_cause()])
+
+
+def test_the_sentence_has_the_law_and_not_the_friction_that_it_took(monkeypatch):
+    answer = replace(hand_made('partly_explained'), fit_p=0.0)
+    said_now = replace(answer, causes=(), leftover=(said(BOTH, [0.0, -HALF, -HALF]),))
+    monkeypatch.setattr(diagnose, 'conclude', lambda found, notes: answer)
+    monkeypatch.setattr(diagnose, 'discover_in_flight', lambda answer, fit, report: said_now)
+    slow = ChannelFit(
+        channel='gyro', axis=0, spread=1.0, p_value=0.0, question='slow', frequency=1.0, line_p=1.0
+    )
+    fit = SimpleNamespace(
+        rows=SimpleNamespace(whiteness=lambda: (0.0, (slow,))), run=SimpleNamespace(timing='')
+    )
+    found = SimpleNamespace(fit=fit, sound=fit)
+    sentence = diagnose._concluded(found, (), lambda what, share: None).sentence
+    assert 'viscous friction in a joint' not in sentence
+    assert sentence.endswith('joint_torque/joint_2 goes with rate/joint_2 like friction.')

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...effects.effect import Effect
 from .cause import Cause, Estimated
+from .result import Leftover
 
 _SHOWN = 3  # causes in one sentence; the others stand in the table
 _NOTHING = 0.01  # of the largest number: what a short sentence leaves out
@@ -57,3 +58,13 @@ def first_few(names: Sequence[str]) -> str:
     """What matters most, and how many more there are."""
     more = f'; and {len(names) - _SHOWN} more' if len(names) > _SHOWN else ''
     return '; '.join(names[:_SHOWN]) + more
+
+
+def laws_in_words(laws: Sequence[Leftover]) -> str:
+    """What the leftover goes with; laws that read alike are said once."""
+    said = (
+        f' What is left of {law.channel} goes with {" and ".join(law.depends_on)} like '
+        f'{law.resembles}.'
+        for law in laws
+    )
+    return ''.join(dict.fromkeys(said))

@@ -19,7 +19,7 @@ from ..answer.event_answer import with_events
 from ..answer.free_motion import free_motion
 from ..answer.residuals import series
 from ..answer.result import Diagnosis, Gain, Leftover, RecordingMisfit, Residual
-from ..answer.words import verdict_of
+from ..answer.words import laws_in_words, verdict_of
 from ..events.event import Events
 from ..limits import RELEVANT
 from .arm_evidence import rivals_of
@@ -57,7 +57,7 @@ def conclude_arm(
     verdict = verdict_of(not left.unusual, bool(named))
     laws = laws_that_matter(found, left, leftover or ())
     has_unclear = len(found.fit.chosen) > len(found.clear) + len(found.learned)
-    words = sentence(verdict, named, left, has_unclear=has_unclear) + _law_words(laws)
+    words = sentence(verdict, named, left, has_unclear=has_unclear) + laws_in_words(laws)
     if laws:  # a law is no named cause, and it is no noise
         verdict = 'partly_explained'
     channels = series(
@@ -228,13 +228,3 @@ def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:
         )
         for record, before, after, ratios in every
     )
-
-
-def _law_words(laws: Sequence[Leftover]) -> str:
-    """What the leftover goes with; laws that read alike are said once."""
-    said = (
-        f' What is left of {law.channel} goes with {" and ".join(law.depends_on)} like '
-        f'{law.resembles}.'
-        for law in laws
-    )
-    return ''.join(dict.fromkeys(said))

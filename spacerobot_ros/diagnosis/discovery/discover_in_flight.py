@@ -9,13 +9,17 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...effects.effect import Effect
 from ...effects.laws.grammar import FORMS
 from ...effects.laws.law_inputs import AXES, base_axes
 from ...effects.laws.learned_torque import LearnedTorque, law_at
+from ...estimation.inference.evidence import Gram, chi_square_tail
 from ...estimation.refit import Fit, refine
+from ...estimation.scaling import PROPORTIONAL
 from ...types import Array
+from ..answer.cause import Cause
 from ..answer.result import Diagnosis
-from ..limits import LARGEST_LAW, OBVIOUS
+from ..limits import CHANCE, LARGEST_LAW, OBVIOUS
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discover import pushes
 from .flight_channels import Component, FlightChannel, FlightRows
@@ -47,7 +51,7 @@ def discover_in_flight(
     for it, values, spread in _fitted(channel, held, rest):
         law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
         if law is not None and pushes(law, [flight.motion]):
-            law = replace(law, kind='external') if corrected_by(law, answer.causes) else None
+            law = replace(law, kind='external') if corrected_by(law, _known(answer)) else None
         robot = flight.motion.robot
         said.append(leftover_of(it, values, spread, robot, applied=law, is_of_several=False))
         laws += [] if law is None else [law]
@@ -76,7 +80,7 @@ def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagno
                 name: replace(e, value=now.values[name]) for name, e in cause.parameters.items()
             },
         )
-        for cause in answer.causes
+        for cause in _known(answer)
         for now in [moved.get((cause.applied.id, cause.applied.where), cause.applied)]
     )
     entries, gone = [], []
@@ -91,8 +95,55 @@ def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagno
     if extended.misfit >= fit.misfit or lost:
         leftover = tuple(replace(entry, applied=None) for entry in answer.leftover or ())
         return replace(answer, verdict='partly_explained', leftover=leftover)
-    kept = tuple(c for c in causes if c not in gone)
-    return replace(answer, verdict='partly_explained', causes=kept, leftover=tuple(entries))
+    faded = _faded(fit, extended, laws)
+    gone += [c for c in causes if c.applied in faded]
+    kept, minor = (
+        tuple(c for c in causes if c not in gone and c.relevant == matters)
+        for matters in (True, False)
+    )
+    return replace(
+        answer, verdict='partly_explained', causes=kept, minor=minor, leftover=tuple(entries)
+    )
+
+
+def _known(answer: Diagnosis) -> tuple[Cause, ...]:
+    """What was fitted beside laws: causes that matter, and those too small to."""
+    return (*answer.causes, *answer.minor)
+
+
+def _faded(fit: Fit, extended: Fit, laws: Sequence[LearnedTorque]) -> list[Effect]:
+    """The causes that beside laws are by chance as large as they are, or tell next to nothing.
+
+    What was named for a law, as the best that the catalogue has, is none beside it.
+
+    Args:
+        fit: Of the causes alone.
+        extended: With the laws.
+        laws: Of any size.
+    """
+    alone, beside = _squares(fit, ()), _squares(extended, laws)
+    return [
+        cause
+        for cause, before, (square, numbers) in zip(extended.causes, alone, beside, strict=False)
+        if square < OBVIOUS * before[0] or chi_square_tail(square, numbers) > CHANCE
+    ]
+
+
+def _squares(fit: Fit, laws: Sequence[LearnedTorque]) -> list[tuple[float, int]]:
+    """How far from nothing each cause is, squared, by its own spread; and its numbers."""
+    motion, moved = fit.rows.motion, fit.tangents
+    forces = [law.force(motion, law.driven(motion)) for law in laws]
+    if forces:
+        own = fit.rows.whitened(np.stack(forces, axis=2), {})
+        moved = moved - own @ np.linalg.lstsq(own, moved, rcond=None)[0]
+    out = []
+    for i in sorted({i for i, _ in fit.free}):
+        at = [k for k in fit.own(i) if fit.free[k][1].role in PROPORTIONAL]
+        others = np.setdiff1d(np.arange(moved.shape[1]), at)
+        gram = Gram.of(moved[:, [*others, *at]], np.zeros(len(moved)))
+        known = gram.without(len(others), fit.precision[others] + 1e-12).matrix
+        out.append((float(fit.offsets[at] @ known @ fit.offsets[at]), len(at)))
+    return out
 
 
 def _places(flight: FlightRows) -> dict[str, Component]:

@@ -29,6 +29,7 @@ _LEAST = 1e-6  # of the data's rms: no level is below
 _KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
 _COLLINEAR = 1e-3  # eigenvalue of normed columns: below, two are one
 _FREE = 10.0  # times what is left: an offset's prior deviation
+_WIDEST = 1e3  # times the data: a prior deviation beyond which nothing is tied any less
 
 
 def cosines(rows: Array) -> Array:
@@ -84,7 +85,12 @@ class SpectralTerms:
         seen = np.any(nuisance != 0.0, axis=0)
         offset = np.full((len(data), 1), _FREE * np.sqrt(np.mean(data**2)))
         terms = cosines(whitened(np.column_stack([data, offset, nuisance[:, seen]])))
-        return cls(terms[:, 0], terms[:, 1:], np.concatenate([[True], is_free[seen]]))
+        data, nuisance = terms[:, 0], terms[:, 1:]
+        free = np.concatenate([[True], is_free[seen]])
+        widest = _WIDEST * float(np.linalg.norm(data))
+        some, others = (_alike(nuisance[:, kind], widest) for kind in (free, ~free))
+        both = np.concatenate([some, others], axis=1)
+        return cls(data, both, np.arange(both.shape[1]) < some.shape[1])
 
     @cached_property
     def _bins(self) -> tuple[IntArray, Array]:
@@ -130,6 +136,16 @@ class SpectralTerms:
         logs = np.log(np.maximum(means, floor))
         at = np.log(np.arange(len(squares)) + 0.5)
         return np.asarray(np.exp(0.5 * np.interp(at, middles, logs)))
+
+
+def _alike(columns: Array, widest: float) -> Array:
+    """(M, r) orthogonal columns of the same covariance Z Z^T, none larger than it may matter.
+
+    A newton metre all along is 10^8 deviations of a light joint's noise: in the squares of such
+    columns a law of 10^3 is lost among what rounding leaves.
+    """
+    ways, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(ways * np.minimum(sizes, widest))
 
 
 def ways_of(columns: Array) -> tuple[Array, Array]:

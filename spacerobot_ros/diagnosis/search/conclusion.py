@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from ...estimation.refit import Fit
 from ...estimation.rows import ChannelFit
@@ -11,7 +12,7 @@ from ...estimation.scaling import is_relevant
 from ..answer.cause import Cause, Estimated, Evidence, Ranked, Rival
 from ..answer.residuals import residuals, rms, series
 from ..answer.result import Diagnosis, Gain
-from ..answer.words import cause_in_words, verdict_of
+from ..answer.words import cause_in_words, laws_in_words, verdict_of
 from ..limits import MISFIT
 from .found import Found
 
@@ -56,6 +57,21 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         next_motion=tuple(r.motion for c in named for r in c.rivals if r.motion),
         notes=notes if found.is_complete else (*notes, _unfinished(white_left)),
     )
+
+
+def said_with_laws(answer: Diagnosis, fit: Fit) -> Diagnosis:
+    """An answer whose sentence has its laws, and no causes that these have as terms of their own.
+
+    Args:
+        answer: With laws of what is left.
+        fit: Of the causes that were named before, which leaves that.
+    """
+    laws = [entry for entry in answer.leftover or () if entry.form]
+    if not laws:
+        return answer
+    verdict, left = verdict_of(False, bool(answer.causes)), _left(fit.rows.whiteness()[1])
+    words = _sentence(verdict, answer.causes, answer.minor, left)
+    return replace(answer, sentence=words + laws_in_words(laws))
 
 
 def _unfinished(fits: Sequence[ChannelFit]) -> str:
