@@ -86,6 +86,7 @@ def fourth_difference_std(values: Array, time: Array | None = None) -> float:
         values: (N, m).
         time: (N,) [s]; None: samples are evenly spaced.
     """
+    values = values[:, np.any(values != values[:1], axis=0)]  # others are no noise of a sensor
     if len(values) < 5 or not values.size or not np.all(np.isfinite(values)):
         return 0.0
     differences = np.diff(values, n=4, axis=0) / np.sqrt(70.0)

@@ -87,7 +87,7 @@ def with_inputs(robot: Robot, record: Record) -> Robot:
             row, column = np.argwhere(bad)[0].tolist()
             raise RecordingError(
                 f'{place}: {robot.thrusters[column].name}',
-                f'commands are shares from 0 to 1, got {values[row, column]:g} at sample {row}: '
+                f'commands are shares from 0 to 1, got {values[row, column]:.9g} at sample {row}: '
                 'give `scale` in the mapping',
             )
         given['commands'] = HeldSignal(commands.seconds(record.origin_ns), values)

@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from spacerobot_ros.recording.robot_inputs import in_robot_order
 
@@ -94,3 +96,16 @@ def test_a_torque_beside_it_is_found(satellite, rng):
     (cause,) = found.causes
     assert found.verdict == 'explained'
     assert abs(cause.parameters['x'].value - 2e-3) < 4.0 * cause.parameters['x'].std < 1e-4
+
+
+def test_rates_that_lack_a_wheel_of_the_robot_are_refused(satellite, tmp_path):
+    """A misspelt name: its momentum would pass for a constant one without a word."""
+    (tmp_path / 'run.csv').write_text(
+        't,x,y,z,w\n' + ''.join(f'{k},0,0,0,{k}\n' for k in range(9))
+    )
+    (tmp_path / 'map.yaml').write_text(
+        'time: {columns: t, unit: s}\ngyro: {columns: [x, y, z], unit: rad/s}\n'
+        'wheels: {names: [whee], velocity: {columns: w, unit: rpm}}\n'
+    )
+    with pytest.raises(RecordingError, match=r'wheels.names: must have .* \(wheel\), got whee$'):
+        read_record(tmp_path / 'run.csv', satellite, tmp_path / 'map.yaml')

@@ -1,9 +1,12 @@
 """Level of what no cause explains: whitening against a dense factor, REML on simulated rows."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
-from spacerobot_ros.estimation.balance.leftover import JointRows, level_of
+from spacerobot_ros.estimation.balance.leftover import JointRows, _cost, level_of
 
 TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])
 VARIANCES = np.array([0.04, 0.3, 0.2, 0.5, 0.1, 0.02])
@@ -118,3 +121,43 @@ def test_what_the_columns_can_make_is_no_level(rng):
     rows = JointRows(plain.torque, shape[:, None], plain.observed, plain.block, plain.gap)
     found = level_of(rows, np.array([10.0]), 10.0, np.full(2, 0.01))
     assert np.sqrt(np.sum(found)) == pytest.approx(0.3, rel=0.1)
+
+
+def drifting(rng, count, columns=6):
+    """Rows of two recordings, a pause in one, of all processes and some columns."""
+    gap = np.full(count, 0.1)
+    gap[[0, count // 2]], gap[count // 4] = 0.0, 0.7
+    observed = np.column_stack(
+        [np.sign(rng.standard_normal(count)), *rng.standard_normal((3, count))]
+    )
+    slow = coloured(rng, count, 0.1, 1.5) + coloured(rng, count, 0.1, 30.0) * observed[:, 0]
+    torque = 0.3 * rng.standard_normal(count) + slow
+    shapes = np.cumsum(rng.standard_normal((count, columns)), axis=0)
+    return JointRows(torque, 0.1 * shapes, observed, np.zeros(count, dtype=int), gap)
+
+
+def test_slopes_are_difference_quotients(rng):
+    rows, x = drifting(rng, 300), rng.uniform(-6.0, 0.0, 8)
+    values = np.column_stack([rows.columns, rows.torque])
+    cost = partial(_cost, values, rows.observed, rows.gap)
+    quotients = [(cost(x + d)[0] - cost(x - d)[0]) / 2e-4 for d in 1e-4 * np.eye(8)]
+    # a third derivative of the size of the slopes, hundreds, by the square of the step
+    np.testing.assert_allclose(cost(x)[1], quotients, rtol=1e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize('unit', [1e-3, 0.112984829, 1e3, 0.7])
+def test_torques_that_were_written_in_another_unit_have_the_same_level(rng, unit):
+    """They are rounded otherwise, in the last digit; fifteen passes made 1e-5 of it, and more."""
+    for _ in range(3):
+        rows, drift = drifting(rng, 300), np.array([0.3, 0.3, 3.0, 3.0])
+        other = replace(rows, torque=rows.torque / unit * unit)
+        found = [level_of(r, np.full(6, 2.0), 3.0, drift) for r in (rows, other)]
+        np.testing.assert_allclose(found[1], found[0], rtol=1e-7, atol=0.0)
+
+
+def test_a_level_of_what_is_not_observed_is_none(rng):
+    """A gain that drifts, of a joint that needs next to no torque: any would do."""
+    rows = drifting(rng, 300)
+    rows = replace(rows, observed=rows.observed * [1.0, 1e-5, 1.0, 1.0])
+    found = level_of(rows, np.full(6, 2.0), 3.0, np.array([0.3, 0.3, 3.0, 3.0]))
+    assert np.sqrt(found[5]) < 1e-3

@@ -134,3 +134,13 @@ def test_the_level_that_counts_is_the_one_that_is_said(rng):
     levels, (note, *_) = noise_levels(SensorSettings(), record)
     assert levels.joint_position == pytest.approx(step / np.sqrt(12.0))
     assert note.endswith(f'estimated from the data: {levels.joint_position:.3g}')
+
+
+@pytest.mark.parametrize('unit', [1e-3, 0.7, 1.1])
+def test_efforts_of_a_passive_joint_are_no_noise(unit, rng):
+    """Of one motor beside it on a coarse scale, whose noise fell to rounding in other units."""
+    counts = np.cumsum(np.round(rng.standard_normal(400)))
+    one = 0.0041 * np.column_stack([counts, np.zeros(400)])
+    level = fourth_difference_std(one)
+    assert level == fourth_difference_std(one[:, :1])
+    assert fourth_difference_std(one / unit * unit) == pytest.approx(level, rel=1e-9)

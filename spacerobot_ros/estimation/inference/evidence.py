@@ -27,6 +27,8 @@ from scipy.special import chdtrc, fdtrc, fdtri
 
 from ...types import Array, IntArray
 
+_ROUNDING = 1e-9  # of a size: less is a zero, whose digits are of the file's units
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gram:
@@ -206,7 +208,7 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
         p_value=chi_square_tail(gain, dof),
         bic_gain=gain - dof * float(np.log(max(gram.rows, 1))),
         held_out=held_out,
-        estimate=estimate,
+        estimate=np.where(np.abs(estimate) < _ROUNDING * sizes, 0.0, estimate),
     )
 
 

@@ -5,7 +5,7 @@ Stamps may be of another unit, of another clock, or of a clock that was set mean
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,33 +155,46 @@ def clock_jumps(record: Record) -> Iterator[DataFault]:
 
 
 def torn_positions(record: Record) -> Iterator[DataFault]:
-    """Pauses over which a joint moves as it never does: recordings that were joined.
+    """Pauses over which a joint or the base moves as it never does: recordings that were joined.
 
-    Its fastest motion is that over `WINDOW`, or over two samples where these are longer apart.
+    A gyro tells of turns that a tracker did not see.
     """
-    time, q = record.joint_time, record.q
+    names = record.joints.names if record.joints else ()
+    yield from _torn([f'joint_position/{name}' for name in names], record.joint_time, record.q)
+    turned = float(np.max(np.linalg.norm(record.omega, axis=1), initial=0.0))
+    yield from _torn(['attitude'] * 3, record.attitude_time, turns(record), turned)
+    if (at := record.inputs.get('base_position')) is not None:
+        yield from _torn(['base_position'] * 3, at.seconds(record.origin_ns), at.values)
+
+
+def _torn(
+    places: Sequence[str], time: Array, values: Array, known: float = 0.0
+) -> Iterator[DataFault]:
+    """Of positions (N, n) of which no rate is above a known one, or any that they have.
+
+    Their fastest motion is that over `WINDOW`, or over two samples where these are longer apart.
+    """
     steps = np.diff(time)
-    pauses = np.flatnonzero(steps > longest_pause(time))
-    if not q.size or not len(pauses):
+    if not values.size or not len(pauses := np.flatnonzero(steps > longest_pause(time))):
         return
     count = max(int(WINDOW / np.median(steps)), 1)
     spans = time[count:] - time[:-count]
     near = spans < 2.0 * count * np.median(steps)
     if not near.any():
         return
-    fastest = np.max(np.abs(q[count:] - q[:-count])[near] / spans[near, None], axis=0)
+    rates = np.abs(values[count:] - values[:-count])[near] / spans[near, None]
+    fastest = np.maximum(np.max(rates, axis=0), known)
     for k in pauses.tolist():
-        moved = np.abs(q[k + 1] - q[k])
+        moved = np.abs(values[k + 1] - values[k])
         excess = moved - thresholds.FASTER * fastest * steps[k] - MOVED
-        joint = int(np.argmax(excess))
-        if excess[joint] > 0.0:
-            place = f'joint_position/{record.joints.names[joint] if record.joints else joint}'
+        axis = int(np.argmax(excess))
+        if excess[axis] > 0.0:
             message = (
-                f'jumps by {moved[joint]:.3g} over a pause of {shown(steps[k])}, '
+                f'jumps by {moved[axis]:.3g} over a pause of {shown(steps[k])}, '
                 f'{shown(time[k] - time[0])} after the start, far more than it ever moves in such '
                 'a time: recordings that were joined? --split-gaps takes them as several'
             )
-            yield DataFault('joined', place, message)
+            yield DataFault('joined', places[axis], message)
 
 
 def _signals(record: Record) -> list[tuple[str, Array, Array, Array | None]]:

@@ -49,6 +49,8 @@ def read_mapped(
         raise RecordingError(
             f'{mapping.place}: format', f'is missing, and {path.name!r} does not tell it'
         )
+    if robot is not None and mapping.wheels:
+        _check_wheels(mapping.wheels, robot)
     table = read_table(path, kind, mapping.rows, mapping.delimiter, mapping.header)
     table = _derived(table, mapping)
     reader = _Reader(table, mapping, is_joined)
@@ -61,6 +63,17 @@ def read_mapped(
         source=str(path),
         notes=tuple(reader.notes),
     )
+
+
+def _check_wheels(section: JointColumns, robot: Robot) -> None:
+    """Refuse rates that lack some of the robot's own wheels: all would be ignored."""
+    own = [rotor.joint for rotor in robot.rotors if not rotor.is_target]
+    if set(own) - set(section.names):
+        raise RecordingError(
+            f'{section.place}.names',
+            f'must have all of robot.servicer_wheels.joints ({", ".join(own)}), '
+            f'got {", ".join(section.names)}',
+        )
 
 
 def _derived(table: SampleTable, mapping: ColumnMapping) -> SampleTable:

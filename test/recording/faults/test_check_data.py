@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 pytest.importorskip('mujoco')
 
@@ -16,7 +17,7 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.faults.check import data_faults
 from spacerobot_ros.recording.faults.signals import torn_positions
-from spacerobot_ros.recording.record import AttitudeSeries, RateSeries
+from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record, to_stamps
 
 FREE = ['servicer', 'sixdof']
 DEGREES = 180.0 / np.pi
@@ -207,6 +208,29 @@ def test_recordings_that_were_joined_are_torn_and_lost_samples_are_not(known):
     assert 'recordings that were joined? --split-gaps' in fault
     of_none = {'names': (), **{c: np.zeros((len(kept), 0)) for c in channels[1:]}}
     assert not list(torn_positions(chosen(lost, of_none)))  # a robot without joints
+
+
+@pytest.fixture(scope='module')
+def paused():
+    """A free body that turns slowly, silent for 3 s, gyro and tracker."""
+    time = np.delete(np.arange(0.0, 20.0, 0.02), np.s_[400:550])
+    turned = Rotation.from_rotvec(np.outer(time, [0.02, -0.01, 0.03]))
+    rates = RateSeries(to_stamps(time), np.tile([0.02, -0.01, 0.03], (len(time), 1)))
+    return Record(rates=rates, attitudes=AttitudeSeries(rates.stamp_ns, turned.as_quat()))
+
+
+def test_attitudes_that_were_joined_are_torn(paused):
+    """A turn of a radian over a pause of 3 s, in which the body turns by 0.11 rad."""
+    assert not list(torn_positions(paused))
+    turned = paused.attitude
+    beyond = Rotation.from_rotvec([0.0, 1.0, 0.0]) * turned[400:]
+    torn = attitude(paused, np.vstack([turned[:400].as_quat(), beyond.as_quat()]))
+    (fault,) = torn_positions(torn)
+    assert 'recordings that were joined? --split-gaps' in fault.message
+    # of a tracker that is blind while the gyro sees a slew nobody wonders
+    slew = np.where(np.arange(len(paused.rates.omega)) // 100 == 5, 0.5, 0.01)
+    seen = RateSeries(paused.rates.stamp_ns, slew[:, None] * [0.0, 1.0, 0.0])
+    assert not list(torn_positions(replace(torn, rates=seen)))
 
 
 def test_a_diagnosis_refuses_faulty_data_in_one_line(known):
