@@ -32,6 +32,11 @@ _HOW = (
     'their standard deviations, which are widened as far as the values scatter; it is a drift '
     f'where fewer than {SIGNIFICANT:.0%} of reports without a drift would have one like it.'
 )
+_TOLD = (
+    'told: of the numbers of all causes, how many show in this recording were they of plausible '
+    'size (three standard deviations). A verdict says nothing of the others: a machine that held '
+    'still may be consistent and worn.'
+)
 
 
 def fleet_page(title: str, said: Sequence[Row], failures: Mapping[str, str]) -> Report:
@@ -184,11 +189,12 @@ def _recordings(said: Sequence[Row]) -> Table:
             one['verdict'],
             '; '.join(map(cause_name, one['causes'])),
             '; '.join(one['health']) or 'good',
+            '-' if one.get('told') is None else f'{one["told"]} of {one["numbers"]}',
         )
         for one in in_order(said)[0]
     ]
-    head = ('machine', 'recording', 'time', 'duration [s]', 'verdict', 'causes', 'health')
-    return Table(head, rows)
+    head = ('machine', 'recording', 'time', 'duration [s]', 'verdict', 'causes', 'health', 'told')
+    return Table(head, rows, _TOLD)
 
 
 def _link(one: Row) -> str:

@@ -34,7 +34,7 @@ from ..types import Array
 
 COLUMNS = (
     *('recording', 'machine', 'path', 'time', 'duration [s]', 'verdict', 'error', 'causes'),
-    *('health', 'run time [s]', 'version', 'report'),
+    *('health', 'told [1]', 'numbers [1]', 'run time [s]', 'version', 'report'),
 )
 _AXES = 'xyz'
 _DAY = 86400.0  # s
@@ -125,6 +125,8 @@ def _row(one: Row) -> dict[str, Any]:
         **{name: one.get(name) for name in ('verdict', 'error')},
         'causes': None if one['error'] else '; '.join(map(cause_name, one['causes'])),
         'health': None if one['error'] else '; '.join(one['health']) or 'good',
+        'told [1]': one.get('told'),
+        'numbers [1]': one.get('numbers'),
         'run time [s]': one.get('run_time'),
         **{name: one.get(name) for name in ('version', 'report')},
     }

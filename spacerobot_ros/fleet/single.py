@@ -17,6 +17,7 @@ from typing import Any
 
 from .. import __version__
 from ..diagnosis.findings import Findings, Question, findings
+from ..diagnosis.quality.excited import count_told
 from ..diagnosis.quality.quality import quality_of
 from ..effects.catalogue import changed_robot
 from ..errors import SpaceRobotError
@@ -220,7 +221,7 @@ def _said(answer: Findings) -> dict[str, Any]:
             for r in diagnosis.residuals
         ],
         'gain': _values(diagnosis.gain, 'before after'),
-        'health': _health(record, answer),
+        **_looked_at(record, answer),
         'version': __version__,
     }
 
@@ -260,9 +261,15 @@ def _momentum(answer: Findings) -> dict[str, list[dict[str, float | None]]]:
     }
 
 
-def _health(record: Record, answer: Findings) -> list[str]:
-    """What should be looked at in the recording, a line each."""
+def _looked_at(record: Record, answer: Findings) -> dict[str, Any]:
+    """What should be looked at in the recording, a line each; how many numbers of all it tells."""
     try:
-        return list(quality_of(record, answer.file).findings)
+        quality = quality_of(record, answer.file)
     except SpaceRobotError as error:
-        return [str(error)]
+        return {'health': [str(error)], 'told': None, 'numbers': None}
+    found = quality.excitation
+    return {
+        'health': list(quality.findings),
+        'told': None if found is None else count_told(found),
+        'numbers': None if found is None else len(found),
+    }

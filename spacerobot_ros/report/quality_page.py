@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..diagnosis.quality.allan import Allan
-from ..diagnosis.quality.excited import Excited
+from ..diagnosis.quality.excited import count_told
 from ..diagnosis.quality.quality import Quality
 from ..diagnosis.quality.readings import Reading
 from ..display import (
@@ -57,7 +57,7 @@ def quality_sections(quality: Quality, *, is_whole: bool = True) -> Iterator[Sec
 
 def _key_figures(quality: Quality) -> KeyFigures:
     found = quality.excitation
-    told = '-' if found is None else f'{_told(found)} of {len(found)}'
+    told = '-' if found is None else f'{count_told(found)} of {len(found)}'
     joints = next((s for s in quality.sensors if s.sensor == 'joints'), quality.sensors[0])
     return KeyFigures(
         [
@@ -70,10 +70,6 @@ def _key_figures(quality: Quality) -> KeyFigures:
             KeyFigure('unknowns told', told, remark=quality.why_not),
         ]
     )
-
-
-def _told(found: tuple[Excited, ...]) -> int:
-    return sum(one.status == 'told' for one in found)
 
 
 def _sampling(quality: Quality) -> Table:
@@ -152,8 +148,8 @@ def _excitation(quality: Quality, is_whole: bool) -> Iterator[Item]:
         yield f'not computed: {quality.why_not}'
         return
     yield (
-        f'{_told(found)} of {len(found)} numbers are told: three standard deviations, beside all '
-        'other unknowns, are less than their plausible size'
+        f'{count_told(found)} of {len(found)} numbers are told: three standard deviations, beside '
+        'all other unknowns, are less than their plausible size'
     )
     yield table_of(
         '',

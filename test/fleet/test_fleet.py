@@ -43,6 +43,26 @@ def recorded(path, week):
     save_npz(Record(joints, RateSeries(stamps, wave), AttitudeSeries(stamps, still)), path)
 
 
+def swung(path, amplitude, rng):
+    """Ten seconds of joints that swing [rad] on a base that the sensors see at rest."""
+    stamps = START + np.arange(0, 10_000_000_000, 20_000_000)
+    rates = np.array([2.0, 3.0, 4.0])
+    phase = np.outer((stamps - START) * 1e-9, rates)
+    noise = rng.standard_normal((5, len(stamps), 3))
+    joints = JointSeries(
+        ('joint_1', 'joint_2', 'joint_3'),
+        stamps,
+        amplitude * np.sin(phase) + 2e-5 * noise[0],
+        amplitude * np.cos(phase) * rates + 2e-4 * noise[1],
+        0.05 * noise[2],
+    )
+    turned = np.column_stack((1.5e-5 * noise[3], np.ones(len(stamps))))
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    gyro = RateSeries(stamps, 2e-5 * noise[4])
+    save_npz(Record(joints, gyro, AttitudeSeries(stamps, turned)), path)
+
+
 @pytest.fixture
 def data(tmp_path):
     """Two machines: six weeks of one, one recording of the other, and much else."""
@@ -133,6 +153,18 @@ def test_one_table_that_goes_on(data, asked, tmp_path, capsys):
     assert asked[count:] == ['later.npz']
     after = (out / 'fleet.csv').read_text(encoding='utf-8').splitlines()
     assert set(before.splitlines()) < set(after)
+
+
+def test_a_machine_that_holds_still_is_seen_to_tell_less(asked, tmp_path, rng):
+    data = tmp_path / 'data'
+    swung(data / 'moves' / 'run.npz', 0.5, rng)
+    swung(data / 'holds' / 'run.npz', 0.0, rng)
+    fleet(data, tmp_path / 'out')
+    table = rows(tmp_path / 'out')
+    moves, holds = (int(table[f'{name}/run.npz']['told [1]']) for name in ('moves', 'holds'))
+    assert holds < moves / 2 < int(table['moves/run.npz']['numbers [1]'])
+    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
+    assert f'{holds} of {table["holds/run.npz"]["numbers [1]"]}' in page
 
 
 def test_parquet_holds_the_same(data, asked, tmp_path):

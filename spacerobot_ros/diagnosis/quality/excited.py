@@ -75,6 +75,11 @@ class Excited:
         return {name: getattr(self, name) for name in names}
 
 
+def count_told(found: Sequence[Excited]) -> int:
+    """How many of them the data tell."""
+    return sum(one.status == 'told' for one in found)
+
+
 def excited(record: Record, file: RobotFile) -> tuple[Excited, ...]:
     """Of every number of every effect that the diagnosis would try on this robot.
 
