@@ -20,10 +20,8 @@ from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings
 from .arm_priors import DRY, NOTHING, Machine
 from .balance import Balance, rms
 from .leftover import JointRows
+from .row_blocks import blocks_of, moments_of
 
-_BLOCKS, _FEW = 4, 2
-_LEAST_BLOCK = 4.0  # s of motion
-_MOMENT, _MOST = 4.0, 100  # periods of the band; of all recordings: more say the same
 _NO_SHAPE = 1e-6  # rms of what a joint without turns and rests has near them
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
@@ -224,39 +222,13 @@ class ArmRows:
     @cached_property
     def blocks(self) -> list[IntArray]:
         """(M,) number of the block of each row, recording by recording."""
-        counts = []
-        for balance in self.balances:
-            length = _moved(balance)[-1] * balance.arm.stride * balance.arm.step
-            counts.append(_BLOCKS if length >= _BLOCKS * _LEAST_BLOCK else _FEW)
-        return self._cut(counts)
-
-    def _cut(self, counts: Iterable[int]) -> list[IntArray]:
-        """(M,) number of the part of each row, so many parts of each recording.
-
-        Parts have as many rows in which anything moves: others say nothing.
-        """
-        out, first = [], 0
-        for balance, count in zip(self.balances, counts, strict=True):
-            moved = _moved(balance)
-            out.append(first + count * np.maximum(moved - 1, 0) // max(moved[-1], 1))
-            first = int(out[-1][-1]) + 1
-        return out
+        return blocks_of(self.balances)
 
     @property
     def by_moments(self) -> ArmRows:
-        """The same rows in blocks of a moment each: four periods of the band, or longer ones.
-
-        What is missed of a start or a turn fills two or three: the variance between moments of a
-        false change of a KUKA is 49, 209, 211 and 225 times that of rows at 0.5, 1, 2 and 4 s.
-        """
-        rows = [(_moved(b)[-1], b.arm) for b in self.balances]
-        whole = sum(moved * arm.stride * arm.step for moved, arm in rows)
-        counts = [
-            max(1, round(moved * arm.stride * arm.step / max(_MOMENT / arm.band, whole / _MOST)))
-            for moved, arm in rows
-        ]
+        """The same rows in blocks of a moment each."""
         out = self._alike(self.about)
-        out.__dict__['blocks'] = self._cut(counts)
+        out.__dict__['blocks'] = moments_of(self.balances)
         return out
 
     @cached_property
@@ -364,11 +336,6 @@ class ArmRows:
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])
         return out
-
-
-def _moved(balance: Balance) -> IntArray:
-    """(M,) rows so far in which anything moves."""
-    return np.cumsum(np.any(balance.arm.is_moving[:: balance.arm.stride], axis=1))
 
 
 def _with_unit_shapes(observed: Array) -> Array:
