@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
@@ -113,8 +112,8 @@ class MonitorNode(SensorNode):
 
     def _on_commands(self, message: JointState) -> None:
         names = [thruster.name for thruster in self.monitor.robot.thrusters]
-        (shares,) = messages.joint_columns(message, names, 'effort')
-        self.monitor.add_commands(messages.stamp_ns(message.header.stamp), np.asarray(shares))
+        shares = messages.thruster_shares(message, names)
+        self.monitor.add_commands(messages.stamp_ns(message.header.stamp), shares)
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         self.monitor.add_wrench(*messages.base_wrench(message, self.monitor.robot.base_link))

@@ -111,6 +111,19 @@ def joint_efforts(message: Any, names: Sequence[str]) -> tuple[int, Array]:
     return stamp_ns(message.header.stamp), np.asarray(effort)
 
 
+def thruster_shares(message: Any, names: Sequence[str]) -> Array:
+    """Commands (k,) of a JointState to exactly the named thrusters, in any order.
+
+    Raises:
+        MessageRejectedError: see `joint_columns`.
+    """
+    try:
+        (shares,) = joint_columns(message, names, 'effort')
+    except MessageRejectedError as error:
+        raise MessageRejectedError(str(error).replace('joint names', 'thrusters')) from error
+    return np.asarray(shares)
+
+
 def angular_rate(message: Any, base_link: str) -> tuple[int, Vector3]:
     """Stamp [ns] and omega_WB_B (3,) of an Imu [rad/s].
 

@@ -24,7 +24,7 @@ from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
 from .faults.wrapped_angles import with_turns_counted
 from .npz import load_npz
 from .record import JointSeries, Record
-from .robot_inputs import in_robot_order, with_inputs
+from .robot_inputs import ignored_wheels, in_robot_order, with_inputs
 from .tables.mapped_table import read_mapped
 from .tables.mapping import load_mapping
 from .tables.table import FORMATS, kind_of
@@ -71,6 +71,7 @@ def read_record(
     if robot is not None:
         record = _usable(record, robot)
         with_inputs(robot, record)  # refuses what is not this robot's
+        record = replace(record, notes=(*record.notes, *ignored_wheels(robot, record)))
     return record if is_joined else with_gaps_noted(record)
 
 

@@ -64,6 +64,26 @@ def order_of(names: Sequence[str], wanted: tuple[str, ...], place: str) -> list[
         ) from error
 
 
+LACKS_WHEELS = 'robot.servicer_wheels.joints of the robot file names no wheels'
+
+
+def own_wheels(robot: Robot) -> list[str]:
+    """Joints of the servicer's rotors."""
+    return [rotor.joint for rotor in robot.rotors if not rotor.is_target]
+
+
+def ignored_wheels(robot: Robot, record: Record) -> tuple[str, ...]:
+    """A note on wheels that turn in a record and not in its robot, or not all of whose it has."""
+    wheels, own = record.wheels, own_wheels(robot)
+    if wheels is None or wheels.velocity is None or not np.any(wheels.velocity):
+        return ()
+    if not own:
+        return (f'rates of {", ".join(wheels.names)} are left out: {LACKS_WHEELS}',)
+    lacking = ', '.join(name for name in own if name not in wheels.names)
+    said = f'rates of wheels are left out: they lack {lacking} of robot.servicer_wheels.joints'
+    return (said,) if lacking else ()
+
+
 EXTRA = 'extra/'
 """Beginning of the names of a record's inputs that a mapping's `extra` made."""
 _FEWEST = 2  # samples of wheels
@@ -106,8 +126,7 @@ def with_inputs(robot: Robot, record: Record) -> Robot:
 def _own_wheels(robot: Robot, record: Record) -> MeasuredSignal | None:
     """Momentum of the servicer's rotors by their rates; None where not all are measured."""
     rotors = [rotor for rotor in robot.rotors if not rotor.is_target]
-    wheels = record.wheels
-    names = [rotor.joint for rotor in rotors]
+    wheels, names = record.wheels, own_wheels(robot)
     if not rotors or wheels is None or wheels.velocity is None or len(wheels) < _FEWEST:
         return None
     if set(names) - set(wheels.names):

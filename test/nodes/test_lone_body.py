@@ -7,19 +7,40 @@ import pytest
 from sensor_msgs.msg import JointState
 from support.lone_body import BOX
 
+from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.qos import SAMPLES
 
 pytestmark = pytest.mark.ros
 
+THRUSTER = {
+    'robot_description': BOX.format(com='0 0 0'),
+    'robot.joints': [],
+    'robot.thrusters.T1.at': [0.0, 0.5, 0.0],
+    'robot.thrusters.T1.direction': [1.0, 0.0, 0.0],
+    'robot.thrusters.T1.force': 0.8,
+}
+
+
+@pytest.mark.parametrize(
+    ('names', 'shares', 'reason'),
+    [
+        (['T9'], [1.0], 'thrusters: lacks T1 and has foreign T9'),
+        (['T1'], [1.5], 'T1: commands are shares from # to #, got #'),
+        (['T1'], [float('nan')], 'effort is not finite'),
+        (['T1'], [], 'effort has # entries for # joints'),
+    ],
+)
+def test_commands_that_are_none_are_counted_by_the_monitor(rig, names, shares, reason):
+    node, probe = rig.add(MonitorNode, THRUSTER), rig.plain()
+    publisher = probe.create_publisher(JointState, '/thruster_commands', SAMPLES)
+    publisher.publish(JointState(name=names, effort=shares))
+    rig.until(lambda: node.health.count())
+    assert node.health.rejected['/thruster_commands', reason] == 1
+
 
 def test_firings_act_and_are_published(rig):
-    parameters = {
-        'robot_description': BOX.format(com='0 0 0'),
-        'robot.joints': [],
-        'robot.thrusters.T1.at': [0.0, 0.5, 0.0],
-        'robot.thrusters.T1.direction': [1.0, 0.0, 0.0],
-        'robot.thrusters.T1.force': 0.8,
+    parameters = THRUSTER | {
         'firings.a.thruster': 'T1',
         'firings.a.start': 0.01,
         'firings.a.width': 0.015,

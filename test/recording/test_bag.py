@@ -19,6 +19,7 @@ from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.bags.bag import Topics, read_bag
 from spacerobot_ros.recording.bags.bag_writer import BagWriter
 from spacerobot_ros.recording.bags.message_types import message_folder, typestore
+from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.simulation.plant import Plant
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)  # not the product's: bags of other distributions
@@ -149,6 +150,19 @@ def test_other_topics_and_wheels(tmp_path):
     np.testing.assert_array_equal(record.wheels.velocity, [[1.0, 2.0]])
     assert record.wheels.effort is None
     assert "/gyro: no frame given, taken as 'base_link'" in record.notes
+
+
+def test_what_acts_and_the_robot_file_does_not_know_is_said(tmp_path):
+    """Wheels that turn, thrusters that fire: they stay in the bag, and a note says so."""
+    wheels = joint_state(5, ['w1'], position=[], velocity=[1.0], effort=[])
+    fired = joint_state(5, ['T1'], position=[], velocity=[], effort=[1.0])
+    messages = [('/joint_states', joint_state(0)), ('/wheel_states', wheels)]
+    path = write(tmp_path / 'bag', [*messages, ('/thruster_commands', fired)])
+    record = read_record(path, ROBOT)
+    assert 'thrusters' not in record.inputs
+    said = '; '.join(record.notes)
+    assert 'rates of w1 are left out: robot.servicer_wheels.joints of the robot file names' in said
+    assert '/thruster_commands: left out, as robot.thrusters of the robot file names none' in said
 
 
 def test_messages_without_velocity_or_effort(tmp_path):

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import yaml
-from support.models import robot_of, table_one
+from support.models import robot_of, table_one, with_wheels
 
 from spacerobot_ros.errors import SpaceRobotError
 from spacerobot_ros.recording.bags.bag_writer import BagWriter
@@ -191,24 +191,28 @@ def test_sensors_that_were_sampled_in_some_rows(tmp_path):
     assert any('attitude: sampled in 2 of 5 rows' in note for note in record.notes)
 
 
+WHEELS = [f'j_wheel_0_{axis}' for axis in 'xyz']
+WHEELED = robot_of(with_wheels(table_one(), (0,)), servicer_wheels={'joints': WHEELS})
+
+
 def test_wheels_rows_signed_integers_and_derived_columns(tmp_path):
     mapping = {
         **changed(gyro=None, attitude=None),
         'select': {'sheet': 'b'},
         'twos_complement': {'raw': 16},
         'derived': {'u1': [{'column': 'raw', 'times': 'v1', 'scale': 0.5}, {'column': 'q1'}]},
-        'wheels': {'names': ['w'], 'velocity': {'columns': 'wx', 'unit': 'turn/s'}},
+        'wheels': {'names': WHEELS, 'velocity': {'columns': ['wx', 'wy', 'wz'], 'unit': 'turn/s'}},
     }
     raw = np.array([1, 2, 65535, 32768, 32767])
     cells = [[*row, r, s] for row, r, s in zip(table()[1:], raw, 'abbba', strict=True)]
     pair = written(tmp_path, mapping, [[*NAMES, 'raw', 'sheet'], *cells])
-    record = read_record(*swap(pair))
+    record = read_record(pair[0], WHEELED, pair[1])
     np.testing.assert_array_equal(record.joints.stamp_ns, np.array([1, 2, 3]) * 250_000_000)
     signed = np.array([2.0, -1.0, -32768.0])
     expected = (0.5 * signed * RPM[1:4, 0] + DEGREES[1:4, 0]) / 1000.0
     np.testing.assert_allclose(record.joints.effort[:, 0], expected, **ROUND)
-    np.testing.assert_allclose(record.wheels.velocity[:, 0], GYRO[1:4, 0] * 2.0 * math.pi, **ROUND)
-    np.testing.assert_array_equal(record.wheels.position, np.zeros((3, 1)))
+    np.testing.assert_allclose(record.wheels.velocity, GYRO[1:4] * 2.0 * math.pi, **ROUND)
+    np.testing.assert_array_equal(record.wheels.position, np.zeros((3, 3)))
 
 
 def test_a_record_file_and_a_bag_come_in_the_robots_order(tmp_path):
@@ -297,7 +301,12 @@ FAULTY_MAPPINGS = {
     'no sensor': ({'joints': None, 'gyro': None, 'attitude': None}, 'maps no sensor'),
     'foreign joint': ({'joints__names': ['a', *JOINTS[:2]]},
                       r'joints.names: lacks j_link_3 and has foreign a \(the robot has'),
-    'joint twice': ({'joints__names': [*JOINTS[:2], JOINTS[1]]}, 'lacks j_link_3'),
+    'joint twice': ({'joints__names': [*JOINTS[:2], JOINTS[1]]},
+                    'joints.names: j_link_2 stands there twice'),
+    'wheels of none': (
+        {'wheels': {'names': ['w'], 'velocity': {'columns': 'wx', 'unit': 'rad/s'}}},
+        'wheels: robot.servicer_wheels.joints of the robot file names no wheels: name them there',
+    ),
     'two columns': ({'joints__position__columns': ['q1', 'q2']}, 'has 2 columns, expected 3'),
     'two signs': ({'joints__position__sign': [1, 1]}, 'has 2 entries, expected 1 or 3'),
     'sign of two': ({'joints__position__sign': 2}, 'expected 1 or -1, got 2'),

@@ -144,9 +144,12 @@ class Monitor:
         Raises:
             MessageRejectedError: wrong length, not shares, or a second one with its stamp.
         """
-        if np.any((shares < 0.0) | (shares > 1.0)):
-            raise MessageRejectedError('commands to thrusters are shares from 0 to 1')
         names = tuple(thruster.name for thruster in self.robot.thrusters)
+        bad = np.flatnonzero((shares < 0.0) | (shares > 1.0)).tolist()
+        if bad:
+            raise MessageRejectedError(
+                f'{names[bad[0]]}: commands are shares from 0 to 1, got {shares[bad[0]]:.9g}'
+            )
         self.samples.add_input('thrusters', names, stamp_ns, shares)
 
     def add_wrench(self, stamp_ns: int, wrench: Array) -> None:

@@ -106,8 +106,6 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
     """
     topics, path = topics or Topics(), Path(path)
     channels = {kind: _Channel(getattr(topics, kind)) for kind in _TYPES}
-    if robot is not None and not robot.thrusters:
-        del channels['thrusters']
     joints = channels['joints']
     if robot is not None:
         joints.names, joints.effort_units = robot.arm, robot.known_effort_units
@@ -131,7 +129,12 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
             channel.rows.append(row)
         except MessageRejectedError as error:
             channel.reject(error)
-    return replace(_build(path, channels, stored.notes), description=description)
+    record = replace(_build(path, channels, stored.notes), description=description)
+    if robot is None or robot.thrusters or 'thrusters' not in record.inputs:
+        return record
+    note = f'{topics.thrusters}: left out, as robot.thrusters of the robot file names none'
+    others = {name: given for name, given in record.inputs.items() if name != 'thrusters'}
+    return replace(record, inputs=others, notes=(*record.notes, note))
 
 
 def _described(stored: StoredMessages) -> str:
@@ -201,7 +204,7 @@ def _input_row(kind: str, message: Any, channel: _Channel, base_link: str) -> Ar
     if kind == 'base_wrench':
         return messages.base_wrench(message, base_link)[1]
     channel.names = channel.names or tuple(message.name)
-    return np.asarray(messages.joint_columns(message, channel.names, 'effort')[0])
+    return messages.thruster_shares(message, channel.names)
 
 
 def _stacked(columns: Sequence[Array | None], n: int, missing: Sequence[float]) -> Array:

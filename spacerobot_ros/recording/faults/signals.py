@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...types import Array, IntArray
+from ...types import Array, BoolArray, IntArray
 from ..record import Record, shown
 from . import thresholds
 from .gaps import longest_pause
@@ -155,7 +155,9 @@ def clock_jumps(record: Record) -> Iterator[DataFault]:
 
 
 def torn_positions(record: Record) -> Iterator[DataFault]:
-    """Pauses over which a joint or the base moves as it never does: recordings that were joined.
+    """Where a joint or the base moves as it never does: recordings that were joined.
+
+    Over pauses, and from one sample to the next.
 
     A gyro tells of turns that a tracker did not see.
     """
@@ -175,26 +177,44 @@ def _torn(
     Their fastest motion is that over `WINDOW`, or over two samples where these are longer apart.
     """
     steps = np.diff(time)
-    if not values.size or not len(pauses := np.flatnonzero(steps > longest_pause(time))):
+    if not values.size or len(steps) < FEWEST_WINDOWS:
         return
-    count = max(int(WINDOW / np.median(steps)), 1)
-    spans = time[count:] - time[:-count]
-    near = spans < 2.0 * count * np.median(steps)
-    if not near.any():
+    moved = np.abs(np.diff(values, axis=0))
+    is_pause = steps > longest_pause(time)
+    # what no other step comes near: two runs joined without a pause, a sensor that was reset
+    usual = thresholds.FASTER * np.quantile(moved, thresholds.ORDINARY, axis=0)
+    leaps = ~is_pause & np.any(moved > np.maximum(usual, thresholds.LEAP), axis=1)
+    fastest = _fastest(time, values, ~(is_pause | leaps))
+    if fastest is None:
         return
-    rates = np.abs(values[count:] - values[:-count])[near] / spans[near, None]
-    fastest = np.maximum(np.max(rates, axis=0), known)
-    for k in pauses.tolist():
-        moved = np.abs(values[k + 1] - values[k])
-        excess = moved - thresholds.FASTER * fastest * steps[k] - MOVED
+    fastest = np.maximum(fastest, known)
+    for k in np.flatnonzero(is_pause | leaps).tolist():
+        least = MOVED if is_pause[k] else np.maximum(usual, thresholds.LEAP)
+        excess = moved[k] - thresholds.FASTER * fastest * steps[k] - least
         axis = int(np.argmax(excess))
         if excess[axis] > 0.0:
+            over = 'a pause of ' if is_pause[k] else ''
             message = (
-                f'jumps by {moved[axis]:.3g} over a pause of {shown(steps[k])}, '
+                f'jumps by {moved[k, axis]:.3g} over {over}{shown(steps[k])}, '
                 f'{shown(time[k] - time[0])} after the start, far more than it ever moves in such '
-                'a time: recordings that were joined? --split-gaps takes them as several'
+                'a time: recordings that were joined? '
             )
-            yield DataFault('joined', places[axis], message)
+            mend = '--split-gaps takes them as several' if is_pause[k] else 'cut it there'
+            yield DataFault('joined', places[axis], message + mend)
+
+
+def _fastest(time: Array, values: Array, is_usual: BoolArray) -> Array | None:
+    """(n,) largest rates over `WINDOW` of values (N, n), over steps (N-1,) that are usual."""
+    steps = np.diff(time)
+    count = max(int(WINDOW / np.median(steps)), 1)
+    spans = time[count:] - time[:-count]
+    odd = np.concatenate([[0], np.cumsum(~is_usual)])
+    near = (spans < 2.0 * count * np.median(steps)) & (odd[count:] == odd[:-count])
+    if not near.any():
+        return None
+    return np.asarray(
+        np.max(np.abs(values[count:] - values[:-count])[near] / spans[near, None], 0)
+    )
 
 
 def _signals(record: Record) -> list[tuple[str, Array, Array, Array | None]]:

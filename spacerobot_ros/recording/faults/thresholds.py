@@ -43,6 +43,8 @@ JUMP_PERIODS = 10.0  # of the usual period: a longer step is a pause or a jump
 NEAR, FEWEST_NEAR = 0.3, 8  # s and samples on each side of a pause that are looked at
 SEEN = 3.0  # of the misfit without a pause: more with it is a jump
 FASTER = 2.0  # than ever: nothing that is logged says that a joint moved so over a pause
+ORDINARY = 0.98  # of the steps from sample to sample are usual; a larger one may be a leap,
+LEAP = 0.05  # rad or m, at least: an encoder's tooth, a tracker's correction are less
 OVERLAP = 0.5  # share of the shorter record that two sensors must have in common
 
 # Amount.

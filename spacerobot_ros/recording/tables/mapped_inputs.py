@@ -34,7 +34,8 @@ def check_kinds(place: str, robot: Robot | None, columns: Iterable[tuple[str, st
         columns: Joint, its kind ('' where the mapping says none) and the unit of each.
 
     Raises:
-        RecordingError: another kind, or a current of a joint whose effort is none.
+        RecordingError: another kind, a current of a joint whose effort is none, or none of one
+            whose effort is.
     """
     if robot is None:
         return
@@ -51,6 +52,12 @@ def check_kinds(place: str, robot: Robot | None, columns: Iterable[tuple[str, st
                 f'{place}.unit',
                 f'{name}: {unit!r} is a current, but robot.effort_kind of the robot file says '
                 f'{kind}: state current there, and robot.motor_constant',
+            )
+        if kind == 'current' and not is_current(unit):
+            raise RecordingError(
+                f'{place}.unit',
+                f'{name}: {unit!r} is no current, but robot.effort_kind of the robot file says '
+                'current: give the column in A, or state motor there',
             )
 
 

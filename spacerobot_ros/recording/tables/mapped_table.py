@@ -18,7 +18,7 @@ from ...model.robot import Robot
 from ...types import Array
 from ..messages import NORM_LIMIT
 from ..record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record
-from ..robot_inputs import order_of
+from ..robot_inputs import LACKS_WHEELS, order_of, own_wheels
 from .mapped_columns import ColumnReader
 from .mapped_inputs import read_efforts, read_inputs
 from .mapping import DIRECTIONS, AttitudeColumns, ColumnMapping, JointColumns, MappedColumns
@@ -67,7 +67,9 @@ def read_mapped(
 
 def _check_wheels(section: JointColumns, robot: Robot) -> None:
     """Refuse rates that lack some of the robot's own wheels: all would be ignored."""
-    own = [rotor.joint for rotor in robot.rotors if not rotor.is_target]
+    own = own_wheels(robot)
+    if not own:
+        raise RecordingError(section.place, f'{LACKS_WHEELS}: name them there, or leave this out')
     if set(own) - set(section.names):
         raise RecordingError(
             f'{section.place}.names',

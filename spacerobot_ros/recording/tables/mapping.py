@@ -75,6 +75,14 @@ def _some(one: Parser) -> Parser:
     return parse
 
 
+def _names(value: Any, place: str) -> tuple[str, ...]:
+    """One name or a list of them, each once."""
+    names = _some(parse_text)(value, place)
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ConfigurationError(place, f'{", ".join(twice)} stands there twice')
+    return names
+
+
 def _named(one: Parser) -> Parser:
     """A map of them under free names."""
     return lambda value, place: tuple(
@@ -153,7 +161,7 @@ class JointColumns:
         place: Where this stands, for messages.
     """
 
-    names: tuple[str, ...] = entry(_some(parse_text))
+    names: tuple[str, ...] = entry(_names)
     position: MappedColumns | None = entry(_COLUMNS, None)
     velocity: MappedColumns | None = entry(_COLUMNS, None)
     effort: EffortColumns | None = entry(_section(EffortColumns), None)
@@ -219,7 +227,7 @@ class ThrusterColumns:
         place: Where this stands, for messages.
     """
 
-    names: tuple[str, ...] = entry(_some(parse_text))
+    names: tuple[str, ...] = entry(_names)
     command: InputColumns = entry(_section(InputColumns))
     time: MappedColumns | None = entry(_COLUMNS, None)
     place: str = param('')

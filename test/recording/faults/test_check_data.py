@@ -233,6 +233,22 @@ def test_attitudes_that_were_joined_are_torn(paused):
     assert not list(torn_positions(replace(torn, rates=seen)))
 
 
+def test_a_leap_from_sample_to_sample_is_no_motion(paused):
+    """Half a radian in 0.02 s, of a body that turns by 0.0007 rad in that time."""
+    turned = paused.attitude
+    leapt = Rotation.from_rotvec([0.0, 0.5, 0.0]) * turned[200:]
+    quaternions = np.vstack([turned[:200].as_quat(), leapt.as_quat()])
+    (fault,) = torn_positions(attitude(paused, quaternions))
+    assert 'jumps by 0.495 over 0.02 s, 3.98 s after the start' in fault.message
+    assert 'cut it there' in fault.message
+    # a fast slew that begins within a sample is a motion
+    time = paused.attitude_time[:400]
+    slewed = Rotation.from_rotvec(np.outer(np.maximum(time - 4.0, 0.0), [0.0, 3.0, 0.0]))
+    quaternions = np.vstack([(slewed * turned[:400]).as_quat(), turned[400:].as_quat()])
+    rates = RateSeries(paused.rates.stamp_ns, np.full((len(turned), 3), 3.0))
+    assert not list(torn_positions(replace(attitude(paused, quaternions), rates=rates)))
+
+
 def test_a_diagnosis_refuses_faulty_data_in_one_line(known):
     record, model = known['servicer']
     with pytest.raises(RecordingError, match='faulty data: gyro: rates against the att') as error:
