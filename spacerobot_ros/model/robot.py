@@ -13,6 +13,7 @@ excludes its true rotors, which are links of their own.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -136,6 +137,10 @@ class Robot:
         """
         bodies = (self.bodies[1 + self.joints.index(joint)] for joint in joints or self.arm)
         return joint_unit(unit, {body.is_prismatic for body in bodies} or {False})
+
+    def ways(self, joints: Iterable[str]) -> dict[str, str]:
+        """Unit of what each of some joints moves by."""
+        return {joint: self.unit_of('rad', joint) for joint in joints}
 
     @property
     def n_joints(self) -> int:

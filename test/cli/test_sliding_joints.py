@@ -11,6 +11,7 @@ from support.contracts import keeps
 
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis import diagnose
+from spacerobot_ros.diagnosis.discovery.possible_laws import Extent, joint_laws
 from spacerobot_ros.diagnosis.events.contact import Pulse, event_of
 from spacerobot_ros.diagnosis.flight.probes import probes_of
 from spacerobot_ros.effects.catalogue import CATALOGUE
@@ -152,3 +153,18 @@ def test_causes_at_a_free_robot_that_slides_are_told_apart(tmp_path, capsys):
     assert main(['excite', '--robot', str(path), '-o', str(out), '--separate', *causes]) == 0
     assert load_robot_file(out).settings.reference.kind == 'fourier'
     capsys.readouterr()
+
+
+def test_rates_of_both_kinds_do_not_add_up(tmp_path):
+    """A motor that turns a sum of them is none: in millimetres it would be another sum."""
+    kinds = ('revolute', 'prismatic', 'prismatic', 'revolute', 'revolute')
+    robot = load_robot_file(robot_file(tmp_path, *kinds)).robot
+    places = CATALOGUE['joint_coupled_friction'].places(robot)
+    assert places == ('prismatic_2', 'revolute_4')
+    at = Extent.of(robot.joints, np.zeros((2, 5)), np.ones((2, 5)), 10.0)
+    summed = {
+        frozenset(name.partition('/')[2] for name in law.inputs)
+        for law in joint_laws('prismatic_1', robot.ways(robot.joints), (), at)
+        if re.search(r'x [+-] y', law.form.name)
+    }
+    assert summed == {frozenset({'prismatic_1', 'prismatic_2'})}

@@ -19,6 +19,7 @@ from spacerobot_ros.diagnosis.events.arm_events import arm_events
 from spacerobot_ros.diagnosis.events.contact import Pulse, place_of
 from spacerobot_ros.diagnosis.events.event_limits import REST_SHARE
 from spacerobot_ros.diagnosis.events.naming import together
+from spacerobot_ros.diagnosis.events.rest import Rest
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.balance.arm_levels import leftover_level
@@ -220,6 +221,13 @@ def test_without_friction_in_the_file_a_push_is_possible_unless_it_is_beyond_any
     assert found.verdict == 'unexplained'
     assert [e.reason for e in found.events.possible] == ['friction']
     assert diagnose(held([(1, 3.0, 1.0, 60.0)]), robot).events.named
+
+
+def test_friction_that_may_hold_anything_tells_of_nobody():
+    """A joint that stands, whose friction nobody knows and whose motor has no limit."""
+    time = np.arange(300) / 100.0
+    rest = Rest(0, 0, time, np.full(300, 50.0), np.full(300, np.inf), 0.1)
+    assert [list(rest.cores(share)) for share in (0.0, REST_SHARE)] == [[], []]
 
 
 def test_friction_of_another_recording_serves():

@@ -104,6 +104,19 @@ def test_csv_in_foreign_units_signs_and_orders(tmp_path):
     assert record.wheels is None
 
 
+def test_a_log_of_a_fixed_rate_without_a_clock(tmp_path):
+    """Rows every 0.25 s; with a clock of that name it is that clock."""
+    clock = {'columns': 'row', 'scale': 0.25, 'unit': 's'}
+    cells = [line[1:] for line in table()]
+    path, map_path = written(tmp_path, changed(time=clock), cells)
+    record = read_record(path, ROBOT, map_path)
+    check(record)
+    assert 'times are those of a fixed rate, by the number of the row' in record.notes
+    cells = [['row', *NAMES[1:]], *table()[1:]]
+    path, map_path = written(tmp_path, changed(time={'columns': 'row', 'unit': 'ms'}), cells)
+    check(read_record(path, ROBOT, map_path))
+
+
 def test_csv_of_a_spreadsheet(tmp_path):
     """Byte order mark, semicolons, spaces, quotes, blank lines, columns of text."""
     rows = [[f' "{name}" ' if name == 't' else f' {name}' for name in NAMES] + ['note']]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ...effects.effect import Effect
+from ...estimation.scaling import PROPORTIONAL
+from ..limits import CLEAR
 from .cause import Cause, Estimated
 from .result import Leftover
 
@@ -27,18 +29,32 @@ def value_in_words(name: str, found: Estimated, sign: str = '') -> str:
 
 def cause_in_words(cause: Cause, *, is_short: bool = False) -> str:
     """A cause with its place and its values, all or those that say most."""
-    shown = _telling(cause.parameters) if is_short else cause.parameters
+    shown, applied = cause.parameters, cause.applied
+    if is_short:
+        sizes = [p.name for p in applied.parameters if p.role in PROPORTIONAL]
+        shown = telling({name: shown[name] for name in sizes or shown})
     values = ', '.join(value_in_words(*item) for item in shown.items())
-    applied = cause.applied
     return f'{applied.title}{at(applied.where)}{in_recordings(applied)} ({values})'
 
 
-def _telling(parameters: Mapping[str, Estimated]) -> dict[str, Estimated]:
-    """Those of the unit of the first that are not next to nothing beside the largest."""
-    unit = next(iter(parameters.values())).unit
-    own = {name: found for name, found in parameters.items() if found.unit == unit}
+def telling(parameters: Mapping[str, Estimated]) -> dict[str, Estimated]:
+    """Those of the unit of the first that are not next to nothing beside the largest.
+
+    Where that first one may be nothing, as the mass of a body on joints that do not lift it, only
+    what is clear counts, if anything is.
+    """
+    clear = {name: found for name, found in parameters.items() if _is_clear(found)}
+    first = next(iter(parameters.values()))
+    said = parameters if _is_clear(first) or not clear else clear
+    unit = next(iter(said.values())).unit
+    own = {name: found for name, found in said.items() if found.unit == unit}
     least = _NOTHING * max(abs(found.value) for found in own.values())
     return {name: found for name, found in own.items() if abs(found.value) >= least}
+
+
+def _is_clear(found: Estimated) -> bool:
+    """Whether a number is clear of nothing; what is chosen or held is not said to be."""
+    return abs(found.value) > CLEAR * found.std
 
 
 def at(where: str | None) -> str:

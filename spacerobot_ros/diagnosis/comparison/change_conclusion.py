@@ -14,7 +14,7 @@ from ...formats import either
 from ...types import Array
 from ..answer.cause import Estimated, Rival
 from ..answer.result import Series
-from ..answer.words import at, first_few, value_in_words
+from ..answer.words import at, first_few, telling, value_in_words
 from ..arms.arm_evidence import rivals_of
 from .changes import Changes
 
@@ -205,6 +205,7 @@ def _sentence(changes: tuple[Change, ...]) -> str:
 
 
 def _in_words(change: Change) -> str:
-    first = value_in_words(*next(iter(change.parameters.items())), sign='+')
+    shown = telling(change.parameters)
+    values = ', '.join(value_in_words(*item, sign='+') for item in shown.items())
     rivals = [f', or {r.effect}{at(r.where)}' for r in change.indistinguishable_from]
-    return f'{change.title}{at(change.where)} ({first}){"".join(rivals)}'
+    return f'{change.title}{at(change.where)} ({values}){"".join(rivals)}'

@@ -125,7 +125,7 @@ class JointChannel:
         extras = [
             n for n in balances[0].motion.extra if all(n in b.motion.extra for b in balances)
         ]
-        laws = joint_laws(self.place, robot.joints, extras, self.motions.extent)
+        laws = joint_laws(self.place, robot.ways(robot.joints), extras, self.motions.extent)
         if len(balances) > 1:  # each has a clock of its own
             return laws
         return [*laws, *time_sines(max(float(np.ptp(self.times)), 1e-9), _HIGHEST, SWEEPS)]

@@ -193,7 +193,8 @@ class FlightChannel:
         if '/' in place:
             own = base_laws(place[-1], at)
         else:
-            own = joint_laws(place, self.flight.motion.robot.arm, extras, at)
+            robot = self.flight.motion.robot
+            own = joint_laws(place, robot.ways(robot.arm), extras, at)
         return [*own, *time_sines(at.duration, _HIGHEST)]
 
     @property

@@ -113,13 +113,15 @@ _OTHER = (  # of another joint alone
     ('rate', 'sign(x), x', 3.0, 'friction of another joint'),
     ('angle', 'x', 2.5, 'a spring to another joint'),
 )
-_BOTH = (  # x is the joint's own
+_SUMS = (  # x is the joint's own
     ('rate', 'sign(x + y)', 3.0, 'friction of a coupled wrist'),
     ('rate', 'sign(x + y), x + y', 3.0, 'friction of a coupled wrist'),
     ('rate', 'sign(x - y)', 3.0, 'friction of a coupled wrist'),
     ('rate', 'sign(x - y), x - y', 3.0, 'friction of a coupled wrist'),
     ('angle', 'sin(x + y), cos(x + y)', 3.0, 'a load on two angles'),
     ('angle', 'sin(x - y), cos(x - y)', 3.0, 'a load on two angles'),
+)
+_BOTH = (
     ('rate', 'x y', 3.5, 'a torque of two rates'),
     ('rate', 'x, y', 4.0, 'viscous friction of two joints'),
     ('rate', 'sign(x), y', 4.0, 'friction of two joints'),
@@ -139,19 +141,21 @@ _SCALED = 'a scale of a sensor that changes with what is measured'
 _SHIFTED = 'a shift of a sensor that changes with what is measured'
 
 
-def joint_laws(joint: str, joints: Sequence[str], extras: Sequence[str], at: Extent) -> list[Law]:
+def joint_laws(
+    joint: str, joints: Mapping[str, str], extras: Sequence[str], at: Extent
+) -> list[Law]:
     """Laws of a joint's torque.
 
     Args:
         joint: Whose.
-        joints: All.
+        joints: All, with the unit of what they move by: only what has one unit adds up.
         extras: Names of what else is measured.
         at: Of the motion.
     """
     out = list(_own_laws(joint, at))
-    for other in joints:
+    for other, unit in joints.items():
         if other != joint:
-            out += _shared_laws(joint, other)
+            out += _shared_laws(joint, other, adds_up=unit == joints[joint])
     for extra in extras:
         name = f'extra/{extra}'
         out += [_law(form, (f'rate/{joint}', name), p, r) for form, p, r in _WITH_EXTRA]
@@ -249,10 +253,10 @@ def _angle_laws(q: str, low: float, high: float) -> Iterator[Law]:
         yield _law('dahl(x)', (q,), 3.0, 'dry friction with a history', options=options)
 
 
-def _shared_laws(joint: str, other: str) -> Iterator[Law]:
+def _shared_laws(joint: str, other: str, *, adds_up: bool) -> Iterator[Law]:
     for what, form, price, resembles in _OTHER:
         yield _law(form, (f'{what}/{other}',), price, resembles, 'coupled')
-    for what, form, price, resembles in _BOTH:
+    for what, form, price, resembles in (*(_SUMS if adds_up else ()), *_BOTH):
         yield _law(form, (f'{what}/{joint}', f'{what}/{other}'), price, resembles, 'coupled')
     yield _law('x', (f'acceleration/{other}',), 3.5, 'an inertial error', 'inertial')
 

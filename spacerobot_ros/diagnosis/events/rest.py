@@ -61,7 +61,9 @@ class Rest:
     def cores(self, share: float, least: float = 0.0) -> Iterator[slice]:
         """Where it is beyond a share of the bound, and a torque [N m], for a while."""
         step = float(self.time[1] - self.time[0])
-        beyond = np.abs(self.torque) > np.maximum(share * self.bound, least)
+        bound = self.bound.copy()  # no share of what holds anything is less
+        bound[np.isfinite(bound)] *= share
+        beyond = np.abs(self.torque) > np.maximum(bound, least)
         beyond = binary_opening(beyond, np.ones(max(1, round(_SHORTEST / step))))
         gap = round(_GAP / step)
         beyond = binary_closing(np.pad(beyond, gap), np.ones(gap + 1))[gap:-gap]

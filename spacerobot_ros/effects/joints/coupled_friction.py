@@ -47,8 +47,13 @@ class CoupledFriction(JointEffect):
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
-        """Every manipulator joint that another one carries."""
-        return tuple(j for i, j in enumerate(robot.arm, 1) if robot.bodies[i].parent > 0)
+        """Every manipulator joint that another one carries, and whose rate adds up with its."""
+        bodies = robot.bodies
+        return tuple(
+            joint
+            for joint, body in zip(robot.arm, bodies[1:], strict=False)
+            if body.parent > 0 and bodies[body.parent].is_prismatic == body.is_prismatic
+        )
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The torque on both joints."""

@@ -254,7 +254,8 @@ def _gravity_slips(kinds: tuple[str, ...]) -> Iterator[_Slip]:
     """Efforts of all joints with or without gravity, against what the robot file says of all."""
     are = {kind == COMPENSATED for kind in kinds}
     if len(are) == 1:
-        words = 'is in them' if are.pop() else f'is not in them: robot.effort_kind {COMPENSATED}?'
+        held = f'is not in them: robot.effort_kind {COMPENSATED}, by control or counterweights?'
+        words = 'is in them' if are.pop() else held
         yield _Slip(DataFault('gravity', 'joint_torque', f'gravity {words}'), gravity=True)
 
 

@@ -19,6 +19,8 @@ from .table import SampleTable
 from .units import LARGEST, TIME, si_size
 
 T = TypeVar('T')
+_ROW = 'row'
+"""Its number from 0, as the time of a log of a fixed rate that has no clock."""
 
 
 class ColumnReader:
@@ -34,10 +36,20 @@ class ColumnReader:
         self.table, self.mapping, self._is_joined = table, mapping, is_joined
         self.notes = [f'columns by {mapping.place}', *table.notes]
 
-    def values(self, columns: MappedColumns, quantities: list[str]) -> Array:
-        """(N, k) in SI, NaN where a cell is empty; k quantities ('': a pure number)."""
+    def values(self, columns: MappedColumns, quantities: list[str], rows: int = 0) -> Array:
+        """(N, k) in SI, NaN where a cell is empty.
+
+        Args:
+            columns: Where they stand.
+            quantities: k of them ('': a pure number).
+            rows: How many may be counted, see `_ROW`.
+        """
         k, place = len(quantities), columns.place
-        raw = [self.table.numbers(name) for name in columns.columns if name]
+        raw = [
+            self._counted(rows) if rows and name == _ROW else self.table.numbers(name)
+            for name in columns.columns
+            if name
+        ]
         lengths = {len(values) for values in raw}
         if len(lengths) != 1:
             raise RecordingError(place, f'columns of different lengths: {sorted(lengths)}')
@@ -63,6 +75,15 @@ class ColumnReader:
                 raise RecordingError(self.table.row(row), f'column {names[i]!r}: {why}')
         return out
 
+    def _counted(self, rows: int) -> Array:
+        """(N, 1) numbers of the rows, unless a column is called so."""
+        if _ROW in self.table.columns:
+            return self.table.numbers(_ROW)
+        note = 'times are those of a fixed rate, by the number of the row'
+        if note not in self.notes:
+            self.notes.append(note)
+        return np.arange(float(rows))[:, None]
+
     def sampled(
         self,
         place: str,
@@ -73,8 +94,9 @@ class ColumnReader:
         """Stamps and values of the rows that were sampled."""
         table, time = self.table, own_time or self.mapping.time
         if time is None:
-            raise RecordingError(f'{self.mapping.place}: time', 'is missing')
-        seconds = self.values(time, [TIME])[:, 0]
+            without = f'without a clock, {{columns: {_ROW}, scale: 5, unit: ms}} counts rows'
+            raise RecordingError(f'{self.mapping.place}: time', f'is missing; {without}')
+        seconds = self.values(time, [TIME], len(next(iter(parts.values()))))[:, 0]
         if self._is_joined:
             seconds = continued(seconds)
         for key, values in parts.items():

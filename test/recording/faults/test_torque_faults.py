@@ -111,7 +111,9 @@ def test_gravity_that_is_taken_out_of_efforts(known, robot):
     assert find_torque_faults(light, compensated) == ()
     (fault,) = find_torque_faults(light, model)
     assert (fault.kind, fault.message) == (
-        'gravity', 'gravity is not in them: robot.effort_kind gravity_compensated?'
+        'gravity',
+        'gravity is not in them: robot.effort_kind gravity_compensated, by control or '
+        'counterweights?',
     )  # fmt: skip
     (fault,) = find_torque_faults(record, compensated)
     assert (fault.kind, fault.message) == ('gravity', 'gravity is in them')
