@@ -5,6 +5,7 @@ The pendulums are equations of their own, integrated by scipy; the cart with a p
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -390,17 +391,21 @@ def test_a_small_machine_of_stated_noise(driven):
         assert value == pytest.approx(2.0**-30 * values_of(large)[key][0], rel=1e-6), key
 
 
-def test_friction_of_a_free_swing_has_a_name_however_little_of_the_weight_it_is():
-    """0.3 % of the weight's torque, and nearly all that the file misses: swings fade in 60 s."""
-    urdf = """<robot name="swing"><link name="base_link"/><link name="rod"><inertial>
-    <origin xyz="0 0 -0.15"/><mass value="0.15"/><inertia ixx="4e-4" iyy="4e-4" izz="1e-5" ixy="0"
-    ixz="0" iyz="0"/></inertial></link><joint name="pivot" type="continuous"><axis xyz="0 1 0"/>
-    <parent link="base_link"/><child link="rod"/></joint></robot>"""
-    robot = robot_from(urdf, ('pivot',), passive_joints=['pivot'], scale={'anchor': 'gravity'})
-    inertia, weight, viscous = 0.15 * 0.15**2 + 4e-4, 0.15 * 0.15 * 9.81, 1.2e-4
+SWING = """<robot name="swing"><link name="base_link"/><link name="rod"><inertial>
+<origin xyz="0 0 {low!r}"/><mass value="0.15"/><inertia ixx="4e-4" iyy="4e-4" izz="1e-5" ixy="0"
+ixz="0" iyz="0"/></inertial></link><joint name="pivot" type="continuous"><axis xyz="0 1 0"/>
+<parent link="base_link"/><child link="rod"/></joint></robot>"""
+SWUNG, WEIGHED, VISCOUS = 0.15 * 0.15**2 + 4e-4, 0.15 * 0.15 * 9.81, 1.2e-4
+
+
+def swing_of_file(low, anchor):
+    """What is found of a free swing of 0.15 kg at 0.15 m by a file with its mass elsewhere."""
+    robot = robot_from(
+        SWING.format(low=low), ('pivot',), passive_joints=['pivot'], scale={'anchor': anchor}
+    )
 
     def rate(t, x):
-        return [x[1], -(weight * np.sin(x[0]) + viscous * x[1]) / inertia]
+        return [x[1], -(WEIGHED * np.sin(x[0]) + VISCOUS * x[1]) / SWUNG]
 
     times = np.arange(0.0, 24.0, 0.005)
     run = solve_ivp(rate, (0.0, 24.0), [1.2, 0.0], 'DOP853', times, rtol=1e-10, atol=1e-12)
@@ -408,6 +413,27 @@ def test_friction_of_a_free_swing_has_a_name_however_little_of_the_weight_it_is(
     joints = JointSeries(
         ('pivot',), to_stamps(times), q[:, None], unpowered=np.ones((len(times), 1), dtype=bool)
     )
-    (cause,) = diagnose(Record(joints=joints), robot).causes
+    return diagnose(Record(joints=joints), robot)
+
+
+def test_friction_of_a_free_swing_has_a_name_however_little_of_the_weight_it_is():
+    """0.3 % of the weight's torque, and nearly all that the file misses: swings fade in 60 s."""
+    found = swing_of_file(-0.15, 'gravity')
+    (cause,) = found.causes
     assert (cause.applied.id, cause.applied.where) == ('joint_viscous_friction', 'pivot')
-    assert cause.parameters['coefficient'].value == pytest.approx(viscous, rel=0.05)
+    assert cause.parameters['coefficient'].value == pytest.approx(VISCOUS, rel=0.05)
+    assert math.isnan(ratio(found, 'pivot', 'weight_by_inertia').std)  # it is the file's
+
+
+@pytest.mark.parametrize('anchor', ['none', 'gravity', 'inertia'])
+def test_a_free_swing_tells_its_frequency_whatever_the_file_says(anchor):
+    """A body is what no spring follows over 1.2 rad; the scale is that of what is anchored."""
+    found = swing_of_file(-0.24, anchor)
+    named = [c.applied.id for c in (*found.causes, *found.minor)]  # friction is 1 % of the misfit
+    assert named == ['inertial_parameters', 'joint_viscous_friction']
+    assert not found.events.named
+    one = ratio(found, 'pivot', 'weight_by_inertia')
+    assert one.value == pytest.approx(WEIGHED / SWUNG, rel=2e-3)
+    assert abs(one.value - WEIGHED / SWUNG) < 4.0 * one.std
+    rubs = ratio(found, 'pivot', 'viscous_by_inertia')
+    assert rubs.value == pytest.approx(VISCOUS / SWUNG, rel=0.1)

@@ -89,7 +89,8 @@ class Ratio:
     Args:
         joint: Its name. ratio: Such as `weight_by_inertia` (docs/diagnosis.md).
         of: The other joint, of `inertia_by_inertia`: of its inertia coupling with the joint.
-        value: In `unit`. std: Standard deviation.
+        value: In `unit`. std: Standard deviation; nan where nothing that was found changes it, and
+            it is the file's.
     """
 
     joint: str

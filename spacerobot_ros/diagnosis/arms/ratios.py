@@ -96,7 +96,7 @@ def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
             ratio=ratio,
             of=of,
             value=value,
-            std=math.sqrt(max(float(slope @ covariance @ slope), 0.0)),
+            std=math.sqrt(max(float(slope @ covariance @ slope), 0.0)) or math.nan,
             unit=_unit(found.robot, joint, ratio, of),
         )
         for ((joint, ratio, of), value), slope in zip(own.items(), slopes.values(), strict=True)

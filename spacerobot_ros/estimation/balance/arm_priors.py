@@ -198,8 +198,11 @@ class Machine:
         if where not in self.robot.last_links:
             return _BODY_SIZE * own, _BODY_TOLERANCE * own
         sizes = _scales(0.1 * self.mass, 0.3 * self.length)
-        if self.robot.n_joints > 1:  # about one axis it is a rotor's inertia, an encoder's zero
+        if self.robot.n_joints > 1:
             sizes = np.maximum(sizes, _BODY_SIZE * own)
+        elif self.robot.passive_joints:
+            sizes = np.maximum(sizes, _BODY_SIZE * own * _along(row[1:4]))
+        # of a lone motor's it is a rotor's inertia, an encoder's zero, a scale of torques
         return sizes, NOTHING * sizes  # a load is there or not
 
     def _rms(self, every: Sequence[Array], state: str = '') -> Array:
@@ -215,6 +218,13 @@ class Machine:
 def _scales(mass: float, arm: float) -> Array:
     """(10,) of the inertial parameters of a body of a mass [kg] and an extent [m]."""
     return mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
+
+
+def _along(moment: Array) -> Array:
+    """(10,) shares of a body that do not turn its first moment, as the zero of an encoder does."""
+    size = float(np.linalg.norm(moment))
+    along = np.abs(moment) / size if size else np.ones(3)
+    return np.array([1.0, *np.maximum(along, NOTHING), *[1.0] * 6])
 
 
 def is_kind_of(effect: Effect | type[Effect], law: str) -> bool:
