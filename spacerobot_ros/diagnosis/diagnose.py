@@ -29,7 +29,7 @@ from .arms.arms import find_arm_causes
 from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
 from .events.arm_events import arm_events
-from .events.event import Event, Events
+from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
 from .limits import MISFIT, MOST
 from .lone_bodies.spinning import diagnose_spin, is_spinning
@@ -185,9 +185,9 @@ def _one_takes_most(fit: Fit, kinds: Sequence[type[Effect]], left: float) -> boo
     return any(it.score.gain > MOST * left for it in judged)
 
 
-def _with(fit: Fit, named: Sequence[Event]) -> Fit:
+def _with(fit: Fit, events: Sequence[Event | PossibleEvent]) -> Fit:
     """Causes and events along a whole record."""
-    applied = (e for event in named for e in event.applied)
+    applied = (e for event in events for e in event.applied)
     return Fit(fit.run.without(()), [*fit.causes, *applied])
 
 
@@ -262,7 +262,7 @@ def _in_flight(
     steps, large = steps_beside_usual(run)
     found = _searched(run.without(spans_of(steps)), kinds, report)
     if steps.named:
-        without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.named))
+        without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.all))
         if _one_takes_most(without, kinds, _cost(without) - cost):
             causes = _searched(run, kinds, report)
             if _cost(_with(causes.sound, ())) < cost:
@@ -275,5 +275,5 @@ def _in_flight(
         return found, steps
     causes = _searched(run.without(large), kinds, report)
     beside = impulse_events(Fit(run, causes.sound.causes))
-    is_better = _cost(_with(causes.sound, beside.named)) < _cost(_with(found.sound, ()))
+    is_better = _cost(_with(causes.sound, beside.all)) < _cost(_with(found.sound, ()))
     return (causes, beside) if beside.named and is_better else (found, steps)

@@ -178,12 +178,12 @@ def is_possible(applied: Effect | Sequence[Effect], robot: Robot) -> bool:
 def is_physical(effects: Sequence[Effect], robot: Robot) -> bool:
     """Whether every body of the robot is still one beside effects, made of positive masses."""
     try:
-        changed = changed_robot(robot, effects)
+        remaining = changed_robot(robot, effects).inertial_parameters
     except ConfigurationError:
         return False
     was, remains = (
-        np.linalg.eigvalsh(pseudo_inertia(r.inertial_parameters))[:, 0] > 0.0
-        for r in (robot, changed)
+        np.linalg.eigvalsh(pseudo_inertia(p))[:, 0] > 0.0
+        for p in (robot.inertial_parameters, remaining)
     )
     return bool(np.all(remains | ~was))
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 
+from ..errors import ConfigurationError
 from ..formats import either
 from ..types import Matrix3, Vector3
 from .urdf import Tree, by_parent
@@ -67,8 +68,15 @@ class Body:
 
     @property
     def spatial_inertia(self) -> pin.Inertia:
-        """Mass, centre of mass and inertia in the body frame."""
-        return pin.Inertia(self.mass, self.com, self.inertia)
+        """Mass, centre of mass and inertia in the body frame.
+
+        Raises:
+            ConfigurationError: an inertia that no body has.
+        """
+        try:
+            return pin.Inertia(self.mass, self.com, self.inertia)
+        except RuntimeError as error:
+            raise ConfigurationError(self.name, 'has an inertia that no body has') from error
 
     def with_spatial_inertia(self, inertia: pin.Inertia) -> Body:
         """The body with another mass, centre of mass and inertia."""

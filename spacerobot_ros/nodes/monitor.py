@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
@@ -24,6 +25,7 @@ from ..effects.catalogue import believed_effects
 from ..model.robot import Robot
 from ..recording import messages
 from ..recording.buffer import sensors_of
+from ..recording.robot_inputs import own_wheels
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
@@ -92,6 +94,8 @@ class MonitorNode(SensorNode):
         self.follow(robot, sensors, SAMPLES, efforts=True)
         if robot.thrusters:
             self.listen('/thruster_commands', JointState, SAMPLES, self._on_commands)
+        if own_wheels(robot):
+            self.listen('/wheel_states', JointState, SAMPLES, self._on_wheels)
         if robot.is_free:
             self.listen('/base_torque', WrenchStamped, SAMPLES, self._on_wrench)
         channels = [partial(self._channel_status, k) for k in range(len(self.monitor.probes))]
@@ -114,6 +118,11 @@ class MonitorNode(SensorNode):
         names = [thruster.name for thruster in self.monitor.robot.thrusters]
         shares = messages.thruster_shares(message, names)
         self.monitor.add_commands(messages.stamp_ns(message.header.stamp), shares)
+
+    def _on_wheels(self, message: JointState) -> None:
+        names = own_wheels(self.monitor.robot)
+        (rates,) = messages.joint_columns(message, names, 'velocity', others=True)
+        self.monitor.add_wheels(messages.stamp_ns(message.header.stamp), np.asarray(rates))
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         self.monitor.add_wrench(*messages.base_wrench(message, self.monitor.robot.base_link))

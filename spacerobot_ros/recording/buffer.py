@@ -21,6 +21,8 @@ from .messages import finite, unit, vector
 from .record import AttitudeSeries, JointSeries, RateSeries, Record, shown
 from .series import InputSeries
 
+WHEELS = 'wheels'
+"""Key of a `SampleBuffer`'s input that becomes a record's `wheels` [rad/s]."""
 SENSORS = ('imu', 'attitude', 'joints')  # in the order in which equal stamps are used
 PATIENCE_NS = 1_000_000_000  # for a sensor that is silent, on its stamps and on the wall
 MOST_SAMPLES = 100_000
@@ -126,7 +128,7 @@ class SampleBuffer:
         sensors: Those that are waited for.
 
     Attributes:
-        inputs: Names and samples of known inputs by key.
+        inputs: Names and samples of known inputs by key, rates of own wheels among them.
         streams: Samples by sensor, a joint's as [q, qd, effort, whether there is an effort].
         origin_ns: First stamp of all [ns]; None before it.
         closed_ns: Stamps up to this one are used: another one there comes too late [ns].
@@ -281,7 +283,11 @@ class SampleBuffer:
             attitudes = AttitudeSeries(stamps, rows)
         zero_ns = self.origin_ns or 0
         inputs = self._inputs(zero_ns if start_ns is None else start_ns, ends[1])
-        return Record(joints, rates, attitudes, zero_ns=zero_ns, inputs=inputs)
+        wheels = None
+        if (turning := inputs.pop(WHEELS, None)) is not None:
+            zero = np.zeros_like(turning.values)
+            wheels = JointSeries(turning.names, turning.stamp_ns, zero, turning.values)
+        return Record(joints, rates, attitudes, wheels, zero_ns=zero_ns, inputs=inputs)
 
     def after(self, stamp_ns: int) -> int | None:
         """The first stamp after one [ns]; None where there is none."""

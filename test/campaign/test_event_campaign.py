@@ -10,13 +10,27 @@ import pytest
 from support.diagnosis import hand_made
 
 from spacerobot_ros.campaign.hidden import event_machines
-from spacerobot_ros.campaign.hidden.event_campaign import judge, results, run, tables, trials
+from spacerobot_ros.campaign.hidden.event_campaign import (
+    _match,
+    judge,
+    results,
+    run,
+    tables,
+    trials,
+)
 from spacerobot_ros.campaign.hidden.event_machines import MACHINES, HiddenPulse
 from spacerobot_ros.campaign.hidden.real_arm import COULOMB, JOINTS
+from spacerobot_ros.diagnosis.events.event import Event, EventLimit, Events
+from spacerobot_ros.diagnosis.events.event_limits import KEPT_STEP
+from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
+from spacerobot_ros.diagnosis.events.impulse_split import pairs
 from spacerobot_ros.diagnosis.events.impulses import steps_beside_usual
 from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+
+SAID = hand_made('explained')
 
 
 def record(*pulses, kind='moving', false=(), beside=()):
@@ -88,6 +102,48 @@ def test_what_was_found_between_two_gives_way_to_both(monkeypatch):
     for p, e in zip(hidden, events.named, strict=False):
         off = 0.5 * (e.start + e.end) - p.start - 0.5 * p.duration
         assert abs(off) < 3.0 * e.middle_std < 1.0
+
+
+def fit_alone(record, robot):
+    seen = observed(record, robot)
+    return Fit(Run(seen, robot, (), noise_levels(robot.sensors, seen)[0], 'held_before'), ())
+
+
+def test_one_of_six_seconds_gives_way_to_the_two_that_it_covers(monkeypatch):
+    """Its halves explain little more than it does: two at other times about it do."""
+    monkeypatch.setattr(event_machines, 'diagnose', lambda *run: replace(SAID, events=run))
+    hidden = [
+        HiddenPulse(None, 6.31, 1.86, 1e-5 * np.array([0.707, 5.494, -3.143]), 12.0),
+        HiddenPulse(None, 12.20, 0.39, 1e-5 * np.array([-0.183, -2.456, -10.287]), 20.0),
+        HiddenPulse(None, 19.62, 0.81, 1e-5 * np.array([-12.377, -15.522, -6.495]), 40.0),
+    ]
+    fit = fit_alone(*MACHINES['lone'](70023).found(hidden))
+    merged = ImpulseFit(fit, np.array([[11.35, np.log(6.0)], [20.14, np.log(1.2)]]))
+    halves, pair = (merged.at(np.array([merged.times[1], *p])) for p in pairs(merged, 0))
+    assert merged.cost - halves.cost < KEPT_STEP**2 < merged.cost - pair.refined().cost
+    middles = sorted(pair.times[:, 0])
+    # before their times are fitted, of which the noise leaves 0.2 to 0.5 s
+    assert middles == pytest.approx([7.24, 12.40, 20.02], abs=1.5)
+
+
+def test_sizes_are_by_what_noise_leaves_beside_the_other_pulses():
+    """Of one alone it is half: what follows a step until the next tells its size."""
+    machine = MACHINES['lone'](3)
+    spans = [(6.0, 1.0), (14.0, 1.0), (22.0, 1.0)]
+    limit = EventLimit(duration=1.0, durations=(1.0,), peaks=(1.0,), unit='N m s', snr=20.0)
+    quiet = Events(limits=dict.fromkeys('xyz', limit))
+    three, one = (machine.units(np.random.default_rng(1), quiet, s) for s in (spans, spans[1:2]))
+    assert 1.5 < three[1][2] / one[0][2] < 4.0
+    assert all(np.linalg.norm(size) < 3.0 * std for _, size, std in three)
+
+
+def test_a_step_whose_time_is_uncertain_is_matched_by_it():
+    hidden = HiddenPulse(None, 12.26, 0.32, np.ones(3), 20.0)
+    said = {'effect': 'angular_impulse', 'where': None, 'joints': (), 'ongoing': False}
+    sizes = {'peak': {}, 'peak_std': {}, 'units': {}, 'z': 13.0}
+    for std, is_found in ((0.32, True), (0.01, False), (None, False)):
+        event = Event(**said, **sizes, start=11.82, end=12.19, middle_std=std)
+        assert (_match(hidden, Events(named=(event,))) is event) == is_found
 
 
 def test_scores_by_size_and_false_events_by_the_hour():

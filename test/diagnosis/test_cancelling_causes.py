@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.lone_body import box_file
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.diagnosis.limits import CANCELLED
 from spacerobot_ros.diagnosis.search import conclusion
 from spacerobot_ros.diagnosis.search.found import Choice, Found
 from spacerobot_ros.diagnosis.search.soundness import Soundness
@@ -15,6 +17,9 @@ from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from spacerobot_ros.recording.buffer import SampleBuffer
+from spacerobot_ros.recording.robot_inputs import in_robot_order
+from spacerobot_ros.simulation.closed_loop import ClosedLoop
 
 SOUND = Soundness(held_out_gain=1.0, placebo_gain=0.0, constant_p=1.0)
 
@@ -39,3 +44,31 @@ def test_torques_that_undo_each_other_explain_nothing(run, monkeypatch, sign, ve
     assert said.verdict == verdict, said.sentence
     assert ('undo' in said.sentence) == (verdict != 'explained')
     assert len(said.causes) == 2
+
+
+def test_thrusters_against_each_other_are_what_they_are(tmp_path):
+    """Both at 70 %, fired in turn: each takes what the other gave, and follows its own command."""
+    mounted = {
+        name: {'at': [0.0, 0.1, 0.0], 'direction': [sign, 0.0, 0.0], 'force': 0.02}
+        for name, sign in (('A', 1.0), ('B', -1.0))
+    }
+    fired = {'width': 0.3, 'period': 2.0}
+    firings = {
+        'a': {'thruster': 'A', 'start': 0.5, **fired},
+        'b': {'thruster': 'B', 'start': 1.0, **fired},
+    }
+    file = box_file(tmp_path, robot={'thrusters': mounted}, firings=firings)
+    samples = SampleBuffer(())
+    loop = ClosedLoop(file.robot, file.settings)
+    for k, step in enumerate(loop.run(300)):
+        samples.add_input('thrusters', ('A', 'B'), step.stamp_ns, loop.firings.commands(k))
+        step.feed(samples)
+    record = observed(in_robot_order(samples.record(), file.robot), file.robot)
+    run = Run(record, file.robot, (), noise_levels(file.robot.sensors, record)[0], 'held_before')
+    kind = CATALOGUE['thruster_gain']
+    fit = Fit(run, [kind(name=name, where=name, values={'gain': 0.7}) for name in 'AB'])
+    score = Score(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, np.zeros(1))
+    choices = tuple(Choice((kind.id, name), score, ()) for name in 'AB')
+    one, other = fit.changed(0), fit.changed(1)
+    assert one @ one + other @ other > CANCELLED * (one + other) @ (one + other)
+    assert not Found(Fit(run, ()), fit, choices, (SOUND,) * 2, (), True).is_cancelled

@@ -9,9 +9,13 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.diagnosis.flight.monitor import Monitor
+from spacerobot_ros.effects.bodies.bodies import NAMES
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.errors import MessageRejectedError, RecordingError
+from spacerobot_ros.estimation.columns import is_physical
+from spacerobot_ros.model.settings import MonitorSettings
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from spacerobot_ros.recording.robot_inputs import in_robot_order
@@ -109,3 +113,35 @@ def test_rates_that_lack_a_wheel_of_the_robot_are_refused(satellite, tmp_path):
     )
     with pytest.raises(RecordingError, match=r'wheels.names: must have .* \(wheel\), got whee$'):
         read_record(tmp_path / 'run.csv', satellite, tmp_path / 'map.yaml')
+
+
+@pytest.mark.parametrize(('is_told', 'level'), [(True, 'ok'), (False, 'error')])
+def test_the_monitor_knows_the_rates(satellite, rng, is_told, level):
+    record = flown(rng, satellite)
+    monitor = Monitor(satellite, MonitorSettings(), ())
+    wheels = dict(zip(record.wheels.stamp_ns.tolist(), record.wheels.velocity, strict=True))
+    turned = dict(zip(record.attitudes.stamp_ns.tolist(), record.attitude_xyzw, strict=True))
+    for ns, omega in zip(record.rates.stamp_ns.tolist(), record.omega, strict=True):
+        if is_told:
+            monitor.add_wheels(ns, wheels[ns])
+        monitor.add_rate(ns, omega)
+        if ns in turned:
+            monitor.add_attitude(ns, turned[ns])
+        monitor.step()
+    assert monitor.state.level == level, monitor.state.reason
+
+
+def test_rates_of_no_wheel_are_refused(satellite):
+    monitor = Monitor(satellite, MonitorSettings(), ())
+    for rates in ([1.0, 2.0], [np.nan]):
+        with pytest.raises(MessageRejectedError):
+            monitor.add_wheels(0, np.array(rates))
+
+
+def test_a_body_with_nearly_no_inertia_left_is_none(satellite):
+    """What a search asks of wheels that nobody measured: a moment below zero by rounding."""
+    left = np.array([0, 0, 0, 0, -3e-11, 0, 2e-4, 0, 0, 2e-4])  # beside the mass
+    change = np.where(np.arange(10) < 4, 0.0, left - satellite.inertial_parameters[0])
+    values = dict(zip(NAMES, change.tolist(), strict=True))
+    shrunk = bind_effect('x', 'inertial_parameters', 'base_link', values, satellite)
+    assert not is_physical([shrunk], satellite)

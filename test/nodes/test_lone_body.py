@@ -58,3 +58,28 @@ def test_firings_act_and_are_published(rig):
     # 0.015 s of 0.8 N at 0.5 m on 0.40 kg m^2; turning by 1e-4 rad changes nothing of it
     rate = sim.plant.state.omega_WB_B
     np.testing.assert_allclose(rate, [0.0, 0.0, -0.015 * 0.8 * 0.5 / 0.40], atol=1e-6)
+
+
+def test_the_monitor_hears_the_rates_of_its_own_wheels(rig):
+    wheel = '<inertia ixx="0.002" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>'
+    rotor = (
+        f'<link name="rotor"><inertial><mass value="1"/>{wheel}</inertial></link>'
+        '<joint name="rw" type="continuous"><parent link="base_link"/><child link="rotor"/>'
+        '<axis xyz="1 0 0"/></joint></robot>'
+    )
+    urdf = BOX.format(com='0 0 0').replace('</robot>', rotor)
+    parameters = {
+        'robot_description': urdf,
+        'robot.joints': [],
+        'robot.servicer_wheels.joints': ['rw'],
+        'robot.servicer_wheels.rates': [100.0],
+    }
+    node, probe = rig.add(MonitorNode, parameters), rig.plain()
+    publisher = probe.create_publisher(JointState, '/wheel_states', SAMPLES)
+    publisher.publish(JointState(name=['other', 'rw'], velocity=[1.0, 120.0]))
+    publisher.publish(JointState(name=['other'], velocity=[1.0]))
+    rig.until(lambda: node.health.count())
+    assert node.health.rejected['/wheel_states', 'joint names: lacks rw'] == 1
+    names, heard = node.monitor.samples.inputs['wheels']
+    assert list(names) == ['rw']
+    np.testing.assert_array_equal(heard.values, [[120.0]])

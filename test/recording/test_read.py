@@ -311,7 +311,7 @@ FAULTY_MAPPINGS = {
     'wrong order': ({'attitude__order': 'xywz'}, r"'xywz' is not one of xyzw, wxyz"),
     'wrong direction': ({'attitude__maps': 'up'}, r"'up' is not one of base_to_inertial"),
     'no time': ({'time': None}, r'time: is missing'),
-    'no sensor': ({'joints': None, 'gyro': None, 'attitude': None}, 'maps no sensor'),
+    'no sensor': ({'joints': None, 'gyro': None, 'attitude': None}, 'maps no sensor of a motion'),
     'foreign joint': ({'joints__names': ['a', *JOINTS[:2]]},
                       r'joints.names: lacks j_link_3 and has foreign a \(the robot has'),
     'joint twice': ({'joints__names': [*JOINTS[:2], JOINTS[1]]},

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...diagnosis.events.event import Event, Events
+from ...diagnosis.events.event import Event, Events, PossibleEvent
 from ...display import Table, table_of
 from ..description import Check, Record, Results, grouped, key
 from ..shares import share_of
@@ -158,26 +158,28 @@ def _drawn(machine: DrawnMachine, quiet: Events, rng: np.random.Generator) -> li
     """Pulses of all sizes one after another; none where nothing is said of quiet times."""
     count = len(machine.ratios)
     length = (machine.seconds - 2.0 * _ENDS) / count
-    out = []
-    for k, ratio in enumerate(rng.permutation(machine.ratios).tolist()):
+    ratios, spans = rng.permutation(machine.ratios).tolist(), []
+    for k in range(count):
         duration = float(rng.uniform(_SHORTEST, _LONGEST))
         start = _ENDS + length * k + float(rng.uniform(0.0, length - _APART - duration))
-        unit = machine.unit(rng, quiet, duration)
-        if unit is not None:
-            where, size, std = unit
-            out.append(HiddenPulse(where, start, duration, ratio * size, ratio, std))
-    return out
+        spans.append((start, duration))
+    units = machine.units(rng, quiet, spans) or ()
+    return [
+        HiddenPulse(where, start, duration, ratio * size, ratio, std)
+        for (where, size, std), (start, duration), ratio in zip(units, spans, ratios, strict=False)
+    ]
 
 
 def _match(p: HiddenPulse, found: Events) -> Event | None:
     """The named event that is nearest in time and felt where the pulse acts."""
-    near = [e for e in found.named if _is_meant(p, e.start, e.end, e.joints)]
+    near = [e for e in found.named if _is_meant(p, e, _OFF_BY_STD[1] * (e.middle_std or 0.0))]
     return min(near, key=lambda e: abs(_off(p, e)), default=None)
 
 
-def _is_meant(p: HiddenPulse, start: float, end: float, joints: Sequence[str]) -> bool:
-    overlaps = start < p.start + p.duration and p.start < end
-    return overlaps and (p.where is None or p.where in joints)
+def _is_meant(p: HiddenPulse, e: Event | PossibleEvent, unsure: float = 0.0) -> bool:
+    """Whether they overlap, as far as times are known, and are felt at one place."""
+    overlaps = e.start - unsure < p.start + p.duration and p.start < e.end + unsure
+    return overlaps and (p.where is None or p.where in e.joints)
 
 
 def _off(p: HiddenPulse, e: Event) -> float:
@@ -190,7 +192,7 @@ def _said(e: Event) -> Record:
 
 def _judged(p: HiddenPulse, e: Event | None, found: Events) -> Record:
     """A pulse and what was said of it; without a name the reason with which it was listed."""
-    listed = (o.reason for o in found.possible if _is_meant(p, o.start, o.end, o.joints))
+    listed = (o.reason for o in found.possible if _is_meant(p, o))
     size, names = np.atleast_1d(p.size), AXES if p.where is None else (p.where,)
     error = e and float(np.linalg.norm([e.peak[n] for n in names] - size) / np.linalg.norm(size))
     return {

@@ -13,7 +13,7 @@ from ...diagnosis.answer.extended_model import effects_section
 from ...diagnosis.diagnose import diagnose
 from ...diagnosis.events.arm_events import arm_events
 from ...diagnosis.events.event import EventLimit, Events
-from ...diagnosis.events.impulses import steps_beside_usual
+from ...diagnosis.events.impulses import covariances, steps_beside_usual
 from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect
 from ...effects.robot_file import RobotFile
@@ -24,6 +24,7 @@ from ...estimation.noise_levels import noise_levels
 from ...estimation.runs import Run
 from ...estimation.trajectory.observations import observed
 from ...model.loader import build_robot
+from ...model.robot import Robot
 from ...model.settings import parse_settings
 from ...recording.buffer import SampleBuffer
 from ...recording.record import Record
@@ -49,8 +50,8 @@ class HiddenPulse:
         start: [s]. duration: [s].
         size: Torque [N m], or (3,) impulse along inertial axes [N m s].
         ratio: Of its size, by which it was drawn.
-        std: Rms error that the noise leaves of it where its times are known, all axes together;
-            NaN where friction decides.
+        std: Rms error that the noise leaves of it where the times of all are known, all axes
+            together; NaN where friction decides.
     """
 
     where: str | None
@@ -72,7 +73,10 @@ class HiddenPulse:
 
 
 Found = Callable[[Sequence[HiddenPulse]], Events]
-Unit = Callable[[np.random.Generator, Events, float], tuple[str | None, Array, float] | None]
+Spans = Sequence[tuple[float, float]]
+"""Starts and durations [s]."""
+Drawn = list[tuple[str | None, Array, float]] | None
+Units = Callable[[np.random.Generator, Events, Spans], Drawn]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,15 +86,15 @@ class DrawnMachine:
     Args:
         words: What it is. seconds: Length of its recordings.
         found: Events of a recording with pulses.
-        unit: Place and size, of ratio one, of a pulse of a duration [s], by what was found in
-            quiet, and `HiddenPulse.std`; None: of which nothing is said.
+        units: Places and sizes, of ratio one, of pulses in one recording, by what was found in
+            quiet, each with its `HiddenPulse.std`; None: nothing is said of one.
         ratios: Sizes of its pulses.
     """
 
     words: str
     seconds: float
     found: Found
-    unit: Unit
+    units: Units
     ratios: tuple[float, ...] = SNRS
 
 
@@ -102,7 +106,7 @@ def _moving(seed: int) -> DrawnMachine:
     arm = LawArm(seed, leftover=float(rng.uniform(0.3, 1.0)), colour=colour)
     words = f'{colour}, {len(moves)} move'
     found = _held(arm.record(0, moves, 40.0), moves, rng)
-    return DrawnMachine(words, 40.0, found, _torque(moves))
+    return DrawnMachine(words, 40.0, found, _torques(moves))
 
 
 def _still(seed: int) -> DrawnMachine:
@@ -112,7 +116,7 @@ def _still(seed: int) -> DrawnMachine:
     arm = LawArm(seed, leftover=float(rng.uniform(0.3, 1.0)))
     stand = [name for name in JOINTS if name not in moves]
     found = _held(arm.record(0, moves, 30.0), moves, rng)
-    return DrawnMachine(f'{len(moves)} move', 30.0, found, _torque(stand, is_limit=True), _LIMITS)
+    return DrawnMachine(f'{len(moves)} move', 30.0, found, _torques(stand, is_limit=True), _LIMITS)
 
 
 def _held(quiet: Record, moves: Sequence[str], rng: np.random.Generator) -> Found:
@@ -147,22 +151,22 @@ def _of_arm(record: Record) -> Events:
     return arm_events([balance], rows).events
 
 
-def _torque(names: Sequence[str], *, is_limit: bool = False) -> Unit:
-    """A torque on any of some joints of the size of its deviation, or of its limit."""
+def _torques(names: Sequence[str], *, is_limit: bool = False) -> Units:
+    """Torques on any of some joints of the size of their deviation, or of their limit."""
 
-    def unit(
-        rng: np.random.Generator, events: Events, duration: float
-    ) -> tuple[str, Array, float] | None:
-        name, sign = str(rng.choice(names)), rng.choice([-1.0, 1.0])
-        limit = events.limits[name]
-        if limit is None:
-            return None
-        peak = _peak(limit, duration)
-        if is_limit:
-            return name, np.asarray(sign * peak), math.nan
-        return name, np.asarray(sign * peak / limit.snr), peak / limit.snr
+    def units(rng: np.random.Generator, events: Events, spans: Spans) -> Drawn:
+        out: list[tuple[str | None, Array, float]] = []
+        for _, duration in spans:
+            name, sign = str(rng.choice(names)), rng.choice([-1.0, 1.0])
+            limit = events.limits[name]
+            if limit is None:
+                return None
+            peak = _peak(limit, duration)
+            std = peak / limit.snr
+            out.append((name, np.asarray(sign * peak if is_limit else sign * std), std))
+        return [(name, size, math.nan) for name, size, _ in out] if is_limit else out
 
-    return unit
+    return units
 
 
 def _peak(limit: EventLimit, duration: float) -> float:
@@ -179,12 +183,13 @@ def _base(seed: int) -> DrawnMachine:
     known = robot_file(name).robot
     robot = known.with_target_momentum(np.zeros(3)) if np.any(known.target_momentum) else known
 
-    def found(pulses: Sequence[HiddenPulse]) -> Events:
-        record = observed(simulated(name, 'default', seed, _impulses(pulses), 30.0), robot)
-        noise, _ = noise_levels(robot.sensors, record)
-        return steps_beside_usual(Run(record, robot, (), noise, 'held_before'))[0]
+    def run(pulses: Sequence[HiddenPulse]) -> Run:
+        return _run(simulated(name, 'default', seed, _impulses(pulses), 30.0), robot)
 
-    return DrawnMachine(name, 30.0, found, _impulse)
+    def found(pulses: Sequence[HiddenPulse]) -> Events:
+        return steps_beside_usual(run(pulses))[0]
+
+    return DrawnMachine(name, 30.0, found, _impulse_units(run))
 
 
 def _lone(seed: int) -> DrawnMachine:
@@ -192,16 +197,24 @@ def _lone(seed: int) -> DrawnMachine:
     file = _body_file(np.random.default_rng([seed, 3]))
     settings = replace(file.settings, simulator=replace(file.settings.simulator, seed=seed))
 
-    def found(pulses: Sequence[HiddenPulse]) -> Events:
+    def record(pulses: Sequence[HiddenPulse]) -> Record:
         samples = SampleBuffer(())
         effects = effects_section(_impulses(pulses))
         loop = ClosedLoop(file.robot, replace(settings, effects=effects))
         for step in loop.run(round(30.0 / settings.simulator.period)):
             step.feed(samples)
-        record = in_robot_order(samples.record(), file.robot)
-        return diagnose(record, file.robot).events or Events()
+        return in_robot_order(samples.record(), file.robot)
 
-    return DrawnMachine('body', 30.0, found, _impulse)
+    def found(pulses: Sequence[HiddenPulse]) -> Events:
+        return diagnose(record(pulses), file.robot).events or Events()
+
+    units = _impulse_units(lambda pulses: _run(record(pulses), file.robot))
+    return DrawnMachine('body', 30.0, found, units)
+
+
+def _run(record: Record, robot: Robot) -> Run:
+    own = observed(record, robot)
+    return Run(own, robot, (), noise_levels(robot.sensors, own)[0], 'held_before')
 
 
 def _body_file(rng: np.random.Generator) -> RobotFile:
@@ -224,16 +237,24 @@ def _body_file(rng: np.random.Generator) -> RobotFile:
     return RobotFile(build_robot(settings, urdf), settings, ())
 
 
-def _impulse(
-    rng: np.random.Generator, events: Events, duration: float
-) -> tuple[None, Array, float] | None:
-    """Of any direction."""
-    limits = [limit for limit in events.limits.values() if limit is not None]
-    if len(limits) < len(AXES):
-        return None
-    way = rng.standard_normal(3)
-    stds = np.array([_peak(limit, duration) / limit.snr for limit in limits])
-    return None, way / float(np.linalg.norm(way / stds)), float(np.linalg.norm(stds))
+def _impulse_units(run: Callable[[Sequence[HiddenPulse]], Run]) -> Units:
+    """Of any directions, by what the noise leaves of each beside the others.
+
+    A step is seen by what follows until the next: alone in a record it has half the deviation.
+    """
+
+    def units(rng: np.random.Generator, events: Events, spans: Spans) -> Drawn:
+        if not events.is_judged:
+            return None
+        times = np.array([[start + 0.5 * length, math.log(length)] for start, length in spans])
+        out: list[tuple[str | None, Array, float]] = []
+        for own in covariances(run(()), times):
+            way = rng.standard_normal(3)
+            size = way / math.sqrt(float(way @ np.linalg.solve(own, way)))
+            out.append((None, size, math.sqrt(float(np.trace(own)))))
+        return out
+
+    return units
 
 
 def _impulses(pulses: Sequence[HiddenPulse]) -> list[Effect]:

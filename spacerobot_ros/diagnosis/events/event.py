@@ -74,6 +74,7 @@ class PossibleEvent:
         start: [s]. end: [s]. joints: That feel it. z: Size by standard deviation.
         reason: `weak`, `recurs`, `unvisited`, `stiction`, `edge`, `unexplained` or `friction`.
         recording: Number of the recording.
+        applied: The same as effects of a model, where sizes are known.
     """
 
     start: float
@@ -82,6 +83,7 @@ class PossibleEvent:
     z: float
     reason: str
     recording: int = 0
+    applied: tuple[Effect, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +129,11 @@ class Events:
     def is_judged(self) -> bool:
         """Whether any would be named."""
         return any(self.limits.values())
+
+    @property
+    def all(self) -> tuple[Event | PossibleEvent, ...]:
+        """Named ones and possible ones."""
+        return (*self.named, *self.possible)
 
     def place_of(self, event: Event | PossibleEvent) -> str:
         """The recording of an event, from 1, where there are several."""

@@ -54,6 +54,11 @@ LISTED_STEP = 6.0
 """z of three axes together from which a step of the angular momentum is looked at: white noise
 exceeds it once in a hundred hours."""
 
+KEPT_STEP = 5.1
+"""z of a step that was seen, below which it falls, and root of what two in place of one must gain:
+its square of five more numbers is chance once in ten thousand. Seen alone it had `LISTED_STEP`;
+beside its neighbours, of which it is one more, less of it is its own."""
+
 STEADY = 1.5
 """Times that z of steps may scatter more than in white noise for what lasts to be fitted well
 enough to look for steps first: else causes are, and steps beside them."""

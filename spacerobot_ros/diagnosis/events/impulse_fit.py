@@ -17,7 +17,7 @@ import numpy as np
 from ...effects.surroundings.external import pulse_shape
 from ...estimation.refit import Fit
 from ...estimation.rows import Rows
-from ...types import Array
+from ...types import Array, IntArray
 
 EDGE = 0.5  # share of a bell in which it rises and falls
 LONGEST = 6.0  # s: twice the longest bell; what lasts longer is a lasting cause
@@ -73,10 +73,12 @@ class ImpulseFit:
         values = inverse @ (self.columns.T @ fit.data)
         self.left: Array = fit.data - self.columns @ values
         self.found: list[Impulse] = []
+        self.covariances: list[Array] = []
         for k, (middle, duration) in enumerate(times.tolist()):
             own = lasting.shape[1] + k + len(times) * np.arange(3)
             value, covariance = values[own], inverse[np.ix_(own, own)]
             z2 = float(value @ np.linalg.pinv(covariance, hermitian=True) @ value)
+            self.covariances.append(covariance)
             std = np.sqrt(np.diag(covariance))
             start, end = (middle + half * math.exp(duration) for half in (-0.5, 0.5))
             self.found.append(Impulse(start, end, value, std, float(np.sqrt(max(z2, 0.0)))))
@@ -93,6 +95,21 @@ class ImpulseFit:
     def beside(self, columns: Array) -> Array:
         """What is left of columns (R, K) beside all impulses and what lasts."""
         return np.asarray(columns - self._basis @ (self._basis.T @ columns))
+
+    def is_within(self, time: Array) -> Array:
+        """(N,) whether times (N,) are the record's."""
+        first, last = self._fit.rows.motion.time[[0, -1]]
+        return np.asarray((time >= first) & (time <= last))
+
+    def gains(self, times: Array, sets: IntArray) -> Array:
+        """(S,) chi-square that more impulses take: sets (S, K) of those at times (M, 2)."""
+        by_axis = self.beside(bells(self._fit.rows, times)).reshape(-1, 3, len(times))
+        columns = by_axis.transpose(0, 2, 1).reshape(len(by_axis), -1)
+        own = (3 * sets[:, :, None] + np.arange(3)).reshape(len(sets), -1)
+        num = (columns.T @ self.left)[own]
+        square = columns.T @ columns
+        den = np.linalg.pinv(square[own[:, :, None], own[:, None, :]], hermitian=True)
+        return np.asarray(np.einsum('sa,sab,sb->s', num, den, num))
 
     def refined(self) -> ImpulseFit:
         """With times and sizes of all impulses fitted together (Gauss and Newton)."""
@@ -125,10 +142,7 @@ class ImpulseFit:
         costs = []
         for log in np.clip(duration + longer * _LONGER, self._shortest, math.log(LONGEST)):
             times = np.column_stack([middle + lags, np.full(len(lags), log)])
-            columns = others.beside(bells(self._fit.rows, times)).reshape(-1, 3, len(lags))
-            num = np.einsum('rag,r->ga', columns, others.left)
-            den = np.linalg.pinv(np.einsum('rag,rbg->gab', columns, columns), hermitian=True)
-            gain = np.einsum('ga,gab,gb->g', num, den, num)
+            gain = others.gains(times, np.arange(len(lags))[:, None])
             costs.append(((log - math.log(_USUAL)) / _WIDTH) ** 2 - gain)
         weights = np.exp(-0.5 * (np.array(costs) - np.min(costs)))
         return math.sqrt(float(np.sum(weights * lags**2) / np.sum(weights)))

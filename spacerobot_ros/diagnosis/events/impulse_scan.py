@@ -21,8 +21,9 @@ import numpy as np
 from ...effects.surroundings.external import pulse_shape
 from ...estimation.refit import Fit
 from ...types import Array
-from .event_limits import LISTED_STEP, STEADY
+from .event_limits import KEPT_STEP, LISTED_STEP, STEADY
 from .impulse_fit import EDGE, LONGEST, Impulse, ImpulseFit, bells
+from .impulse_split import apart, split, times_of
 
 DURATIONS = (0.05, 0.3, 1.0, 3.0)
 """Of the bells of a scan [s]; a record shorter than one is not asked for it."""
@@ -35,7 +36,6 @@ _SETTLED = 1.5  # s in which the filter still finds its state
 _ROUNDS = 4
 _SHARE = 0.3  # of a record that events may take, as their level is that of all other times
 AXES = 'xyz'
-_TOUCHING = 0.1  # s between two that are one
 _SEEN = 0.02  # of a template's square that columns must leave for it to say anything
 TAIL = 0.05  # s after an event in which nothing is used
 
@@ -62,16 +62,25 @@ class ImpulseScan:
         self._least = {d: np.linalg.eigvalsh(den)[:, 0] for d, den in self._squares.items()}
         self.colours = dict.fromkeys(self.durations, 1.0)
         self._known: dict[bytes, Array] = {}  # `_wanted` of the columns of the last fit
-        self._best = self._searched(ImpulseFit(fit, _times(())))
-        self._colour(self._best)
+        self._best = self._standing(self._searched(ImpulseFit(fit, times_of(()))))
+        if self.is_steady:  # what fell may have kept two from being told apart
+            self._best = self._standing(split(self._best))
+        self.found = sorted(self._scaled(), key=lambda i: i.start)
+
+    def _standing(self, best: ImpulseFit) -> ImpulseFit:
+        """Without what does not stand beside all others.
+
+        One at a time: what it takes is its neighbours', whose times it held.
+        """
+        self._colour(best)
         while (
             self.is_steady
-            and (found := sorted(self._best.found, key=self._size))
-            and self._size(found[0]) < LISTED_STEP
-        ):  # one at a time: what it takes is its neighbours', whose times it held
-            self._best = self._best.at(_apart(found[1:])).refined()
-            self._colour(self._best)
-        self.found = sorted(self._scaled(), key=lambda i: i.start)
+            and (found := sorted(best.found, key=self._size))
+            and self._size(found[0]) < KEPT_STEP
+        ):
+            best = best.at(apart(found[1:])).refined()
+            self._colour(best)
+        return best
 
     def _size(self, found: Impulse) -> float:
         """Z by the scatter of its duration."""
@@ -91,9 +100,9 @@ class ImpulseScan:
         """With all impulses: the large ones first, then those that others hide."""
         for _ in range(_ROUNDS):
             best = best.refined()
-            if len(apart := _apart(best.found)) < len(best.found):
-                best = best.at(apart).refined()
-            best = _split(best)
+            if len(times := apart(best.found)) < len(best.found):
+                best = best.at(times).refined()
+            best = split(best)
             count = len(best.times)
             while len(best.times) < _MOST and (window := self._largest(best)):
                 best = best.at(np.array([*best.times, window]))
@@ -101,7 +110,7 @@ class ImpulseScan:
                 self._colour(best)
             if len(best.times) == count or not self.is_steady:
                 return best
-        return best.at(_apart(best.found)).refined()
+        return best.at(apart(best.found)).refined()
 
     @property
     def is_steady(self) -> bool:
@@ -116,7 +125,7 @@ class ImpulseScan:
     def standing_out(self) -> list[Impulse]:
         """What is large even by the scatter of what is left, at its likeliest times, and short."""
         large = [i for i in self._best.found if self._size(i) >= LISTED_STEP]
-        found = self._best.at(_apart(large)).refined().found
+        found = self._best.at(apart(large)).refined().found
         return [i for i in found if i.end - i.start < max(DURATIONS)]
 
     @property
@@ -224,34 +233,7 @@ class ImpulseScan:
         return np.where(seen & ~unseen, z, 0.0)
 
     def usual_std(self, duration: float) -> Array:
-        """(3,) usual standard deviation of an impulse by axis, beside what lasts [N m s]."""
-        inverse = np.linalg.inv(self._square(duration, self._lasting))
+        """(3,) usual standard deviation of one more impulse by axis, beside all else [N m s]."""
+        inverse = np.linalg.inv(self._square(duration, self._best.columns))
         usual = np.sqrt(np.median(np.diagonal(inverse, 0, 1, 2), axis=0))
         return np.asarray(self.colours[duration] * usual)
-
-
-def _split(best: ImpulseFit) -> ImpulseFit:
-    """Two impulses in place of one that covers both, where that explains as much as a new one."""
-    for k, (middle, duration) in enumerate(best.times.tolist()):
-        quarter, half = 0.25 * np.exp(duration), duration - np.log(2.0)
-        others = np.delete(best.times, k, axis=0)
-        halves = [[middle - quarter, half], [middle + quarter, half]]
-        trial = best.at(np.array([*others, *halves])).refined()
-        is_apart = len(_apart(trial.found)) > len(best.times)
-        if is_apart and best.cost - trial.cost > LISTED_STEP**2:
-            return _split(trial)
-    return best
-
-
-def _apart(found: Sequence[Impulse]) -> Array:
-    """(M, 2) times of the impulses that touch no larger one."""
-    out: list[Impulse] = []
-    for i in sorted(found, key=lambda i: -i.z):
-        if all(i.end + _TOUCHING < o.start or i.start - _TOUCHING > o.end for o in out):
-            out.append(i)
-    return _times(out)
-
-
-def _times(found: Sequence[Impulse]) -> Array:
-    """(M, 2) middles, and logarithms of durations."""
-    return np.array([i.times for i in found]).reshape(-1, 2)

@@ -7,12 +7,14 @@ from collections.abc import Iterable
 import numpy as np
 
 from ...effects.catalogue import CATALOGUE
+from ...effects.effect import Effect
 from ...effects.surroundings.external import AngularImpulse
 from ...estimation.refit import Fit, refine
 from ...estimation.runs import Run
+from ...types import Array
 from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import NAMED, SNR, chance, named_from
-from .impulse_fit import EDGE, Impulse
+from .impulse_fit import EDGE, Impulse, ImpulseFit
 from .impulse_scan import AXES, TAIL, ImpulseScan
 
 Spans = tuple[tuple[float, float], ...]
@@ -38,11 +40,7 @@ def steps_beside_usual(run: Run) -> tuple[Events, Spans]:
     spoils what is fitted to it, delays most of all: its times are left out, and all is fitted and
     looked for again. Where that does not help these times are returned.
     """
-    usual = [
-        kind(name=f'{kind.id}_{where}', where=where, values=kind.nominal())
-        for kind in map(CATALOGUE.__getitem__, _USUAL)
-        for where in kind.fitted_places(run.robot)
-    ]
+    usual = _usual(run)
     spans: Spans = ()
     scan = ImpulseScan(refine(run, usual))
     for _ in range(_ROUNDS):
@@ -53,17 +51,35 @@ def steps_beside_usual(run: Run) -> tuple[Events, Spans]:
     return _events(scan), spans
 
 
+def covariances(run: Run, times: Array) -> list[Array]:
+    """(3, 3) of impulses at known times, beside each other and what is wrong of most.
+
+    Args:
+        run: Without any.
+        times: (M, 2) as of `ImpulseFit`.
+    """
+    return ImpulseFit(refine(run, _usual(run)), times).covariances
+
+
+def _usual(run: Run) -> list[Effect]:
+    return [
+        kind(name=f'{kind.id}_{where}', where=where, values=kind.nominal())
+        for kind in map(CATALOGUE.__getitem__, _USUAL)
+        for where in kind.fitted_places(run.robot)
+    ]
+
+
 def large_steps(fit: Fit) -> Spans:
     """Times of steps that are large even by what a fit leaves."""
     return _spans(ImpulseScan(fit).standing_out)
 
 
 def spans_of(events: Events) -> Spans:
-    """Times that named events take, and what sensors spread of their ends [s]."""
-    return _spans(events.named)
+    """Times that events take, listed ones too, and what sensors spread of their ends [s]."""
+    return _spans(events.all)
 
 
-def _spans(found: Iterable[Event | Impulse]) -> Spans:
+def _spans(found: Iterable[Event | PossibleEvent | Impulse]) -> Spans:
     return tuple((i.start - TAIL, i.end + TAIL) for i in found)
 
 
@@ -78,7 +94,9 @@ def _events(scan: ImpulseScan) -> Events:
     cells = sum(2.0 / d for d in scan.durations) * scan.seconds
     named = [_event(scan, i, cells) for i in scan.found if i.z >= limit]
     possible = [
-        PossibleEvent(start=i.start, end=i.end, joints=(), z=i.z, reason='weak')
+        PossibleEvent(
+            start=i.start, end=i.end, joints=(), z=i.z, reason='weak', applied=_applied(i)
+        )
         for i in scan.found
         if i.z < limit
     ]
@@ -98,20 +116,24 @@ def _events(scan: ImpulseScan) -> Events:
 
 
 def _event(scan: ImpulseScan, found: Impulse, cells: float) -> Event:
-    sizes = dict(zip(AXES, found.value.tolist(), strict=True))
-    values = {'start': max(found.start, 0.0), 'end': found.end, 'edge': EDGE, **sizes}
     return Event(
         effect=AngularImpulse.id,
         where=None,
         joints=(),
-        start=values['start'],
+        start=max(found.start, 0.0),
         end=found.end,
         middle_std=scan.middle_std(found),
         ongoing=found.end >= scan.seconds,
-        peak=sizes,
+        peak=dict(zip(AXES, found.value.tolist(), strict=True)),
         peak_std=dict(zip(AXES, found.std.tolist(), strict=True)),
         units=dict.fromkeys(AXES, 'N m s'),
         z=found.z,
         p_value=chance(found.z, cells),
-        applied=(AngularImpulse(name='event', where=None, values=values),),
+        applied=_applied(found),
     )
+
+
+def _applied(found: Impulse) -> tuple[Effect, ...]:
+    sizes = dict(zip(AXES, found.value.tolist(), strict=True))
+    values = {'start': max(found.start, 0.0), 'end': found.end, 'edge': EDGE, **sizes}
+    return (AngularImpulse(name='event', where=None, values=values),)

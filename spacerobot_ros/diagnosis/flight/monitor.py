@@ -18,9 +18,10 @@ from ...estimation.filters.torque_process import TorqueDriven
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
-from ...recording.buffer import SampleBuffer
+from ...recording.buffer import WHEELS, SampleBuffer
 from ...recording.messages import vector
 from ...recording.record import Record
+from ...recording.robot_inputs import own_wheels
 from ...recording.tables.mapped_inputs import INPUTS
 from ...types import Array
 from .alarms import Alarms
@@ -151,6 +152,14 @@ class Monitor:
                 f'{names[bad[0]]}: commands are shares from 0 to 1, got {shares[bad[0]]:.9g}'
             )
         self.samples.add_input('thrusters', names, stamp_ns, shares)
+
+    def add_wheels(self, stamp_ns: int, rates: Array) -> None:
+        """Take rates (k,) of the robot's own wheels, relative to the base [rad/s].
+
+        Raises:
+            MessageRejectedError: wrong length, not finite, or a second one with its stamp.
+        """
+        self.samples.add_input(WHEELS, own_wheels(self.robot), stamp_ns, rates)
 
     def add_wrench(self, stamp_ns: int, wrench: Array) -> None:
         """Take a wrench (6,) on the base at its origin, held until the next [N, N m].

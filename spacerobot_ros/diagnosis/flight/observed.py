@@ -102,8 +102,8 @@ class Observations:
 
 
 def _ends(record: Record) -> tuple[float, float]:
-    """First and last time of any sensor [s]."""
-    first, last = record.span_ns
+    """First and last time of any sensor [s]; wheels, an input, reach back farther."""
+    first, last = replace(record, wheels=None).span_ns
     return (first - record.origin_ns) * 1e-9, (last - record.origin_ns) * 1e-9
 
 

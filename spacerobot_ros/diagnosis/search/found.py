@@ -57,8 +57,15 @@ class Found:
 
     @property
     def is_cancelled(self) -> bool:
-        """Whether the sound causes undo most of what each of them does."""
-        each = [self.sound.changed(i) for i in range(len(self.sound.causes))]
+        """Whether the sound causes undo most of what each of them does.
+
+        Known inputs that are wrong count as one: thrusters are mounted against each other, and
+        what each does follows its own command.
+        """
+        causes = self.sound.causes
+        each = [self.sound.changed(i) for i, c in enumerate(causes) if c.group != 'inputs']
+        inputs = [self.sound.changed(i) for i, c in enumerate(causes) if c.group == 'inputs']
+        each += [np.sum(inputs, axis=0)] if inputs else []
         apart, together = sum(float(x @ x) for x in each), float(np.sum(np.sum(each, axis=0) ** 2))
         return apart > CANCELLED * together
 

@@ -303,5 +303,6 @@ def load_mapping(path: str | Path) -> ColumnMapping:
     given = _map(read_yaml(Path(path), 'column mapping'), place)
     mapping: ColumnMapping = parse_section(ColumnMapping, {**given, 'place': place}, f'{place}: ')
     if mapping.joints is None and mapping.gyro is None and mapping.attitude is None:
-        raise ConfigurationError(place, 'maps no sensor: give joints, gyro or attitude')
+        wanted = 'give joints, gyro or attitude (a magnetometer alone tells no motion)'
+        raise ConfigurationError(place, f'maps no sensor of a motion: {wanted}')
     return mapping
