@@ -149,6 +149,34 @@ def test_efforts_without_gravity_are_judged_beside_the_weight_of_the_file():
     assert np.sqrt(np.mean(whole[:, 1] ** 2)) > 10.0  # the payload's weight stays
 
 
+@pytest.mark.parametrize(
+    ('kind', 'where', 'values', 'share'),
+    [
+        ('encoder_offset', 'joint_2', {'offset': 0.002}, 0.01),
+        ('effort_delay', None, {'delay': 5e-4}, 0.15),  # its column is of torques that are needed
+    ],
+)
+def test_faults_of_sensors_act_as_they_are_looked_for_beside_the_weight(
+    kind, where, values, share
+):
+    """What holds the arm is told by the file at the angles that are read, and is never late."""
+    file = arm_file(effort_kind='gravity_compensated')
+    model, record = pin.buildModelFromXML(arm_urdf()), RealArm(5).record(0, duration=8.0)
+    model.gravity.linear = np.array([0.0, 0.0, -9.81])
+    data = model.createData()
+    weight = [pin.computeGeneralizedGravity(model, data, q).copy() for q in record.q]
+    light = with_efforts(record, record.effort - np.array(weight))
+    fault = CATALOGUE[kind](name='x', where=where, values=values)
+    as_it_is = balance_of(light, file.robot, file.effects)
+    undone = balance_of(light, file.robot, (*file.effects, fault))
+    (size,) = values.values()
+    column = size * as_it_is.columns([(fault, size)])[:, :, 0]
+    moving = as_it_is.arm.is_moving[:: as_it_is.arm.stride]
+    acts = np.where(moving, as_it_is.torque - undone.torque, 0.0)[:, 1]
+    looked_for = np.where(moving, column, 0.0)[:, 1]
+    assert np.linalg.norm(acts - looked_for) < share * np.linalg.norm(looked_for)
+
+
 def test_a_joint_without_efforts_is_left_out():
     record, file = RealArm(1).record(0), arm_file(has_friction=False)
     efforts = record.effort.copy()

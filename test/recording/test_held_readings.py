@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from spacerobot_ros.recording.faults.held_readings import first_of_each, without_repeats
+from spacerobot_ros.recording.faults.held_readings import (
+    first_of_each,
+    without_repeats,
+    without_stalls,
+)
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
 
 TIME = np.arange(0.0, 10.0, 0.01)
@@ -62,3 +66,31 @@ def test_each_sensor_by_itself_and_the_notes_say_so(rng):
     np.testing.assert_array_equal(kept.rates.stamp_ns, stamps[::4])
     assert kept.notes == ('rates: every reading is there 4 times: taken once',)
     assert without_repeats(kept) is kept
+
+
+def test_readings_that_stand_while_the_arm_goes_on_are_left_out(rng):
+    """A logger that gets none for 30 ms: the next one is where the arm has gone meanwhile."""
+    position = np.sin(3.0 * TIME)[:, None] * [1.0, 0.5]
+    effort = noisy(rng, 2)
+    held = np.arange(len(TIME))
+    for first in (100, 400, 730):
+        held[first : first + 4] = first
+    joints = JointSeries(('a', 'b'), to_stamps(TIME), position[held], None, effort[held])
+    kept = without_repeats(Record(joints=joints))
+    lost = [k for first in (100, 400, 730) for k in range(first + 1, first + 4)]
+    np.testing.assert_array_equal(kept.joints.position, np.delete(position, lost, axis=0))
+    assert kept.notes == ('joints: 9 readings repeated while it moved on: left out',)
+
+
+@pytest.mark.parametrize(
+    'position',
+    [
+        np.zeros(len(TIME)),
+        np.where((TIME > 3.0) & (TIME < 6.0), 0.0, np.sin(np.pi * TIME)),  # rest, and on again
+        np.round(np.sin(0.4 * TIME) / 0.01),  # it creeps by the steps of its encoder
+    ],
+)
+def test_what_rests_or_creeps_has_no_stalls(position):
+    """Without any noise of its torques."""
+    values = np.column_stack([position, np.zeros(len(TIME))])
+    assert len(without_stalls(values, position[:, None])) == len(TIME)

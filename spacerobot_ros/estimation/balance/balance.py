@@ -57,7 +57,7 @@ class Balance:
         self.robot = process.robot
         self.is_torque = ~np.isin(self.robot.joints, estimated)
         """(n,) whether the effort of a joint that has one is measured in N m."""
-        self.arm, self.process = arm, process
+        self.arm, self.process, self._compensation = arm, process, compensation
         off = arm.unpowered
         given = process.motion(
             arm.kinematics, np.where(off, 0.0, arm.effort + compensation), unpowered=off
@@ -80,8 +80,8 @@ class Balance:
 
     @property
     def effort_rate(self) -> Array:
-        """(N, n) time derivative of the torques that the model needs [N m/s]."""
-        return np.gradient(self.motion.effort, self.arm.step, axis=0)
+        """(N, n) time derivative of the torques that the model needs of what is read [N m/s]."""
+        return np.gradient(self.motion.effort - self._compensation, self.arm.step, axis=0)
 
     @cached_property
     def weight(self) -> Array:
@@ -210,23 +210,28 @@ def balance_of(
     estimated = record.joints.in_amperes if record.joints else ()
     record, robot, effects = in_newton_metres(record, robot, effects)
     process = TorqueDriven(robot, effects).under(record)
-    arm = ArmMotion(corrected_record(record, process.robot, effects), left_out)
-    return Balance(arm, process, _compensation(arm, robot), estimated)
-
-
-def _compensation(arm: ArmMotion, robot: Robot) -> Array | float:
-    """(N, n) torques against gravity that efforts leave out, by the robot file as it stands.
-
-    A controller that takes them off knows no more than the file: a payload shows.
-    """
+    corrected = corrected_record(record, process.robot, effects)
+    arm = ArmMotion(corrected, left_out)
     kinds = zip(robot.arm, robot.effort_kinds, strict=True)
     lacking = np.array([k == COMPENSATED and j not in robot.passive_joints for j, k in kinds])
-    if not lacking.any():
-        return 0.0
-    at = arm.kinematics
-    still = replace(at, qd=np.zeros_like(at.qd), qdd=np.zeros_like(at.qd))
+    weight: Array | float = 0.0
+    if lacking.any():
+        read = arm if corrected is record else ArmMotion(record, left_out)
+        weight = _compensation(read, robot, arm.times) * lacking
+    return Balance(arm, process, weight, estimated)
+
+
+def _compensation(read: ArmMotion, robot: Robot, times: Array) -> Array:
+    """(N, n) torques against gravity that efforts leave out, by the robot file as it stands.
+
+    A controller that takes them off knows no more than the file, and no other angles than it
+    reads: a payload shows, and so does the zero of an encoder.
+    """
+    at = read.kinematics
+    still = replace(at, qd=np.zeros_like(at.qd), qdd=np.zeros_like(at.qdd))
     process = TorqueDriven(robot)
-    return np.asarray(process.needed(process.motion(still, arm.effort))[:, 6:] * lacking)
+    weight = process.needed(process.motion(still, read.effort))[:, 6:]
+    return np.column_stack([np.interp(times, read.times, own) for own in weight.T])
 
 
 def noise_in_band(balance: Balance, position: float | Array, effort: float | Array) -> Array:

@@ -1,4 +1,4 @@
-"""Readings that a logger faster than the sensor repeats until the next one."""
+"""Readings that a logger repeats until the next one: of a slower sensor, or while none comes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ _FEWEST = 20  # readings, from which a rate is one
 _ALIKE = 0.9
 """Share of the readings that last as long as usual, or a sample more or less. Of an encoder at
 rest, or of coarse steps, readings last as long as the motion makes them."""
+_STALL = 2  # repeats in a row, from which none came; one less is what a clock beside another makes
+_LEAP = 0.5
+"""Of the way that a joint goes meanwhile, by the faster one of the steps beside, what it must be
+off by when readings go on: one that stood, or crept by the steps of its encoder, is off by one."""
 
 
 def without_repeats(record: Record) -> Record:
@@ -28,6 +32,12 @@ def without_repeats(record: Record) -> Record:
             kept[name] = getattr(record, name).at(first)
             times = len(values) / len(first)
             notes.append(f'{name}: every reading is there {times:.3g} times: taken once')
+        elif name == 'joints':
+            fresh = without_stalls(values, record.q)
+            if len(fresh) < len(values):
+                kept[name] = getattr(record, name).at(fresh)
+                lost = len(values) - len(fresh)
+                notes.append(f'{name}: {lost} readings repeated while it moved on: left out')
     return record.corrected(kept, *notes) if kept else record
 
 
@@ -57,3 +67,20 @@ def first_of_each(values: Array) -> IntArray:
     usual = float(np.median(lengths))
     alike = float(np.mean(np.abs(lengths - usual) <= 1.0))
     return first if usual >= 2.0 and alike >= _ALIKE else every
+
+
+def without_stalls(values: Array, position: Array) -> IntArray:
+    """(M,) samples of (N, m) values that are new, or stand because their joints (N, n) do."""
+    repeated = ~np.any(np.diff(np.nan_to_num(values), axis=0), axis=1)
+    edges = np.diff(np.concatenate([[False], repeated, [False]]).astype(int))
+    is_new = np.ones(len(values), dtype=bool)
+    ends = np.flatnonzero(edges < 0)
+    for first, last in zip(np.flatnonzero(edges > 0), ends, strict=True):
+        if last - first < _STALL or first == 0 or last + 2 >= len(values):
+            continue
+        beside = np.abs(position[[first, last + 2]] - position[[first - 1, last + 1]])
+        leap = np.abs(position[last + 1] - position[first])
+        way = _LEAP * (last - first + 1) * np.max(beside, axis=0)
+        if np.any((np.min(beside, axis=0) > 0.0) & (leap >= way)):
+            is_new[first + 1 : last + 1] = False
+    return np.flatnonzero(is_new)
