@@ -93,7 +93,8 @@ class MotionLimits:
 class EstimateCheck:
     """Refuses estimates that the robot file makes impossible, or that contradict earlier ones.
 
-    An estimate that contradicts the last one is believed once another one agrees with it.
+    An estimate that contradicts the last one is believed once another one agrees with it. Robots
+    that no identifier takes (joints that slide) have no estimates to be refused.
 
     Args:
         robot: The robot as the model believes it to be.
@@ -102,7 +103,10 @@ class EstimateCheck:
 
     def __init__(self, robot: Robot, settings: Settings) -> None:
         options = settings.identifier
-        x = minimal_set(robot, options.structure).regrouping @ BlockTree(robot).parameters(robot)
+        x = np.zeros(0)
+        if robot.is_free and not any(body.is_prismatic for body in robot.bodies[1:]):
+            minimal = minimal_set(robot, options.structure)
+            x = minimal.regrouping @ BlockTree(robot).parameters(robot)
         self._believed = np.concatenate([robot.target_momentum, x])
         self._std = np.concatenate(
             [
