@@ -1,12 +1,13 @@
 """Level of what no cause explains: whitening against a dense factor, REML on simulated rows."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
-from spacerobot_ros.estimation.balance.leftover import JointRows, _cost, level_of
+from spacerobot_ros.estimation.balance.leftover import JointRows
+from spacerobot_ros.estimation.balance.reml import _Point, _Rows, _settled, level_of
 
 TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])
 VARIANCES = np.array([0.04, 0.3, 0.2, 0.5, 0.1, 0.02])
@@ -137,12 +138,50 @@ def drifting(rng, count, columns=6):
 
 
 def test_slopes_are_difference_quotients(rng):
-    rows, x = drifting(rng, 300), rng.uniform(-6.0, 0.0, 8)
-    values = np.column_stack([rows.columns, rows.torque])
-    cost = partial(_cost, values, rows.observed, rows.gap)
-    quotients = [(cost(x + d)[0] - cost(x - d)[0]) / 2e-4 for d in 1e-4 * np.eye(8)]
+    data, x = rows_of(drifting(rng, 300)), rng.uniform(-6.0, 0.0, 8)
+    cost = [[_Point(data, x + s * d).cost for s in (1, -1)] for d in 1e-4 * np.eye(8)]
     # a third derivative of the size of the slopes, hundreds, by the square of the step
-    np.testing.assert_allclose(cost(x)[1], quotients, rtol=1e-6, atol=1e-5)
+    quotients = -np.diff(cost)[:, 0] / 2e-4
+    np.testing.assert_allclose(_Point(data, x).slope, quotients, rtol=1e-6, atol=1e-5)
+
+
+def test_information_is_the_mean_of_observed_and_expected_curvature(rng):
+    """y' P V_i P V_j P y, from dense matrices."""
+    rows = drifting(rng, 60)
+    times, x = np.cumsum(rows.gap) + 100.0 * (np.arange(60) >= 30), rng.uniform(-3.0, 0.0, 8)
+    rows = replace(rows, observed=rows.observed[:, :2])
+    x = x[:6]
+    parts = [covariance(rows, times, v) for v in np.diag(np.exp(x))]
+    inverse = np.linalg.inv(sum(parts))
+    shapes = inverse @ rows.columns
+    inner = np.linalg.inv(np.eye(6) + rows.columns.T @ shapes)
+    projected = inverse - shapes @ inner @ shapes.T
+    vectors = [part @ projected @ rows.torque for part in parts]
+    dense = [[a @ projected @ b for b in vectors] for a in vectors]
+    np.testing.assert_allclose(_Point(rows_of(rows), x).information, dense, rtol=1e-8, atol=1e-10)
+
+
+def test_no_other_search_goes_lower(rng):
+    """Bounded quasi-Newton steps by slopes alone, from the same start and from where it ended."""
+    low, high, start = np.full(8, -18.0), np.full(8, 4.0), np.full(8, -7.0)
+    for _ in range(4):
+        data = rows_of(drifting(rng, 300))
+        found = _settled(_Point(data, start), low, high)
+
+        def cost(x, data=data):
+            point = _Point(data, x)
+            return point.cost, point.slope
+
+        for first in (start, found.x):
+            other = minimize(
+                cost, first, jac=True, method='L-BFGS-B', bounds=list(zip(low, high, strict=True))
+            )
+            assert found.cost < other.fun + 1e-6
+
+
+def rows_of(rows):
+    """As the search has them, of columns of unit prior."""
+    return _Rows(rows.columns, rows.torque, rows.observed, rows.gap)
 
 
 @pytest.mark.parametrize('unit', [1e-3, 0.112984829, 1e3, 0.7])

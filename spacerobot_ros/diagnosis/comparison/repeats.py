@@ -20,7 +20,8 @@ from ...estimation.balance.arm_motion import RATE, ArmMotion
 from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import balance_of
-from ...estimation.balance.leftover import VARIANCES, level_of
+from ...estimation.balance.leftover import VARIANCES
+from ...estimation.balance.reml import level_of
 from ...estimation.inference.evidence import sum_of
 from ...model.robot import Robot
 from ...recording.record import Record

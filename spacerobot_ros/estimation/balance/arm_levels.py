@@ -6,7 +6,8 @@ import numpy as np
 
 from ...types import Array
 from .arm_rows import ArmRows
-from .leftover import VARIANCES, JointRows, level_of
+from .leftover import VARIANCES, JointRows
+from .reml import level_of
 
 _DRIFT = 0.03
 """Of a torque's rms: how far the level of friction and a gain may drift unnamed. More would be the

@@ -1,0 +1,191 @@
+"""Variances of a leftover by restricted likelihood (Patterson and Thompson, Biometrika 58 (1971)).
+
+The coefficients of all columns are integrated out under their priors. With V the covariance of
+rows, V_i its part of a unit variance, X the columns of unit prior, and
+
+    P = V^-1 - V^-1 X (1 + X' V^-1 X)^-1 X' V^-1,
+
+minus twice the log likelihood is log|V| + log|1 + X' V^-1 X| + y' P y, its slopes are
+tr(P V_i) - y' P V_i P y, and y' P V_i P V_j P y is the mean of its observed and its expected
+curvature: average information (Gilmour, Thompson and Cullis, Biometrics 51 (1995)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from ...types import Array, IntArray
+from .leftover import TIMES, JointRows, products, slopes, whiten
+
+_LEAST = 1e-3  # of a torque's rms: no torque sensor is as good
+_MOST = 10.0  # times a torque's rms
+_START, _START_DRIFT = 0.03, 0.01  # of a torque's rms
+_RANK = 1e-6  # of the largest singular value of the columns that a joint sees
+_STEPS = 60
+_HALVINGS, _TRIES = 12, 4  # of a step; of one with a corrected curvature
+_LEVEL = 1e-8  # slopes of what is settled; their rounding is 1e-12
+_FLAT = 1e-6  # of a variance: the least that a step leaves; the least curvature
+_ROUNDING = 1e-12  # of a cost
+_CLOSE = 0.5  # in logarithms: how far a curvature is told by a change of slopes
+_SECANT = 1e-8  # of a step and what it shows: beyond, they are at right angles
+
+
+def level_of(
+    rows: JointRows, priors: Array, scale: float, drift: Array, held: Array | None = None
+) -> Array:
+    """(8,) variances of what the columns leave, by REML; (6,) without late and unsure friction.
+
+    Args:
+        rows: Of one joint.
+        priors: (K,) standard deviation of every column's coefficient.
+        scale: Rms of the joint's torque, in which everything is reckoned [N m].
+        drift: (4,) largest standard deviations of drifting friction, a drifting gain, late and
+            unsure friction [N m]; (2,) without the last two.
+        held: (K, A) orthonormal directions, coefficients by their priors, that stay zero.
+    """
+    columns = rows.columns * (priors / scale)
+    if held is not None:
+        columns = columns - (columns @ held) @ held.T
+    observed = np.ascontiguousarray(rows.observed[:, : len(drift)])
+    data = _Rows(_compressed(columns), rows.torque / scale, observed, rows.gap)
+    most = drift / scale  # what would be less than the least white part is not there
+    most[np.sqrt(np.mean(observed**2, axis=0)) * most < _LEAST] = 0.0
+    low = 2.0 * np.log(np.array([_LEAST, *[0.1 * _LEAST] * (3 + len(drift))]))
+    high = 2.0 * np.log(np.maximum(np.array([*[_MOST] * 4, *most]), 1e-300))
+    high = np.maximum(high, low + 1e-3)
+    start = 2.0 * np.log(np.array([*[_START] * 4, *[_START_DRIFT] * len(drift)]))
+    return scale**2 * np.exp(_settled(_Point(data, np.clip(start, low, high)), low, high).x)
+
+
+def _compressed(columns: Array) -> Array:
+    """(M, r) with the same Gram matrix over rows: what coefficients of unit prior can make."""
+    columns = columns[:, np.any(columns != 0.0, axis=0)]
+    if not columns.size:
+        return columns
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    return np.asarray(columns @ vectors[:, values > _RANK**2 * values[-1]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Columns (M, r) of unit prior, torques (M,), and how processes are seen; see `JointRows`."""
+
+    columns: Array
+    torque: Array
+    observed: Array
+    gap: Array
+
+    def whitened(self, vectors: Array, variances: Array) -> tuple[Array, Array, Array]:
+        """See `whiten`, of vectors (M, C)."""
+        times = TIMES[: len(variances) - 1]
+        out: tuple[Array, Array, Array] = whiten(
+            np.ascontiguousarray(vectors), self.observed, self.gap, variances, times
+        )
+        return out
+
+
+class _Point:
+    """Minus twice the log likelihood, but for a constant, its slopes and its curvature.
+
+    Args:
+        rows: The data.
+        x: (8,) logarithms of the variances.
+
+    Attributes:
+        cost: The likelihood's.
+    """
+
+    def __init__(self, rows: _Rows, x: Array) -> None:
+        self.rows, self.x = rows, x
+        self._variances = np.exp(x)
+        both = np.column_stack([rows.columns, rows.torque])
+        white, self._every, self._gains = rows.whitened(both, self._variances)
+        columns, torque = white[:, :-1], white[:, -1]
+        factor = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ columns)
+        self._own = solve_triangular(factor, columns.T, lower=True, check_finite=False)  # (r, M)
+        self._left = torque - self._own.T @ (self._own @ torque)
+        self.cost = float(torque @ self._left) + float(np.sum(np.log(self._every)))
+        self.cost += 2.0 * float(np.sum(np.log(np.diag(factor))))
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
+        """(8,) by variances, and P y (M,)."""
+        vectors = np.ascontiguousarray(np.vstack([self._own, self._left]).T)
+        rows, times = self.rows, TIMES[: len(self.x) - 1]
+        out: tuple[Array, Array] = slopes(
+            vectors, self._every, self._gains, rows.observed, rows.gap, times
+        )
+        return out
+
+    @property
+    def slope(self) -> Array:
+        """(8,) by logarithms of variances."""
+        return self._variances * self._slopes[0]
+
+    @cached_property
+    def information(self) -> Array:
+        """(8, 8) average information, by variances, each by itself."""
+        rows, times = self.rows, TIMES[: len(self.x) - 1]
+        parts = self._variances * products(self._slopes[1], rows.observed, rows.gap, times)
+        white = rows.whitened(parts, self._variances)[0]
+        own = self._own @ white
+        return np.asarray(white.T @ white - own.T @ own)
+
+
+def _settled(point: _Point, low: Array, high: Array) -> _Point:
+    """The lowest point near one, within bounds: Newton's steps, of variances.
+
+    Slopes tell it to rounding, costs to the root of that alone. By variances, the slope towards
+    one that is not there is straight, so that a step goes to its bound. What the information
+    lacks of the curvature is made up for by symmetric rank-one corrections from the slopes of
+    steps that are close: 22 costs a level where the information alone takes 31.
+    """
+    missing = np.zeros_like(point.information)
+    for _ in range(_STEPS):
+        x, slope = point.x, point.slope
+        free = np.flatnonzero(~((x <= low) & (slope > 0.0) | (x >= high) & (slope < 0.0)))
+        if not np.any(np.abs(slope[free]) > _LEVEL):
+            break
+        ahead = _lower(point, missing, free, low, high, _TRIES) if np.any(missing) else None
+        if ahead is None:
+            missing = np.zeros_like(missing)
+            ahead = _lower(point, missing, free, low, high, _HALVINGS)
+        if ahead is None:
+            break
+        missing = _corrected(missing, point, ahead)
+        point = ahead
+    return point
+
+
+def _lower(
+    point: _Point, missing: Array, free: IntArray, low: Array, high: Array, halvings: int
+) -> _Point | None:
+    """A lower point on the way that slopes and curvature show, or None."""
+    matrix = (point.information + missing)[np.ix_(free, free)]
+    values, ways = np.linalg.eigh(matrix)
+    step = np.zeros(len(point.x))
+    step[free] = -ways @ (ways.T @ point.slope[free] / np.maximum(np.abs(values), _FLAT))
+    for share in 0.5 ** np.arange(halvings):
+        change = np.log(np.clip(1.0 + share * step, _FLAT, 1.0 / _FLAT))
+        ahead = _Point(point.rows, np.clip(point.x + change, low, high))
+        if ahead.cost < point.cost + _ROUNDING * abs(point.cost):
+            return ahead
+    return None
+
+
+def _corrected(missing: Array, before: _Point, after: _Point) -> Array:
+    """What the information lacks, by the change of slopes of one step more."""
+    step = after.x - before.x
+    if np.max(np.abs(step)) > _CLOSE:
+        return np.zeros_like(missing)
+    # by logarithms the curvature has the slopes beside it
+    change = after.slope - before.slope - 0.5 * (before.slope + after.slope) * step
+    left = change - (after.information + missing) @ step
+    along = float(left @ step)
+    if abs(along) < _SECANT * float(np.linalg.norm(left) * np.linalg.norm(step)):
+        return missing
+    return missing + np.outer(left, left) / along
