@@ -142,7 +142,8 @@ def _settled(point: _Point, low: Array, high: Array) -> _Point:
     Slopes tell it to rounding, costs to the root of that alone. By variances, the slope towards
     one that is not there is straight, so that a step goes to its bound. What the information
     lacks of the curvature is made up for by symmetric rank-one corrections from the slopes of
-    steps that are close: 22 costs a level where the information alone takes 31.
+    steps that are close: 25 costs a level of an arm where the information alone takes 30, and a
+    quasi-Newton search with difference quotients of slopes 62.
     """
     missing = np.zeros_like(point.information)
     for _ in range(_STEPS):
