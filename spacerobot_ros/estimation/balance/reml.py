@@ -25,8 +25,8 @@ _LEAST = 1e-3  # of a torque's rms: no torque sensor is as good
 _MOST = 10.0  # times a torque's rms
 _START, _START_DRIFT = 0.03, 0.01  # of a torque's rms
 _RANK = 1e-6  # of the largest singular value of the columns that a joint sees
-_STEPS = 60
-_HALVINGS, _TRIES = 12, 4  # of a step; of one with a corrected curvature
+_STEPS = 200
+_LEAST_DAMPING, _MOST_DAMPING, _MORE, _LESS = 1e-2, 1e6, 10.0, 10.0  # of the information
 _LEVEL = 1e-8  # slopes of what is settled; their rounding is 1e-12
 _FLAT = 1e-6  # of a variance: the least that a step leaves; the least curvature
 _ROUNDING = 1e-12  # of a cost
@@ -137,45 +137,42 @@ class _Point:
 
 
 def _settled(point: _Point, low: Array, high: Array) -> _Point:
-    """The lowest point near one, within bounds: Newton's steps, of variances.
+    """The lowest point near one, within bounds: damped Newton steps, of variances.
 
     Slopes tell it to rounding, costs to the root of that alone. By variances, the slope towards
     one that is not there is straight, so that a step goes to its bound. What the information
     lacks of the curvature is made up for by symmetric rank-one corrections from the slopes of
-    steps that are close: 25 costs a level of an arm where the information alone takes 30, and a
-    quasi-Newton search with difference quotients of slopes 62.
+    steps that are close: 19 costs a level of an arm, a quasi-Newton search and difference
+    quotients of its slopes 62.
     """
     missing = np.zeros_like(point.information)
+    damping = 0.0
     for _ in range(_STEPS):
         x, slope = point.x, point.slope
         free = np.flatnonzero(~((x <= low) & (slope > 0.0) | (x >= high) & (slope < 0.0)))
         if not np.any(np.abs(slope[free]) > _LEVEL):
             break
-        ahead = _lower(point, missing, free, low, high, _TRIES) if np.any(missing) else None
-        if ahead is None:
+        ahead = _Point(point.rows, np.clip(x + _step(point, missing, free, damping), low, high))
+        if ahead.cost < point.cost + _ROUNDING * abs(point.cost):
+            missing = _corrected(missing, point, ahead)
+            point, damping = ahead, damping / _LESS if damping > _LEAST_DAMPING else 0.0
+        elif np.any(missing):
             missing = np.zeros_like(missing)
-            ahead = _lower(point, missing, free, low, high, _HALVINGS)
-        if ahead is None:
+        elif damping > _MOST_DAMPING:
             break
-        missing = _corrected(missing, point, ahead)
-        point = ahead
+        else:
+            damping = max(_MORE * damping, _LEAST_DAMPING)
     return point
 
 
-def _lower(
-    point: _Point, missing: Array, free: IntArray, low: Array, high: Array, halvings: int
-) -> _Point | None:
-    """A lower point on the way that slopes and curvature show, or None."""
+def _step(point: _Point, missing: Array, free: IntArray, damping: float) -> Array:
+    """Of logarithms (8,), as slopes and curvature say (Levenberg, Marquardt)."""
     matrix = (point.information + missing)[np.ix_(free, free)]
+    matrix = matrix + damping * np.diag(np.diag(point.information)[free])
     values, ways = np.linalg.eigh(matrix)
     step = np.zeros(len(point.x))
     step[free] = -ways @ (ways.T @ point.slope[free] / np.maximum(np.abs(values), _FLAT))
-    for share in 0.5 ** np.arange(halvings):
-        change = np.log(np.clip(1.0 + share * step, _FLAT, 1.0 / _FLAT))
-        ahead = _Point(point.rows, np.clip(point.x + change, low, high))
-        if ahead.cost < point.cost + _ROUNDING * abs(point.cost):
-            return ahead
-    return None
+    return np.asarray(np.log(np.clip(1.0 + step, _FLAT, 1.0 / _FLAT)))
 
 
 def _corrected(missing: Array, before: _Point, after: _Point) -> Array:
