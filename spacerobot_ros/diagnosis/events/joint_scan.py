@@ -9,14 +9,14 @@ import numpy as np
 from ...effects.surroundings.external import pulse_shape
 from ...estimation.balance.arm_levels import leftover_level
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.leftover import JointRows
+from ...estimation.balance.leftover import Gains, JointRows
 from ...types import Array, BoolArray, IntArray
 
 SPREAD = 0.15
 """Time by which the filter of the balance spreads the ends of a pulse [s]."""
 _STEPS = 6  # centres a duration
-_CHUNK = 400  # templates at once
-_MEMORY = 20.0  # s around templates in which their whitening is looked at
+_CHUNK = 50  # templates at once
+_MEMORY = 20.0  # s after templates in which their whitening is looked at
 _TAIL = 1.0  # s around a pulse, where its filtered shape ends
 _COVERED = 0.5  # of a pulse's square that rows must see
 
@@ -76,6 +76,12 @@ class RowSet:
         own = JointRows(r.torque[kept], r.columns[kept], r.observed[kept], r.block[kept], gap)
         return RowSet(own, time, run, self.scale[kept])
 
+    def within(self, run: int, start: float, end: float) -> slice:
+        """The rows of a time [s] of a recording."""
+        first, last = np.searchsorted(self.run, [run, run + 1])
+        at = first + np.searchsorted(self.time[first:last], [start, end])
+        return slice(*at.tolist())
+
 
 class JointScan:
     """One joint of a `PulseScan`, which see.
@@ -102,7 +108,8 @@ class JointScan:
         if level is None:
             level = leftover_level(rows, j, rows.sizes, rows.friction, self.kept.rows)
         self._level = level
-        self.torque, self.columns = self._white(self.kept)
+        self._gains = self._gains_of(self.kept)
+        self.torque, self.columns = _white(self.kept, self._gains)
         """(M,) and (M, K) whitened, of the rows that are kept."""
         self.sums = self.columns.T @ self.columns, self.columns.T @ self.torque
         self._scanned: dict[tuple[int, float], Products] = {}
@@ -117,9 +124,8 @@ class JointScan:
             every, parts = bells(self._rows, run, duration), []
             for first in range(0, len(every), _CHUNK):
                 some = every[first : first + _CHUNK]
-                near = (self.kept.run == run) & (self.kept.time > some.start[0] - _MEMORY)
-                near &= self.kept.time < some.end[-1] + _MEMORY
-                white = self._templates(run, self.kept.part(near), some)
+                near = self.kept.within(run, some.start[0] - _TAIL, some.end[-1] + _MEMORY)
+                white = self._templates(run, self.kept, near, some, self._gains)
                 parts.append(_products(white, self.torque[near], self.columns[near]))
             cross, along, square = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
             self._scanned[run, duration] = cross, along, square
@@ -131,35 +137,34 @@ class JointScan:
         inside = (whole.run == run) & (whole.time > np.min(pulses.start) - SPREAD)
         inside &= whole.time < np.max(pulses.end) + SPREAD
         own = whole.part(~self.left_out | inside)
-        torque, columns = self._white(own)
-        white = self._templates(run, own, pulses)
+        gains = self._gains_of(own)
+        torque, columns = _white(own, gains)
+        white = self._templates(run, own, slice(None), pulses, gains)
         return _products(white, torque, columns), (columns.T @ columns, columns.T @ torque)
 
-    def _white(self, own: RowSet) -> tuple[Array, Array]:
-        if not len(own.time):
-            return np.zeros(0), np.zeros((0, own.rows.columns.shape[1]))
-        torque, columns, _ = own.rows.whitened(self._level)
-        return torque, columns
+    def _gains_of(self, own: RowSet) -> Gains:
+        return Gains.of(own.rows.observed, own.rows.gap, self._level)
 
-    def _templates(self, run: int, own: RowSet, pulses: Pulses) -> Array:
-        """(rows, M) whitened pulses, as the balance's filter leaves them.
+    def _templates(
+        self, run: int, own: RowSet, some: slice, pulses: Pulses, gains: Gains
+    ) -> Array:
+        """(rows, M) whitened pulses on some rows, as the balance's filter leaves them.
 
         Zero where less than half of a pulse falls on rows.
         """
         arm = self._rows.balances[run].arm
-        shown = np.zeros((len(own.time), len(pulses)))
-        at = np.flatnonzero(own.run == run)
+        time, scale = own.time[some], own.scale[some]
+        shown = np.zeros((len(time), len(pulses)))
+        at = np.flatnonzero(own.run[some] == run)
         for duration, edge in set(zip(pulses.duration, pulses.edge, strict=True)):
             these = np.flatnonzero((pulses.duration == duration) & (pulses.edge == edge))
             lag = np.arange(-0.5 * duration - _TAIL, 0.5 * duration + _TAIL, arm.step)
             smooth = arm.in_band(pulse_shape(lag / duration + 0.5, edge))
-            values = np.interp(own.time[at, None] - pulses.centre[these], lag, smooth, 0.0, 0.0)
+            values = np.interp(time[at, None] - pulses.centre[these], lag, smooth, 0.0, 0.0)
             whole = np.sum(smooth**2) / arm.stride
             values[:, np.sum(values**2, axis=0) < _COVERED * whole] = 0.0
             shown[np.ix_(at, these)] = values
-        rows, shown = own.rows, shown / own.scale[:, None]
-        both = JointRows(rows.torque, shown, rows.observed, rows.block, rows.gap)
-        return both.whitened(self._level)[1]
+        return gains.rows(some).whitened(shown / scale[:, None])
 
 
 def bells(rows: ArmRows, run: int, duration: float) -> Pulses:
@@ -167,6 +172,12 @@ def bells(rows: ArmRows, run: int, duration: float) -> Pulses:
     times = rows.balances[run].row_times
     centres = times[:: max(1, int(duration / _STEPS / (times[1] - times[0])))]
     return Pulses(centres, *(np.full(len(centres), x) for x in (duration, 0.5)))
+
+
+def _white(own: RowSet, gains: Gains) -> tuple[Array, Array]:
+    """Torques (M,) and columns (M, K)."""
+    both = gains.whitened(np.column_stack([own.rows.torque, own.rows.columns]))
+    return both[:, 0], both[:, 1:]
 
 
 def _products(white: Array, torque: Array, columns: Array) -> Products:

@@ -14,6 +14,7 @@ a sensor is the special case in which only the first of the eight variances is t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,50 @@ from ...types import Array, IntArray
 TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0, 30.0, 0.1])  # s
 VARIANCES = len(TIMES) + 1
 _USUAL = 6  # of them are of what is there all along
+
+
+class Gains(NamedTuple):
+    """By which rows are whitened: no value of any row decides them.
+
+    Args:
+        every: (M,) variances of innovations.
+        gain: (M, P) of the processes.
+        observed: (M, P - 3) how they are seen; see `JointRows`.
+        gap: (M,) time since the row before [s].
+        times: (P,) of the processes [s].
+    """
+
+    every: Array
+    gain: Array
+    observed: Array
+    gap: Array
+    times: Array
+
+    @classmethod
+    def of(cls, observed: Array, gap: Array, variances: Array) -> Gains:
+        """Of rows by variances (8,), or (6,) without late and unsure friction."""
+        times = TIMES[: len(variances) - 1]
+        seen = np.ascontiguousarray(observed[:, : len(times) - 3])
+        every, gain = _gains(seen, gap, variances, times)
+        return cls(every, gain, seen, gap, times)
+
+    def rows(self, some: slice) -> Gains:
+        """Of rows that follow each other, for what is zero before them."""
+        every, gain, observed, gap, times = self
+        return Gains(every[some], gain[some], observed[some], gap[some], times)
+
+    def whitened(self, values: Array) -> Array:
+        """(M, C) of values of the rows."""
+        return np.asarray(_innovations(np.ascontiguousarray(values), *self))
+
+    def slopes(self, vectors: Array) -> tuple[Array, Array]:
+        """See `_slopes`, of vectors (M, C) that were whitened."""
+        out: tuple[Array, Array] = _slopes(np.ascontiguousarray(vectors), *self)
+        return out
+
+    def products(self, vector: Array) -> Array:
+        """(M, 8) of V_i times a vector (M,), for V_i the part of a unit variance."""
+        return np.asarray(_products(vector, self.observed, self.gap, self.times))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,11 +97,9 @@ class JointRows:
             variances: (8,) of the white part and the processes; (6,) without the last two
                 [N^2 m^2].
         """
-        both = np.column_stack([self.torque, self.columns])
-        times = TIMES[: len(variances) - 1]
-        observed = np.ascontiguousarray(self.observed[:, : len(times) - 3])
-        out, every, _ = whiten(np.ascontiguousarray(both), observed, self.gap, variances, times)
-        return out[:, 0], out[:, 1:], float(np.sum(np.log(every)))
+        gains = Gains.of(self.observed, self.gap, variances)
+        both = gains.whitened(np.column_stack([self.torque, self.columns]))
+        return both[:, 0], both[:, 1:], float(np.sum(np.log(gains.every)))
 
     def rms(self, variances: Array) -> Array:
         """(M,) of the leftover of every row, more where friction is unsure [N m]."""
@@ -93,16 +136,13 @@ def _update(cov: Array, h: Array, white: float, gain: Array) -> float:
 
 
 @compiled  # type: ignore[untyped-decorator]
-def whiten(
-    values: Array, observed: Array, gap: Array, variances: Array, times: Array
-) -> tuple[Array, Array, Array]:
-    """Innovations by their standard deviations; their variances (M,) and gains (M, P).
+def _gains(observed: Array, gap: Array, variances: Array, times: Array) -> tuple[Array, Array]:
+    """Variances (M,) of innovations and gains (M, P).
 
     Each recording starts as if it always was.
     """
-    (rows, width), count = values.shape, len(times)
-    out, every, gains = values.copy(), np.empty(rows), np.empty((rows, count))
-    state, cov = np.zeros((count, width)), np.zeros((count, count))
+    rows, count = len(gap), len(times)
+    every, gains, cov = np.empty(rows), np.empty((rows, count)), np.zeros((count, count))
     decay, kept, fresh = np.zeros(count), np.zeros((count, count)), variances[1:].copy()
     h, last = np.ones(count), 0.0
     for k in range(rows):
@@ -116,6 +156,22 @@ def whiten(
         _predict(cov, kept, fresh)
         h[3:] = observed[k]
         every[k] = _update(cov, h, variances[0], gains[k])
+    return every, gains
+
+
+@compiled  # type: ignore[untyped-decorator]
+def _innovations(
+    values: Array, every: Array, gains: Array, observed: Array, gap: Array, times: Array
+) -> Array:
+    """Innovations (M, C) of values by their standard deviations; see `Gains`."""
+    (rows, width), count = values.shape, len(times)
+    out, state = values.copy(), np.zeros((count, width))
+    decay, h, last = np.zeros(count), np.ones(count), 0.0
+    for k in range(rows):
+        if gap[k] != last:
+            last = gap[k]
+            _kept(last, times, decay)
+        h[3:] = observed[k]
         left, scale = out[k], 1.0 / np.sqrt(every[k])
         for i in range(count):
             own, share = state[i], h[i] * decay[i]
@@ -127,7 +183,7 @@ def whiten(
                 own[c] = by * own[c] + share * left[c]
         for c in range(width):
             left[c] *= scale
-    return out, every, gains
+    return out
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -163,7 +219,7 @@ def _back(to: Array, own: Array, here: float, by: float) -> float:
 
 
 @compiled  # type: ignore[untyped-decorator]
-def slopes(
+def _slopes(
     white: Array, every: Array, gains: Array, observed: Array, gap: Array, times: Array
 ) -> tuple[Array, Array]:
     r"""(8,) of tr(V^-1 V_i) - sum_c a_c' V^-1 V_i V^-1 a_c, for V_i the part of a unit variance.
@@ -175,15 +231,16 @@ def slopes(
 
         u = v / F - G' r,   r <- D (r + h u).
 
-    With `whiten` 0.8 ms for 500 rows and 50 columns; nine of that alone, for quotients, 2.7 ms.
+    With gains and innovations 0.8 ms for 500 rows and 50 columns; nine of these alone, for
+    quotients, 2.7 ms.
 
     Args:
         white: (M, C) all a_c, whitened: v / sqrt(F).
-        every: See `whiten`.
-        gains: Likewise.
-        observed: See `JointRows`.
-        gap: Likewise.
-        times: (P,) of the processes.
+        every: See `Gains`, as all that follows.
+        gains: (M, P).
+        observed: (M, P - 3).
+        gap: (M,) [s].
+        times: (P,) [s].
     """
     (rows, width), count = white.shape, len(times)
     out, h, decay, last = np.zeros(1 + count), np.ones(count), np.zeros(count), 0.0
@@ -209,8 +266,8 @@ def slopes(
 
 
 @compiled  # type: ignore[untyped-decorator]
-def products(vector: Array, observed: Array, gap: Array, times: Array) -> Array:
-    """(M, 8) of V_i times a vector (M,), for V_i the part of a unit variance; see `slopes`."""
+def _products(vector: Array, observed: Array, gap: Array, times: Array) -> Array:
+    """(M, 8) of V_i times a vector (M,), for V_i the part of a unit variance; see `_slopes`."""
     rows, count = len(vector), len(times)
     out, h, own = np.zeros((rows, 1 + count)), np.ones(count), np.zeros(count)
     decay, last = np.zeros(count), 0.0

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from ...types import Array, IntArray
-from .leftover import TIMES, JointRows, products, slopes, whiten
+from .leftover import Gains, JointRows
 
 _LEAST = 1e-3  # of a torque's rms: no torque sensor is as good
 _MOST = 10.0  # times a torque's rms
@@ -79,14 +79,6 @@ class _Rows:
     observed: Array
     gap: Array
 
-    def whitened(self, vectors: Array, variances: Array) -> tuple[Array, Array, Array]:
-        """See `whiten`, of vectors (M, C)."""
-        times = TIMES[: len(variances) - 1]
-        out: tuple[Array, Array, Array] = whiten(
-            np.ascontiguousarray(vectors), self.observed, self.gap, variances, times
-        )
-        return out
-
 
 class _Point:
     """Minus twice the log likelihood, but for a constant, its slopes and its curvature.
@@ -103,23 +95,19 @@ class _Point:
         self.rows, self.x = rows, x
         self._variances = np.exp(x)
         both = np.column_stack([rows.columns, rows.torque])
-        white, self._every, self._gains = rows.whitened(both, self._variances)
+        self._gains = Gains.of(rows.observed, rows.gap, self._variances)
+        white = self._gains.whitened(both)
         columns, torque = white[:, :-1], white[:, -1]
         factor = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ columns)
         self._own = solve_triangular(factor, columns.T, lower=True, check_finite=False)  # (r, M)
         self._left = torque - self._own.T @ (self._own @ torque)
-        self.cost = float(torque @ self._left) + float(np.sum(np.log(self._every)))
+        self.cost = float(torque @ self._left) + float(np.sum(np.log(self._gains.every)))
         self.cost += 2.0 * float(np.sum(np.log(np.diag(factor))))
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:
         """(8,) by variances, and P y (M,)."""
-        vectors = np.ascontiguousarray(np.vstack([self._own, self._left]).T)
-        rows, times = self.rows, TIMES[: len(self.x) - 1]
-        out: tuple[Array, Array] = slopes(
-            vectors, self._every, self._gains, rows.observed, rows.gap, times
-        )
-        return out
+        return self._gains.slopes(np.vstack([self._own, self._left]).T)
 
     @property
     def slope(self) -> Array:
@@ -129,9 +117,7 @@ class _Point:
     @cached_property
     def information(self) -> Array:
         """(8, 8) average information, by variances, each by itself."""
-        rows, times = self.rows, TIMES[: len(self.x) - 1]
-        parts = self._variances * products(self._slopes[1], rows.observed, rows.gap, times)
-        white = rows.whitened(parts, self._variances)[0]
+        white = self._gains.whitened(self._variances * self._gains.products(self._slopes[1]))
         own = self._own @ white
         return np.asarray(white.T @ white - own.T @ own)
 
