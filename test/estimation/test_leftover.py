@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from spacerobot_ros.estimation.balance.leftover import JointRows
-from spacerobot_ros.estimation.balance.reml import _Point, _Rows, _settled, level_of
+from spacerobot_ros.estimation.balance.reml import _LevelRows, _Point, _settled, level_of
 
 TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0])
 VARIANCES = np.array([0.04, 0.3, 0.2, 0.5, 0.1, 0.02])
@@ -188,7 +188,7 @@ def test_no_other_search_goes_lower(rng, is_explained):
 
 def rows_of(rows):
     """As the search has them, of columns of unit prior."""
-    return _Rows(rows.columns, rows.torque, rows.observed, rows.gap)
+    return _LevelRows(rows.columns, rows.torque, rows.observed, rows.gap)
 
 
 @pytest.mark.parametrize('unit', [1e-3, 0.112984829, 1e3, 0.7])

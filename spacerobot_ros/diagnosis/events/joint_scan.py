@@ -9,7 +9,7 @@ import numpy as np
 from ...effects.surroundings.external import pulse_shape
 from ...estimation.balance.arm_levels import leftover_level
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.leftover import Gains, JointRows
+from ...estimation.balance.leftover import JointRows, KalmanGains
 from ...types import Array, BoolArray, IntArray
 
 SPREAD = 0.15
@@ -142,11 +142,11 @@ class JointScan:
         white = self._templates(run, own, slice(None), pulses, gains)
         return _products(white, torque, columns), (columns.T @ columns, columns.T @ torque)
 
-    def _gains_of(self, own: RowSet) -> Gains:
-        return Gains.of(own.rows.observed, own.rows.gap, self._level)
+    def _gains_of(self, own: RowSet) -> KalmanGains:
+        return KalmanGains.of(own.rows.observed, own.rows.gap, self._level)
 
     def _templates(
-        self, run: int, own: RowSet, some: slice, pulses: Pulses, gains: Gains
+        self, run: int, own: RowSet, some: slice, pulses: Pulses, gains: KalmanGains
     ) -> Array:
         """(rows, M) whitened pulses on some rows, as the balance's filter leaves them.
 
@@ -174,7 +174,7 @@ def bells(rows: ArmRows, run: int, duration: float) -> Pulses:
     return Pulses(centres, *(np.full(len(centres), x) for x in (duration, 0.5)))
 
 
-def _white(own: RowSet, gains: Gains) -> tuple[Array, Array]:
+def _white(own: RowSet, gains: KalmanGains) -> tuple[Array, Array]:
     """Torques (M,) and columns (M, K)."""
     both = gains.whitened(np.column_stack([own.rows.torque, own.rows.columns]))
     return both[:, 0], both[:, 1:]

@@ -26,7 +26,7 @@ VARIANCES = len(TIMES) + 1
 _USUAL = 6  # of them are of what is there all along
 
 
-class Gains(NamedTuple):
+class KalmanGains(NamedTuple):
     """By which rows are whitened: no value of any row decides them.
 
     Args:
@@ -44,17 +44,17 @@ class Gains(NamedTuple):
     times: Array
 
     @classmethod
-    def of(cls, observed: Array, gap: Array, variances: Array) -> Gains:
+    def of(cls, observed: Array, gap: Array, variances: Array) -> KalmanGains:
         """Of rows by variances (8,), or (6,) without late and unsure friction."""
         times = TIMES[: len(variances) - 1]
         seen = np.ascontiguousarray(observed[:, : len(times) - 3])
         every, gain = _gains(seen, gap, variances, times)
         return cls(every, gain, seen, gap, times)
 
-    def rows(self, some: slice) -> Gains:
+    def rows(self, some: slice) -> KalmanGains:
         """Of rows that follow each other, for what is zero before them."""
         every, gain, observed, gap, times = self
-        return Gains(every[some], gain[some], observed[some], gap[some], times)
+        return KalmanGains(every[some], gain[some], observed[some], gap[some], times)
 
     def whitened(self, values: Array) -> Array:
         """(M, C) of values of the rows."""
@@ -97,7 +97,7 @@ class JointRows:
             variances: (8,) of the white part and the processes; (6,) without the last two
                 [N^2 m^2].
         """
-        gains = Gains.of(self.observed, self.gap, variances)
+        gains = KalmanGains.of(self.observed, self.gap, variances)
         both = gains.whitened(np.column_stack([self.torque, self.columns]))
         return both[:, 0], both[:, 1:], float(np.sum(np.log(gains.every)))
 
@@ -163,7 +163,7 @@ def _gains(observed: Array, gap: Array, variances: Array, times: Array) -> tuple
 def _innovations(
     values: Array, every: Array, gains: Array, observed: Array, gap: Array, times: Array
 ) -> Array:
-    """Innovations (M, C) of values by their standard deviations; see `Gains`."""
+    """Innovations (M, C) of values by their standard deviations; see `KalmanGains`."""
     (rows, width), count = values.shape, len(times)
     out, state = values.copy(), np.zeros((count, width))
     decay, h, last = np.zeros(count), np.ones(count), 0.0
@@ -236,7 +236,7 @@ def _slopes(
 
     Args:
         white: (M, C) all a_c, whitened: v / sqrt(F).
-        every: See `Gains`, as all that follows.
+        every: See `KalmanGains`, as all that follows.
         gains: (M, P).
         observed: (M, P - 3).
         gap: (M,) [s].

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from ...types import Array, IntArray
-from .leftover import Gains, JointRows
+from .leftover import JointRows, KalmanGains
 
 _LEAST = 1e-3  # of a torque's rms: no torque sensor is as good
 _MOST = 10.0  # times a torque's rms
@@ -51,7 +51,7 @@ def level_of(
     if held is not None:
         columns = columns - (columns @ held) @ held.T
     observed = np.ascontiguousarray(rows.observed[:, : len(drift)])
-    data = _Rows(_compressed(columns), rows.torque / scale, observed, rows.gap)
+    data = _LevelRows(_compressed(columns), rows.torque / scale, observed, rows.gap)
     most = drift / scale  # what would be less than the least white part is not there
     most[np.sqrt(np.mean(observed**2, axis=0)) * most < _LEAST] = 0.0
     low = 2.0 * np.log(np.array([_LEAST, *[0.1 * _LEAST] * (3 + len(drift))]))
@@ -71,7 +71,7 @@ def _compressed(columns: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
+class _LevelRows:
     """Columns (M, r) of unit prior, torques (M,), and how processes are seen; see `JointRows`."""
 
     columns: Array
@@ -91,11 +91,11 @@ class _Point:
         cost: The likelihood's.
     """
 
-    def __init__(self, rows: _Rows, x: Array) -> None:
+    def __init__(self, rows: _LevelRows, x: Array) -> None:
         self.rows, self.x = rows, x
         self._variances = np.exp(x)
         both = np.column_stack([rows.columns, rows.torque])
-        self._gains = Gains.of(rows.observed, rows.gap, self._variances)
+        self._gains = KalmanGains.of(rows.observed, rows.gap, self._variances)
         white = self._gains.whitened(both)
         columns, torque = white[:, :-1], white[:, -1]
         factor = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ columns)
