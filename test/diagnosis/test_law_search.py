@@ -13,7 +13,12 @@ from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
 from spacerobot_ros.diagnosis.discovery.law_search import LawSearch, Winner
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
-from spacerobot_ros.diagnosis.discovery.spectral_terms import SpectralTerms, cosines
+from spacerobot_ros.diagnosis.discovery.spectral_terms import (
+    SpectralTerms,
+    cosines,
+    ways_of,
+    ways_of_each,
+)
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
@@ -100,3 +105,13 @@ def test_offsets_of_a_light_joint_hide_no_law(rng, size):
     nothing = terms.level(np.zeros((len(terms.data), 0)))
     assert level.likelihood - nothing.likelihood > 10.0  # 23, beside noise with a line there
     assert level.coefficients[0] == pytest.approx(3.0, abs=4.0 * level.deviations[0])
+
+
+def test_directions_of_many_groups_are_those_of_each(rng):
+    """Of one to three columns, one of which is twice another."""
+    groups = [rng.standard_normal((40, k)) for k in (2, 1, 3, 2, 1)]
+    groups[2][:, 2] = 2.0 * groups[2][:, 0]
+    for columns, ways in zip(groups, ways_of_each(groups), strict=True):
+        alone, _ = ways_of(columns)
+        assert ways.shape == (40, np.linalg.matrix_rank(columns))
+        np.testing.assert_allclose(ways @ ways.T, alone @ alone.T, rtol=0, atol=1e-12)

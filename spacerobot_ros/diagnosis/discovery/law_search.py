@@ -14,7 +14,7 @@ from ...types import Array, BoolArray, IntArray
 from .chance import chance_of
 from .discovery_limits import CHANCE, DEAD_HEAT, LEFT, MARGIN, MOST_LAWS
 from .possible_laws import NO_LAWS, REFINED, Law
-from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening, ways_of
+from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening, ways_of_each
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined
@@ -108,8 +108,7 @@ class LawSearch:
         nothing = np.zeros((len(self.terms.data), 0))
         self.columns = np.concatenate([nothing, *own], axis=1)
         self.ways = np.zeros_like(self.columns)
-        for at, columns in zip(self.groups, own, strict=True):
-            ways, _ = ways_of(columns)
+        for at, ways in zip(self.groups, ways_of_each(own), strict=True):
             self.ways[:, at[: ways.shape[1]]] = ways
 
     def run(self) -> list[Winner]:

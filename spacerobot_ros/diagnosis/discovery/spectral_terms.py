@@ -158,6 +158,19 @@ def ways_of(columns: Array) -> tuple[Array, Array]:
     return ways[:, kept], (vectors[kept] / values[kept, None]).T / size[:, None]
 
 
+def ways_of_each(groups: Sequence[Array]) -> list[Array]:
+    """Directions of each of many groups of columns, as `ways_of` has them."""
+    out = list(groups)
+    for count in {columns.shape[1] for columns in groups}:
+        at = [i for i, columns in enumerate(groups) if columns.shape[1] == count]
+        some = np.array([groups[i] for i in at])
+        size = np.maximum(np.linalg.norm(some, axis=1, keepdims=True), 1e-300)
+        ways, values, _ = np.linalg.svd(some / size, full_matrices=False)
+        for i, way, kept in zip(at, ways, values**2 > _COLLINEAR, strict=True):
+            out[i] = way[:, kept]
+    return out
+
+
 class Whitening:
     """C^-1/2 of C = S (1 + Z_S Z_S^T) S with Z_S = S^-1 Z.
 
