@@ -201,6 +201,15 @@ def test_torques_that_were_written_in_another_unit_have_the_same_level(rng, unit
         np.testing.assert_allclose(found[1], found[0], rtol=1e-7, atol=0.0)
 
 
+def test_steps_of_less_than_a_last_digit_end_the_search(rng, monkeypatch):
+    """They have no change of slopes to tell a curvature by: nothing by nothing."""
+    rows, drift = drifting(rng, 300), np.array([0.3, 0.3, 3.0, 3.0])
+    settled = level_of(rows, np.full(6, 2.0), 3.0, drift)
+    monkeypatch.setattr('spacerobot_ros.estimation.balance.reml._LEVEL', 0.0)
+    found = level_of(rows, np.full(6, 2.0), 3.0, drift)
+    np.testing.assert_allclose(found, settled, rtol=1e-7, atol=0.0)
+
+
 def test_a_level_of_what_is_not_observed_is_none(rng):
     """A gain that drifts, of a joint that needs next to no torque: any would do."""
     rows = drifting(rng, 300)

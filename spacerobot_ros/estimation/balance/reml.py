@@ -139,7 +139,8 @@ def _settled(point: _Point, low: Array, high: Array) -> _Point:
         if not np.any(np.abs(slope[free]) > _LEVEL):
             break
         ahead = _Point(point.rows, np.clip(x + _step(point, missing, free, damping), low, high))
-        if ahead.cost < point.cost + _ROUNDING * abs(point.cost):
+        is_lower = ahead.cost < point.cost + _ROUNDING * abs(point.cost)
+        if is_lower and np.any(ahead.x != x):  # a step of less than x's rounding tells nothing
             missing = _corrected(missing, point, ahead)
             point, damping = ahead, damping / _LESS if damping > _LEAST_DAMPING else 0.0
         elif np.any(missing):
