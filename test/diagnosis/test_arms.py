@@ -284,9 +284,10 @@ class Judged(Selection):
     """A body whose presence leaves parts of 100 rows with given misfits; nothing else is there."""
 
     def __init__(self, with_it: list[float], without: list[float], rows: int = 100) -> None:
-        body = SimpleNamespace(kind=CATALOGUE['inertial_parameters'], recordings=None)
+        body = SimpleNamespace(kind=CATALOGUE['inertial_parameters'], recordings=None, along=None)
         self.rows = SimpleNamespace(candidates=[body])
         self.chosen = [0]
+        self.dear = {True: 1.0, False: 1.0}
         self._misfits = {True: with_it, False: without}
         self._sizes = [100] * (len(with_it) - 1) + [rows]
 
@@ -307,6 +308,9 @@ class Judged(Selection):
     def held_out_misfits(self, chosen, i=None):
         return np.array(self._misfits[bool(chosen)])
 
+    def implausibility(self, chosen):
+        return self.dear[bool(chosen)]
+
 
 @pytest.mark.parametrize(
     ('whitened', 'plain', 'stays'),
@@ -326,6 +330,15 @@ def test_a_body_stays_where_it_helps_whitened_or_plain_and_no_part_decides_alone
     assert bool(selection.chosen) == stays
 
 
+def test_a_body_stays_where_only_implausible_values_do_as_well():
+    """Two motors of twice the torque constant predict what links of twice the mass do."""
+    alike = [[100.0] * 4, [100.0] * 4]
+    selection = Judged(*alike)
+    selection.dear = {True: 2.0, False: 40.0}
+    check_bodies(selection, Judged(*alike))
+    assert selection.chosen
+
+
 class Alternating(Selection):
     """Two laws of one friction, neither of which holds; each is chosen where the other is not."""
 
@@ -341,6 +354,9 @@ class Alternating(Selection):
         self.asked += 1
         assert self.asked < 10
         return np.full(4, -1.0)
+
+    def is_stretched(self, i, chosen):
+        return False
 
     def alike(self, i):
         return [1 - i]

@@ -112,6 +112,7 @@ def test_what_no_change_explains_makes_others_less_visible():
 
 def test_what_one_part_alone_says_is_no_cause():
     assert not holds(np.array([3.8, 80.8, 2.9, 1.1]))
+    assert holds(np.array([3.8, 80.8, 2.9, 1.1]), is_predicted=True)  # the others said that
     assert holds(np.array([30.0, 80.8, 12.0, 11.0]))
     assert holds(np.array([-10.6, 0.9, 14.9, 52.9]))  # faster from part to part
     assert holds(np.array([513.3, 21.3, 11.2, 16.0]))  # the weight that a lift's efforts leave out

@@ -30,8 +30,9 @@ def _notes(balances: Sequence[Balance], joints: Sequence[int]) -> Iterator[str]:
         if share > MOST:
             yield (
                 f'{balances[0].robot.joints[j]}: torques that are measured {gain:.3g} times as '
-                f'large as they are would explain {share:.0%} of what is left there (squares); '
-                "that has a name where `effort_kind: link` says that they are a torque sensor's"
+                'large as they are, or bodies so many times as heavy as in the file, would '
+                f'explain {share:.0%} of what is left there (squares); that has a name where '
+                "`effort_kind: link` says that they are a torque sensor's"
             )
 
 

@@ -27,7 +27,11 @@ def check_held_out(selection: Selection) -> None:
     failed: set[int] = set()
     while selection.chosen:
         gains = {i: selection.held_out(i) for i in selection.chosen}
-        failing = {i: float(np.sum(g)) for i, g in gains.items() if not holds(g)}
+        failing = {
+            i: float(np.sum(g))
+            for i, g in gains.items()
+            if not holds(g, is_predicted=selection.is_stretched(i, selection.chosen))
+        }
         if not failing:
             return
         weakest = selection.leaning_on(min(failing, key=failing.__getitem__))
@@ -43,7 +47,8 @@ def check_bodies(selection: Selection, plain: Selection) -> None:
 
     Ten numbers follow much of what several simpler causes leave. What they have to beat by
     `HELD_OUT` is the best that does without: what is chosen in their place, no other body among
-    it. A slow load is little of the whitened rows, so that beating it as it is will do.
+    it. A slow load is little of the whitened rows, so that beating it as it is will do. Values
+    that nobody thinks plausible count against either choice as rows that it misses.
 
     Args:
         selection: What is chosen.
@@ -52,14 +57,17 @@ def check_bodies(selection: Selection, plain: Selection) -> None:
     bodies = {
         i
         for i, candidate in enumerate(selection.rows.candidates)
-        if candidate.kind.id == 'inertial_parameters' and not candidate.recordings
+        if candidate.kind.id == 'inertial_parameters'
+        and candidate.along is None
+        and not candidate.recordings
     }
     left = sorted(bodies & set(selection.chosen), key=selection.gain)
     while left:
         other = selection.instead_of(left[0], bodies)
         check_held_out(other)
         gains = [_nats(rows, selection.chosen, other.chosen) for rows in (selection, plain)]
-        if max(gains) <= HELD_OUT:
+        dearer = other.implausibility(other.chosen) - selection.implausibility(selection.chosen)
+        if max(gains) + dearer <= HELD_OUT:
             selection.take(other)
             left = sorted(bodies & set(selection.chosen), key=selection.gain)
         else:
@@ -124,17 +132,21 @@ def check_plain(selection: Selection, plain: Selection) -> None:
         selection.drop(worst)
 
 
-def holds(gains: Array) -> bool:
+def holds(gains: Array, *, is_predicted: bool = False) -> bool:
     """Whether a cause predicts parts of the data that it was not fitted to.
 
     The worst part loses less than half of what the others gain, and no single one decides: each
     shows it by itself, or all others gain together and, of three or more, the next one shows the
-    same.
+    same. What a part gains by values of the others alone, all of them decided.
+
+    Args:
+        gains: (F,) see `Selection.held_out`.
+        is_predicted: Whether they are by values of the others alone.
     """
     total, worst = float(np.sum(gains)), min(float(np.min(gains)), 0.0)
     if total <= HELD_OUT or -worst > 0.5 * (total - worst):
         return False
-    if len(gains) < 2 or np.min(gains) > HELD_OUT:
+    if len(gains) < 2 or np.min(gains) > HELD_OUT or is_predicted:
         return True
     *_, second, best = np.sort(gains).tolist()
     return bool(total > best and (len(gains) < 3 or second > OTHERS * best))

@@ -19,16 +19,14 @@ from ...estimation.balance.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISC
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.inference.evidence import Fold, Gram, Score, log_evidence, price, score, sum_of
 from ...types import Array, IntArray
-from ..limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
+from ..limits import FAMILYWISE, MOST_PRUNED, SPECIAL, TELLING
+from .simplest import simplest
 
 _AFTER_FRICTION = (*SHAPES, OF_LOAD)
 _LEANING = (OF_LOAD, 'joint_friction_curvature')
 """Of those, what has no dry or viscous torque of its own."""
 
 _ROUNDING = 1e-9  # of sums over all rows, from which others were taken
-_LAST = ('joint_torque_ripple',)
-"""Chosen where nothing else is wanted: a few periods follow any smooth curve of the angle. What
-stands in its place until then is pruned."""
 
 
 class Selection:
@@ -140,7 +138,7 @@ class Selection:
         candidate, every = self.rows.candidates[i], self.rows.candidates
         others = [k for k in self.live if candidate.recordings or not every[k].recordings]
         size = min(len(candidate.sizes), 4)
-        extra = SPECIAL.get(candidate.kind.id, 0.0)
+        extra = SPECIAL.get(candidate.kind.id, 0.0) if candidate.along is None else 0.0
         return math.log(len(others)) + FAMILYWISE + 0.5 * (size - 1) + extra
 
     def gain(self, i: int) -> float:
@@ -211,26 +209,11 @@ class Selection:
     def run(self) -> None:
         """Choose until nothing more is wanted."""
         while wanted := [(i, margin) for i, margin in self.ranking() if margin > 0.0]:
-            self.chosen.append(self._simplest(wanted))
+            candidates = self.rows.candidates
+            i = simplest(wanted, candidates, self.rows.robot.last_links)
+            wider = candidates[i].is_wider_than
+            self.chosen = [*(k for k in self.chosen if not wider(candidates[k])), i]
             self._prune()
-
-    def _simplest(self, wanted: Sequence[tuple[int, float]]) -> int:
-        """The likeliest beforehand of those that do nearly as well as the best.
-
-        That is the cause of fewest numbers at the same place; of bodies, whose columns are much
-        the same as their neighbours', what hangs on the last link.
-        """
-        candidates, last = self.rows.candidates, self.rows.robot.last_links
-        usual = [pair for pair in wanted if candidates[pair[0]].kind.id not in _LAST]
-        wanted = usual or wanted
-        close = [(i, m) for i, m in wanted if m > SIMPLER_MARGIN * wanted[0][1]]
-        best = candidates[wanted[0][0]]
-        if best.kind.id == 'inertial_parameters':
-            for i, _ in close:
-                if candidates[i].kind is best.kind and candidates[i].where in last:
-                    return i
-        near = [(i, margin) for i, margin in close if candidates[i].where == best.where]
-        return min(near, key=lambda pair: (len(candidates[pair[0]].sizes), -pair[1]))[0]
 
     def _is_open(self, i: int, chosen: Sequence[int]) -> bool:
         candidate = self.rows.candidates[i]
@@ -284,6 +267,10 @@ class Selection:
         what is only tolerated.
         """
         both = [*self.chosen, i]
+        if self.is_stretched(i, both):
+            others = [k for k in self.chosen if k != i]
+            without, with_it = (self.held_out_misfits(c, i) for c in (others, both))
+            return np.asarray(0.5 * (without - with_it))
         whole = self._score(self.posterior(both), i).evidence
         rests = [self.posterior(both, fold.rest) for fold in self.folds(i)]
         return np.array([whole - self._score(rest, i).evidence for rest in rests])
@@ -358,6 +345,30 @@ class Selection:
         return mean
 
     def without(self, i: int, chosen: Iterable[int], gram: Gram | None = None) -> Posterior:
-        """Of causes, one of which is not there at all; see `posterior`."""
-        own = self.rows.places[i]
-        return self.posterior(chosen, gram).under(own, NOTHING * self.rows.sizes[own])
+        """Of causes, one of which is not there at all; see `posterior`.
+
+        Tolerances that would be stretched in its place stay what they are beside it.
+        """
+        own, both = self.rows.places[i], frozenset(chosen)
+        beside = self.posterior(both, gram)
+        if not self.is_stretched(i, both):
+            return beside.under(own, NOTHING * self.rows.sizes[own])
+        free = np.concatenate([own[:0], *(self.rows.places[k] for k in both - {i})])
+        return beside.refitted(self.whole if gram is None else gram, own, free)
+
+    def is_stretched(self, i: int, chosen: Iterable[int]) -> bool:
+        """Whether tolerances stand in for a cause only where that alone is evidence enough.
+
+        A scale of torques that is five of its tolerances off predicts every part as well as a link
+        of another mass; that no machine has it is said by its prior, which is of no part.
+        """
+        if not self.rows.holds_tolerances:
+            return False
+        beside, own = self.posterior(chosen), self.rows.places[i]
+        without = beside.under(own, NOTHING * self.rows.sizes[own])
+        free = np.concatenate([own, *(self.rows.places[k] for k in chosen)])
+        return without.implausibility(free) - beside.implausibility(free) > self.need(i)
+
+    def implausibility(self, chosen: Iterable[int]) -> float:
+        """`Posterior.implausibility` of all values beside what is chosen [nats]."""
+        return self.posterior(chosen).implausibility()

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...model.robot import Robot
+from ...types import Array
 from ..columns import Candidate, candidate_at
 from .balance import Balance
 
@@ -25,6 +26,8 @@ _TOGETHER = 0.05  # of a recording, in which two joints must show what couples t
 _CLEARLY = 0.1  # of a rate, which the sum of two exceeds where its sign counts
 ZEROS = ('torque_sensor_bias', 'current_offset')
 """Of sensors, which may be set anew before each recording."""
+_MASS_SIZE, _LEAST_MASS, _STEP = 0.5, -0.95, 1e-4
+"""Of a link's mass: by how much a file may be wrong, as in `arm_priors`; the least there is."""
 _REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back
 
 
@@ -71,6 +74,36 @@ def candidates_of_recordings(
     loads = [('inertial_parameters', link) for link in robot.last_links]
     if 0 < len(loaded) < count:
         yield from (replace(c, recordings=tuple(loaded)) for c in shared if c.key in loads)
+
+
+def wrong_masses(shared: Sequence[Candidate], balances: Sequence[Balance]) -> Iterable[Candidate]:
+    """Links as heavy as no file of them says, by one number.
+
+    A density that is wrong changes all ten inertial parameters alike; a mass that is, those of a
+    point of that mass where the file has the centre. Ten numbers pay for nine coincidences.
+    Where a motor is off only ratios are told: a smaller mass is all other torques, enlarged.
+
+    Args:
+        shared: The catalogue's candidates.
+        balances: The model along every recording.
+    """
+    if any(b.arm.unpowered.any() for b in balances):
+        return
+    robot = balances[0].robot
+    names = [body.name for body in robot.bodies]
+    for c in (c for c in shared if c.kind.id == 'inertial_parameters'):
+        k = names.index(str(c.where))
+        body = robot.inertial_parameters[k]
+        if body[0] > 0.0 and robot.joints[k - 1] not in robot.rate_only:
+            for along in (body, _as_point(body)):
+                yield c.all_along(along, _MASS_SIZE, _LEAST_MASS, _STEP)
+
+
+def _as_point(body: Array) -> Array:
+    """(10,) the part of inertial parameters that goes with the mass alone."""
+    m, (x, y, z) = body[0], body[1:4] / body[0]
+    moments = [y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y]
+    return np.array([m, *body[1:4], *(m * np.array(moments))])
 
 
 def _excludes(kind: type[Effect], believed: Effect) -> bool:

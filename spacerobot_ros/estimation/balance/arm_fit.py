@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,20 @@ class Posterior:
         gain = np.linalg.solve(inner, more @ across).T
         mean = self.mean - gain @ self.mean[own]
         return Posterior(self.covariance - gain @ across, mean, precision, self.rows)
+
+    def refitted(self, gram: Gram, nothing: IntArray, free: IntArray) -> Posterior:
+        """The same with some coefficients nothing and some refitted to sums; the rest is held."""
+        mean = self.mean.copy()
+        mean[nothing], mean[free] = 0.0, 0.0
+        left = gram.vector[free] - gram.matrix[free] @ mean
+        matrix = gram.matrix[np.ix_(free, free)] + np.diag(self.precision[free])
+        mean[free] = np.linalg.solve(matrix, left)
+        return replace(self, mean=mean)
+
+    def implausibility(self, without: IntArray | None = None) -> float:
+        """Log density that the priors of all but some coefficients lose by their values."""
+        lost = 0.5 * self.mean**2 * self.precision
+        return float(np.sum(lost if without is None else np.delete(lost, without)))
 
     def group(self, own: IntArray) -> Gram:
         """Sums for some columns alone, all others integrated out."""
@@ -189,6 +203,7 @@ class ArmFit:
             )
             for i, c in enumerate(self.rows.candidates)
             if c.kind.id == 'inertial_parameters'
+            and c.along is None
             and (i in self.chosen or self.rows.is_tolerated(i))
             and np.all(np.isin(self.rows.places[i], used))
         ]

@@ -16,7 +16,7 @@ from ...types import Array, BoolArray, IntArray
 from ..columns import Candidate
 from ..inference.evidence import Gram
 from .anchor import HELD, scale_columns, unanchored
-from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings
+from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings, wrong_masses
 from .arm_priors import DRY, NOTHING, Machine
 from .balance import Balance, rms
 from .leftover import JointRows
@@ -57,11 +57,9 @@ class ArmRows:
         return cls(tuple(balances), tuple(found), np.concatenate(tolerances))
 
     def with_own(self, loaded: Sequence[int]) -> ArmRows:
-        """With what recordings may have of their own; see `candidates_of_recordings`."""
-        count = len(self.balances)
-        return self.with_more(
-            [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
-        )
+        """With what recordings may have of their own, and masses of links that are wrong."""
+        own = candidates_of_recordings(self.candidates, self.robot, len(self.balances), loaded)
+        return self.with_more([*own, *wrong_masses(self.candidates, self.balances)])
 
     def with_more(self, more: Sequence[Candidate]) -> ArmRows:
         """With further candidates, which no machine has unless they are chosen."""
@@ -166,6 +164,11 @@ class ArmRows:
 
     def may_be_chosen(self, i: int) -> bool:
         """Whether a candidate may be named."""
+        return True
+
+    @property
+    def holds_tolerances(self) -> bool:
+        """Whether tolerances say how wrong a file may be, however well more would predict."""
         return True
 
     @cached_property
