@@ -244,6 +244,20 @@ def test_noise_that_grows_with_the_speed_is_no_event(seed):
     assert not machine.found(()).named
 
 
+def test_a_motor_that_gives_more_one_way_hides_no_push():
+    """15 % of an elbow's torque, by the sign of its rate: limits were twice those without."""
+    file, record = arm_file(), RealArm(33).record(0, duration=12.0)
+    gains = np.ones(record.effort.shape)
+    gains[:, 2] += 0.15 * np.sign(np.gradient(record.q[:, 2]))
+    uneven = replace(record, joints=replace(record.joints, effort=record.effort / gains))
+    kinds = [CATALOGUE[f'joint_{kind}_friction'] for kind in ('coulomb', 'load')]
+    limits = []
+    for own in (record, uneven):
+        balances = [balance_of(own, file.robot, file.effects)]
+        limits.append(arm_events(balances, ArmRows.of(balances, kinds)).events.limits['joint_3'])
+    assert limits[1].peak < 1.2 * limits[0].peak
+
+
 def test_a_contact_at_the_last_link_is_a_wrench():
     """Torques J' w by Pinocchio; forces and torques within their deviations."""
     arm, file = RealArm(35), arm_file()

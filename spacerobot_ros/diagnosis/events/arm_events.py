@@ -11,6 +11,7 @@ from ...estimation.balance.arm_priors import DRY, OF_LOAD, Machine
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance
 from .break_away import break_away
+from .directed_gains import with_directed_gains
 from .event import Events
 from .joint_scan import SPREAD
 from .moving import PulseSearch
@@ -46,7 +47,7 @@ def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
     of_load = np.array([machine.friction(OF_LOAD, joint) for joint in robot.joints])
     found, scan = Events(recordings=len(balances)), None
     if rows is not None:
-        search = PulseSearch(rows)
+        search = PulseSearch(with_directed_gains(rows))
         naming, scan = Naming(search), search.scan
         found = found.with_more(naming.events())
         slides = np.array([naming.coulomb(j) for j in range(robot.n_joints)])

@@ -50,17 +50,14 @@ class Naming:
         """All of them."""
         named: list[Event] = []
         possible: list[PossibleEvent] = []
-        for group in _touching(self._search.found):
-            spoiled = self._spoiled(group)
-            for own in together(self._rows.robot, group):
-                first = own[0]
-                reason = spoiled or self._why[id(first)]
-                if not reason and abs(first.z) < self.limit:
-                    reason = 'weak'
-                if reason:
-                    possible.append(self._possible(own, reason))
-                else:
-                    named.append(self._event(own))
+        for own in together(self._rows.robot, self._search.found):
+            reason = self._spoiled(own[0]) or self._why[id(own[0])]
+            if not reason and abs(own[0].z) < self.limit:
+                reason = 'weak'
+            if reason:
+                possible.append(self._possible(own, reason))
+            else:
+                named.append(self._event(own))
         unjudged = [self._joints[j] for j in range(len(self._joints)) if not self._explained[j]]
         notes = (
             f'events of {", ".join(unjudged)} are not judged: the model explains less than '
@@ -96,12 +93,15 @@ class Naming:
         off = np.abs(arm.times[~arm.is_known, None] - ends)
         return bool(ends[0] < arm.times[0] or ends[1] > arm.times[-1] or np.any(off < _EDGE))
 
-    def _spoiled(self, group: Sequence[Pulse]) -> str:
-        """Why nothing of what touches in time is named: a large part is an error of the model."""
-        largest = max(abs(p.z) for p in group)
-        wrong = [p for p in group if self._why[id(p)] in ('recurs', 'unvisited', 'edge')]
-        worst = max(wrong, key=lambda p: abs(p.z), default=None)
-        return self._why[id(worst)] if worst and abs(worst.z) > MIXED * largest else ''
+    def _spoiled(self, p: Pulse) -> str:
+        """Why a pulse is not named that touches in time a large error of the model."""
+        wrong = [
+            q
+            for q in self._search.found
+            if _touch(p, q) and self._why[id(q)] in ('recurs', 'unvisited', 'edge')
+        ]
+        worst = max(wrong, key=lambda q: abs(q.z), default=None)
+        return self._why[id(worst)] if worst and abs(worst.z) > MIXED * abs(p.z) else ''
 
     @cached_property
     def _explained(self) -> list[bool]:
@@ -205,16 +205,10 @@ def _felt(own: Sequence[Pulse]) -> list[Pulse]:
     return [best[j] for j in sorted(best)]
 
 
-def _touching(pulses: Sequence[Pulse]) -> list[list[Pulse]]:
-    """Groups of pulses that touch in time, whatever their joints."""
-    groups: list[list[Pulse]] = []
-    for p in sorted(pulses, key=lambda p: (p.run, p.start)):
-        last = groups[-1] if groups else []
-        if any(q.run == p.run and p.start < q.end + _TOUCHING for q in last):
-            last.append(p)
-        else:
-            groups.append([p])
-    return groups
+def _touch(p: Pulse, q: Pulse) -> bool:
+    """Whether two pulses of a recording touch in time, whatever their joints."""
+    near = p.start < q.end + _TOUCHING and q.start < p.end + _TOUCHING
+    return p.run == q.run and near
 
 
 def together(robot: Robot, group: Sequence[Pulse]) -> list[list[Pulse]]:

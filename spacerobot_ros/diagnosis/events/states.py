@@ -1,7 +1,9 @@
 """Whether what is left of a joint comes back where the arm comes back to the same state.
 
 A state of joint j is (q, q', 2 q_j''), each by its scatter over the recordings: what is a function
-of it is friction or an error of the model, and nothing from outside.
+of it is friction or an error of the model, and nothing from outside. Every recording that comes
+to a state is one witness: where two have something, or half of them, it comes back. One alone may
+have been pushed there, too.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from ...effects.surroundings.external import pulse_shape
-from ...types import BoolArray
+from ...types import Array, BoolArray
 from .contact import Pulse
 from .moving import PulseSearch
 
@@ -60,19 +62,27 @@ class States:
         inside = (self._run == pulse.run) & (self._time > pulse.start) & (self._time < pulse.end)
         phase = (self._time[inside] - pulse.start) / (pulse.end - pulse.start)
         shape = pulse_shape(phase, pulse.edge)
-        away = self._away(pulse)
-        if not shape.any() or np.sum(away) < _NEIGHBOURS:
+        if not shape.any():
             return 0.0, np.inf
-        distance, near = KDTree(self._states[away]).query(self._states[inside], _NEIGHBOURS)
-        weights = 1.0 / np.maximum(distance, _SAME) ** 2  # Shepard: the nearest visit decides
-        there = np.sum(weights * self._left[away][near], axis=1) / np.sum(weights, axis=1)
-        share = float(shape @ there) / float(shape @ self._left[inside])
-        return share, float(np.median(distance)) / self._usual
+        visits = [self._visit(pulse, inside, shape, run) for run in np.unique(self._run)]
+        shares = sorted((share for share, distance in visits if distance <= 1.0), reverse=True)
+        nearest = min(distance for _, distance in visits)
+        return (shares[min(1, (len(shares) - 1) // 2)] if shares else 0.0), nearest
 
-    def _away(self, pulse: Pulse) -> BoolArray:
+    def _visit(
+        self, pulse: Pulse, inside: BoolArray, shape: Array, run: int
+    ) -> tuple[float, float]:
+        """The same in one recording, at other times."""
         far = _FAR * (pulse.end - pulse.start)
         middle = 0.5 * (pulse.start + pulse.end)
-        return (self._run != pulse.run) | (np.abs(self._time - middle) > far)
+        there = (self._run == run) & ((run != pulse.run) | (np.abs(self._time - middle) > far))
+        if np.sum(there) < _NEIGHBOURS:
+            return 0.0, np.inf
+        distance, near = KDTree(self._states[there]).query(self._states[inside], _NEIGHBOURS)
+        weights = 1.0 / np.maximum(distance, _SAME) ** 2  # Shepard: the nearest visit decides
+        left = np.sum(weights * self._left[there][near], axis=1) / np.sum(weights, axis=1)
+        share = float(shape @ left) / float(shape @ self._left[inside])
+        return share, float(np.median(distance)) / self._usual
 
     @cached_property
     def _usual(self) -> float:
