@@ -32,6 +32,7 @@ from .orders import find_orders
 from .ratios import ratios, scale_notes
 from .selection import Selection
 from .spring_rest import with_rests
+from .two_directions import direction_notes, with_directions
 
 
 def conclude_arm(
@@ -50,6 +51,7 @@ def conclude_arm(
     )
     usual = usual_scatter(found)
     causes = with_rests([_cause(found, k, usual) for k in order], found.robot)
+    causes = with_directions(causes, found.robot, found.constants)
     constants = tuple(_constant(found, effect) for effect in found.constants)
     named = tuple(c for c in causes if c.relevant)
     minor = tuple(c for c in causes if not c.relevant)
@@ -88,6 +90,7 @@ def conclude_arm(
             *touched_notes(found.fit.rows.balances),
             *gain_notes(found, left),
             *scale_notes(found),
+            *direction_notes(named, found.robot),
         ),
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),

@@ -11,6 +11,7 @@ from ...types import Array
 from ..answer.result import FrictionLaw
 from .arm_found import ArmFound
 from .spring_rest import OFFSET, SPRING
+from .two_directions import is_frictions
 
 _ROUNDING = 1e-9  # share of a joint's friction: a line through one of its two columns
 
@@ -41,14 +42,15 @@ def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
             design = np.column_stack([np.sign(rate), rate])
             torque = -np.concatenate(torques)
             coulomb, viscous = _rounded(np.linalg.lstsq(design, torque)[0], design).tolist()
+            offset = _offset(found, joint, coulomb)
             law = FrictionLaw(
                 joint=joint,
                 unit=found.robot.unit_of('N m', joint),
                 viscous_unit=found.robot.unit_of('N m s/rad', joint),
                 coulomb=coulomb,
                 viscous=viscous,
-                coulomb_forward=coulomb + _offset(found, joint),
-                coulomb_backward=coulomb - _offset(found, joint),
+                coulomb_forward=coulomb + offset,
+                coulomb_backward=coulomb - offset,
             )
             laws.append(law)
     return tuple(laws)
@@ -67,10 +69,16 @@ def _is_friction(law: Effect, joint: str) -> bool:
     return law.form.has_history or f'rate/{joint}' in law.inputs
 
 
-def _offset(found: ArmFound, joint: str) -> float:
-    """Of a joint's measured torque, where one is named [N m]; beside a spring it is its rest's."""
+def _offset(found: ArmFound, joint: str, coulomb: float) -> float:
+    """Of a joint's measured torque, where one is named that may be its friction's [N m].
+
+    Beside a spring it is its rest's.
+    """
     own = {e.id: e for e in found.named if e.where == joint and e.recordings is None}
-    return 0.0 if SPRING in own or OFFSET not in own else own[OFFSET]['bias']
+    if SPRING in own or OFFSET not in own:
+        return 0.0
+    bias = own[OFFSET]['bias']
+    return bias if is_frictions(bias, coulomb) else 0.0
 
 
 def _friction(balance: Balance, effects: list[Effect], joint: str) -> tuple[Array, Array]:

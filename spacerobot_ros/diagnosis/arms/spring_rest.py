@@ -29,7 +29,7 @@ def with_rests(causes: Sequence[Cause], robot: Robot) -> tuple[Cause, ...]:
     """
     out = list(causes)
     for spring in causes:
-        offset = _at(out, OFFSET, spring)
+        offset = at_place(out, OFFSET, spring)
         if spring.applied.id == SPRING and spring.relevant and offset is not None:
             moved = _moved(spring, offset)
             low, high = robot.position_limits[robot.joints.index(str(spring.applied.where))]
@@ -39,7 +39,7 @@ def with_rests(causes: Sequence[Cause], robot: Robot) -> tuple[Cause, ...]:
     return tuple(out)
 
 
-def _at(causes: Sequence[Cause], kind: str, beside: Cause) -> Cause | None:
+def at_place(causes: Sequence[Cause], kind: str, beside: Cause) -> Cause | None:
     """A cause of one kind at the place, and of the recordings, of another."""
     place = beside.applied.where, beside.applied.recordings
     same = (c for c in causes if c.applied.id == kind)

@@ -68,7 +68,7 @@ class AsymmetricFriction(JointTorque):
     """tau = -F sign(q') forward, -B sign(q') backward.
 
     While the joint moves this is Coulomb friction of (F + B) / 2 and a torque sensor's bias of
-    (F - B) / 2, which the diagnosis names instead: only at rest is the bias felt alone.
+    (F - B) / 2: the diagnosis finds those two, and names the one that they may be.
 
     Typical: a tenth to a third of the Coulomb torque between the directions, for loaded gears.
     Signature: as Coulomb friction, with a constant torque while the joint moves.
