@@ -132,6 +132,8 @@ class ImpulseFit:
         """Standard deviation of a middle [s], over all its times that are nearly as likely.
 
         Two bells of other lengths may do as well as one another, so that curvature is too little.
+        Starts and ends are likely alike at all times, so that lengths are, up to `LONGEST`: by the
+        lengths that are usual a long one passed for a short one, whose middle is known better.
         Asked at deviations of the middle, in durations, and of the logarithm of these.
         """
         scales = np.sqrt(np.diag(np.linalg.inv(self._by_times[1]))).reshape(2, -1)
@@ -143,7 +145,7 @@ class ImpulseFit:
         for log in np.clip(duration + longer * _LONGER, self._shortest, math.log(LONGEST)):
             times = np.column_stack([middle + lags, np.full(len(lags), log)])
             gain = others.gains(times, np.arange(len(lags))[:, None])
-            costs.append(((log - math.log(_USUAL)) / _WIDTH) ** 2 - gain)
+            costs.append(-2.0 * log - gain)
         weights = np.exp(-0.5 * (np.array(costs) - np.min(costs)))
         return math.sqrt(float(np.sum(weights * lags**2) / np.sum(weights)))
 
