@@ -27,7 +27,7 @@ _FARTHEST = 0.5  # durations that an event moves at once
 _STEP = 0.02  # of a duration, for derivatives
 _FEWEST = 3  # samples: a shorter bell is none to them
 _GAINED = 0.05  # less of the cost is settled
-_LAGS, _LONGER = np.linspace(-6.0, 6.0, 25), np.array([-3.0, 3.0])  # deviations
+_LAGS, _LONGER = np.linspace(-6.0, 6.0, 25), 3.0  # deviations
 _LENGTHS = 9
 
 
@@ -143,8 +143,9 @@ class ImpulseFit:
         middle, duration = self.times[k].tolist()
         lags = shift * math.exp(duration) * _LAGS
         costs = []
-        ends = np.clip(duration + longer * _LONGER, self._shortest, math.log(LONGEST))
-        for log in np.linspace(*ends, _LENGTHS):
+        reach = _LONGER * longer
+        shortest = max(duration - reach, self._shortest)
+        for log in np.linspace(shortest, min(duration + reach, math.log(LONGEST)), _LENGTHS):
             times = np.column_stack([middle + lags, np.full(len(lags), log)])
             gain = others.gains(times, np.arange(len(lags))[:, None])
             costs.append(-2.0 * log - gain)
