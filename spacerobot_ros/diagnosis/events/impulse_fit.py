@@ -9,6 +9,7 @@ durations.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,12 +58,15 @@ class ImpulseFit:
     Args:
         fit: Of what lasts, on a free base.
         times: (M, 2) middles [s], and logarithms of durations.
+        known: Whitened bells (R, 3) by the bytes of their times, as far as there are any.
     """
 
-    def __init__(self, fit: Fit, times: Array) -> None:
+    def __init__(self, fit: Fit, times: Array, known: Mapping[bytes, Array] | None = None) -> None:
         self._fit, self.times = fit, times
         lasting = fit.tangents
-        self.columns = np.column_stack([lasting, bells(fit.rows, times)])
+        self._bells = _bells_of(fit.rows, times, known or {})
+        each = (self._bells[time.tobytes()] for time in times)
+        self.columns = np.column_stack([lasting, *each])
         gram = self.columns.T @ self.columns
         size = np.sqrt(np.diag(gram))
         scale = 1.0 / np.where(size > 0.0, size, 1.0)
@@ -76,7 +80,7 @@ class ImpulseFit:
         self.found: list[Impulse] = []
         self.covariances: list[Array] = []
         for k, (middle, duration) in enumerate(times.tolist()):
-            own = lasting.shape[1] + k + len(times) * np.arange(3)
+            own = lasting.shape[1] + 3 * k + np.arange(3)
             value, covariance = values[own], inverse[np.ix_(own, own)]
             z2 = float(value @ np.linalg.pinv(covariance, hermitian=True) @ value)
             self.covariances.append(covariance)
@@ -91,7 +95,7 @@ class ImpulseFit:
 
     def at(self, times: Array) -> ImpulseFit:
         """The same beside impulses at other times."""
-        return ImpulseFit(self._fit, times)
+        return ImpulseFit(self._fit, times, self._bells)
 
     def beside(self, columns: Array) -> Array:
         """What is left of columns (R, K) beside all impulses and what lasts."""
@@ -112,11 +116,11 @@ class ImpulseFit:
         den = np.linalg.pinv(square[own[:, :, None], own[:, None, :]], hermitian=True)
         return np.asarray(np.einsum('sa,sab,sb->s', num, den, num))
 
-    def refined(self) -> ImpulseFit:
-        """With times and sizes of all impulses fitted together (Gauss and Newton)."""
+    def refined(self, first: int = 0) -> ImpulseFit:
+        """With sizes of all, and times from the first on, fitted together (Gauss and Newton)."""
         fit = self
         for _ in range(_PASSES if len(self.times) else 0):
-            step = fit._step()
+            step = fit._step(first)
             for k in range(_HALVINGS):
                 trial = fit.at(fit.times + 0.5**k * step)
                 gained = fit.cost - trial.cost
@@ -137,8 +141,7 @@ class ImpulseFit:
         lengths that are usual a long one passed for a short one, whose middle is known better.
         Asked at deviations of the middle, in durations, and of the logarithm of these.
         """
-        scales = np.sqrt(np.diag(np.linalg.inv(self._by_times[1]))).reshape(2, -1)
-        shift, longer = scales[:, k].tolist()
+        shift, longer = self._time_stds[:, k].tolist()
         others = self.at(np.delete(self.times, k, axis=0))
         middle, duration = self.times[k].tolist()
         lags = shift * math.exp(duration) * _LAGS
@@ -163,24 +166,29 @@ class ImpulseFit:
         beyond = (self.times[:, 1] - np.log(_USUAL)) / _WIDTH
         return float(self.left @ self.left + np.sum(beyond**2))
 
-    def _step(self) -> Array:
-        """(M, 2) towards the best times, sizes free beside them."""
-        (columns, matrix), times, time = self._by_times, self.times, self._fit.rows.motion.time
+    @cached_property
+    def _time_stds(self) -> Array:
+        """(2, M) deviations of middles, in durations, and of logarithms of these."""
+        return np.sqrt(np.diag(np.linalg.inv(self._by_times(0)[1]))).reshape(2, -1)
+
+    def _step(self, first: int) -> Array:
+        """(M, 2) towards the best times, sizes free beside them; those before the first stay."""
+        (columns, matrix), times = self._by_times(first), self.times[first:]
         beyond = (times - np.log(_USUAL)) * np.array([0.0, _WIDTH**-2.0])
         step = np.linalg.solve(matrix, columns.T @ self.left - beyond.T.ravel())
         middle, longer = np.clip(step, -_FARTHEST, _FARTHEST).reshape(2, -1)
         longer = np.clip(times[:, 1] + longer, self._shortest, np.log(LONGEST)) - times[:, 1]
-        ahead = np.clip(times[:, 0] + middle * np.exp(times[:, 1]), *time[[0, -1]])
-        return np.column_stack([ahead - times[:, 0], longer])
+        ends = self._fit.rows.motion.time[[0, -1]]
+        ahead = np.clip(times[:, 0] + middle * np.exp(times[:, 1]), *ends)
+        return np.pad(np.column_stack([ahead - times[:, 0], longer]), ((first, 0), (0, 0)))
 
-    @cached_property
-    def _by_times(self) -> tuple[Array, Array]:
+    def _by_times(self, first: int) -> tuple[Array, Array]:
         """(R, 2 M) rows by middles, in durations, and by logarithms of these; their information.
 
-        Sizes are free beside them.
+        From the first impulse on, the times of others held. Sizes of all are free beside them.
         """
-        changes, values = [], np.reshape([i.value for i in self.found], (-1, 3))
-        times, rows = self.times, self._fit.rows
+        changes, values = [], np.reshape([i.value for i in self.found[first:]], (-1, 3))
+        times, rows = self.times[first:], self._fit.rows
         length = np.exp(times[:, 1:])
         for one in (np.append(length, 0.0 * length, axis=1), np.array([0.0, 1.0])):
             change = _forces(rows, times + _STEP * one) - _forces(rows, times - _STEP * one)
@@ -189,6 +197,14 @@ class ImpulseFit:
         columns = self.beside(rows.whitened(np.concatenate(changes, axis=2), {}))
         prior = np.diag(np.repeat([1.0, _WIDTH**-2.0], len(times)))
         return columns, columns.T @ columns + prior
+
+
+def _bells_of(rows: Rows, times: Array, known: Mapping[bytes, Array]) -> dict[bytes, Array]:
+    """Whitened bells (R, 3) by the bytes of their times, those that are known as they are."""
+    new = np.array([t for t in times if t.tobytes() not in known]).reshape(-1, 2)
+    made = bells(rows, new).reshape(-1, 3, len(new)) if len(new) else np.empty((0, 3, 0))
+    here = {**known, **{t.tobytes(): made[:, :, i] for i, t in enumerate(new)}}
+    return {key: here[key] for key in (t.tobytes() for t in times)}
 
 
 def bells(rows: Rows, times: Array) -> Array:

@@ -102,13 +102,17 @@ class ImpulseScan:
             best = best.refined()
             if len(times := apart(best.found)) < len(best.found):
                 best = best.at(times).refined()
-            best = split(best)
+            self._colour(best)
+            if self.is_steady:  # what changes all the time is no two steps either
+                best = split(best)
             count = len(best.times)
             while len(best.times) < _MOST and (window := self._largest(best)):
                 best = best.at(np.array([*best.times, window]))
             if len(best.times) == _MOST:
                 self._colour(best)
-            if len(best.times) == count or not self.is_steady:
+                if not self.is_steady:
+                    return best
+            if len(best.times) == count:
                 return best
         return best.at(apart(best.found)).refined()
 

@@ -42,11 +42,12 @@ def steps_beside_usual(run: Run) -> tuple[Events, Spans]:
     """
     usual = _usual(run)
     spans: Spans = ()
+    tried = {spans}
     scan = ImpulseScan(refine(run, usual))
     for _ in range(_ROUNDS):
-        if scan.is_steady or (ahead := _spans(scan.standing_out)) == spans:
+        if scan.is_steady or (ahead := _spans(scan.standing_out)) in tried:
             break
-        spans = ahead
+        tried.add(spans := ahead)
         scan = ImpulseScan(Fit(run, refine(run.without(spans), usual).causes))
     return _events(scan), spans
 
