@@ -28,10 +28,15 @@ class DirectedGain(LoadFriction):
 
 
 def with_directed_gains(rows: ArmRows) -> ArmRows:
-    """Rows with such gains, of each recording its own, too; as large as friction by the load."""
+    """Rows with such gains, of each recording its own, too; as large as friction by the load.
+
+    A sensor of the torque on the link knows of no motor.
+    """
     count = len(rows.balances)
     runs = [None, *((run,) for run in range(count))] if count > 1 else [None]
-    of_load = [c for c in rows.candidates if c.kind.id == OF_LOAD and not c.recordings]
-    return rows.with_more(
-        [replace(c, kind=DirectedGain, recordings=run) for run in runs for c in of_load]
-    )
+    motors = [
+        replace(c, kind=DirectedGain)
+        for c in rows.candidates
+        if c.kind.id == OF_LOAD and rows.robot.effort_kind(str(c.where)) != 'link'
+    ]
+    return rows.with_more([replace(c, recordings=run) for run in runs for c in motors])
