@@ -9,6 +9,7 @@ are those of measured arms, tried on simulated ones with a coloured leftover
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,6 +52,8 @@ _BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
 RUN_TO_RUN = 0.05
 """Of a friction: by so much it differs from run to run of one machine, which a single recording
 can not show (docs/real_machines.md)."""
+_BY_DIRECTION = RUN_TO_RUN / math.sqrt(2.0)
+"""Of a friction: half of the difference between its directions, each of which differs by that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +152,7 @@ class Machine:
             j, torque, rate, scale, inertia = 0, 0.0, 1.0, 0.0, 0.0
         own = 0.2 * np.array([torque, torque / rate])
         dry = self.friction(DRY, where)
-        sizes: dict[str, tuple[float | Array, float]] = {
+        sizes: dict[str, tuple[float | Array, float] | Array] = {
             'joint_coulomb_friction': (torque, RUN_TO_RUN * dry),
             'joint_viscous_friction': (torque / rate, RUN_TO_RUN * self.friction(kind, where)),
             'joint_stribeck_friction': (0.3 * torque, RUN_TO_RUN * dry),
@@ -161,8 +164,8 @@ class Machine:
             'joint_torque_ripple': (0.1 * torque, 0.0),
             'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
             'motor_inertia': (inertia, 0.0),
-            'torque_sensor_bias': (0.3 * scale, 0.0),
-            'current_offset': (0.3 * scale / self._unit(where), 0.0),
+            'torque_sensor_bias': (0.3 * scale, _BY_DIRECTION * dry),
+            'current_offset': np.array([0.3 * scale, _BY_DIRECTION * dry]) / self._unit(where),
             'joint_sensor_delay': (max(0.01, self.interval), 0.0),
             'encoder_offset': (0.02, 0.0),
             'effort_delay': (max(0.01, self.interval), 0.0),

@@ -89,7 +89,9 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     before = torques.unlike(_Slip(DataFault('', '', '')))
     if np.all(before < UNLIKE):
         return ()
-    slips = [*_slips(robot), *_gravity_slips(robot.effort_kinds), *torques.turned_base()]
+    off = None if record.joints is None else record.joints.unpowered
+    compensated = () if off is not None and off.all() else _gravity_slips(robot.effort_kinds)
+    slips = [*_slips(robot), *compensated, *torques.turned_base()]
     shares = np.array([torques.unlike(slip) for slip in slips])
     # Of joints that turn little, and one way, friction is like the weight of another direction:
     # a turned base has to be nearer beside friction and bias, too.

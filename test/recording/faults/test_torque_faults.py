@@ -119,6 +119,17 @@ def test_gravity_that_is_taken_out_of_efforts(known, robot):
     assert (fault.kind, fault.message) == ('gravity', 'gravity is in them')
 
 
+def test_joints_without_a_motor_have_no_efforts_that_lack_gravity(known):
+    """Released, a servo fell on a stop and lay there; its efforts were said to lack gravity."""
+    record, model = known['pendulum']
+    light = weightless(record, model)
+    off = np.ones(light.q.shape, dtype=bool)
+    joints = replace(light.joints, effort=0.0 * light.effort)
+    (fault,) = find_torque_faults(replace(light, joints=joints), model)
+    assert fault.kind == 'gravity'
+    assert not find_torque_faults(replace(light, joints=replace(joints, unpowered=off)), model)
+
+
 @pytest.mark.parametrize('robot', ROBOTS)
 def test_clean_data_have_no_slip(known, robot):
     assert find_torque_faults(*known[robot]) == ()
