@@ -311,6 +311,9 @@ class Judged(Selection):
     def implausibility(self, chosen):
         return self.dear[bool(chosen)]
 
+    def need(self, i):
+        return 9.0
+
 
 @pytest.mark.parametrize(
     ('whitened', 'plain', 'stays'),

@@ -47,8 +47,8 @@ def check_bodies(selection: Selection, plain: Selection) -> None:
 
     Ten numbers follow much of what several simpler causes leave. What they have to beat by
     `HELD_OUT` is the best that does without: what is chosen in their place, no other body among
-    it. A slow load is little of the whitened rows, so that beating it as it is will do. Values
-    that nobody thinks plausible count against either choice as rows that it misses.
+    it. A slow load is little of the whitened rows, so that beating it as it is will do. What
+    does without by values so implausible that these alone are evidence for the body does not.
 
     Args:
         selection: What is chosen.
@@ -67,7 +67,7 @@ def check_bodies(selection: Selection, plain: Selection) -> None:
         check_held_out(other)
         gains = [_nats(rows, selection.chosen, other.chosen) for rows in (selection, plain)]
         dearer = other.implausibility(other.chosen) - selection.implausibility(selection.chosen)
-        if max(gains) + dearer <= HELD_OUT:
+        if max(gains) <= HELD_OUT and dearer <= selection.need(left[0]):
             selection.take(other)
             left = sorted(bodies & set(selection.chosen), key=selection.gain)
         else:
