@@ -7,10 +7,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
+from ..model.robot import Robot
 from ..model.robot_settings import SensorSettings
 from ..recording.faults.gaps import ONE_LOST
 from ..recording.faults.neighbours import NORMAL
 from ..recording.record import Record
+from ..recording.robot_inputs import wheel_axes, wheel_rates
 from ..types import Array
 from .trajectory.reference import NoiseLevels, integrated_rotation
 
@@ -66,6 +68,19 @@ def noise_levels(
             )
         levels[name] = level
     return NoiseLevels(**levels), tuple(notes)
+
+
+def wheel_noise(robot: Robot, record: Record) -> Array:
+    """(W, 3) standard deviation that each own wheel's measured rate gives their momentum [N m s].
+
+    As the robot file states it of joint rates, else from the data; none where none is measured.
+    """
+    axes, rates = wheel_axes(robot), wheel_rates(robot, record)
+    if rates is None or record.wheels is None:
+        return np.zeros_like(axes)
+    stated, time = robot.sensors.std('joint_velocity'), record.wheels.seconds(record.origin_ns)
+    stds = [stated or fourth_difference_std(rate[:, None], time) for rate in rates.T]
+    return np.asarray(np.array(stds)[:, None] * axes)
 
 
 def _least(name: str, values: Array | None) -> float:

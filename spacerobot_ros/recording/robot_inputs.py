@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import MessageRejectedError, RecordingError
 from ..model.inputs import HeldSignal, Inputs, MeasuredSignal
 from ..model.robot import Robot
+from ..types import Array
 from .messages import joint_order
 from .record import JointSeries, Record
 
@@ -125,15 +126,27 @@ def with_inputs(robot: Robot, record: Record) -> Robot:
 
 def _own_wheels(robot: Robot, record: Record) -> MeasuredSignal | None:
     """Momentum of the servicer's rotors by their rates; None where not all are measured."""
-    rotors = [rotor for rotor in robot.rotors if not rotor.is_target]
+    if (rates := wheel_rates(robot, record)) is None or record.wheels is None:
+        return None
+    time = record.wheels.seconds(record.origin_ns)
+    return MeasuredSignal(time, rates @ wheel_axes(robot), 'N m s')
+
+
+def wheel_rates(robot: Robot, record: Record) -> Array | None:
+    """(N, W) rates of the servicer's rotors [rad/s]; None where not all are measured."""
     wheels, names = record.wheels, own_wheels(robot)
-    if not rotors or wheels is None or wheels.velocity is None or len(wheels) < _FEWEST:
+    if not names or wheels is None or wheels.velocity is None or len(wheels) < _FEWEST:
         return None
     if set(names) - set(wheels.names):
         return None
-    rates = wheels.velocity[:, [wheels.names.index(name) for name in names]]
+    return np.asarray(wheels.velocity[:, [wheels.names.index(name) for name in names]])
+
+
+def wheel_axes(robot: Robot) -> Array:
+    """(W, 3) momentum of the servicer's rotors by their rates, in the base [kg m^2]."""
+    rotors = [rotor for rotor in robot.rotors if not rotor.is_target]
     axes = [r.axial_inertia * (r.body.rotation @ r.body.axis) for r in rotors]
-    return MeasuredSignal(wheels.seconds(record.origin_ns), rates @ np.array(axes), 'N m s')
+    return np.reshape(axes, (-1, 3))
 
 
 def _extra(record: Record) -> dict[str, MeasuredSignal]:

@@ -140,7 +140,7 @@ class FlightFilter:
     def _propagate(self, filtered: BlockInnovations, columns: int, begins: bool) -> None:
         """Express the state about the block's reference; what begins with it begins anew."""
         last, first = self._reference, filtered.reference.at(filtered.time_base.times[:1])
-        d = 2 * (filtered.m + filtered.n)
+        d = filtered.size
         k = len(self.probes)
         newest = 1 + 2 * k + self._newest * filtered.m
         if self._covariance is None or last is None:

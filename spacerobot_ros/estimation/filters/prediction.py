@@ -1,8 +1,9 @@
 r"""Rows by prediction: whitened innovations of the torque-driven filter, for data and columns.
 
-State: deviations [dphi; dq | domega; dqd] from the reference, and the errors of the two effort
+State: deviations [dphi; dq | domega; dqd] from the reference, the errors of the two effort
 samples between which the step lies, so that an effort that is interpolated is not taken for two
-independent ones. Innovations of data, and of data with an effect, are one linear operator applied
+independent ones, and those of the last measured rates of the robot's own wheels.
+Innovations of data, and of data with an effect, are one linear operator applied
 to what is measured and to what drives (`kalman`; Gertler 1998, ch. 6): all inference behind them
 is ordinary least squares.
 """
@@ -19,6 +20,7 @@ from ...dynamics.rotation import skew
 from ...effects.motion import Motion
 from ...recording.record import Record
 from ...types import Array, IntArray
+from ..noise_levels import wheel_noise
 from ..trajectory.reference import Kinematics, NoiseLevels, ReferenceTrajectory
 from ..trajectory.sampled_motion import NO_GAINS, SampledMotion
 from ..trajectory.time_base import make_time_base, pauses
@@ -106,6 +108,9 @@ class Innovations:
         measured: The record, its sensors as the model believes them.
         process: The model.
         timing: How efforts act, a key of `measured_torque.TIMINGS`.
+
+    Attributes:
+        size: Number of states.
     """
 
     def __init__(
@@ -120,6 +125,8 @@ class Innovations:
         self._measured = measured
         passive = np.isin(process.robot.joints, process.robot.passive_joints)
         noise = np.where(passive, _PASSIVE, 1.0) ** 2 * measured.noise.joint_effort**2
+        self._wheels = wheel_noise(process.robot, self.record)
+        self.size = 2 * (self.m + self.n) + len(self._wheels)
         self._torque = MeasuredTorque(self.record, self.reference, self.time_base, noise, timing)
         self.motion = measured.motion(process)
         self._linear = self.process.linearize(self.motion)
@@ -197,7 +204,7 @@ class Innovations:
         self, rates: Array, defects: Array, measured: Array, mean: Array | None = None
     ) -> Array:
         if mean is None:
-            mean = np.zeros((2 * self.m + 2 * self.n, rates.shape[2]))
+            mean = np.zeros((self.size, rates.shape[2]))
         return np.asarray(whiten(self._model, self._gains, mean, rates, defects, measured))
 
     def _by_row(self, measured: Mapping[str, Array], count: int) -> Array:
@@ -249,6 +256,7 @@ class Innovations:
         f[fresh == 1, :, late] = f[fresh == 1, :, early]
         f[fresh == 1, :, early] = 0.0
         f[fresh > 1, :, 2 * m :] = 0.0
+        f, noise = self._with_wheels(f, noise)
         return StateSpace(
             self.durations,
             f,
@@ -256,9 +264,30 @@ class Innovations:
             m,
             rows.first,
             rows.state,
-            np.zeros((0, size)),
+            np.zeros((0, self.size)),
             self._measured.row_variance,
         )
+
+    def _with_wheels(self, f: Array, noise: Array) -> tuple[Array, Array]:
+        """Transitions and their noise with states for errors of the own wheels' measured rates.
+
+        What is read too much, n, is taken from the base, and given back with the next sample:
+        n' + w x n.
+        """
+        steps, size, own = len(f), f.shape[1], self.size - f.shape[1]
+        length, inverse = self.durations[:, None, None], self._linear.by_force[1:, :, 3:6]
+        jump = inverse @ self._wheels.T
+        turn = 0.5 * length * inverse @ skew(self.kinematics.omega[1:]) @ self._wheels.T
+        fresh, last = turn + jump, turn - jump
+        enters = np.zeros((2, steps, size + own, own))
+        for k, rates in enumerate((last, fresh)):
+            enters[k, :, : 2 * self.m] = np.concatenate([0.5 * length * rates, rates], axis=1)
+        enters[1, :, size:] = np.eye(own)
+        wider = np.zeros((2, steps, size + own, size + own))
+        wider[:, :, :size, :size] = f, noise
+        wider[0, :, :, size:] = enters[0]
+        wider[1] += enters[1] @ np.swapaxes(enters[1], 1, 2)
+        return wider[0], wider[1]
 
     def _defects(self) -> Array:
         """(N-1, 2 m) what the model's accelerations miss of the reference over each step.
@@ -300,7 +329,7 @@ class Innovations:
         size = 2 * self.m
         variance = np.full(size + 2 * self.n, _START_STD**2)
         variance[size:] = np.tile(self._torque.noise, 2)
-        return np.diag(variance)
+        return np.diag(np.append(variance, np.ones(self.size - len(variance))))
 
 
 def _between(x: Array, place: float) -> Array:
