@@ -73,10 +73,10 @@ def noise_levels(
 def wheel_noise(robot: Robot, record: Record) -> Array:
     """(W, 3) standard deviation that each own wheel's measured rate gives their momentum [N m s].
 
-    As the robot file states it of joint rates, else from the data; none where none is measured.
+    As the robot file states it of joint rates, else from the data; none where none counts.
     """
     axes, rates = wheel_axes(robot), wheel_rates(robot, record)
-    if rates is None or record.wheels is None:
+    if rates is None or record.wheels is None or not robot.is_free:
         return np.zeros_like(axes)
     stated, time = robot.sensors.std('joint_velocity'), record.wheels.seconds(record.origin_ns)
     stds = [stated or fourth_difference_std(rate[:, None], time) for rate in rates.T]
