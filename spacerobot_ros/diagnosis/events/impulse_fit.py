@@ -75,7 +75,7 @@ class ImpulseFit:
         self.ways = scale[:, None] * ways[:, is_seen] / np.sqrt(squares[is_seen])
         """(K, L) that make an orthonormal basis of the columns (R, K)."""
         inverse = self.ways @ self.ways.T
-        values = inverse @ (self.columns.T @ fit.data)
+        values = self.coefficients(fit.data)
         self.left: Array = fit.data - self.columns @ values
         self.found: list[Impulse] = []
         self.covariances: list[Array] = []
@@ -88,18 +88,17 @@ class ImpulseFit:
             start, end = (middle + half * math.exp(duration) for half in (-0.5, 0.5))
             self.found.append(Impulse(start, end, value, std, float(np.sqrt(max(z2, 0.0)))))
 
-    @cached_property
-    def _basis(self) -> Array:
-        """(R, L) orthonormal columns."""
-        return np.asarray(self.columns @ self.ways)
-
     def at(self, times: Array) -> ImpulseFit:
         """The same beside impulses at other times."""
         return ImpulseFit(self._fit, times, self._bells)
 
+    def coefficients(self, columns: Array) -> Array:
+        """(K, C) by which the fit's columns make up what they can of others (R, C)."""
+        return np.asarray(self.ways @ (self.ways.T @ (self.columns.T @ columns)))
+
     def beside(self, columns: Array) -> Array:
-        """What is left of columns (R, K) beside all impulses and what lasts."""
-        return np.asarray(columns - self._basis @ (self._basis.T @ columns))
+        """What is left of columns (R, C) beside all impulses and what lasts."""
+        return np.asarray(columns - self.columns @ self.coefficients(columns))
 
     def is_within(self, time: Array) -> Array:
         """(N,) whether times (N,) are the record's."""

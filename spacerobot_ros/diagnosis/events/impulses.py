@@ -15,7 +15,8 @@ from ...types import Array
 from .event import Event, EventLimit, Events, PossibleEvent
 from .event_limits import NAMED, SNR, chance, named_from
 from .impulse_fit import EDGE, Impulse, ImpulseFit
-from .impulse_scan import AXES, TAIL, ImpulseScan
+from .impulse_scan import AXES, ImpulseScan
+from .impulse_sizes import TAIL
 
 Spans = tuple[tuple[float, float], ...]
 """Starts and ends of times [s]."""
