@@ -57,9 +57,15 @@ class ArmRows:
         return cls(tuple(balances), tuple(found), np.concatenate(tolerances))
 
     def with_own(self, loaded: Sequence[int]) -> ArmRows:
-        """With what recordings may have of their own, and masses of links that are wrong."""
-        own = candidates_of_recordings(self.candidates, self.robot, len(self.balances), loaded)
-        return self.with_more([*own, *wrong_masses(self.candidates, self.balances)])
+        """With what recordings may have of their own; see `candidates_of_recordings`."""
+        count = len(self.balances)
+        return self.with_more(
+            [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
+        )
+
+    def with_masses(self) -> ArmRows:
+        """With masses of links that are wrong."""
+        return self.with_more([*wrong_masses(self.candidates, self.balances)])
 
     def with_more(self, more: Sequence[Candidate]) -> ArmRows:
         """With further candidates, which no machine has unless they are chosen."""
