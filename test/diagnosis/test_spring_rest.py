@@ -3,34 +3,18 @@
 from __future__ import annotations
 
 import pytest
+from support.diagnosis import cause_within_a_tenth
 
 from spacerobot_ros.campaign.hidden.real_arm import arm_file
-from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence
 from spacerobot_ros.diagnosis.arms.spring_rest import with_rests
-from spacerobot_ros.effects.catalogue import CATALOGUE
 
 ROBOT = arm_file().robot
 
 
-def cause(kind, where, **values):
-    """A cause whose values are known within a tenth."""
-    applied = CATALOGUE[kind](name=kind, where=where, values=values)
-    return Cause(
-        applied=applied,
-        parameters={
-            p.name: Estimated(value=values[p.name], std=0.1 * abs(values[p.name]), unit=p.unit)
-            for p in applied.parameters
-        },
-        evidence=Evidence(),
-        thresholds={},
-        relevant=True,
-    )
-
-
 def test_a_spring_and_an_offset_are_a_spring_that_rests_elsewhere():
     """Both torques are 40 (q + 0.3) - 24; the offset's tenth of 0.6 rad, and the spring's."""
-    spring = cause('joint_stiffness', 'joint_2', stiffness=40.0, rest_angle=-0.3)
-    offset = cause('torque_sensor_bias', 'joint_2', bias=-24.0)
+    spring = cause_within_a_tenth('joint_stiffness', 'joint_2', stiffness=40.0, rest_angle=-0.3)
+    offset = cause_within_a_tenth('torque_sensor_bias', 'joint_2', bias=-24.0)
     (found,) = with_rests([offset, spring], ROBOT)
     assert dict(found.applied.values) == pytest.approx({'stiffness': 40.0, 'rest_angle': 0.3})
     assert found.parameters['rest_angle'].value == pytest.approx(0.3)
@@ -43,7 +27,7 @@ def test_a_spring_and_an_offset_are_a_spring_that_rests_elsewhere():
 )
 def test_other_offsets_stand_for_themselves(where, bias):
     both = [
-        cause('joint_stiffness', 'joint_2', stiffness=40.0, rest_angle=-0.3),
-        cause('torque_sensor_bias', where, bias=bias),
+        cause_within_a_tenth('joint_stiffness', 'joint_2', stiffness=40.0, rest_angle=-0.3),
+        cause_within_a_tenth('torque_sensor_bias', where, bias=bias),
     ]
     assert with_rests(both, ROBOT) == tuple(both)

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.diagnosis import cause_within_a_tenth
 
 from spacerobot_ros.campaign.hidden.real_arm import RealArm, arm_file
-from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence
 from spacerobot_ros.diagnosis.arms.two_directions import direction_notes, with_directions
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE
@@ -16,30 +16,15 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 JOINT = 'joint_2'
 
 
-def cause(kind, **values):
-    """A cause whose values are known within a tenth."""
-    applied = CATALOGUE[kind](name=kind, where=JOINT, values=values)
-    return Cause(
-        applied=applied,
-        parameters={
-            p.name: Estimated(value=values[p.name], std=0.1 * abs(values[p.name]), unit=p.unit)
-            for p in applied.parameters
-        },
-        evidence=Evidence(),
-        thresholds={p.name: p for p in applied.parameters},
-        relevant=True,
-    )
-
-
-FRICTION = cause('joint_coulomb_friction', torque=4.25)
+FRICTION = cause_within_a_tenth('joint_coulomb_friction', JOINT, torque=4.25)
 
 
 @pytest.mark.parametrize(
     ('kind', 'offset'),
     [
-        ('motor', cause('torque_sensor_bias', bias=-1.75)),
-        ('command', cause('torque_sensor_bias', bias=-1.75)),
-        ('current', cause('current_offset', offset=-0.35)),  # by 5 N m/A
+        ('motor', cause_within_a_tenth('torque_sensor_bias', JOINT, bias=-1.75)),
+        ('command', cause_within_a_tenth('torque_sensor_bias', JOINT, bias=-1.75)),
+        ('current', cause_within_a_tenth('current_offset', JOINT, offset=-0.35)),  # by 5 N m/A
     ],
 )
 def test_both_torques_have_one_name(kind, offset):
@@ -56,7 +41,7 @@ def test_both_torques_have_one_name(kind, offset):
 
 @pytest.mark.parametrize(('kind', 'bias'), [('link', -1.75), ('motor', 2.5)])
 def test_zeros_of_torque_sensors_and_large_ones_stay(kind, bias):
-    both = (FRICTION, cause('torque_sensor_bias', bias=bias))
+    both = (FRICTION, cause_within_a_tenth('torque_sensor_bias', JOINT, bias=bias))
     assert with_directions(both, arm_file(effort_kind=kind).robot, ()) == both
 
 

@@ -11,6 +11,21 @@ from spacerobot_ros.diagnosis.answer.result import Diagnosis, Gain, Residual, Se
 from spacerobot_ros.effects.catalogue import CATALOGUE
 
 
+def cause_within_a_tenth(kind: str, where: str, **values: float) -> Cause:
+    """A cause whose values are known within a tenth."""
+    applied = CATALOGUE[kind](name=kind, where=where, values=values)
+    return Cause(
+        applied=applied,
+        parameters={
+            p.name: Estimated(value=values[p.name], std=0.1 * abs(values[p.name]), unit=p.unit)
+            for p in applied.parameters
+        },
+        evidence=Evidence(),
+        thresholds={p.name: p for p in applied.parameters},
+        relevant=True,
+    )
+
+
 def friction_cause(rivals: tuple[Rival, ...] = ()) -> Cause:
     """Viscous friction of 3 N m s/rad at joint_2."""
     applied = CATALOGUE['joint_viscous_friction'](

@@ -151,8 +151,8 @@ class Machine:
         else:
             j, torque, rate, scale, inertia = 0, 0.0, 1.0, 0.0, 0.0
         own = 0.2 * np.array([torque, torque / rate])
-        dry = self.friction(DRY, where)
-        sizes: dict[str, tuple[float | Array, float] | Array] = {
+        dry, unit = self.friction(DRY, where), self._unit(where)
+        sizes: dict[str, tuple[float | Array, float]] = {
             'joint_coulomb_friction': (torque, RUN_TO_RUN * dry),
             'joint_viscous_friction': (torque / rate, RUN_TO_RUN * self.friction(kind, where)),
             'joint_stribeck_friction': (0.3 * torque, RUN_TO_RUN * dry),
@@ -165,7 +165,7 @@ class Machine:
             'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
             'motor_inertia': (inertia, 0.0),
             'torque_sensor_bias': (0.3 * scale, _BY_DIRECTION * dry),
-            'current_offset': np.array([0.3 * scale, _BY_DIRECTION * dry]) / self._unit(where),
+            'current_offset': (0.3 * scale / unit, _BY_DIRECTION * dry / unit),
             'joint_sensor_delay': (max(0.01, self.interval), 0.0),
             'encoder_offset': (0.02, 0.0),
             'effort_delay': (max(0.01, self.interval), 0.0),
