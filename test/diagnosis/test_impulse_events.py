@@ -75,6 +75,7 @@ def test_as_many_as_are_looked_for_are_named(bumped, monkeypatch):
 
 def test_what_changes_all_the_time_is_no_step_and_is_not_taken_apart(robot, monkeypatch, rng):
     monkeypatch.setattr(impulse_scan, '_MOST', 4)
+    monkeypatch.setattr(impulse_scan, 'split', lambda best: pytest.fail('taken apart'))
     refined = []
     monkeypatch.setattr(ImpulseFit, 'refined', lambda self, first=0: refined.append(self) or self)
     walk = [(0.6 * k, 0.6 * (k + 1), rng.normal(size=3)) for k in range(12)]
