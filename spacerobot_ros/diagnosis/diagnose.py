@@ -254,16 +254,16 @@ def _in_flight(
     """Causes of a free base, and steps of its momentum.
 
     Where more is wrong than is usual, causes are found first and steps beside them. What lasts may
-    make steps as well (clocks that are late, a lone body's inertia): where one cause may take most
-    of what steps do, that is searched, too, and steps are named where they explain more. A large
-    step may hide all causes, as no part of the record agrees with the others: where nothing
-    fits, its times are left out of a second search.
+    make steps as well (clocks that are late, a lone body's inertia, torques from outside): where
+    no step is named, or one cause may take most of what steps do, that is searched, too, and steps
+    are kept where they explain more. A large step may hide all causes, as no part of the record
+    agrees with the others: where nothing fits, its times are left out of a second search.
     """
     steps, large = steps_beside_usual(run)
     found = _searched(run.without(spans_of(steps)), kinds, report)
-    if steps.named:
+    if steps.all:
         without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.all))
-        if _one_takes_most(without, kinds, _cost(without) - cost):
+        if not steps.named or _one_takes_most(without, kinds, _cost(without) - cost):
             causes = _searched(run, kinds, report)
             if _cost(_with(causes.sound, ())) < cost:
                 found, steps = causes, Events()

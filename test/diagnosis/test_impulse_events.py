@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
+from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.events import impulse_scan
+from spacerobot_ros.diagnosis.events.event import Events, PossibleEvent
 from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
 from spacerobot_ros.diagnosis.events.impulses import spans_of, steps_beside_usual
-from spacerobot_ros.effects.catalogue import bind_effect
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
@@ -121,3 +123,25 @@ def test_a_short_record_is_asked_for_what_fits_into_it(robot, duration, asked):
         assert 'too short' in events.notes[0]
     else:
         assert {limit.durations for limit in events.limits.values()} == {asked}
+
+
+@pytest.mark.parametrize('lasts', [True, False])
+def test_steps_that_are_not_named_hide_no_cause_that_lasts(bumped, robot, monkeypatch, lasts):
+    """A torque in space, beside which its steps are superfluous; steps that are real stay."""
+    run, found = bumped
+    weak = tuple(
+        PossibleEvent(start=e.start, end=e.end, joints=(), z=e.z, reason='weak', applied=e.applied)
+        for e in found.named
+    )
+    kind = CATALOGUE['external_torque_inertial' if lasts else 'target_wheel_momentum']
+    if lasts:
+        torque = kind(name='torque', where=None, values={'x': 0.02, 'y': -0.02, 'z': 0.02})
+        known = robot_file('servicer').robot
+        record = observed(simulated('servicer', 'default', 3, [torque], 10.0), known)
+        run = Run(record, known, (), run.noise, 'held_before')
+    steps = Events(possible=weak, limits=found.limits)
+    monkeypatch.setattr(diagnose, 'steps_beside_usual', lambda run: (steps, ()))
+    said, kept = diagnose._in_flight(run, [kind], lambda what, share: None)
+    assert said.sound.run.left_out == (() if lasts else spans_of(steps))
+    assert [c.id for c in said.sound.causes] == [kind.id]
+    assert bool(kept.possible) != lasts
