@@ -6,12 +6,17 @@ to do. Command line and nodes print `str(error)` as one line and exit with statu
 
 from __future__ import annotations
 
-_LONGEST = 1000  # characters of a reason, which may quote the input
+_LONGEST, _LONGEST_PLACE = 1000, 300  # characters of a line, which may quote the input
 
 
 def shortened(text: str, most: int) -> str:
     """A text of at most so many characters, its end left out where it has more."""
     return text if len(text) <= most else f'{text[: most - 4]} ...'
+
+
+def in_a_line(text: str) -> str:
+    """A text without what moves or colours a terminal's cursor."""
+    return ''.join(c if c.isprintable() else ' ' if c.isspace() else ascii(c)[1:-1] for c in text)
 
 
 class SpaceRobotError(Exception):
@@ -27,7 +32,8 @@ class PlacedError(SpaceRobotError, ValueError):
     """
 
     def __init__(self, place: str, reason: str) -> None:
-        reason = shortened(reason, _LONGEST)
+        place = shortened(in_a_line(place), _LONGEST_PLACE)
+        reason = shortened(in_a_line(reason), _LONGEST - len(place) - 2)
         super().__init__(f'{place}: {reason}')
         self.place = place
         self.reason = reason

@@ -116,9 +116,10 @@ class MaximumLikelihood:
             self._add_prior(information, prior)
             information.reset_residual()
             self._beyond = 0.0
-            change = self._advance(stretch, prior)
-            self.is_converged = bool(np.max(np.abs(change) / self.std) < CONVERGED)
-            if self.is_converged:
+            before, change = self.constants, self._advance(stretch, prior)
+            asked, moved = np.max(np.abs([change, self.constants - before]) / self.std, axis=1)
+            self.is_converged = bool(asked < CONVERGED)
+            if moved < CONVERGED:  # also where they are held back: the next pass would be this one
                 break
 
     def extend(self, record: Record, context: Record, noise: NoiseLevels, holds: Holds) -> Stretch:

@@ -147,8 +147,10 @@ def read_text(path: Path, what: str, most: int = MOST_URDF) -> str:
     try:
         if path.exists() and not path.is_file():  # a pipe, a device or a folder
             raise ConfigurationError(str(path), f'{what} can not be read: it is not a file')
-        with path.open('rb') as file:
+        with open(path, 'rb', opener=_without_waiting) as file:
             content = file.read(most + 1)
+        if content is None:
+            raise ConfigurationError(str(path), f'{what} can not be read: it has no end')
     except OSError as error:
         why = error.strerror or str(error)
         raise ConfigurationError(str(path), f'{what} can not be read: {why}') from error
@@ -160,6 +162,11 @@ def read_text(path: Path, what: str, most: int = MOST_URDF) -> str:
     except UnicodeDecodeError as error:
         why = f'{what} is not UTF-8 (byte {error.start}): save it as that'
         raise ConfigurationError(str(path), why) from error
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    """Open what may turn out to be a pipe, or a log of the kernel."""
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def write_text(path: str | Path, text: str) -> Path:

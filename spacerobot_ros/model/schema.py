@@ -10,7 +10,6 @@ import difflib
 import inspect
 import math
 import re
-import sys
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -87,6 +86,9 @@ class Allowed(Bounds):
                 self.check(entry, where, self.unit)
 
 
+LARGEST = 1e50
+"""Magnitude of a number of a robot, in any unit: sixth powers of it are numbers."""
+
 LONGEST = 1e9
 """Longest time [s] and highest rate [Hz]: whole nanoseconds of it fill a ninth of 64 bits."""
 
@@ -151,8 +153,9 @@ def parse_number(value: Any, place: str, kind: type = float) -> Any:
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ConfigurationError(place, f'expected a number, got {value!r}')
-    if not abs(value) <= sys.float_info.max:
-        raise ConfigurationError(place, f'{value} is not a finite number in range')
+    if not abs(value) <= LARGEST:
+        why = f'{value} is not a finite number of a magnitude up to {LARGEST:g}'
+        raise ConfigurationError(place, why)
     if kind is int and value != int(value):
         raise ConfigurationError(place, f'expected a whole number, got {value}')
     return kind(value)

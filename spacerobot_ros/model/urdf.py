@@ -19,6 +19,7 @@ from ..errors import ModelError
 from ..types import Matrix3, Vector3
 from .files import MOST_URDF
 from .rigid_body import fault_of
+from .schema import LARGEST
 
 MOVING = ('revolute', 'continuous', 'prismatic')
 INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
@@ -180,7 +181,7 @@ def _checked(
     welded = {joint.child for joint in joints.values() if joint.kind == 'fixed'}
     for name in (name for name in links if name not in welded):
         names = [name]
-        whole = _whole(links[name], links, below, names)
+        whole = _whole(links, below, names)
         faults = [(part, fault_of(links[part].mass, links[part].inertia)) for part in names]
         faults = [(part, why) for part, why in faults if why]
         if not faults:
@@ -194,15 +195,17 @@ def _checked(
     return out
 
 
-def _whole(
-    link: Link, links: dict[str, Link], below: Mapping[str, Sequence[Joint]], names: list[str]
-) -> Link:
-    """A link with all that is welded to it, whose names are added."""
-    for joint in below.get(link.name, ()):
-        if joint.kind == 'fixed':
-            names.append(joint.child)
-            link = _joined(link, _whole(links[joint.child], links, below, names), joint)
-    return link
+def _whole(links: dict[str, Link], below: Mapping[str, Sequence[Joint]], names: list[str]) -> Link:
+    """The link of a list with all that is welded to it, whose names are added."""
+    welded = {}
+    for name in names:  # which grows; chains may be longer than the interpreter's stack
+        welded[name] = [joint for joint in below.get(name, ()) if joint.kind == 'fixed']
+        names += [joint.child for joint in welded[name]]
+    whole = {name: links[name] for name in names}
+    for name in reversed(names):
+        for joint in welded[name]:
+            whole[name] = _joined(whole[name], whole[joint.child], joint)
+    return whole[names[0]]
 
 
 def _joined(link: Link, part: Link, joint: Joint) -> Link:
@@ -277,12 +280,13 @@ def _parse_origin(element: ElementTree.Element | None, where: str) -> tuple[Vect
 
 
 def _parse_numbers(text: str, count: int, where: str) -> list[float]:
-    try:
-        numbers = [float(word) for word in text.split()]
+    try:  # Python's own also reads 1_000 and digits of other scripts
+        numbers = [float(word) for word in text.encode('ascii').replace(b'_', b'?').split()]
     except ValueError as error:
         raise ModelError(where, f'expected {count} number(s), got {text!r}') from error
-    if len(numbers) != count or not all(math.isfinite(n) for n in numbers):
-        raise ModelError(where, f'expected {count} finite number(s), got {text!r}')
+    if len(numbers) != count or not all(abs(n) <= LARGEST for n in numbers):
+        why = f'expected {count} finite number(s), got {text!r}'
+        raise ModelError(where, f'{why}; magnitudes end at {LARGEST:g}')
     return numbers
 
 

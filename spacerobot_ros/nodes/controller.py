@@ -282,8 +282,9 @@ class ControllerNode(SensorNode):
             self._action.follow(command)
         if self._learned is not None:
             self._learned.keep(command.stamp_ns)
-        law = self.settings.controller.law
-        self._trackings.publish(encoded(convert.tracking_message(command, self._names, law)))
+        if self._trackings.get_subscription_count():
+            law = self.settings.controller.law
+            self._trackings.publish(encoded(convert.tracking_message(command, self._names, law)))
 
     def _send(self, stamp: int, tau: np.ndarray, base: np.ndarray | None) -> None:
         compose = composer()

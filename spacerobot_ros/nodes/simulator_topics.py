@@ -56,10 +56,9 @@ class SimulatorTopics:
         """
         ns, compose = plant.time_ns, composer()
         due = {'/clock': compose.make('rosgraph_msgs/msg/Clock', clock=compose.time(ns))}
-        if plant.step_index % self._ledger_every == 0:
+        if plant.step_index % self._ledger_every == 0 and self._is_taken('~/ledger'):
             due['~/ledger'] = compose.ledger(ns, plant.ledger())
-        frames = self._publishers.get('/tf')
-        if samples.joints is not None and frames and frames.get_subscription_count():
+        if samples.joints is not None and self._is_taken('/tf'):
             robot, state = plant.robot, plant.state
             due['/tf'] = compose.base_frame(ns, robot.base_link, state.p_WB, state.q_WB_xyzw)
         due |= sample_messages(compose, plant, samples)
@@ -67,6 +66,10 @@ class SimulatorTopics:
         self._last |= sent
         for topic, cdr in sent.items():
             self._publishers[topic].publish(cdr)
+
+    def _is_taken(self, topic: str) -> bool:
+        publisher = self._publishers.get(topic)
+        return publisher is not None and publisher.get_subscription_count() > 0
 
     def resend(self, *, with_attitude: bool) -> None:
         """Send the last samples again, that of the star tracker only where it is asked for.

@@ -77,15 +77,15 @@ class Problem:
         rate = RateErrorModel(*(getattr(self.rate, name)[cut] for name in names))
         measured = zip(channels, at, rows.axis, strict=True)
         return SimpleNamespace(
-            reference=SimpleNamespace(times=time, disturbed=lambda: None),
+            reference=SimpleNamespace(times=time, disturbed=None),
             kinematics=SimpleNamespace(
                 rate=rate, omega=self.omega[cut], rotation=Rotation.identity(len(time))
             ),
             rows=rows,
             deviations=np.array([self.deviations[c][k, axis] for c, k, axis in measured]),
             row_variance=np.array([STDS[c] ** 2 for c in channels]),
-            joint_states=lambda: self.joints[cut],
-            snap_density=lambda: SNAP,
+            joint_states=self.joints[cut],
+            snap_density=SNAP,
             misreadings=lambda *_: (np.zeros(len(channels)), np.zeros((len(channels), 0))),
         )
 
@@ -305,7 +305,7 @@ def space_of(dt, omega, state):
         kinematics=SimpleNamespace(omega=omega),
         rows=rows,
         row_variance=np.zeros(0),
-        snap_density=lambda: SNAP,
+        snap_density=SNAP,
     )
     rate = RateErrorModel(np.zeros((2, 3)), state, np.zeros((2, 3, P)), np.zeros((2, 3, P)))
     return state_space(stretch, rate, np.zeros((2, 4 * JOINTS)))[0]

@@ -150,7 +150,7 @@ def test_a_biased_gyro_is_drawn_to_the_tracker_and_to_none_from_a_given_start():
 def test_the_draw_of_the_error_is_of_its_size():
     run = simulate('zyx', 20.0)
     reference = through(measure(run, 5))
-    other, here = reference.disturbed(), reference.at(run.time)
+    other, here = reference.disturbed, reference.at(run.time)
     truth = run.q, run.qd, run.omega
     for one, two, true in zip(
         (other.q, other.qd, other.omega), (here.q, here.qd, here.omega), truth, strict=True
@@ -223,7 +223,7 @@ def test_deviations_are_those_from_the_reference_at_the_samples_own_times():
 def test_joint_states_and_snap():
     run = simulate('zyx', 20.0)
     stretch = Stretch(measure(run, 5), NOISE, through(measure(run, 5)))
-    states = stretch.joint_states()
+    states = stretch.joint_states
     assert states.shape == (len(run.time), 12)
     np.testing.assert_allclose(states[0, :3], run.q[0], rtol=0, atol=1e-4)
     # the rms of the motion, by differences of the exact rates
@@ -231,4 +231,4 @@ def test_joint_states_and_snap():
     np.testing.assert_allclose(
         np.sqrt(np.mean(states[:, 6:9] ** 2, axis=0)), want, rtol=0.05, atol=0
     )
-    assert np.all(stretch.snap_density() > 0.0)
+    assert np.all(stretch.snap_density > 0.0)

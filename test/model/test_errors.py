@@ -25,3 +25,11 @@ def test_errors_pass_between_processes(error):
     assert type(again) is type(error)
     assert str(again) == str(error)
     assert vars(again) == vars(error)
+
+
+def test_an_error_is_one_line_whatever_it_quotes():
+    line = str(errors.ConfigurationError('robot.\x1b[31mred\n' + 'k' * 5000, 'got\0' + 'x' * 5000))
+    assert line.startswith(r'robot.\x1b[31mred k')
+    assert r'got\x00' in line
+    assert line.isprintable()
+    assert len(line) == 1000

@@ -234,6 +234,11 @@ FILES = [
         'simulator.substeps: 0 must be at least 1',
     ),
     (
+        'no number of anything',
+        TEXT.replace('2.0e-5', '1.0e+308'),
+        r'sensors.gyro_std: 1e\+308 is not a finite number of a magnitude up to 1e\+50',
+    ),
+    (
         'too large',
         TEXT + '    simulator: {period: 2.0}\n',
         'simulator.period: 2 s must be at most 1',
@@ -367,7 +372,7 @@ HOSTILE = {
     'alias': ('[&a 1, *a]', r'alias \*a: not known in ROS 2'),
     'itself': ('&a [*a]', r'alias \*a: not known in ROS 2'),
     'list as key': ('{[1]: 2}', 'found unhashable key'),
-    'long text': ('a' * 100_000, r'expected a number, got .a{900,} \.\.\.$'),
+    'long text': ('a' * 100_000, r'expected a number, got .a{700,} \.\.\.$'),
 }
 
 
@@ -376,7 +381,7 @@ def test_hostile_values_are_one_line(load, value, match):
     with pytest.raises(ConfigurationError, match=match) as caught:
         load(f'/**:\n  ros__parameters:\n    robot:\n      inertia_uncertainty: {value}\n')
     assert '\n' not in str(caught.value)
-    assert len(str(caught.value)) < 1300
+    assert len(str(caught.value)) <= 1000
 
 
 def test_what_is_no_file_or_too_large_is_not_read(load, tmp_path):
@@ -413,8 +418,8 @@ def test_only_files_are_written_over(tmp_path):
 
 
 def test_an_axis_beyond_all_bounds_is_one_line(load):
-    with pytest.raises(ConfigurationError, match=r'must be a unit vector, its length is 1e\+308'):
-        load(TEXT, to_urdf(table_one()).replace('<axis xyz="0.0', '<axis xyz="1e308'))
+    with pytest.raises(ConfigurationError, match=r'must be a unit vector, its length is 1e\+40'):
+        load(TEXT, to_urdf(table_one()).replace('<axis xyz="0.0', '<axis xyz="1e40'))
 
 
 def test_a_urdf_in_another_encoding_is_one_line(load, tmp_path):

@@ -42,6 +42,21 @@ REFUSALS = [
         r"link 'arm' mass: expected 1 finite number\(s\), got 'nan'",
     ),
     (
+        'huge mass',
+        _with('mass value="1"', 'mass value="1e51"'),
+        r"link 'arm' mass: expected 1 finite number\(s\), got '1e51'; magnitudes end at 1e\+50",
+    ),
+    (
+        'mass with an underscore',
+        _with('mass value="1"', 'mass value="1_0"'),
+        r"link 'arm' mass: expected 1 number\(s\), got '1_0'",
+    ),
+    (
+        'mass in other digits',
+        _with('mass value="1"', 'mass value="\u0661"'),
+        r"link 'arm' mass: expected 1 number\(s\), got '\u0661'",
+    ),
+    (
         'infinite inertia',
         _with('izz="2"', 'izz="inf"'),
         "link 'base_link' inertia izz: expected 1 finite",
@@ -249,6 +264,19 @@ def test_a_body_is_what_its_welded_links_make():
     heavy = WELDED.format(mass=1e-6, kind='fixed').replace('-3.5e-8', '-0.35')
     with pytest.raises(ModelError, match="link 'antenna': inertia is not positive"):
         parse_urdf(_with('</robot>', heavy))
+
+
+def test_a_chain_of_welded_links_is_longer_than_the_stack():
+    count, welded = 2000, ''
+    for k in range(count):
+        parent = f'w{k - 1}' if k else 'arm'
+        welded += f'<link name="w{k}"/>' + EXTRA.removeprefix('<link name="tip"/>').format(
+            parent=parent, child=f'w{k}'
+        ).removesuffix('</robot>').replace('"j2"', f'"f{k}"')
+    mass = '<inertial><mass value="0.5"/><inertia ixx="-1e-9" iyy="0" izz="0"/></inertial>'
+    last = f'<link name="w{count - 1}">{mass}</link>'.replace('iyy', 'ixy="0" ixz="0" iyz="0" iyy')
+    text = _with('</robot>', welded.replace(f'<link name="w{count - 1}"/>', last) + '</robot>')
+    assert parse_urdf(text).links['arm'].mass == 1.5
 
 
 ROOTS = {

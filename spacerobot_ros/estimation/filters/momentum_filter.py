@@ -11,6 +11,7 @@ bounded memory, and equal to the Kalman filter with augmented state (Friedland 1
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf
@@ -62,10 +63,12 @@ class Stretch(SampledMotion):
         super().__init__(record, noise, reference, rows)
         self.holds = holds
 
+    @cached_property
     def joint_states(self) -> Array:
         """(N, 4 n) positions, rates, accelerations and jerks of the reference."""
         return np.hstack([self.reference.joints(self.reference.times, k) for k in range(4)])
 
+    @cached_property
     def snap_density(self) -> Array:
         """(n,) power spectral density of a white snap that follows the joints as the spline."""
         joints = self.reference.joints
@@ -165,17 +168,17 @@ class MomentumFilter:
         Returns:
             (R, p) and (R,) columns and values of the rows that the information has got.
         """
-        p, joints = self._model.size, stretch.joint_states()
+        p, joints = self._model.size, stretch.joint_states
         if self._last is None:
             self._covariance = _start_covariance(joints)
         else:
             self._mean[3:, 0] -= joints[0]
-        disturbed = stretch.reference.disturbed()
+        disturbed = stretch.reference.disturbed
         rate = self._model.linearize(stretch.kinematics, constants, disturbed)
         space, defects = state_space(stretch, rate, joints)
         misread, sensors = stretch.misreadings(self._model, constants)
         drives = np.concatenate([rate.offset[..., None], rate.placebo, rate.constants], axis=2)
-        measured = -_at_gyro(stretch, drives)
+        measured = _less_at_gyro(stretch, drives)
         measured[:, 0] += stretch.deviations - misread
         measured[:, measured.shape[1] - sensors.shape[1] :] -= sensors
         gains = gains_of(space, self._covariance)
@@ -227,7 +230,7 @@ def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[
     spread = np.zeros((len(durations), size, 4 * n))
     spread[:, 3:] = np.eye(4 * n)
     spread[:, :3, : 2 * n] = 0.5 * durations[:, None, None] * rate.state[1:, :, 3:]
-    snap = _snap_noise(durations, stretch.snap_density())
+    snap = _snap_noise(durations, stretch.snap_density)
     noise = np.zeros((len(durations), size, size))
     noise[:, 3:, 3:] = snap
     noise[:, :3, 3:] = spread[:, :3] @ snap
@@ -281,12 +284,14 @@ def transitions_of(durations: Array, matrices: Array) -> Array:
     return out
 
 
-def _at_gyro(stretch: Stretch, drives: Array) -> Array:
-    """(R, c) of what drives the rate, (N, 3, c), at the gyro's rows; zero at others."""
+def _less_at_gyro(stretch: Stretch, drives: Array) -> Array:
+    """(R, c) less what drives the rate, (N, 3, c), at the gyro's rows; zero at others."""
     rows = stretch.rows
     at = np.repeat(np.arange(len(drives)), np.diff(rows.first))
-    is_gyro = (rows.channel == CHANNELS.index('gyro'))[:, None]
-    return np.where(is_gyro, drives[at, np.minimum(rows.axis, 2)], 0.0)
+    is_gyro = rows.channel == CHANNELS.index('gyro')
+    out = np.zeros((len(at), drives.shape[2]))
+    out[is_gyro] = -drives[at[is_gyro], rows.axis[is_gyro]]
+    return out
 
 
 def _start_covariance(joints: Array) -> Array:

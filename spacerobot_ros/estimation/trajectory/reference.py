@@ -117,6 +117,7 @@ class ReferenceTrajectory:
             rate(times, 1),
         )
 
+    @cached_property
     def disturbed(self) -> Kinematics:
         """The reference at the times of its attitude, with a draw of its own error added."""
         joints, rate = self.joints.with_error(), self.rate.with_error()
