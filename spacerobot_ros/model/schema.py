@@ -87,7 +87,7 @@ class Allowed(Bounds):
 
 
 LARGEST = 1e50
-"""Magnitude of a number of a robot, in any unit: sixth powers of it are numbers."""
+"""Magnitude of a number of a robot, in any unit: sixth powers of it and its inverse exist."""
 
 LONGEST = 1e9
 """Longest time [s] and highest rate [Hz]: whole nanoseconds of it fill a ninth of 64 bits."""
@@ -146,7 +146,7 @@ def parse_section(cls: type, values: Any, place: str) -> Any:
 
 
 def parse_number(value: Any, place: str, kind: type = float) -> Any:
-    """A finite number, whole where `kind` is int.
+    """A finite number, whole where `kind` is int; one that is next to nothing is zero.
 
     Raises:
         ConfigurationError: anything else.
@@ -158,7 +158,7 @@ def parse_number(value: Any, place: str, kind: type = float) -> Any:
         raise ConfigurationError(place, why)
     if kind is int and value != int(value):
         raise ConfigurationError(place, f'expected a whole number, got {value}')
-    return kind(value)
+    return kind(value if abs(value) >= 1.0 / LARGEST else 0)
 
 
 def _parse_value(f: Field[Any], kinds: tuple[Any, ...], value: Any, place: str) -> Any:

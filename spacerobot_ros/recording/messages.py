@@ -6,7 +6,6 @@ that fails raises `MessageRejectedError` with the reason; nothing is repaired.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -18,6 +17,7 @@ from ..types import Array, Quaternion, Vector3, Vector6
 
 INERTIAL_FRAME = 'inertial'
 SECOND_NS = 1_000_000_000
+LARGEST = 1e12  # SI; no machine's, and fourth powers of it can still be summed
 NORM_LIMIT = 1e-3  # a quaternion further from unit norm is a bad message, not rounding
 _NUMBER = re.compile(r'(?<![\w.])[-+]?\d+(\.\d+)?([eE][-+]?\d+)?(?!\w)')
 
@@ -213,10 +213,15 @@ def unit(q_xyzw: Quaternion) -> Quaternion:
 
 
 def finite(values: Array, what: str) -> Array:
-    """The values; raise MessageRejectedError where one is not finite."""
-    few = values.ndim == 1  # then Python is quicker than NumPy
-    if not (all(map(math.isfinite, values.tolist())) if few else np.isfinite(values).all()):
-        raise MessageRejectedError(f'{what} is not finite')
+    """The values; raise MessageRejectedError where one is not finite, or no machine's."""
+    if values.ndim == 1:  # then Python is quicker than NumPy
+        is_sound = all(-LARGEST <= value <= LARGEST for value in values.tolist())
+    else:
+        is_sound = bool((np.abs(values) <= LARGEST).all())
+    if not is_sound:
+        is_finite = np.isfinite(values).all()
+        why = f'has a number of no machine, beyond {LARGEST:g}' if is_finite else 'is not finite'
+        raise MessageRejectedError(f'{what} {why}')
     return values
 
 

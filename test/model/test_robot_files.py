@@ -234,6 +234,11 @@ FILES = [
         'simulator.substeps: 0 must be at least 1',
     ),
     (
+        'next to nothing',
+        TEXT + '    adaptive: {kappa: 1.0e-300}\n',
+        'adaptive.kappa: 0 1/s must be above 0',
+    ),
+    (
         'no number of anything',
         TEXT.replace('2.0e-5', '1.0e+308'),
         r'sensors.gyro_std: 1e\+308 is not a finite number of a magnitude up to 1e\+50',

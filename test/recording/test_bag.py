@@ -193,7 +193,7 @@ BAD = {
                     'position has 0 entries for 3 joints'),
     'duplicate stamp': ('/joint_states', joint_state(0), 'stamp seen before'),
     'gyro of no machine': ('/imu/data', imu(99, (0.0, 1e300, 0.0)),
-                           'has a number of no machine, beyond 1e+12'),
+                           'angular_velocity has a number of no machine, beyond 1e+12'),
     'gyro nan': ('/imu/data', imu(99, (0.0, np.nan, 0.0)), 'angular_velocity is not finite'),
     'gyro frame': ('/imu/data', imu(99, frame='imu_link'),
                    "frame_id is 'imu_link', expected 'base_link'"),

@@ -23,7 +23,7 @@ from .. import messages
 from ..record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, shown
 from ..series import InputSeries
 from ..tables.mapped_inputs import INPUTS
-from ..tables.units import LARGEST, SI_UNITS
+from ..tables.units import SI_UNITS
 from .bag_storage import StoredMessages, read_messages
 from .message_types import decoded
 
@@ -123,8 +123,6 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
         try:
             message = decoded(msgtype, data, with_package=False)
             row = _row(kind, message, channel, None if robot is None else robot.base_link)
-            if np.any(np.abs(row) > LARGEST):
-                raise MessageRejectedError(f'has a number of no machine, beyond {LARGEST:g}')
             channel.stamps.append(messages.stamp_ns(message.header.stamp))
             channel.rows.append(row)
         except MessageRejectedError as error:

@@ -12,11 +12,12 @@ from ...errors import RecordingError
 from ...formats import counted
 from ...types import Array, IntArray
 from ..faults.gaps import continued
+from ..messages import LARGEST
 from ..record import shown, to_stamps
 from .mapping import ColumnMapping, MappedColumns
 from .sample_clock import parted, rebuilt
 from .table import SampleTable
-from .units import LARGEST, TIME, si_size
+from .units import TIME, si_size
 
 T = TypeVar('T')
 _ROW = 'row'

@@ -11,7 +11,6 @@ TIME, ANGLE, LENGTH = 'time', 'angle', 'length'
 ANGULAR_RATE, LINEAR_RATE = 'angular rate', 'linear rate'
 TORQUE, FORCE, CURRENT, FIELD = 'torque', 'force', 'current', 'magnetic field'
 
-LARGEST = 1e12  # SI; no machine's, and fourth powers of it can still be summed
 _DEG = math.pi / 180.0
 _TURN = 2.0 * math.pi
 
