@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import inspect
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -42,6 +43,30 @@ def interruptible(is_answered: Callable[[], object] = lambda: False) -> Iterator
     finally:
         if is_ours:
             signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def held_back() -> Iterator[Callable[[], None]]:
+    """Have Ctrl-C wait for the next call of what is yielded, or for the end of the block.
+
+    Executors of rclpy log what is raised in a callback as a fault of the node.
+    """
+    waiting: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    is_ours = callable(before) and threading.current_thread() is threading.main_thread()
+
+    def let_through() -> None:
+        if waiting and callable(before):
+            before(waiting.pop(), inspect.currentframe())
+
+    if is_ours:
+        signal.signal(signal.SIGINT, lambda number, _: waiting.append(number))
+    try:
+        yield let_through
+    finally:
+        if is_ours:
+            signal.signal(signal.SIGINT, before)
+    let_through()
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from ..errors import MessageRejectedError, SpaceRobotError
+from ..interrupts import held_back
 from ..model.settings import Settings
 from ..recording.bags.message_types import CanonicalMessages
 from .convert import type_name
@@ -109,17 +110,19 @@ class Session:
         """
         gc.freeze()  # what exists by now stays: no search for garbage needs to look at it
         last, since = progress(), time.monotonic_ns()
-        for k in count(1):
-            if predicate():
-                return
-            self._executor.spin_once(timeout_sec=_WAIT)
-            if k % _SPINS:
-                continue
-            value, now = progress(), time.monotonic_ns()
-            if value != last:
-                last, since = value, now
-            elif now - since > self._stall_ns:
-                raise SessionError(f'the nodes stand still at {value}')
+        with held_back() as let_interrupts_through:
+            for k in count(1):
+                if predicate():
+                    return
+                self._executor.spin_once(timeout_sec=_WAIT)
+                let_interrupts_through()
+                if k % _SPINS:
+                    continue
+                value, now = progress(), time.monotonic_ns()
+                if value != last:
+                    last, since = value, now
+                elif now - since > self._stall_ns:
+                    raise SessionError(f'the nodes stand still at {value}')
 
     def _join(self, node: Any) -> Any:
         self._nodes.append(node)

@@ -306,3 +306,19 @@ def test_a_loop_has_settled_when_it_has_followed_for_as_long_as_asked(monkeypatc
     assert seen == [False] * 5 + [True]
     loop._on_tracking(Tracking(state='tracking', max_error=0.01))
     assert loop.worst == 0.01
+
+
+def test_an_interrupt_waits_for_the_callback_it_meets():
+    went_on = []
+
+    def meet() -> None:
+        signal.raise_signal(signal.SIGINT)
+        went_on.append(True)
+
+    before = signal.getsignal(signal.SIGINT)
+    with Session() as session, pytest.raises(KeyboardInterrupt):
+        node = session.plain('met')
+        node.create_timer(0.001, meet)
+        session.until(lambda: False, lambda: 0)
+    assert went_on == [True]
+    assert signal.getsignal(signal.SIGINT) is before
