@@ -316,9 +316,9 @@ def test_an_interrupt_waits_for_the_callback_it_meets():
         went_on.append(True)
 
     before = signal.getsignal(signal.SIGINT)
-    with Session() as session, pytest.raises(KeyboardInterrupt):
-        node = session.plain('met')
-        node.create_timer(0.001, meet)
-        session.until(lambda: False, lambda: 0)
+    with Session() as session:
+        session.plain('met').create_timer(0.001, meet)
+        with pytest.raises(KeyboardInterrupt):
+            session.until(lambda: False, lambda: 0)
     assert went_on == [True]
     assert signal.getsignal(signal.SIGINT) is before
