@@ -5,8 +5,10 @@ Loading takes seconds on a busy machine, and modules written in C may lose a Key
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
+from collections.abc import Sequence
 from functools import partial
 from importlib import import_module
 from types import FrameType
@@ -18,17 +20,24 @@ def _stop(number: int, frame: FrameType | None) -> None:
     os._exit(0)  # there is nothing yet that must be ended properly
 
 
-def _start(node: str) -> int:
+def start(node: str, args: Sequence[str] | None = None) -> int:
+    """Run a node, or all as `composed`, until it is stopped; its exit status.
+
+    Args:
+        node: Its name.
+        args: Command line; None: that of the process.
+    """
+    gc.disable()  # until it runs: nothing that is loaded is garbage, and looking takes 0.1 s
     before = {number: signal.signal(number, _stop) for number in _SIGNALS}
     main = import_module('.program', __package__).program(node)
     for number, handler in before.items():
         signal.signal(number, handler)
-    status: int = main()
+    status: int = main(args)
     return status
 
 
-simulator = partial(_start, 'simulator')
-identifier = partial(_start, 'identifier')
-controller = partial(_start, 'controller')
-monitor = partial(_start, 'monitor')
-composed = partial(_start, 'composed')
+simulator = partial(start, 'simulator')
+identifier = partial(start, 'identifier')
+controller = partial(start, 'controller')
+monitor = partial(start, 'monitor')
+composed = partial(start, 'composed')

@@ -60,6 +60,7 @@ def run_nodes(
                     stack.callback(node.destroy_node)
                     executor.add_node(node)
                 gc.freeze()  # what stays is no garbage: looking for it takes 0.1 s now and then
+                gc.enable()
                 schedule(node)
                 executor.spin()
             except STOPPED:

@@ -1,5 +1,6 @@
 """Parameters of the nodes: declared with their meaning, refused with the place named."""
 
+import gc
 import signal
 from pathlib import Path
 
@@ -24,8 +25,8 @@ ALL = (SimulatorNode, IdentifierNode, ControllerNode)
 @pytest.mark.parametrize(
     'values',
     [
-        {'controller.state_timeout': 1e155},  # more nanoseconds than a clock counts
-        {'controller.attitude_timeout': 1e308},
+        {'controller.state_timeout': 1e40},  # more nanoseconds than a clock counts
+        {'controller.attitude_timeout': 1e50},
         {'controller.damping': 1e-308},  # torques would never end
         {'simulator.imu_rate': 1e-308},
         {'identifier.solve_period': 1e-308},
@@ -183,6 +184,7 @@ def test_a_signal_ends_a_node_whose_modules_load(monkeypatch, node, number):
         with pytest.raises(SystemExit) as ended:
             getattr(entry, node)()
     finally:
+        gc.enable()
         for k, handler in before.items():
             signal.signal(k, handler)
     assert ended.value.code == 0
@@ -197,10 +199,28 @@ def test_a_node_itself_gets_signals_as_processes_do(monkeypatch):
         def program(_):
             return main
 
-    def main():
+    def main(args):
+        assert args is None  # those of the process
         seen.extend(signal.getsignal(k) for k in (signal.SIGINT, signal.SIGTERM))
         return 2
 
     monkeypatch.setattr(entry, 'import_module', lambda *_: Module)
     assert entry.controller() == 2
     assert seen == before
+
+
+def test_garbage_is_looked_for_once_a_node_runs(rig):
+    found = []
+
+    def starting():
+        found.append(gc.isenabled())
+        node = Node('starting')
+        node.create_timer(0.001, lambda: (found.append(gc.isenabled()), rclpy.shutdown()))
+        return node
+
+    gc.disable()
+    try:
+        assert run_nodes([starting], []) == 0
+    finally:
+        gc.enable()
+    assert found == [False, True]

@@ -23,7 +23,8 @@ from ...campaign.hidden.diagnosis_scenario import packaged
 from ...model.loader import package_folder
 from ...ros.qos import LATCHED, SAMPLES
 from ...ros.session import Session, SessionError
-from ..program import NODES, program
+from ..entry import start
+from ..program import NODES
 
 _SETTINGS = {
     'reference.repeat': 'true',
@@ -58,7 +59,7 @@ def _begin(domain: int, work: Callable[..., object], arguments: tuple[Any, ...])
 
 
 def _run(node: str, arguments: list[str]) -> None:
-    raise SystemExit(program(node)(arguments))
+    raise SystemExit(start(node, arguments))
 
 
 def resident(process: int | str) -> float:
