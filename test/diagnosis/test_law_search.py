@@ -13,16 +13,16 @@ from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
 from spacerobot_ros.diagnosis.discovery.law_search import LawSearch, Winner
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
-from spacerobot_ros.diagnosis.discovery.spectral_terms import (
+from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.effects.laws.grammar import FORMS
+from spacerobot_ros.estimation.balance.arm_rows import ArmRows
+from spacerobot_ros.estimation.balance.balance import balance_of
+from spacerobot_ros.estimation.inference.spectral_terms import (
     SpectralTerms,
     cosines,
     ways_of,
     ways_of_each,
 )
-from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.effects.laws.grammar import FORMS
-from spacerobot_ros.estimation.balance.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 
 COUNT = 300  # terms

@@ -26,6 +26,7 @@ from .arm_evidence import evidence_of
 from .arm_found import ArmFound, balances_of, refuse_rest, refuse_short
 from .held_out_checks import check_bodies, check_held_out, check_plain, check_refinements
 from .selection import Selection
+from .spectral_check import check_spectrum
 
 _ROUNDS = 4
 _DELAY = 'effort_delay'
@@ -143,6 +144,7 @@ def _check(selection: Selection, levels: Sequence[Array]) -> None:
         check_held_out(selection)
         for check in (check_refinements, check_bodies, check_plain):
             check(selection, plain_of(selection, levels, _equal(selection)))
+        gone |= check_spectrum(selection, levels)
         gone |= before - set(selection.chosen)
         if not gone or not selection.ask_again(gone):
             return

@@ -143,7 +143,21 @@ class Selection:
 
     def gain(self, i: int) -> float:
         """Log evidence for a cause beside the chosen ones."""
-        return self._gain(self.posterior(self.chosen), i)
+        return self.gain_beside(self.posterior(self.chosen), i)
+
+    def gain_beside(self, beside: Posterior, i: int) -> float:
+        """Log evidence for a cause beside others, by what is known of all."""
+        own = self.rows.places[i]
+        free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
+        gram = beside.group(own)
+        tolerated = log_evidence(gram, self.rows.tolerances[own], free)
+        candidate = self.rows.candidates[i]
+        gain = log_evidence(gram, candidate.sizes, (candidate.lower, candidate.upper)) - tolerated
+        freedom = self.rows.freedom(i)
+        if gain <= 0.0 or math.isinf(freedom):
+            return gain
+        # Student's t in place of a normal distribution: the level is that of few runs.
+        return 0.5 * (freedom + 1.0) * math.log1p(2.0 * gain / freedom)
 
     def score(self, i: int) -> Score:
         """All that is to be said of a cause beside the chosen ones."""
@@ -175,19 +189,6 @@ class Selection:
         candidate, gram = self.rows.candidates[i], beside.group(self.rows.places[i])
         return score(gram, candidate.sizes, (candidate.lower, candidate.upper), None)
 
-    def _gain(self, beside: Posterior, i: int) -> float:
-        own = self.rows.places[i]
-        free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
-        gram = beside.group(own)
-        tolerated = log_evidence(gram, self.rows.tolerances[own], free)
-        candidate = self.rows.candidates[i]
-        gain = log_evidence(gram, candidate.sizes, (candidate.lower, candidate.upper)) - tolerated
-        freedom = self.rows.freedom(i)
-        if gain <= 0.0 or math.isinf(freedom):
-            return gain
-        # Student's t in place of a normal distribution: the level is that of few runs.
-        return 0.5 * (freedom + 1.0) * math.log1p(2.0 * gain / freedom)
-
     def ranking(self, without: int | None = None) -> list[tuple[int, float]]:
         """Candidates that may be chosen, with the log evidence beyond their need, best first.
 
@@ -200,7 +201,7 @@ class Selection:
             own = self.rows.places[without]
             beside = beside.under(own, self.rows.tolerances[own])
         margins = [
-            (i, self._gain(beside, i) - self.need(i))
+            (i, self.gain_beside(beside, i) - self.need(i))
             for i in self.live
             if i not in taken and self._is_open(i, taken)
         ]

@@ -12,10 +12,10 @@ from ...effects.laws.law_inputs import input_of
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance
 from ...estimation.balance.leftover import JointRows
+from ...estimation.inference.spectral_terms import SpectralTerms, cosines
 from ...types import Array, IntArray
 from .discovery_limits import ONE_SPEED
 from .possible_laws import Extent, Law, joint_laws
-from .spectral_terms import SpectralTerms, cosines
 from .time_sines import SWEEPS, time_sines
 
 FIFTHS = 5

@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...estimation.inference.spectral_terms import cosines, rows_of
 from ...types import Array
-from .spectral_terms import cosines, rows_of
 
 FLIPS = 200
 _BLOCKS = 40

@@ -23,6 +23,7 @@ from ...effects.laws.law_inputs import AXES, input_of
 from ...effects.motion import Motion
 from ...estimation.columns import candidate_at
 from ...estimation.filters.prediction_rows import LABELS
+from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
 from ...estimation.refit import Fit
 from ...estimation.unknowns.response import Response
 from ...types import Array, IntArray
@@ -35,7 +36,6 @@ from .possible_laws import (
     sensor_laws,
     whole_base_laws,
 )
-from .spectral_terms import Level, SpectralTerms, cosines
 from .time_sines import time_sines
 
 _WINDOW = 0.1  # s

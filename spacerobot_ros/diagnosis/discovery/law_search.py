@@ -10,11 +10,17 @@ from typing import Protocol
 
 import numpy as np
 
+from ...estimation.inference.spectral_terms import (
+    GroupBasis,
+    Level,
+    SpectralTerms,
+    Whitening,
+    ways_of_each,
+)
 from ...types import Array, BoolArray, IntArray
 from .chance import chance_of
 from .discovery_limits import CHANCE, DEAD_HEAT, LEFT, MARGIN, MOST_LAWS
 from .possible_laws import NO_LAWS, REFINED, Law
-from .spectral_terms import GroupBasis, Level, SpectralTerms, Whitening, ways_of_each
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined

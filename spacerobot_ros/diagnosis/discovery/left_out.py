@@ -15,9 +15,9 @@ import numpy as np
 
 from ...estimation.inference.evidence import Fold, Gram, score, sum_of
 from ...estimation.inference.placebo import DRAWS, SEED, shuffle
+from ...estimation.inference.spectral_terms import rows_of
 from ...types import Array
 from .law_search import SearchedChannel, Winner, columns_of
-from .spectral_terms import rows_of
 
 _FREE = 1e-6  # precision of coefficients without a prior, of columns of unit size
 _WIDE = 1e3  # prior deviation of a law's coefficients, of columns of unit size

@@ -105,19 +105,26 @@ class ArmFit:
 
     @cached_property
     def values(self) -> Array:
-        """(K,) most probable coefficients within bounds, bodies bodies."""
+        """(K,) most probable coefficients within bounds, bodies bodies.
+
+        A delay leaves a derivative of torques, of which rows as they are show next to nothing
+        under what is slow in them: it is what whitened rows say.
+        """
         gram, used = self.plain or self.whole, self._used
+        late = np.array([i in self._delays for i in used.tolist()])
+        held, used = used[late], used[~late]
+        known = np.clip(self.posterior.mean[held], self.rows.lower[held], self.rows.upper[held])
         at = np.ix_(used, used)
         problem = ConstrainedProblem(
             gram.matrix[at] + np.diag(self.deviations[used] ** -2.0),
-            gram.vector[used],
+            gram.vector[used] - gram.matrix[np.ix_(used, held)] @ known,
             self.deviations[used],
             self.rows.lower[used],
             self.rows.upper[used],
             self._bodies(used),
         )
         out = np.zeros(len(self.deviations))
-        out[used] = problem.solve()
+        out[used], out[held] = problem.solve(), known
         out[np.abs(out) < _ROUNDING * self.deviations] = 0.0
         return out
 
@@ -173,6 +180,13 @@ class ArmFit:
                 torque = rows.columns[:, own] @ self.values[own]
                 shares.append(float(np.sqrt(np.mean(torque**2))) / whole)
         return max(shares)
+
+    @property
+    def _delays(self) -> list[int]:
+        """Columns of chosen delays of efforts."""
+        rows = self.rows
+        late = (i for i in self.chosen if rows.candidates[i].kind.id == 'effort_delay')
+        return [int(k) for i in late for k in rows.places[i]]
 
     @property
     def _used(self) -> IntArray:

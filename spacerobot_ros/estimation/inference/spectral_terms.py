@@ -61,17 +61,19 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class SpectralTerms:
-    """A channel's M terms.
+    """M terms of a channel, or of several one after another.
 
     Args:
         data: (M,). nuisance: (M, r) Z.
         is_free: (r,) whether it may be of any size; the others have a tolerance, beyond which
             they are not, so that a law like them shows all the same.
+        ends: Of all channels but the last, each of which has a level of its own.
     """
 
     data: Array
     nuisance: Array
     is_free: BoolArray
+    ends: tuple[int, ...] = ()
 
     @classmethod
     def of(
@@ -93,28 +95,21 @@ class SpectralTerms:
         return cls(data, both, np.arange(both.shape[1]) < some.shape[1])
 
     @cached_property
-    def _bins(self) -> tuple[IntArray, Array]:
-        """(M,) bin of each term, and the logarithm of each bin's middle."""
-        ends, width = [0], float(_FIRST)
-        while ends[-1] < len(self.data):
-            ends.append(min(round(ends[-1] + width), len(self.data)))
-            width *= _WIDER
-        if len(ends) > 2 and ends[-1] - ends[-2] < 0.5 * (ends[-2] - ends[-3]):
-            del ends[-2]
-        number = np.searchsorted(ends, np.arange(len(self.data)), side='right') - 1
-        middles = 0.5 * (np.array(ends[1:]) + np.array(ends[:-1]))
-        return number, np.log(middles)
-
-    @cached_property
     def size(self) -> float:
         """Prior deviation of every direction of laws: a torque as large as the data."""
         return float(np.linalg.norm(self.data))
 
-    def level(self, columns: Array) -> Level:
-        """What (M, k) columns of chosen laws leave."""
+    def level(self, columns: Array, scale: Array | None = None) -> Level:
+        """What (M, k) columns of chosen laws leave.
+
+        Args:
+            columns: Theirs.
+            scale: (M,) to begin with; None: of the data.
+        """
         r, (ways, back) = self.nuisance.shape[1], ways_of(columns)
         both = np.concatenate([self.nuisance, self.size * ways], axis=1)
-        scale = self._smooth(self.data**2)
+        if scale is None:
+            scale = self._smooth(self.data**2)
         for _ in range(_PASSES):
             mean, covariance = _posterior(both, self.data, scale)
             left = self.data - both @ mean
@@ -129,13 +124,26 @@ class SpectralTerms:
         return Level(scale, likelihood, back @ mean[r:], spread)
 
     def _smooth(self, squares: Array) -> Array:
-        """(M,) root of the mean square of each bin, between them in proportion."""
-        number, middles = self._bins
-        means = np.bincount(number, squares) / np.bincount(number)
-        floor = (_LEAST**2) * float(np.mean(self.data**2)) + 1e-300
-        logs = np.log(np.maximum(means, floor))
-        at = np.log(np.arange(len(squares)) + 0.5)
-        return np.asarray(np.exp(0.5 * np.interp(at, middles, logs)))
+        """(M,) root of the mean square of each bin, channel by channel."""
+        parts = (np.split(x, self.ends) for x in (squares, self.data))
+        return np.concatenate(
+            [_smoothed(own, (_LEAST * data) ** 2) for own, data in zip(*parts, strict=True)]
+        )
+
+
+def _smoothed(squares: Array, least: Array) -> Array:
+    """(M,) root of the mean square of each bin of a channel, between them in proportion."""
+    ends, width = [0], float(_FIRST)
+    while ends[-1] < len(squares):
+        ends.append(min(round(ends[-1] + width), len(squares)))
+        width *= _WIDER
+    if len(ends) > 2 and ends[-1] - ends[-2] < 0.5 * (ends[-2] - ends[-3]):
+        del ends[-2]
+    means = np.add.reduceat(squares, ends[:-1]) / np.diff(ends)
+    middles = np.log(0.5 * (np.array(ends[1:]) + np.array(ends[:-1])))
+    logs = np.log(np.maximum(means, float(np.mean(least)) + 1e-300))
+    at = np.log(np.arange(len(squares)) + 0.5)
+    return np.asarray(np.exp(0.5 * np.interp(at, middles, logs)))
 
 
 def _alike(columns: Array, widest: float) -> Array:
