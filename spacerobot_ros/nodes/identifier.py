@@ -172,6 +172,8 @@ class IdentifierNode(SensorNode):
         samples, period_ns = self.identifier.samples, self._period_ns
         if self._next_ns is None:
             self._next_ns = (samples.origin_ns or 0) + period_ns
+        if settled_ns <= self._next_ns:
+            return
         stamp_ns = samples.after(self._next_ns)
         while stamp_ns is not None and stamp_ns <= settled_ns and not self._beside.is_busy:
             if self._beside.is_threaded:

@@ -6,6 +6,7 @@ that fails raises `MessageRejectedError` with the reason; nothing is repaired.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -72,10 +73,10 @@ def joint_columns(
         # what other joints say is of no concern
         values = values.copy() if order is None else values[order]
         if not is_optional:
-            out.append(finite(values, name))
+            out.append(_heard(values, name))
             continue
         absent = np.isnan(values)
-        finite(values[~absent] if partly else values, name)
+        _heard(values[~absent] if partly else values, name)
         out.append(None if len(absent) and absent.all() else values)
     return tuple(out)
 
@@ -213,20 +214,23 @@ def unit(q_xyzw: Quaternion) -> Quaternion:
 
 
 def finite(values: Array, what: str) -> Array:
-    """The values; raise MessageRejectedError where one is not finite, or no machine's."""
-    if values.ndim == 1:  # then Python is quicker than NumPy
-        is_sound = all(-LARGEST <= value <= LARGEST for value in values.tolist())
-    else:
-        is_sound = bool((np.abs(values) <= LARGEST).all())
-    if not is_sound:
-        is_finite = np.isfinite(values).all()
-        why = f'has a number of no machine, beyond {LARGEST:g}' if is_finite else 'is not finite'
+    """The values; raise MessageRejectedError where one is not finite."""
+    few = values.ndim == 1  # then Python is quicker than NumPy
+    if not (all(map(math.isfinite, values.tolist())) if few else np.isfinite(values).all()):
+        raise MessageRejectedError(f'{what} is not finite')
+    return values
+
+
+def _heard(values: Array, what: str) -> Array:
+    """As `finite`; nor may one be beyond all machines."""
+    if not all(-LARGEST <= value <= LARGEST for value in finite(values, what).tolist()):
+        why = f'has a number of no machine, beyond {LARGEST:g}'
         raise MessageRejectedError(f'{what} {why}')
     return values
 
 
 def _vector(message: Any, what: str, axes: str = 'xyz') -> Array:
-    return finite(np.array([getattr(message, axis) for axis in axes], dtype=float), what)
+    return _heard(np.array([getattr(message, axis) for axis in axes], dtype=float), what)
 
 
 def _check_frame(frame: str, expected: str) -> None:

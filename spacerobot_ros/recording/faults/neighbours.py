@@ -26,7 +26,8 @@ def off_neighbours(time: Array, values: Array, good: Array) -> tuple[Array, Arra
         values: (N, m).
         good: The same, bad samples replaced by what may be there, see `bridged`.
     """
-    errors, spreads = zip(*(_errors(time, values, good, s) for s in STENCILS), strict=True)
+    usual = float(np.median(np.diff(time)))
+    errors, spreads = zip(*(_errors(time, usual, values, good, s) for s in STENCILS), strict=True)
     error, spread = np.stack(errors), np.stack(spreads)[..., None]
     known = np.isfinite(error).any(axis=0)
     error[:, ~known] = 0.0  # alone on either side of a gap
@@ -42,9 +43,11 @@ def _median(stack: Array) -> Array:
     return np.asarray(0.5 * (low + high))
 
 
-def _errors(time: Array, values: Array, good: Array, stencil: IntArray) -> tuple[Array, Array]:
+def _errors(
+    time: Array, usual: float, values: Array, good: Array, stencil: IntArray
+) -> tuple[Array, Array]:
     """Of a polynomial through good neighbours: (N, m) error, NaN where none, (N,) spread."""
-    usual, spread = float(np.median(np.diff(time))), np.ones(len(time))
+    spread = np.ones(len(time))
     out = np.full(values.shape, np.nan)
     low, high = max(0, -stencil.min()), len(time) - max(0, stencil.max())
     at = np.arange(low, high)
