@@ -36,22 +36,37 @@ Late clocks are not, either: joints late by t look like gyro and tracker early b
 is."""
 
 
-def made_of(robot: Robot, effect: str, where: str | None) -> set[Key]:
-    """Effects at other places that together are an effect; none where there are no such.
+def made_of(robot: Robot, effect: str, where: str | None) -> tuple[set[Key], set[Key]]:
+    """Effects that together are another one: those that have to be there, and further ones.
 
     All joints late by t are each of them late by t. With an encoder at the end of an arm that says
     d too much the last body is turned by d about its joint, as R(q) = R(q + d) R(-d), and with it
-    the momentum of wheels in it.
+    the momentum of wheels in it. A soft grasp is, to first order in rates and deflections, the
+    mass of its part at the body's centre on springs, as fuel is, and its inertia on springs about
+    three axes, as panels are. With a tracker turned by r the base frame may be called turned: the
+    tracker is right, the gyro's rates are turned by r, and so are the base body, its wheels, and
+    the first joints about their axes; across these an arm's mount is tilted, which nothing in the
+    catalogue does, so that where a record shows it these causes leave something.
     """
     if effect == 'joint_delay':
-        return {('joint_sensor_delay', joint) for joint in robot.joints}
+        return {('joint_sensor_delay', joint) for joint in robot.joints}, set()
+    if effect == 'grasp_compliance':
+        return {('fuel_slosh', where), ('flexible_appendage', where)}, set()
+    if effect == 'attitude_misalignment':
+        moving = zip(robot.joints, robot.bodies[1:], strict=True)
+        first = {('encoder_offset', joint) for joint, body in moving if body.parent == 0}
+        base = ('inertial_parameters', robot.bodies[0].name)
+        wheels = ('servicer_wheel_momentum_error', None)
+        return {('gyro_misalignment', None)}, {*first, base, wheels}
     if effect != 'encoder_offset':
-        return set()
+        return set(), set()
     body = 1 + robot.joints.index(str(where))
-    wheels = [g for g in robot.target_wheels if g.body == body and np.any(g.momentum)]
-    turned = {('target_wheel_momentum', g.link) for g in wheels}
     name = robot.bodies[body].name
-    return {('inertial_parameters', name), *turned} if name in robot.last_links else set()
+    if name not in robot.last_links:
+        return set(), set()
+    within = [g for g in robot.target_wheels if g.body == body and np.any(g.momentum)]
+    turned = {('target_wheel_momentum', g.link) for g in within}
+    return {('inertial_parameters', name), *turned}, set()
 
 
 def unasked(robot: Robot, named: Collection[Key], asked: Collection[str]) -> tuple[str, ...]:
@@ -71,7 +86,7 @@ def unasked(robot: Robot, named: Collection[Key], asked: Collection[str]) -> tup
     ]
     wholes = [('joint_delay', None), *(('encoder_offset', joint) for joint in robot.joints)]
     for whole in wholes:
-        parts = made_of(robot, *whole)
+        parts, _ = made_of(robot, *whole)
         if parts and parts <= set(named):
             notes.append(f'{" and ".join(map(_told, sorted(parts)))} may be {_told(whole)}')
     return tuple(f'{note}; by their equations no record tells' for note in notes)

@@ -46,6 +46,11 @@ WHEELS = ('target_wheel_momentum', 'left_3')
 LATE = [
     ('joint_sensor_delay', f'{side}_joint_{k}') for side in ('left', 'right') for k in (1, 2, 3)
 ]
+TURNED = [
+    ('gyro_misalignment', None),
+    ('encoder_offset', 'right_joint_1'),
+    ('inertial_parameters', 'base_link'),
+]
 BIAS = ('torque_sensor_bias', 'joint_2')
 VALUES = {
     'gyro_bias': {'x': 3e-5, 'y': 0.0, 'z': 4e-5},
@@ -69,13 +74,13 @@ def line(kind, hidden=(), causes=(), verdict='explained', multiple=3.0, **more):
         'truth': '',
         'multiple': multiple,
         'strength': multiple,
-        'hidden': [{'effect': e, 'where': w, 'values': VALUES[e]} for e, w in hidden],
+        'hidden': [{'effect': e, 'where': w, 'values': VALUES.get(e, {})} for e, w in hidden],
         'causes': [
             {
                 'effect': e,
                 'where': w,
                 'rivals': [],
-                'values': {name: [v + 0.05, 0.1] for name, v in VALUES[e].items()},
+                'values': {name: [v + 0.05, 0.1] for name, v in VALUES.get(e, {}).items()},
             }
             for e, w in causes
         ],
@@ -177,12 +182,24 @@ def test_an_effect_out_of_the_catalogue(causes, verdict, became):
         ('right_joint_3', [('inertial_parameters', 'right_2')], 'wrong name'),
         ('left_joint_3', [('inertial_parameters', 'left_3')], 'wrong name'),  # wheels turn along
         ('left_joint_3', [('inertial_parameters', 'left_3'), WHEELS], 'equivalent'),
+        ('attitude_misalignment', TURNED, 'equivalent'),
+        ('attitude_misalignment', TURNED[1:], 'wrong name'),
+        ('attitude_misalignment', [*TURNED, WHEELS], 'wrong name'),
     ],
 )
 def test_what_effects_at_other_places_are_together(truth, causes, became):
-    name = (truth, None) if truth == 'joint_delay' else ('encoder_offset', truth)
+    name = (truth, None) if truth in CATALOGUE else ('encoder_offset', truth)
     case = line('left_out', [name], causes, multiple=10.0)
     assert outcome(case | {'robot': 'twin'}) == became
+
+
+def test_a_name_that_can_not_be_told_from_an_equivalent_is_none_that_is_wrong():
+    """As of single effects, the right one among the rivals counts."""
+    case = line('left_out', [('free_wheel_rotors', 'base_link')], multiple=10.0)
+    body = {'effect': 'inertial_parameters', 'where': 'link_1', 'values': {}}
+    for rivals, became in (([], 'wrong name'), (['base_link'], 'equivalent')):
+        cause = body | {'rivals': [['inertial_parameters', link] for link in rivals]}
+        assert outcome(case | {'causes': [cause]}) == became
 
 
 def test_an_encoder_at_the_end_of_an_arm_is_its_last_body_turned():

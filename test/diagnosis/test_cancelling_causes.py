@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 import pytest
 from support.lone_body import box_file
@@ -10,11 +12,11 @@ from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simula
 from spacerobot_ros.diagnosis.limits import CANCELLED
 from spacerobot_ros.diagnosis.search import conclusion
 from spacerobot_ros.diagnosis.search.found import Choice, Found
-from spacerobot_ros.diagnosis.search.soundness import Soundness
+from spacerobot_ros.diagnosis.search.soundness import Soundness, drift_p
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.inference.evidence import Score
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit
+from spacerobot_ros.estimation.refit import Fit, refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.recording.buffer import SampleBuffer
@@ -34,7 +36,8 @@ def run():
 
 @pytest.mark.parametrize(('sign', 'verdict'), [(-1.0, 'partly_explained'), (1.0, 'explained')])
 def test_torques_that_undo_each_other_explain_nothing(run, monkeypatch, sign, verdict):
-    monkeypatch.setattr(conclusion, 'MISFIT', 0.0)  # as where their sum is what is lacking
+    for limit in ('MISFIT', 'DRIFTING'):  # as where their sum is what is lacking
+        monkeypatch.setattr(conclusion, limit, 0.0)
     sizes = {'external_torque_body': 0.1, 'external_torque_inertial': 0.1 * sign}
     kinds = [(CATALOGUE[name], {'x': 0.0, 'y': y, 'z': 0.0}) for name, y in sizes.items()]
     fit = Fit(run, [kind(name=kind.id, where=None, values=values) for kind, values in kinds])
@@ -72,3 +75,24 @@ def test_thrusters_against_each_other_are_what_they_are(tmp_path):
     one, other = fit.changed(0), fit.changed(1)
     assert one @ one + other @ other > CANCELLED * (one + other) @ (one + other)
     assert not Found(Fit(run, ()), fit, choices, (SOUND,) * 2, (), True).is_cancelled
+
+
+def test_values_that_drift_together_explain_nothing(run, monkeypatch):
+    """A torque that changes its sign on the way; one that stays is what it is named."""
+    kind = CATALOGUE['external_torque_body']
+    fit = refine(run, [kind(name=kind.id, where=None, values={'x': 0.1, 'y': 0.1, 'z': 0.1})])
+    assert drift_p(fit) > 0.05
+    score = Score(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, np.zeros(1))
+    choices = (Choice((kind.id, None), score, ()),)
+    monkeypatch.setattr(conclusion, 'is_relevant', lambda parameter, value: True)
+    said = []
+    for size in (0.0, 16.0):
+        times = fit.rows.row_times
+        column = fit.tangents[:, 0] * np.cos(np.pi * (times - times[0]) / np.ptp(times))
+        drifting = copy(fit)
+        drifting.data = fit.data + size * column / np.linalg.norm(column)
+        found = Found(Fit(run, ()), drifting, choices, (SOUND,), (), True)
+        said.append(conclusion.conclude(found, ()))
+    assert [d.verdict for d in said] == ['explained', 'partly_explained']
+    assert 'drift' in said[1].sentence
+    assert said[1].fit_p > 0.05  # which the test of fit alone does not see

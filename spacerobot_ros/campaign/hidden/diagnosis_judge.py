@@ -55,10 +55,11 @@ def hidden(line: Line) -> list[Key]:
 
 def found(line: Line) -> list[set[Key]]:
     """Everything fitted, named or too small to matter, with what it can't be told from."""
-    return [
-        {(c['effect'], c['where']), *((e, w) for e, w in c['rivals'])}
-        for c in [*line['causes'], *line['minor']]
-    ]
+    return [_with_rivals(c) for c in [*line['causes'], *line['minor']]]
+
+
+def _with_rivals(cause: Line) -> set[Key]:
+    return {(cause['effect'], cause['where']), *((e, w) for e, w in cause['rivals'])}
 
 
 def is_top(line: Line) -> bool:
@@ -80,7 +81,8 @@ def outcome(line: Line) -> str:
         `NOT_SIMULATED`, `TOO_WEAK` or `REFUSED` (by the diagnosis, as faulty data); of clean
         records `consistent`, `unexplained` or `named`; of hidden effects `right`, `wrong name` or
         the verdict where nothing was found; of effects out of the catalogue the verdict, but for
-        `explained`: `equivalent` where all names are declared equivalents, else `wrong name`.
+        `explained`: `equivalent` where all names are declared equivalents, or say that they can
+        not be told from one, else `wrong name`.
     """
     verdict: str = line['verdict']
     if verdict == NOT_SIMULATED:
@@ -122,8 +124,11 @@ def _left_out(line: Line) -> str:
     (truth,) = hidden(line)
     causes = {(c['effect'], c['where']) for c in line['causes']}
     robot = truth_of(line['truth']).robot_file(line['robot']).robot
-    is_same = all(is_equivalent(c, truth) for c in causes) or causes == made_of(robot, *truth)
-    return 'equivalent' if is_same else 'wrong name'
+    needed, further = made_of(robot, *truth)
+    is_made = bool(needed) and needed <= causes <= needed | further
+    groups = map(_with_rivals, line['causes'])
+    is_same = all(any(is_equivalent(name, truth) for name in group) for group in groups)
+    return 'equivalent' if is_same or is_made else 'wrong name'
 
 
 _OF = {

@@ -13,13 +13,14 @@ from ..answer.cause import Cause, Estimated, Evidence, Ranked, Rival
 from ..answer.residuals import residuals, rms, series
 from ..answer.result import Diagnosis, Gain
 from ..answer.words import cause_in_words, laws_in_words, verdict_of
-from ..limits import MISFIT
+from ..limits import DRIFTING, MISFIT
 from .found import Found
+from .soundness import drift_p
 
-_CANCEL = (
-    'but these undo most of what each of them does: something that is not in the catalogue may be '
-    'what they stand for'
-)
+_STANDS = 'something that is not in the catalogue may be what they stand for'
+_CANCEL = f'but these undo most of what each of them does: {_STANDS}'
+_DRIFT = f'but the values drift along the record, if only together: {_STANDS}'
+_LEAST = 1e-300  # probability, for its logarithm
 _UNFINISHED = 'the search was ended before all that stands out was looked into'
 
 
@@ -39,13 +40,13 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     # what is shown is the model that is written
     extended = found.only([i for i, c in sound.items() if c.relevant]) if minor else found.sound
     fits = fit_p is not None and fit_p >= MISFIT
-    is_undone = fits and bool(named) and found.is_cancelled
-    verdict = verdict_of(fits and not is_undone, bool(named))
+    doubt = _doubt(found, fit_p or 0.0) if fits and named else ''
+    verdict = verdict_of(fits and not doubt, bool(named))
     channels = series(null.rows.channels(), extended.rows.channels())
     joints = null.run.robot.joints
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, named, minor, '' if is_undone else _left(white_left)),
+        sentence=_sentence(verdict, named, minor, doubt, _left(white_left)),
         causes=named,
         minor=minor,
         residuals=residuals(channels, white_before, extended.rows.whiteness()[1], joints),
@@ -70,7 +71,7 @@ def said_with_laws(answer: Diagnosis, fit: Fit) -> Diagnosis:
     if not laws:
         return answer
     verdict, left = verdict_of(False, bool(answer.causes)), _left(fit.rows.whiteness()[1])
-    words = _sentence(verdict, answer.causes, answer.minor, left)
+    words = _sentence(verdict, answer.causes, answer.minor, '', left)
     return replace(answer, sentence=words + laws_in_words(laws))
 
 
@@ -137,8 +138,22 @@ def _ranked(found: Found) -> Iterable[Ranked]:
         )
 
 
-def _sentence(verdict: str, named: Sequence[Cause], minor: Sequence[Cause], left: str) -> str:
-    """The verdict as a test engineer would say it; nothing is left of causes that cancel."""
+def _doubt(found: Found, fit_p: float) -> str:
+    """Why causes that leave nothing may not be what they are named; empty for no reason.
+
+    Probabilities of the fit and of the drift are of different questions: what a right model makes
+    of their product is known (Fisher 1932).
+    """
+    if found.is_cancelled:
+        return _CANCEL
+    both = fit_p * max(drift_p(found.sound), _LEAST)
+    return _DRIFT if both * (1.0 - math.log(both)) < DRIFTING else ''
+
+
+def _sentence(
+    verdict: str, named: Sequence[Cause], minor: Sequence[Cause], doubt: str, left: str
+) -> str:
+    """The verdict as a test engineer would say it; nothing is left where there is a doubt."""
     what = ' and '.join(cause_in_words(c) for c in named)
     if verdict == 'consistent' and minor:
         small = ' and '.join(cause_in_words(c) for c in minor)
@@ -147,8 +162,8 @@ def _sentence(verdict: str, named: Sequence[Cause], minor: Sequence[Cause], left
         return 'The model explains the data within the noise of the sensors.'
     if verdict == 'explained':
         return f'The data differ from the model by {what}; nothing else is left.'
-    if verdict == 'partly_explained' and not left:
-        return f'The data differ from the model as by {what}, {_CANCEL}.'
+    if doubt:
+        return f'The data differ from the model as by {what}, {doubt}.'
     if verdict == 'partly_explained':
         return f'The data differ from the model by {what}, but {left} remains unexplained.'
     return f'The model does not explain the data ({left}), and no known effect does.'

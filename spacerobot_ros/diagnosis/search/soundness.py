@@ -6,11 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...estimation.inference.evidence import Gram, chi_square_tail, score
+from ...estimation.inference.evidence import Gram, Score, chi_square_tail, score
 from ...estimation.inference.placebo import held_out_gain
 from ...estimation.refit import Fit
 from ...estimation.rows import blocks
+from ...estimation.scaling import size_of
+from ...types import Array
 from ..limits import INCONSTANT
+
+_DRIFTS = 2  # cosines of the record's length: what changes faster is left to the test of fit
+_TINY = 1e-12  # keeps a column without any effect from making the elimination singular
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +50,40 @@ def soundness(fit: Fit, index: int) -> Soundness:
     return Soundness((before - after) / excess, placebo / excess, _constant_p(fit, index))
 
 
+def drift_p(fit: Fit) -> float:
+    """Probability that the values of all causes together drift so along the record.
+
+    Each cause's columns times cosines of the record's length, beside the columns as they are: what
+    stands for an effect that is in no catalogue acts in other proportions at other times.
+    """
+    if not fit.free:
+        return 1.0
+    times = fit.rows.row_times
+    phase = np.pi * (times - times[0]) / (times[-1] - times[0])
+    columns = [fit.tangents * np.cos(k * phase)[:, None] for k in range(_DRIFTS + 1)]
+    gram = Gram.of(np.concatenate(columns, axis=1), fit.data)
+    alone = gram.without(len(fit.free), fit.precision + _TINY)
+    return _score(alone, np.tile(_sizes(fit), _DRIFTS)).p_value
+
+
 def _constant_p(fit: Fit, index: int) -> float:
     own = fit.own(index)
     others = np.setdiff1d(np.arange(len(fit.free)), own)
     order = np.concatenate([others, own])
-    unbounded = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
-    sizes = np.array([fit.free[k][1].size for k in own])
-    sizes[~np.isfinite(sizes)] = 1.0
     total, dof = 0.0, 0.0
     for part in blocks(fit.rows.row_times):
         gram = Gram.of(fit.tangents[part][:, order], fit.data[part])
-        alone = gram.without(len(others), fit.precision[others] + 1e-12)
-        found = score(alone, sizes, unbounded, None)
+        alone = gram.without(len(others), fit.precision[others] + _TINY)
+        found = _score(alone, _sizes(fit)[own])
         total, dof = total + found.gain, dof + found.dof
     return chi_square_tail(total, max(dof - len(own), 1.0))
+
+
+def _sizes(fit: Fit) -> Array:
+    """(P,) plausible sizes of all numbers; one where the catalogue knows none."""
+    return np.array([size_of(p) for _, p in fit.free])
+
+
+def _score(gram: Gram, sizes: Array) -> Score:
+    """Of columns that nothing bounds."""
+    return score(gram, sizes, (np.full(len(sizes), -np.inf), np.full(len(sizes), np.inf)), None)
