@@ -12,7 +12,7 @@ from ...estimation.refit import Fit
 from ...estimation.rows import blocks
 from ...estimation.scaling import size_of
 from ...types import Array
-from ..limits import INCONSTANT
+from ..limits import EXACT, INCONSTANT
 
 _DRIFTS = 2  # cosines of the record's length: what changes faster is left to the test of fit
 _TINY = 1e-12  # keeps a column without any effect from making the elimination singular
@@ -54,7 +54,8 @@ def drift_p(fit: Fit) -> float:
     """Probability that the values of all causes together drift so along the record.
 
     Each cause's columns times cosines of the record's length, beside the columns as they are: what
-    stands for an effect that is in no catalogue acts in other proportions at other times.
+    stands for an effect that is in no catalogue acts in other proportions at other times. A drift
+    of less than `EXACT` of what the causes do together is none: no model of them is that right.
     """
     if not fit.free:
         return 1.0
@@ -63,7 +64,9 @@ def drift_p(fit: Fit) -> float:
     columns = [fit.tangents * np.cos(k * phase)[:, None] for k in range(_DRIFTS + 1)]
     gram = Gram.of(np.concatenate(columns, axis=1), fit.data)
     alone = gram.without(len(fit.free), fit.precision + _TINY)
-    return _score(alone, np.tile(_sizes(fit), _DRIFTS)).p_value
+    found = _score(alone, np.tile(_sizes(fit), _DRIFTS))
+    together = np.sum([fit.changed(i) for i in range(len(fit.causes))], axis=0)
+    return found.p_value if found.gain > EXACT**2 * float(together @ together) else 1.0
 
 
 def _constant_p(fit: Fit, index: int) -> float:
