@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from spacerobot_ros.campaign.papers.adaptive_judge import identities
 from spacerobot_ros.campaign.papers.adaptive_run import (
@@ -17,7 +18,7 @@ from spacerobot_ros.campaign.papers.adaptive_run import (
     wrong_prior,
 )
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
-from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings, Measured
+from spacerobot_ros.control.adaptive.law_signals import LIMIT, AdaptiveSettings, Measured
 from spacerobot_ros.control.adaptive.pseudo_inertia import (
     body_scales,
     is_physical,
@@ -26,7 +27,7 @@ from spacerobot_ros.control.adaptive.pseudo_inertia import (
     project,
     pseudo_inertia,
 )
-from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.equations import Dynamics, without_translation
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError
 
 PERIOD = 0.05
@@ -216,3 +217,25 @@ def test_gravity_moves_nothing_against_itself():
         one = free.step(state, harmonic(t))
         two = weighed.step(replace(state, v_WB_B=turn @ R), harmonic(t))
         np.testing.assert_allclose(one.base, two.base, rtol=1e-9, atol=1e-12)
+
+
+def test_far_from_the_start_no_more_gain_is_taken_than_the_period_samples(rng):
+    law, robot = controller('passivity'), minisat()
+    kappa, bandwidth = law.settings.kappa, law.settings.attitude_bandwidth
+
+    def rates(q):
+        M = without_translation(Dynamics(robot).mass_matrix(q))
+        return eigh(law._K[3:, 3:], M, eigvals_only=True)
+
+    start = measured()
+    law.step(start, harmonic(0.0))
+    np.testing.assert_allclose(rates(start.q), kappa, rtol=1e-9)  # rounding
+    whole = law._K.copy()
+    fastest = []
+    for q in rng.uniform(-np.pi, np.pi, (50, 4)):
+        law._K[:] = whole
+        fastest.append(rates(q)[-1])
+        law.step(replace(start, q=q), harmonic(0.0))
+        # rounding
+        assert (rates(q)[-1] + bandwidth) * PERIOD <= LIMIT * (1.0 + 1e-9)
+    assert (max(fastest) + bandwidth) * PERIOD > 1.5 * LIMIT  # of 50 some are far off

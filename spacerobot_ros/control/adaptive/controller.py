@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.linalg import eigh
 
 from ...dynamics.equations import Dynamics, without_translation
 from ...errors import ConfigurationError, MessageRejectedError
@@ -28,11 +29,12 @@ from .law_signals import (
     ParametersInForce,
     Target,
     Torques,
+    largest_rate,
     sampling_ratio,
     sampling_warning,
 )
 from .learner import Learner
-from .learning_kernel import is_within
+from .learning_kernel import has_moved, is_within
 from .prior import Learned, rate_noise, row_variances, standard_parameters
 from .regressors import (
     DifferencedRates,
@@ -45,6 +47,7 @@ from .regressors import (
 
 _UNKNOWN = np.zeros(3)  # in place of a base velocity or force
 _STILL = 5.0  # standard deviations of the rates' sensors within which the robot counts as at rest
+_SAME = 0.05  # rad or m that a joint moves before the inertia is looked at again
 _CUT = 1e-9  # relative difference between command and applied torque that counts as a limit
 
 
@@ -110,9 +113,12 @@ class AdaptiveController:
         self._read(measured)
         q = self._q
         physical = with_parameters(self.robot, self._learner.physical_pi)
-        M = Dynamics(physical).mass_matrix(q)
+        self._dynamics = Dynamics(physical)
+        M = self._dynamics.mass_matrix(q)
         reduced = without_translation(M)
-        self._K[3:, 3:] = self.settings.kappa * reduced
+        self._whole_K = self.settings.kappa * reduced
+        self._K[3:, 3:] = self._whole_K
+        self._weighed_at = q.copy()
         # twice the energy of the error dynamics at `adaptation_error` in the attitude [J]
         rate = self.settings.attitude_bandwidth * self.settings.adaptation_error
         energy = float(np.trace(reduced[:3, :3]) / 3.0 * rate**2)
@@ -167,6 +173,7 @@ class AdaptiveController:
         self._adapt(h, lost)
         learner, predicts = self._learner, not self._measures_velocity
         is_reduced = self._is_paper or predicts
+        self._weaken()
         gains = self._K, 0.0 if is_reduced else self.settings.kappa, self.period
         out = self._u, self._Y, learner.slope, self._P
         machine, at_rest = self._regressors.machine, (predicts, is_reduced)
@@ -175,6 +182,21 @@ class AdaptiveController:
         self._applied[:] = self._u
         u, error = self._u.copy(), self._error.copy()
         return Torques(u[3:6], u[6:], error[:3], error[3:])
+
+    def _weaken(self) -> None:
+        """Take as much of the gain as torques held for a period bear here.
+
+        Of the loop's rates, the eigenvalues of M^-1 K_D, the fastest grows where inertias are
+        smaller than at the start; K_D may be any positive definite matrix.
+        """
+        if not has_moved(self._q, self._weighed_at, _SAME):
+            return
+        self._weighed_at[:] = self._q
+        M = without_translation(self._dynamics.mass_matrix(self._q))
+        fastest = float(eigh(self._whole_K, M, eigvals_only=True)[-1])
+        share = min(1.0, largest_rate(self.settings, self.period) / fastest)
+        self._K[3:, 3:] = share * self._whole_K
+        self._learner.weaken(share)
 
     def _adapt(self, h: float, lost: bool) -> None:
         """Learn from the interval that ends now."""

@@ -140,6 +140,12 @@ class AdaptiveSettings(AdaptationSettings):
         )
 
 
+def largest_rate(settings: AdaptiveSettings, period: float) -> float:
+    """Rate of the errors' rates up to which the period samples them [1/s], at least kappa."""
+    fastest = max(settings.attitude_bandwidth, settings.joint_bandwidth)
+    return max(settings.kappa, LIMIT / period - fastest)
+
+
 def sampling_ratio(settings: AdaptiveSettings, period: float) -> float:
     """(kappa + Lambda) x period, with the larger Lambda."""
     fastest = max(settings.attitude_bandwidth, settings.joint_bandwidth)
@@ -150,7 +156,8 @@ def sampling_warning(settings: AdaptiveSettings, period: float) -> str:
     """What is wrong with the bandwidths for this period; empty where nothing is.
 
     Torques are held over a period. A double integrator under held torques is unstable from
-    (kappa + Lambda) T = 2 on; with the robot's couplings it oscillates from 1.2 to 1.5 on.
+    (kappa + Lambda) T = 2 on; with the robot's couplings, and
+    the gain of the start throughout, it oscillates from 1.2 to 1.5 on.
 
     Raises:
         ConfigurationError: beyond that limit, unless `sampling_check` is `warn`.

@@ -95,7 +95,12 @@ class Learner:
             K_D: (6 + n, 6 + n) gain of the rates.
         """
         self._gain = 1.0 / energy
-        self._whitener = np.linalg.inv(np.linalg.cholesky(K_D))
+        self._whole = np.linalg.inv(np.linalg.cholesky(K_D))
+        self.weaken(1.0)
+
+    def weaken(self, share: float) -> None:
+        """Have a share of K_D, as `weigh` had it, bound the gradient's steps."""
+        self._whitener = self._whole / share**0.5
 
     def descend(self, h: float, Y: Array) -> None:
         """Move along the gradient of the last sample, over a time h [s].

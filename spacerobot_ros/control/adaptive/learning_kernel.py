@@ -198,3 +198,12 @@ def is_within(V: Array, limits: Array) -> bool:
     for i in range(3, len(V)):
         beyond += abs(V[i]) > limits[i]
     return beyond == 0
+
+
+@compiled  # type: ignore[untyped-decorator]
+def has_moved(q: Array, before: Array, most: float) -> bool:
+    """Whether one of the joints (n,) is further than that from where it was before."""
+    beyond = 0
+    for i in range(len(q)):
+        beyond += abs(q[i] - before[i]) > most
+    return beyond > 0
