@@ -12,10 +12,12 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.inference.spectral_terms import SpectralTerms
 
 
-@pytest.mark.parametrize('seed', [70015, 70026])
-def test_what_goes_with_a_line_of_noise_is_no_cause(seed):
-    """A ripple was, and a ripple beside a spring, both with odds beyond 10^5."""
-    machine = HeldArm(seed, '', 0.0, 'line')
+@pytest.mark.parametrize(
+    ('seed', 'law', 'ratio'), [(70026, '', 0.0), (1003, 'coupled viscous', 1.0)]
+)
+def test_what_goes_with_a_line_of_noise_is_no_cause(seed, law, ratio):
+    """A ripple beside a spring was, and a body of 400 nats, 50 at the level beside it."""
+    machine = HeldArm(seed, law, ratio, 'line')
     answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
     assert answer.causes == ()
 
@@ -31,7 +33,7 @@ def test_a_delay_of_a_third_of_a_sample_is_named():
 
 
 def test_channels_have_levels_of_their_own(rng):
-    """The likelihood of two that share nothing is the sum of theirs."""
+    """The likelihood of two that share nothing is the sum of theirs; a third has no terms."""
     data, columns = rng.standard_normal((2, 80)), rng.standard_normal((2, 80, 3))
     data[1] *= 50.0
     alone = [
@@ -39,7 +41,7 @@ def test_channels_have_levels_of_their_own(rng):
     ]
     both = np.zeros((160, 6))
     both[:80, :3], both[80:, 3:] = columns
-    together = SpectralTerms(data.ravel(), both, np.zeros(6, dtype=bool), (80,))
+    together = SpectralTerms(data.ravel(), both, np.zeros(6, dtype=bool), (80, 160))
     found, *each = (t.level(np.zeros((len(t.data), 0))) for t in (together, *alone))
     assert found.likelihood == pytest.approx(sum(e.likelihood for e in each))
     np.testing.assert_allclose(found.scale, np.concatenate([e.scale for e in each]))

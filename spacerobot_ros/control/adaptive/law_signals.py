@@ -156,8 +156,8 @@ def sampling_warning(settings: AdaptiveSettings, period: float) -> str:
     """What is wrong with the bandwidths for this period; empty where nothing is.
 
     Torques are held over a period. A double integrator under held torques is unstable from
-    (kappa + Lambda) T = 2 on; with the robot's couplings, and
-    the gain of the start throughout, it oscillates from 1.2 to 1.5 on.
+    (kappa + Lambda) T = 2 on; with the robot's couplings, and the gain of the start throughout, it
+    oscillates from 1.2 to 1.5 on.
 
     Raises:
         ConfigurationError: beyond that limit, unless `sampling_check` is `warn`.

@@ -111,7 +111,7 @@ class ArmFit:
         under what is slow in them: it is what whitened rows say.
         """
         gram, used = self.plain or self.whole, self._used
-        late = np.array([i in self._delays for i in used.tolist()])
+        late = np.isin(used, self._delays)
         held, used = used[late], used[~late]
         known = np.clip(self.posterior.mean[held], self.rows.lower[held], self.rows.upper[held])
         at = np.ix_(used, used)

@@ -1,4 +1,4 @@
-r"""Cosine terms of one channel, whitened by the level that a hypothesis itself leaves.
+r"""Cosine terms of channels, whitened by the level that a hypothesis itself leaves.
 
     y = X c + Z z + S n,    z ~ N(0, 1),  n ~ N(0, 1)
 
@@ -133,6 +133,8 @@ class SpectralTerms:
 
 def _smoothed(squares: Array, least: Array) -> Array:
     """(M,) root of the mean square of each bin of a channel, between them in proportion."""
+    if not len(squares):  # of a single row
+        return squares
     ends, width = [0], float(_FIRST)
     while ends[-1] < len(squares):
         ends.append(min(round(ends[-1] + width), len(squares)))
