@@ -251,7 +251,9 @@ def test_beside_a_load_quarters_of_all_recordings_are_held_out():
     kinds = [CATALOGUE['inertial_parameters'], CATALOGUE['joint_viscous_friction']]
     rows = ArmRows.of(balances, kinds).with_own([1])
     selection = Selection.of(rows, leftover_levels(rows, rows.tolerances, rows.friction))
-    labels = {(*c.key, c.recordings): selection.labels(i) for i, c in enumerate(rows.candidates)}
+    labels = {
+        (*c.key, c.recordings): selection.parts.labels(i) for i, c in enumerate(rows.candidates)
+    }
     quarters = [0, 1, 2, 3]
     assert labels['joint_viscous_friction', 'joint_1', None].tolist() == quarters * 2
     assert labels['inertial_parameters', 'link_6', (1,)].tolist() == [-1] * 4 + quarters
@@ -289,7 +291,9 @@ class Judged(Selection):
         self.chosen = [0]
         self.dear = {True: 1.0, False: 1.0}
         self._misfits = {True: with_it, False: without}
-        self._sizes = [100] * (len(with_it) - 1) + [rows]
+        sizes = [100] * (len(with_it) - 1) + [rows]
+        folds = [SimpleNamespace(part=SimpleNamespace(rows=size)) for size in sizes]
+        self.parts = SimpleNamespace(folds=lambda: folds)
 
     def gain(self, i):
         return 50.0
@@ -301,9 +305,6 @@ class Judged(Selection):
 
     def take(self, other):
         self.chosen = other.chosen
-
-    def folds(self, i=None):
-        return [SimpleNamespace(part=SimpleNamespace(rows=size)) for size in self._sizes]
 
     def held_out_misfits(self, chosen, i=None):
         return np.array(self._misfits[bool(chosen)])

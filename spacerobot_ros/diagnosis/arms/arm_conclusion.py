@@ -178,7 +178,7 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
 def _by_recording(found: ArmFound, i: int) -> tuple[float, ...] | None:
     """Log evidence that a cause adds to each recording; None where only one could judge it."""
     gains = found.selection.held_out(i)
-    return tuple(gains.tolist()) if found.selection.is_judged_by_recordings(i) else None
+    return tuple(gains.tolist()) if found.selection.parts.are_recordings(i) else None
 
 
 def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelError]:
@@ -193,7 +193,7 @@ def _gain(found: ArmFound) -> Gain:
     """Held-out errors by the level of what is left, each part with values from the others."""
     selection = found.selection
     count = selection.whole.rows
-    before = sum(fold.part.square for fold in selection.folds())
+    before = sum(fold.part.square for fold in selection.parts.folds())
     after = selection.held_out_misfit(found.fit.chosen)
     return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count))
 

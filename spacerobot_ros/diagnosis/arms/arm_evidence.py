@@ -31,7 +31,7 @@ def evidence_of(selection: Selection, levels: Sequence[Array], i: int) -> Eviden
         selection.held_out_misfit(chosen, i) for chosen in (others, selection.chosen)
     )
     removed = without - with_it
-    rows = sum(fold.part.rows for fold in selection.folds(i))
+    rows = sum(fold.part.rows for fold in selection.parts.folds(i))
     excess = max(without - rows, removed, 1.0)
     return Evidence(
         log_likelihood_gain=0.5 * judged.gain,
@@ -46,7 +46,7 @@ def _placebo(selection: Selection, levels: Sequence[Array], i: int) -> float:
     """Largest held-out gain of columns without meaning, of the same size and colour."""
     rows, own = selection.rows, selection.rows.places[i]
     mean = selection.without(i, selection.chosen).mean
-    labels = selection.labels(i)
+    labels = selection.parts.labels(i)
     times, data, columns, part = [], [], [], []
     for j, (joint, variances) in enumerate(zip(rows.joints, levels, strict=True)):
         if len(joint.torque) and joint.columns[:, own].any():

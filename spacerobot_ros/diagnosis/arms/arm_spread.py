@@ -85,7 +85,7 @@ def scatter_of(found: ArmFound, i: int) -> tuple[float, float]:
     total, dof = 0.0, 0.0
     free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
     deviations = posterior.precision**-0.5
-    for fold in found.selection.folds(i):
+    for fold in found.selection.parts.folds(i):
         part = fold.part
         if not part.rows:
             continue

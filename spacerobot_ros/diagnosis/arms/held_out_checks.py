@@ -104,7 +104,7 @@ def _nats(rows: Selection, chosen: Sequence[int], others: Sequence[int]) -> floa
     happens decides nothing.
     """
     with_it, without = (rows.held_out_misfits(choice) for choice in (chosen, others))
-    sizes = np.array([fold.part.rows for fold in rows.folds()])
+    sizes = np.array([fold.part.rows for fold in rows.parts.folds()])
     seen = sizes > 0  # nothing moves in the others
     weight = np.minimum(sizes, with_it)[seen]
     return float(0.5 * np.sum(weight * np.log(without[seen] / with_it[seen])))

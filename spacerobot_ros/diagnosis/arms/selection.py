@@ -19,7 +19,8 @@ from ...estimation.balance.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISC
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.inference.evidence import Fold, Gram, Score, log_evidence, price, score, sum_of
 from ...types import Array, IntArray
-from ..limits import FAMILYWISE, MOST_PRUNED, SPECIAL, TELLING
+from ..limits import FAMILYWISE, MOST_PRUNED, SPECIAL
+from .held_out_parts import HeldOutParts
 from .simplest import simplest
 
 _AFTER_FRICTION = (*SHAPES, OF_LOAD)
@@ -46,16 +47,11 @@ class Selection:
         recording: IntArray,
         always: Gram | None = None,
     ) -> None:
-        self.rows, self._blocks = rows, tuple(parts)
-        self._recording = recording
+        self.rows = rows
         self.whole = sum_of([*parts, *([] if always is None else [always])])
-        self.recordings = [
-            sum_of([part for part, r in zip(parts, recording, strict=True) if r == number])
-            for number in np.unique(recording)
-        ]
+        self.parts = HeldOutParts(rows, parts, recording, self.whole)
         self.chosen: list[int] = []
         self._pruned: dict[int, int] = {}
-        self._folds: dict[bytes, list[Fold]] = {}
         self._kept: dict[int, tuple[Gram, Posterior]] = {}
         self._kept_of: frozenset[int] = frozenset()
         self._information = np.diag(self.whole.matrix)
@@ -71,47 +67,6 @@ class Selection:
     def of(cls, rows: ArmRows, levels: Sequence[Array]) -> Selection:
         """Of whitened rows, by (8,) variances of the leftover of every set of `ArmRows.joints`."""
         return cls(rows, rows.parts(levels), rows.recording, rows.held)
-
-    def labels(self, i: int | None = None) -> IntArray:
-        """(B,) the part that each block belongs to; -1: to none that judges.
-
-        Parts are recordings where two or more say something of a cause, else the blocks of the
-        one that does. Where a load is declared they are the first, second, ... block of each: a
-        loaded recording alone does not tell the load from the links.
-
-        Args:
-            i: The cause; None: all that is chosen.
-        """
-        numbers = np.unique(self._recording)
-        own = slice(None) if i is None else self.rows.places[i]
-        information = np.array(
-            [np.diag(r.matrix)[own] @ self.rows.sizes[own] ** 2 for r in self.recordings]
-        )
-        which = np.searchsorted(numbers, self._recording)
-        judges = np.flatnonzero(information > TELLING * information.sum())
-        if len(judges) < 2:
-            judges = np.array([np.argmax(information)])
-        elif not self.rows.has_load:
-            return which
-        place = np.arange(len(which)) - np.searchsorted(which, which)
-        return np.where(np.isin(which, judges), place, -1)
-
-    def is_judged_by_recordings(self, i: int) -> bool:
-        """Whether each of two recordings or more judges a cause."""
-        several = len(self.recordings) > 1 and bool(np.all(self.labels(i) >= 0))
-        return several and not self.rows.has_load
-
-    def folds(self, i: int | None = None) -> list[Fold]:
-        """Each part of the data beside all others, see `labels`."""
-        labels = self.labels(i)
-        key = labels.tobytes()
-        if key not in self._folds:
-            parts = [
-                sum_of([b for b, label in zip(self._blocks, labels, strict=True) if label == part])
-                for part in range(labels.max() + 1)
-            ]
-            self._folds[key] = [Fold(self.whole - part, part) for part in parts]
-        return self._folds[key]
 
     def posterior(self, chosen: Iterable[int], gram: Gram | None = None) -> Posterior:
         """Of causes beside all tolerances.
@@ -273,7 +228,7 @@ class Selection:
             without, with_it = (self.held_out_misfits(c, i) for c in (others, both))
             return np.asarray(0.5 * (without - with_it))
         whole = self._score(self.posterior(both), i).evidence
-        rests = [self.posterior(both, fold.rest) for fold in self.folds(i)]
+        rests = [self.posterior(both, fold.rest) for fold in self.parts.folds(i)]
         return np.array([whole - self._score(rest, i).evidence for rest in rests])
 
     def instead_of(self, i: int, barred: Iterable[int]) -> Selection:
@@ -326,7 +281,7 @@ class Selection:
                 is not chosen.
         """
         out = []
-        for fold in self.folds(i):
+        for fold in self.parts.folds(i):
             if i is None or i in chosen:
                 found = self.posterior(chosen, fold.rest)
             else:
