@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import IdentificationError
 from ..estimation.filters.momentum_filter import MomentumFilter, SquareRootInformation, Stretch
-from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.filters.momentum_process import MomentumModel, Regressed
 from ..estimation.trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..estimation.trajectory.time_base import channel_stamps, filter_times, refuse_long_gaps
 from ..estimation.unknowns.torque_hold import Holds
@@ -107,7 +107,7 @@ class MaximumLikelihood:
             self.constants = self._prior.mean.copy()
             if self._known is not None:
                 self.constants[self._known.part] = self._known.best
-        prior = self._prior
+        prior, regressed = self._prior, self._filter.regressed(stretch)
         for _ in range(_PASSES):
             if self.is_abandoned:
                 raise IdentificationError('nobody waits for it any more')
@@ -116,7 +116,7 @@ class MaximumLikelihood:
             self._add_prior(information, prior)
             information.reset_residual()
             self._beyond = 0.0
-            before, change = self.constants, self._advance(stretch, prior)
+            before, change = self.constants, self._advance(stretch, prior, regressed)
             asked, moved = np.max(np.abs([change, self.constants - before]) / self.std, axis=1)
             self.is_converged = bool(asked < CONVERGED)
             if moved < CONVERGED:  # also where they are held back: the next pass would be this one
@@ -170,9 +170,11 @@ class MaximumLikelihood:
             values[part] = known.values - known.factor @ (self.constants[part] - known.origin)
         information.add(rows, values)
 
-    def _advance(self, stretch: Stretch, prior: Prior) -> Array:
+    def _advance(
+        self, stretch: Stretch, prior: Prior, regressed: list[Regressed] | None = None
+    ) -> Array:
         """Run through a stretch and move the constants; (p,) change that the data ask for."""
-        columns, values = self._filter.run(stretch, self.constants)
+        columns, values = self._filter.run(stretch, self.constants, regressed)
         change, _ = self._filter.information.solve()
         squares = (values - columns @ change) ** 2
         self._beyond += float(np.sum(np.maximum(squares - FURTHEST**2, 0.0)))

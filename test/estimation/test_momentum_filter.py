@@ -16,9 +16,9 @@ from spacerobot_ros.estimation.filters.momentum_filter import (
     MomentumFilter,
     SquareRootInformation,
     state_space,
-    transitions_of,
 )
 from spacerobot_ros.estimation.filters.momentum_process import RateErrorModel
+from spacerobot_ros.estimation.filters.momentum_steps import transitions_of
 from spacerobot_ros.estimation.trajectory.time_base import CHANNELS, measured_rows
 
 N, JOINTS, P = 60, 2, 3  # times, joints, constants
@@ -377,5 +377,5 @@ def test_transitions_are_those_of_any_linear_system(rng, n):
     expected = Steps(durations, matrices).transitions
     # rounding
     np.testing.assert_allclose(
-        transitions_of(durations, matrices[:, :3]), expected, rtol=0, atol=1e-13
+        transitions_of(durations, matrices[:, :3].copy()), expected, rtol=0, atol=1e-13
     )

@@ -10,7 +10,6 @@ bounded memory, and equal to the Kalman filter with augmented state (Friedland 1
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +24,8 @@ from ..trajectory.sampled_motion import SampledMotion
 from ..trajectory.time_base import CHANNELS, channel_stamps, measured_rows
 from ..unknowns.torque_hold import Holds
 from .kalman import StateSpace, gains_of, whiten
-from .momentum_process import MomentumModel, RateErrorModel
+from .momentum_process import MomentumModel, RateErrorModel, Regressed
+from .momentum_steps import driven_by_joints, transitions_of
 
 _ATTITUDE_START_STD = 0.05  # rad; the reference starts far closer to the tracker than this
 # The spline's snap, seen as white noise over its knots' spacing, overstates what the filter needs:
@@ -162,8 +162,15 @@ class MomentumFilter:
         # Mean by 1, placebo and constants; joints count from zero between stretches.
         self._mean = np.zeros((3 + 4 * model.n, 1 + 2 * model.size))
 
-    def run(self, stretch: Stretch, constants: Array) -> tuple[Array, Array]:
+    def run(
+        self, stretch: Stretch, constants: Array, regressed: list[Regressed] | None = None
+    ) -> tuple[Array, Array]:
         """Process a stretch, linearized about constants; a later one begins at the last's end.
+
+        Args:
+            stretch: The stretch.
+            constants: (p,).
+            regressed: From `regressed`, where a stretch is run through several times.
 
         Returns:
             (R, p) and (R,) columns and values of the rows that the information has got.
@@ -173,8 +180,11 @@ class MomentumFilter:
             self._covariance = _start_covariance(joints)
         else:
             self._mean[3:, 0] -= joints[0]
-        disturbed = stretch.reference.disturbed
-        rate = self._model.linearize(stretch.kinematics, constants, disturbed)
+        if regressed is None:
+            disturbed = stretch.reference.disturbed
+            rate = self._model.linearize(stretch.kinematics, constants, disturbed)
+        else:
+            rate = self._model.linearize_again(regressed, constants)
         space, defects = state_space(stretch, rate, joints)
         misread, sensors = stretch.misreadings(self._model, constants)
         drives = np.concatenate([rate.offset[..., None], rate.placebo, rate.constants], axis=2)
@@ -191,6 +201,10 @@ class MomentumFilter:
             self.placebo.add(rows[:, 1 : 1 + p], np.zeros(len(rows)))
         self._last = float(stretch.reference.times[-1]), stretch.kinematics.rotation[-1]
         return columns, values
+
+    def regressed(self, stretch: Stretch) -> list[Regressed]:
+        """What a pass over a stretch needs whatever the constants."""
+        return self._model.regressed(stretch.kinematics, stretch.reference.disturbed)
 
     def take_end(self) -> tuple[float, Rotation]:
         """Time at which the last stretch ended, and the attitude from which the next one starts.
@@ -225,18 +239,8 @@ def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[
     matrices = np.zeros((len(joints), 3, size))
     matrices[:, :, : 3 + 2 * n] = rate.state
     matrices[:, :, :3] -= skew(stretch.kinematics.omega)
-    transitions = transitions_of(durations, matrices)
-    # What joints do within a step moves the attitude by the trapezoid of the rate error's end.
-    spread = np.zeros((len(durations), size, 4 * n))
-    spread[:, 3:] = np.eye(4 * n)
-    spread[:, :3, : 2 * n] = 0.5 * durations[:, None, None] * rate.state[1:, :, 3:]
-    snap = _snap_noise(durations, stretch.snap_density)
-    noise = np.zeros((len(durations), size, size))
-    noise[:, 3:, 3:] = snap
-    noise[:, :3, 3:] = spread[:, :3] @ snap
-    noise[:, 3:, :3] = np.swapaxes(noise[:, :3, 3:], 1, 2)
-    noise[:, :3, :3] = noise[:, :3, 3:] @ np.swapaxes(spread[:, :3], 1, 2)
-    missed = np.einsum('nij,nj->ni', transitions[:, 3:, 3:], joints[:-1]) - joints[1:]
+    slopes = np.ascontiguousarray(rate.state[:, :, 3:])
+    noise, defects = driven_by_joints(durations, stretch.snap_density, slopes, joints)
     rows = stretch.rows
     is_gyro = rows.channel == CHANNELS.index('gyro')
     at = np.repeat(np.arange(len(joints)), np.diff(rows.first))
@@ -244,7 +248,7 @@ def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[
     by_gyro[:, : 3 + 2 * n] = rate.state.reshape(-1, 3 + 2 * n)
     space = StateSpace(
         durations,
-        transitions,
+        transitions_of(durations, matrices),
         noise,
         0,
         rows.first,
@@ -252,36 +256,7 @@ def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[
         by_gyro,
         stretch.row_variance,
     )
-    return space, np.einsum('nij,nj->ni', spread, missed)
-
-
-def transitions_of(durations: Array, matrices: Array) -> Array:
-    """(N-1, d, d) as those of `linear_steps.Steps`, of which only three rows are no polynomial.
-
-    With z = [[a, b], [0, c]] and c of joints from position to jerk, exp(z) - 1 = [[x, y], [0, w]]
-    has w = exp(c) - 1, exactly, and D_a x = a, D_a y = b - D_b w by the rows of D.
-
-    Args:
-        durations: (N-1,) [s].
-        matrices: (N, 3, d) rates of the attitude by all states.
-    """
-    size, n = matrices.shape[2], (matrices.shape[2] - 3) // 4
-    dt = durations[:, None, None]
-    early, late = dt * matrices[:-1], dt * matrices[1:]
-    rows = 0.5 * (early + late)
-    rows += (late[..., :3] @ early - early[..., :3] @ late) / 12.0
-    rows[..., 3 + n :] += dt * (late - early)[..., 3:-n] / 12.0
-    a, b = rows[..., :3], rows[..., 3:]
-    by_attitude = np.eye(3) - 0.5 * a + (a @ a) / 12.0
-    by_joints = -0.5 * b + (a @ b) / 12.0
-    by_joints[..., n:] += dt * b[..., :-n] / 12.0
-    chain = [np.diag(np.ones(4 - k), k) / math.factorial(k) for k in (1, 2, 3)]
-    out = np.zeros((len(durations), size, size))
-    out[:, 3:, 3:] = sum(dt**k * np.kron(x, np.eye(n)) for k, x in enumerate(chain, 1))
-    rows[..., 3:] -= by_joints @ out[:, 3:, 3:]
-    out[:, :3] = np.linalg.solve(by_attitude, rows)
-    out[:, np.arange(size), np.arange(size)] += 1.0
-    return out
+    return space, defects
 
 
 def _less_at_gyro(stretch: Stretch, drives: Array) -> Array:
@@ -304,14 +279,3 @@ def _start_covariance(joints: Array) -> Array:
         [np.std(joints[:, :n], axis=0), np.sqrt(np.mean(joints[:, n:] ** 2, axis=0))]
     )
     return np.diag(np.concatenate([np.full(3, _ATTITUDE_START_STD), spread + 1e-6]) ** 2)
-
-
-def _snap_noise(dt: Array, snap: Array) -> Array:
-    """(M, 4n, 4n) noise of joint position to jerk over steps (M,), driven by white snap."""
-    noise = np.zeros((len(dt), 4, 4))
-    for i in range(4):
-        for j in range(4):
-            factorials = math.factorial(3 - i) * math.factorial(3 - j)
-            noise[:, i, j] = dt ** (7 - i - j) / (factorials * (7 - i - j))
-    size = 4 * len(snap)
-    return np.einsum('mij,kl->mikjl', noise, np.diag(snap)).reshape(len(dt), size, size)

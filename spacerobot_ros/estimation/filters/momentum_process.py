@@ -98,8 +98,8 @@ class MomentumModel:
             (N, 3, p) coefficients of 0 = R^T h_W - sum R_b h_b - Y x - h0, and (N, 3) right-hand
             side h0.
         """
-        moving = _Moving(self.tree, reference)
-        return self._coefficients(moving), np.broadcast_to(self._h0, reference.omega.shape)
+        columns = self._coefficients(_Moving(self.tree, reference))
+        return columns, np.broadcast_to(self._h0, reference.omega.shape)
 
     def total_momentum(self, motion: Kinematics, constants: Array) -> Array:
         """(3,) mean of h_W along a motion that all other constants imply [N m s]."""
@@ -130,19 +130,31 @@ class MomentumModel:
             disturbed: The reference with its own error once more, for the placebo columns; without
                 it they are zero.
         """
-        parts = []
+        return self.linearize_again(self.regressed(reference, disturbed), constants)
+
+    def regressed(
+        self, reference: Kinematics, disturbed: Kinematics | None = None
+    ) -> list[Regressed]:
+        """What `linearize` needs of a reference whatever the constants, in chunks of times."""
+        chunks = []
         for start in range(0, len(reference.time), _CHUNK):
-            chunk = slice(start, start + _CHUNK)
-            other = None if disturbed is None else disturbed.part(chunk)
-            parts.append(self._linearize(reference.part(chunk), constants, other))
+            part = reference.part(slice(start, start + _CHUNK))
+            moving = _Moving(self.tree, part)
+            columns, off = self._coefficients(moving), None
+            if disturbed is not None:
+                other = _Moving(self.tree, disturbed.part(slice(start, start + _CHUNK)))
+                off = (self._coefficients(other) - columns)[..., : self.x.stop]
+            chunks.append(Regressed(part, moving, columns, off))
+        return chunks
+
+    def linearize_again(self, chunks: list[Regressed], constants: Array) -> RateErrorModel:
+        """`linearize` of what was `regressed`, about other constants."""
+        parts = [self._linearize(chunk, constants) for chunk in chunks]
         names = [each.name for each in fields(RateErrorModel)]
         return RateErrorModel(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
 
-    def _linearize(
-        self, reference: Kinematics, constants: Array, disturbed: Kinematics | None
-    ) -> RateErrorModel:
-        moving = _Moving(self.tree, reference)
-        columns = self._coefficients(moving)
+    def _linearize(self, chunk: Regressed, constants: Array) -> RateErrorModel:
+        reference, moving, columns = chunk.reference, chunk.moving, chunk.columns.copy()
         added, by_aam = self._imbalance(reference, constants, columns)
         columns[..., self.aam] += by_aam
         known = columns[..., : self.x.stop] @ constants[: self.x.stop]
@@ -159,11 +171,8 @@ class MomentumModel:
         state[..., 3 : 3 + self.n] -= self._turned_wheels(moving, columns, constants)
         state[..., 3 + self.n :] = -inertia[:, :3, 3:]
         placebo = np.zeros_like(columns)
-        if disturbed is not None:
-            shifted = self._coefficients(_Moving(self.tree, disturbed))
-            shifted[..., self.aam] += by_aam
-            part = slice(0, self.x.stop)
-            placebo[..., part] = inverse @ (shifted - columns)[..., part]
+        if chunk.off is not None:
+            placebo[..., : self.x.stop] = inverse @ chunk.off
         return RateErrorModel(
             np.einsum('nab,nb->na', inverse, offset),
             inverse @ state,
@@ -222,3 +231,20 @@ class _Moving:
         self.maps = tree.rate_maps(self.rotations)
         self.u = np.concatenate([reference.omega, reference.qd], axis=1)
         self.attitudes = reference.matrices
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regressed:
+    """The momentum equation along a reference, before anything is said of the constants.
+
+    Args:
+        reference: N times.
+        moving: Its kinematics.
+        columns: (N, 3, p) of the equation by the constants; zero by the nuisances.
+        off: (N, 3, p - nuisances) by which those of the disturbed reference differ; None without.
+    """
+
+    reference: Kinematics
+    moving: _Moving
+    columns: Array
+    off: Array | None
