@@ -195,11 +195,15 @@ class OnlineIdentifier:
         record = self.samples.record(None, until_ns).between(self._start, np.inf)
         if missing or not (len(record.joint_time) and len(record.rate_time)):
             return self._nothing(f'no {" and no ".join(missing or _WORDS.values())} yet')
+        if lacking := self._lacking(record, self._settled(record)):
+            return self._nothing(lacking)
         tail, count = self._screened(record.between(self._done - _CONTEXT, np.inf))
         if not (len(tail.joint_time) and len(tail.rate_time)):
             return self._nothing('no samples that agree with each other')
-        end = float(min(tail.joint_time[-1], tail.rate_time[-1])) - self._lag
-        end = min(end, *(self._longest(time) for time in (record.joint_time, record.rate_time)))
+        end = min(
+            self._settled(tail),
+            *(self._longest(time) for time in (record.joint_time, record.rate_time)),
+        )
         before, after = first_pause(tail)
         if end <= before:
             return self._solve(record, end, (tail, count))
@@ -213,11 +217,8 @@ class OnlineIdentifier:
 
     def _solve(self, record: Record, end: float, newest: _Screened) -> Estimate:
         """Use a record without long pauses up to a time [s], of which the newest is screened."""
-        is_first, known = self._noise is None, self._known
-        seconds, least = common_time(record, end), FIRST if known is None else SHORTEST
-        if end - self._done < 1e-3 or (is_first and seconds < least):
-            have = f'only {max(seconds, 0.0):.1f} s of data yet'
-            return self._nothing(f'{have}, {least:g} s are needed')
+        if lacking := self._lacking(record, end):
+            return self._nothing(lacking)
         learned = self._done, self._source, self.left_out
         try:
             if doubt := self._learn(record, end, newest):
@@ -228,6 +229,18 @@ class OnlineIdentifier:
         except _FAILURES as error:
             self._begin(end, self._known_of(0, self._model.x.stop))
             raise _unusable(f'samples up to {end:.6g} s', error) from error
+
+    def _settled(self, record: Record) -> float:
+        """Up to when joints and gyro are there for good [s]."""
+        return float(min(record.joint_time[-1], record.rate_time[-1])) - self._lag
+
+    def _lacking(self, record: Record, end: float) -> str:
+        """Why a record does not suffice up to a time [s], empty where it does."""
+        is_first, known = self._noise is None, self._known
+        seconds, least = common_time(record, end), FIRST if known is None else SHORTEST
+        if end - self._done < 1e-3 or (is_first and seconds < least):
+            return f'only {max(seconds, 0.0):.1f} s of data yet, {least:g} s are needed'
+        return ''
 
     def _learn(self, record: Record, end: float, newest: _Screened) -> str:
         """Run through what is new up to a time [s]; why it does not fit, empty where it does."""

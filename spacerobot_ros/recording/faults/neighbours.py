@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...types import Array, IntArray
+from ...dynamics.compiling import compiled, inner
+from ...types import Array
 
-_NEIGHBOURS = ((-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6), (-3, -2, -1), (1, 2, 3))
-STENCILS = tuple(np.array(offsets) for offsets in _NEIGHBOURS)
+STENCILS = ((-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6), (-3, -2, -1, 0), (1, 2, 3, 0))
+"""Neighbours that predict a sample; 0 is none."""
 NORMAL = 1.4826
 """Standard deviation of normal numbers by their median magnitude."""
 
@@ -27,42 +28,96 @@ def off_neighbours(time: Array, values: Array, good: Array) -> tuple[Array, Arra
         good: The same, bad samples replaced by what may be there, see `bridged`.
     """
     usual = float(np.median(np.diff(time)))
-    errors, spreads = zip(*(_errors(time, usual, values, good, s) for s in STENCILS), strict=True)
-    error, spread = np.stack(errors), np.stack(spreads)[..., None]
-    known = np.isfinite(error).any(axis=0)
-    error[:, ~known] = 0.0  # alone on either side of a gap
-    differences = (error - _median(error)) / spread
-    return _median(error / spread), NORMAL * _median(np.abs(differences))
+    arrays = (np.ascontiguousarray(x, dtype=float) for x in (time, values, good))
+    error, differ = _off_neighbours(*arrays, _STRETCHED * usual)
+    return error, NORMAL * differ
 
 
-def _median(stack: Array) -> Array:
-    """Median over the first axis without NaN, in a quarter of the time of `np.nanmedian`."""
-    in_order = np.sort(stack, axis=0)  # NaN last
-    count = np.count_nonzero(~np.isnan(stack), axis=0)[None]
-    low, high = (np.take_along_axis(in_order, k // 2, axis=0)[0] for k in (count - 1, count))
-    return np.asarray(0.5 * (low + high))
+@compiled  # type: ignore[untyped-decorator]
+def _off_neighbours(time: Array, values: Array, good: Array, far: float) -> tuple[Array, Array]:
+    """`off_neighbours` less a factor; vectorised over samples it took several times as long."""
+    error, differ = np.empty_like(values), np.empty_like(values)
+    weights = np.zeros((len(STENCILS), 4))
+    spread, off, away, in_order = np.ones((4, len(STENCILS)))
+    for n in range(len(time)):
+        for s in range(len(STENCILS)):
+            spread[s] = _weigh(time, n, STENCILS[s], far, weights[s])
+        for column in range(values.shape[1]):
+            is_known = False
+            for s in range(len(STENCILS)):
+                off[s] = _error(values, good, n, column, STENCILS[s], weights[s], spread[s])
+                is_known |= np.isfinite(off[s])
+            if not is_known:  # alone on either side of a gap
+                off[:] = 0.0
+            middle = _median(off, in_order)
+            for s in range(len(STENCILS)):
+                away[s] = abs(off[s] - middle) / spread[s]
+                off[s] /= spread[s]
+            error[n, column] = _median(off, in_order)
+            differ[n, column] = _median(away, in_order)
+    return error, differ
 
 
-def _errors(
-    time: Array, usual: float, values: Array, good: Array, stencil: IntArray
-) -> tuple[Array, Array]:
-    """Of a polynomial through good neighbours: (N, m) error, NaN where none, (N,) spread."""
-    spread = np.ones(len(time))
-    out = np.full(values.shape, np.nan)
-    low, high = max(0, -stencil.min()), len(time) - max(0, stencil.max())
-    at = np.arange(low, high)
-    nodes = time[at[:, None] + stencil] - time[at, None]
-    near = np.all(np.abs(nodes) <= _STRETCHED * usual * np.abs(stencil), axis=1)
-    at, nodes = at[near], nodes[near]
-    weights = np.ones_like(nodes)
-    for i in range(len(stencil)):  # Lagrange's polynomials at zero
-        for j in range(len(stencil)):
-            if i != j:
-                weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
-    predicted = np.einsum('ns,nsm->nm', weights, good[at[:, None] + stencil])
-    spread[at] = np.sqrt(1.0 + np.sum(weights**2, axis=1))
-    out[at] = values[at] - predicted
-    return out, spread
+@inner  # type: ignore[untyped-decorator]
+def _weigh(time: Array, n: int, stencil: tuple[int, ...], far: float, weights: Array) -> float:
+    """Write weights of a polynomial through neighbours; returns the spread of its error, or -1."""
+    for i in range(len(stencil)):
+        at = n + stencil[i]
+        if at < 0 or at >= len(time) or not abs(time[at] - time[n]) <= far * abs(stencil[i]):
+            return -1.0
+    squares = 1.0
+    for i in range(len(stencil)):
+        weights[i] = _lagrange(time, n, stencil, i)
+        squares += weights[i] ** 2
+    return np.sqrt(squares)
+
+
+@inner  # type: ignore[untyped-decorator]
+def _lagrange(time: Array, n: int, stencil: tuple[int, ...], i: int) -> float:
+    """A neighbour's polynomial at a sample."""
+    if stencil[i] == 0:
+        return 0.0
+    own, out = time[n + stencil[i]] - time[n], 1.0
+    for j in range(len(stencil)):
+        if stencil[j] not in (0, stencil[i]):
+            node = time[n + stencil[j]] - time[n]
+            out *= node / (node - own)
+    return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def _error(
+    values: Array,
+    good: Array,
+    n: int,
+    column: int,
+    stencil: tuple[int, ...],
+    weights: Array,
+    spread: float,
+) -> float:
+    """Of the prediction; NaN where there is none."""
+    if spread < 0.0:
+        return np.nan
+    predicted = 0.0
+    for i in range(len(stencil)):
+        if stencil[i] != 0:
+            predicted += weights[i] * good[n + stencil[i], column]
+    return values[n, column] - predicted
+
+
+@inner  # type: ignore[untyped-decorator]
+def _median(numbers: Array, in_order: Array) -> float:
+    """Median of some numbers without NaN, put in order; NaN of none."""
+    count = 0
+    for number in numbers:
+        if not np.isnan(number):
+            at = count
+            while at > 0 and in_order[at - 1] > number:
+                in_order[at] = in_order[at - 1]
+                at -= 1
+            in_order[at] = number
+            count += 1
+    return 0.5 * (in_order[(count - 1) // 2] + in_order[count // 2]) if count else np.nan
 
 
 def bridged(time: Array, rates: Array, bad: np.ndarray) -> Array:
