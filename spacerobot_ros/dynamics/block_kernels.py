@@ -67,6 +67,53 @@ def _fill_pair(R: Array, w: Array, s: int, k: int, m: int, start: int, out: Arra
 
 
 @compiled  # type: ignore[untyped-decorator]
+def fill_parameters(
+    mass: Array, com: Array, inertia: Array, links: Array, pairs: IntArray, out: Array
+) -> None:
+    """Write block parameters: J of all bodies (xx, yy, zz, xy, xz, yz), then Q of pairs.
+
+    Args:
+        mass: (S, b).
+        com: (S, b, 3).
+        inertia: (S, b, 3, 3).
+        links: (b, b, 3) g_ik of every body i and another body k.
+        pairs: (P, 2) indices k < m of the pairs of bodies.
+        out: (S, 6 b + 9 P) written.
+    """
+    bodies, first, q = mass.shape[1], np.empty((mass.shape[1], 3)), np.empty((3, 3))
+    for s in range(len(mass)):
+        arms = links.copy()
+        first[:] = 0.0
+        for k in range(bodies):
+            arms[k, k] = com[s, k]
+            for i in range(bodies):
+                for a in range(3):
+                    first[k, a] += mass[s, i] * arms[i, k, a]
+        for k in range(bodies):
+            _second_moments(mass[s], arms, first, k, k, q)
+            trace = q[0, 0] + q[1, 1] + q[2, 2]
+            for a in range(3):
+                out[s, 6 * k + a] = inertia[s, k, a, a] + trace - q[a, a]
+                i, j = (0, 1) if a == 0 else (0, 2) if a == 1 else (1, 2)
+                out[s, 6 * k + 3 + a] = inertia[s, k, i, j] - q[i, j]
+        for p in range(len(pairs)):
+            _second_moments(mass[s], arms, first, pairs[p, 0], pairs[p, 1], q)
+            for a in range(9):
+                out[s, 6 * bodies + 9 * p + a] = q[a // 3, a % 3]
+
+
+@inner  # type: ignore[untyped-decorator]
+def _second_moments(mass: Array, arms: Array, first: Array, k: int, m: int, out: Array) -> None:
+    """Write Q_km = sum_i m_i g_ik g_im^T - psi_k psi_m^T / M."""
+    for a in range(3):
+        for b in range(3):
+            total = 0.0
+            for i in range(len(mass)):
+                total += mass[i] * arms[i, k, a] * arms[i, m, b]
+            out[a, b] = total - first[k, a] * first[m, b] / mass.sum()
+
+
+@compiled  # type: ignore[untyped-decorator]
 def fill_blocks(R: Array, pi: Array, pairs: IntArray, out: Array) -> None:
     """Write the blocks: R_k J_k R_k^T, and tr(G) 1 - G^T of pairs.
 

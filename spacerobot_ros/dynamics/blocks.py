@@ -24,6 +24,7 @@ Symbols: N samples, n joints, bodies 0..n, K = 6 (n+1) + 9 n (n+1) / 2 block par
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,7 +32,13 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..model.robot import Body, Robot
 from ..types import Array, Vector3
-from .block_kernels import equation_of_rates, fill_blocks, fill_changes, fill_regressor
+from .block_kernels import (
+    equation_of_rates,
+    fill_blocks,
+    fill_changes,
+    fill_parameters,
+    fill_regressor,
+)
 from .forward_kinematics import forward_kinematics
 from .tree import tree_of
 
@@ -166,25 +173,14 @@ class BlockTree:
             com: (..., n+1, 3) centres of mass in the body frames [m].
             inertia: (..., n+1, 3, 3) about the centres of mass, body axes [kg m^2].
         """
-        own = np.arange(self.n + 1)
-        arms = np.broadcast_to(self._links, (*mass.shape[:-1], *self._links.shape)).copy()
-        arms[..., own, own, :] = com
-        weighted = mass[..., None, None] * arms
-        first = weighted.sum(axis=-3)
-        flat = (*mass.shape, -1)
-        q = np.swapaxes(weighted.reshape(flat), -1, -2) @ arms.reshape(flat)
-        q = np.swapaxes(q.reshape(*arms.shape[:-2], 3, *arms.shape[-2:]), -2, -3)
-        q -= (
-            np.einsum('...ka,...mb->...kmab', first, first)
-            / mass.sum(axis=-1)[..., None, None, None, None]
+        shape, bodies = mass.shape[:-1], self.n + 1
+        stacks = (
+            np.ascontiguousarray(x, dtype=float).reshape(-1, bodies, *x.shape[len(shape) + 1 :])
+            for x in (mass, com, inertia)
         )
-        diagonal = q[..., own, own, :, :]
-        trace = np.trace(diagonal, axis1=-2, axis2=-1)[..., None, None]
-        blocks = inertia + trace * np.eye(3) - diagonal
-        rows, columns = np.array(_SYMMETRIC).T
-        parts = [blocks[..., rows, columns].reshape(*mass.shape[:-1], -1)]
-        parts += [q[..., k, m, :, :].reshape(*mass.shape[:-1], 9) for k, m in self.pairs]
-        return np.concatenate(parts, axis=-1)
+        out = np.empty((math.prod(shape), 6 * bodies + 9 * len(self.pairs)))
+        fill_parameters(*stacks, self._links, self._pair_indices, out)
+        return out.reshape(*shape, -1)
 
     def _blocks(self, rotations: Array, pi: Array) -> Array:
         """(N, n+1, n+1, 3, 3) blocks B_kl."""

@@ -141,6 +141,8 @@ class _Rows:
         """Those of evenly spaced knots that lie within samples, and the ends."""
         length = np.diff(self._pauses, axis=1)
         is_long = length[:, 0] > 2.0 * (knots[1] - knots[0])
+        if not is_long.any():
+            return knots
         wide = (self._pauses + _ASIDE * length * np.array([-1.0, 1.0]))[is_long]
         is_kept = np.all((knots[:, None] <= wide[:, 0]) | (knots[:, None] >= wide[:, 1]), axis=1)
         is_kept[[0, -1]] = True
