@@ -21,6 +21,9 @@ from .validity_limits import CONVERGED
 from .weak_prior import Prior, weak_prior
 
 _PASSES = 5
+_ANOTHER = 3.0
+"""By how much the share of a shift that a pass leaves may exceed the one before: in ten flights of
+the servicer shares were 0.002 to 0.04 at first and fell later, in one they rose threefold."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +65,7 @@ class MaximumLikelihood:
 
     Attributes:
         constants: (p,) about which everything is linearized; the robot file's at first.
-        is_converged: Whether the last pass of `solve` moved them by less than 0.01 sigma.
+        is_converged: Whether another pass of `solve` would move them by less than 0.01 sigma.
         is_abandoned: Whether `solve` shall end before its next pass.
     """
 
@@ -75,6 +78,7 @@ class MaximumLikelihood:
         self.constants = model.prior()
         self.is_converged = self.is_abandoned = False
         self._beyond = 0.0
+        self._left = np.inf  # share of a shift that the next pass asked for
 
     @property
     def known(self) -> Known | None:
@@ -107,7 +111,7 @@ class MaximumLikelihood:
             self.constants = self._prior.mean.copy()
             if self._known is not None:
                 self.constants[self._known.part] = self._known.best
-        prior, regressed = self._prior, self._filter.regressed(stretch)
+        prior, regressed, last = self._prior, self._filter.regressed(stretch), 0.0
         for _ in range(_PASSES):
             if self.is_abandoned:
                 raise IdentificationError('nobody waits for it any more')
@@ -118,8 +122,14 @@ class MaximumLikelihood:
             self._beyond = 0.0
             before, change = self.constants, self._advance(stretch, prior, regressed)
             asked, moved = np.max(np.abs([change, self.constants - before]) / self.std, axis=1)
-            self.is_converged = bool(asked < CONVERGED)
-            if moved < CONVERGED:  # also where they are held back: the next pass would be this one
+            is_held_back = moved < 0.9 * asked
+            if last > 0.0 and not is_held_back:
+                self._left = asked / last
+            last = 0.0 if is_held_back else asked
+            share = 1.0 if is_held_back else min(1.0, _ANOTHER * self._left)
+            self.is_converged = bool(share * asked < CONVERGED)
+            # also where they are held back and stay: the next pass would be this one
+            if self.is_converged or moved < CONVERGED:
                 break
 
     def extend(self, record: Record, context: Record, noise: NoiseLevels, holds: Holds) -> Stretch:
