@@ -284,7 +284,8 @@ class SensorNode(RobotNode):
 
     def _on_time(self, jump: TimeJump) -> None:
         self._jumps.hear_clock(jump.delta.nanoseconds)
-        self._use(self._jumps.judge_held(self.now_ns))
+        if self._jumps.is_doubtful:
+            self._use(self._jumps.judge_held(self.now_ns))
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the run."""

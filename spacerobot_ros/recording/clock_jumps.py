@@ -53,18 +53,25 @@ class JumpDetector:
         self._largest_ns = largest_ns
         self._newest: dict[str, int] = {}
         self._recent: dict[str, deque[int]] = {}
+        self._usual: dict[str, int] = {}  # their medians
         self._held: list[Sample] = []
         self._is_back = False
 
     def clear(self) -> tuple[Sample, ...]:
         """Begin anew, without any stamp; what was held back."""
         held, self._newest, self._recent, self._held = tuple(self._held), {}, {}, []
+        self._usual = {}
         self._is_back = False
         return held
 
     def hear_clock(self, delta_ns: int) -> None:
         """Hear that /clock moved [ns]: back, however little, a sample may show another run."""
         self._is_back |= delta_ns < 0
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether samples are held back."""
+        return bool(self._held)
 
     @property
     def newest_ns(self) -> int | None:
@@ -121,12 +128,9 @@ class JumpDetector:
         By the medians of the newest few, so that single stamps somewhat ahead, each believed,
         don't lead away from all others.
         """
-        if not self._recent:
+        if not self._usual:
             return True
-        usual = {
-            sensor: sorted(stamps)[len(stamps) // 2] for sensor, stamps in self._recent.items()
-        }
-        newest, own = max(usual.values()), usual.get(sample.sensor)
+        newest, own = max(self._usual.values()), self._usual.get(sample.sensor)
         if own is None:
             return newest - _LONGEST_LAG_NS <= sample.stamp_ns <= newest + self._largest_ns
         stamps = self._recent[sample.sensor]
@@ -140,6 +144,7 @@ class JumpDetector:
         self._newest[sample.sensor] = max(newest, sample.stamp_ns)
         recent = self._recent.setdefault(sample.sensor, deque(maxlen=_RECENT))
         recent.append(sample.stamp_ns)
+        self._usual[sample.sensor] = sorted(recent)[len(recent) // 2]
 
 
 def refusal(sample: Sample, newest_ns: int | None) -> MessageRejectedError:

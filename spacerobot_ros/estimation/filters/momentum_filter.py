@@ -113,11 +113,12 @@ class SquareRootInformation:
         size = self.size
         triangle = np.zeros((size + 1, size + 1))
         triangle[:size] = self.factor
-        added = np.column_stack([columns, values])
-        for start in range(0, len(added), _AT_ONCE):
-            stacked = np.vstack([triangle, added[start : start + _AT_ONCE]])
-            reduced = dgeqrf(np.asfortranarray(stacked), overwrite_a=1)[0]
-            triangle = np.triu(reduced[: size + 1])
+        for start in range(0, len(values), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
+            stacked = np.empty((size + 1 + len(values[part]), size + 1), order='F')
+            stacked[: size + 1] = triangle
+            stacked[size + 1 :, :size], stacked[size + 1 :, size] = columns[part], values[part]
+            triangle = np.triu(dgeqrf(stacked, overwrite_a=1)[0][: size + 1])
         self.factor = triangle[:size]
         self.residual += float(triangle[size, size] ** 2)
         self.rows += len(values)
