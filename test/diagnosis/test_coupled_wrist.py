@@ -8,6 +8,7 @@ import pytest
 from spacerobot_ros.campaign.hidden import real_arm
 from spacerobot_ros.campaign.hidden.real_arm import COULOMB, VISCOUS, RealArm, arm_file
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.effects.catalogue import CATALOGUE
 
 DRY, WET = 2.0, 0.6  # N m, N m s/rad of the sum of the two rates
 MOVE, REST = 0.9, 0.1  # s
@@ -34,6 +35,19 @@ def coupled(record):
     effort = record.joints.effort.copy()
     effort[:, 4:] += (DRY * np.tanh(both / 0.02) + WET * both)[:, None]
     return replace(record, joints=replace(record.joints, effort=effort))
+
+
+def test_without_that_cause_both_joints_confirm_one_law(monkeypatch):
+    monkeypatch.setattr(real_arm, 'motion_of', moves)
+    file = arm_file()
+    few = [CATALOGUE[f'joint_{name}_friction'] for name in ('coulomb', 'viscous')]
+    record = coupled(RealArm(11).record(0, duration=12.0))
+    answer = diagnose(record, file.robot, file.effects, few)
+    assert not answer.causes
+    (law,) = (entry.applied for entry in answer.leftover if entry.form)
+    assert {str(law.where), law.react} == {'joint_5', 'joint_6'}
+    assert law.form.name == 'sign(x + y), x + y'
+    assert -sum(law.coefficients) == pytest.approx(DRY + WET, rel=0.15)
 
 
 @pytest.mark.parametrize('is_coupled', [True, False])

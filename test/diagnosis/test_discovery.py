@@ -169,6 +169,23 @@ def test_friction_of_the_other_joint_is_told_from_its_own():
     assert entry.kind == 'coupled'
 
 
+def test_friction_of_a_sum_of_rates_at_one_joint_is_no_friction_of_both():
+    """Friction of both joints' motor stood for it and was not clear, as the other shows none."""
+    machine = HeldArm(905, 'sum of rates', 1.0, 'speed')
+    answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
+    assert not answer.causes
+    entry = of_joint(answer, machine.where)
+    assert set(entry.depends_on) == set(machine.variables)
+    assert entry.applied.react == ''
+    assert machine.transferred([*answer.calibration, entry.applied]) > 0.9
+
+
+def test_another_joint_s_friction_is_needed_though_its_own_angle_explains_half_of_it():
+    machine = HeldArm(1104, 'coupled Coulomb', 1.0, 'white')
+    answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
+    assert list(of_joint(answer, machine.where).depends_on) == machine.variables
+
+
 def test_friction_that_goes_with_a_temperature_is_said_so():
     """The temperature is measured beside the motion, by a slow clock of its own."""
 
@@ -201,7 +218,12 @@ def test_an_arm_as_it_should_be_has_no_law():
     assert all(e.form is None for e in answer.leftover)
 
 
-def test_a_joint_of_one_speed_is_told(monkeypatch):
+def by_angle(q, qd, t):
+    return np.sin(3.0 * q[:, 2]) * np.sign(qd[:, 2])
+
+
+@pytest.mark.parametrize('law', [None, by_angle])
+def test_a_joint_of_one_speed_is_told(law, monkeypatch):
     def back_and_forth(rng, time, is_moving):
         turns = np.floor(time / 4.0) % 2
         way = np.where(turns == 0, time % 4.0, 4.0 - time % 4.0)
@@ -210,6 +232,8 @@ def test_a_joint_of_one_speed_is_told(monkeypatch):
         return q, qd, np.zeros_like(q)
 
     monkeypatch.setattr('spacerobot_ros.campaign.hidden.real_arm.motion_of', back_and_forth)
-    answer, _ = asked(None)
-    assert of_joint(answer).one_speed
-    assert any('moves at one speed only' in line for line in leftover_lines(answer))
+    answer, _ = asked(law)
+    entry = of_joint(answer)
+    assert (entry.form is None) == (law is None)
+    assert entry.one_speed
+    assert any('joint_3' in x and 'moves at one speed only' in x for x in leftover_lines(answer))

@@ -137,8 +137,8 @@ class HeldArm:
         motion, j = balance.motion, self._j
         true = self._arm.hidden_torque(motion.q, motion.qd, motion.effort)
         own: Array = np.zeros(len(true))
-        for effect in added:
-            if effect.where == JOINTS[j]:
+        for effect in added:  # a coupled friction acts on two joints
+            if effect.acts('force'):
                 own = own + effect.force(motion, effect.driven(motion))[:, 6 + j]
         at = balance.arm.is_moving[:, j]
         return 1.0 - float(np.var(true[at] - own[at]) / np.var(true[at]))

@@ -110,6 +110,9 @@ class LawArm(RealArm):
     def sized(self, ratio: float, moving: Sequence[str], duration: float) -> LawArm:
         """With a law of an rms by that of the noise in the band, on the motion of run 0.
 
+        About its mean, as that of the noise: a torque that hardly changes is an offset, and no
+        record tells of what it is a function.
+
         Args:
             ratio: Of the two.
             moving: Joints that move.
@@ -120,7 +123,7 @@ class LawArm(RealArm):
         q, qd, qdd = motion_of(rng, time, np.isin(JOINTS, moving))
         raw = self.hidden_torque(q, qd, super()._motor(rng, q, qd, qdd))
         wanted = ratio * NOISE * COULOMB[self.place[0]]
-        return replace(self, size=self.size * wanted / float(np.sqrt(np.mean(raw**2))))
+        return replace(self, size=self.size * wanted / float(np.std(raw)))
 
     def _motor(self, rng: np.random.Generator, q: Array, qd: Array, qdd: Array) -> Array:
         torque = super()._motor(rng, q, qd, qdd)

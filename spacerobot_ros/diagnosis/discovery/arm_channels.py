@@ -21,14 +21,25 @@ from .time_sines import SWEEPS, time_sines
 FIFTHS = 5
 _HIGHEST = 2.0  # Hz, of sines of the time: half the band
 _SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
-REPLACEABLE = {'joint_stiffness': 1.5, 'joint_torque_ripple': 2.5}
+COUPLED = 'joint_coupled_friction'
+REPLACEABLE = {'joint_stiffness': 1.5, 'joint_torque_ripple': 2.5, COUPLED: 3.0}
 """Causes that are a form of the grammar, so that a law may stand in their place, and their prices
-there [nats]: of both a choice among the same forms. No friction: on a UR10e laws would take the
-place of a shape of friction that has a name, and say no more."""
+there [nats]: of both a choice among the same forms. No other friction: on a UR10e laws would take
+the place of a shape of friction that has a name, and say no more."""
 _LOUD = (0.0, 0.5, 0.9)
 """Of noise that grows with the rate. Likelihood tells them apart: of noise that does it is 50 to
 180 nats more at 0.9 than at 0, of noise that does not 50 to 170 less (30 machines of all noises,
 with laws and without)."""
+
+
+def is_one_speed(rates: Sequence[Array]) -> bool:
+    """Whether a joint moves at one speed, so that forms of friction are one there.
+
+    Args:
+        rates: Of recordings, where it moves.
+    """
+    low, middle, high = np.quantile(np.abs(np.concatenate(rates)), [0.05, 0.5, 0.95])
+    return bool(high - low < ONE_SPEED * middle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +80,10 @@ class ArmMotions:
             out[name] = float(np.min(every)), float(np.max(every))
         return out
 
+    def has_one_speed(self, j: int) -> bool:
+        """Whether joint j moves at one speed, see `is_one_speed`."""
+        return is_one_speed([b.motion.qd[b.arm.is_moving[:, j], j] for b in self.rows.balances])
+
 
 @dataclass(frozen=True, eq=False)
 class JointChannel:
@@ -108,14 +123,6 @@ class JointChannel:
         if len(np.unique(recording)) > 1:
             return np.unique(recording, return_inverse=True)[1]
         return np.arange(len(recording)) * FIFTHS // len(recording)
-
-    @property
-    def has_one_speed(self) -> bool:
-        """Whether the joint moves at one speed, so that forms of friction are one there."""
-        j, balances = self.j, self.motions.rows.balances
-        speed = np.concatenate([np.abs(b.motion.qd[b.arm.is_moving[:, j], j]) for b in balances])
-        low, middle, high = np.quantile(speed, [0.05, 0.5, 0.95])
-        return bool(high - low < ONE_SPEED * middle)
 
     @cached_property
     def laws(self) -> Sequence[Law]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -20,6 +21,7 @@ from .discovery_limits import (
     HELD_OUT,
     NEEDS_OTHER,
     OWN_SHARE,
+    SURE_OF_OTHER,
     UNSETTLED,
 )
 from .law_search import LawSearch, SearchedChannel, Winner
@@ -64,19 +66,17 @@ def laws_of(channel: SearchedChannel) -> tuple[list[HeldLaw], list[Winner]]:
     return held, [step for step in steps if not any(step is k for k in kept)]
 
 
-def leftover_without(place: str, step: Winner | None, *, one_speed: bool = False) -> Leftover:
+def leftover_without(place: str, step: Winner | None) -> Leftover:
     """What to say of a channel without a law.
 
     Args:
         place: Joint, or axis of the base.
         step: What won there all the same.
-        one_speed: Whether the joint moves at one speed only.
     """
     nothing = Leftover(
         channel=channel_name(place),
         depends_on=(NOTHING_MEASURED,),
         resembles='no function of what is measured',
-        one_speed=one_speed,
     )
     if step is None:
         return nothing
@@ -134,6 +134,9 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     alone = parts.judge(own, others, has_placebo=False)
     if not search.channel.place:  # in flight noise is known, and squares over it are nats
         return alone.left - out.left > 2.0 * DEAD_HEAT
+    nats = 0.5 * len(search.terms.data) * math.log(alone.left / out.left)
+    if nats > SURE_OF_OTHER:
+        return True
     return out.left <= NEEDS_OTHER * alone.left or alone.share <= OWN_SHARE * out.share
 
 

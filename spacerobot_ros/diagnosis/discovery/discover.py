@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
 from ..arms.arm_found import WORSE, ArmFound
 from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
-from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
+from .arm_channels import COUPLED, REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discovery_limits import FED_IN, MARGIN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
@@ -47,15 +47,18 @@ def discover(
         replaced[channel.place] = instead
         if not laws:
             step = rest[-1] if rest else None
-            said.append(leftover_without(channel.place, step, one_speed=channel.has_one_speed))
-    if not accepted:
-        return found, tuple(said)
-    extended, held = _applied(found, accepted, motions, replaced)
-    done = {entry.channel for entry in (*held, *said)}
+            said.append(leftover_without(channel.place, step))
+    extended = found
+    if accepted:
+        extended, held = _applied(found, accepted, motions, replaced)
+        said += held
+    done = {entry.channel for entry in said}
     said += [
         leftover_without(place, None) for place in replaced if channel_name(place) not in done
     ]
-    return extended, tuple(sorted([*held, *said], key=lambda entry: entry.channel))
+    slow = {channel_name(rows.robot.joints[j]) for j in moving if motions.has_one_speed(j)}
+    said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
+    return extended, tuple(sorted(said, key=lambda entry: entry.channel))
 
 
 def _asked(
@@ -64,17 +67,14 @@ def _asked(
     """Laws of a joint, what else won there, and the causes in whose place these laws stand.
 
     Causes can stand in for a law: a spring and a ripple, or a ripple of which the motion shows a
-    part, for a spring that stiffens. Where fewer laws, or one, explain more in their place, by
+    part, for a spring that stiffens; friction of two joints' motor that the other joint does not
+    confirm for a law of this one alone. Where fewer laws, or one, explain more in their place, by
     all prices, they are none. A spring alone stays: next to any law is better in some noise.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
     channel, held, rest = _heard(JointChannel(motions, j, found.levels[j], chosen))
-    instead = tuple(
-        i
-        for i in found.clear
-        if candidates[i].where == channel.place and candidates[i].kind.id in REPLACEABLE
-    )
-    if any(candidates[i].kind.id == _PARTLY for i in instead):
+    instead = tuple(i for i in chosen if _is_replaceable(found, i, j))
+    if any(candidates[i].kind.id in (_PARTLY, COUPLED) for i in instead):
         kept = tuple(i for i in chosen if i not in instead)
         other, laws, left = _heard(JointChannel(motions, j, found.levels[j], kept))
         own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
@@ -82,6 +82,19 @@ def _asked(
         if 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN:
             return other, laws, left, instead
     return channel, held, rest, ()
+
+
+def _is_replaceable(found: ArmFound, i: int, j: int) -> bool:
+    """Whether laws of a joint may stand in a cause's place.
+
+    That of two joints' friction only where it is not clear: it is wanted there, and not here.
+    """
+    rows = found.fit.rows
+    kind = rows.candidates[i].kind.id
+    if kind == COUPLED:
+        return i not in found.clear and bool(np.any(rows.joints[j].columns[:, rows.places[i]]))
+    is_here = rows.candidates[i].where == rows.robot.joints[j]
+    return i in found.clear and is_here and kind in REPLACEABLE
 
 
 def _heard(channel: JointChannel) -> tuple[JointChannel, list[HeldLaw], list[Winner]]:
@@ -116,7 +129,8 @@ def _applied(
     """
     joints = motions.rows.robot.joints
     alone = [candidate_of(it.law, joints.index(it.place), motions) for it in accepted]
-    candidates = _coupled(found, accepted, alone, motions)
+    gone = {i for it in accepted for i in replaced[it.place]}
+    candidates = _coupled(found, accepted, alone, motions, gone)
     pairs = [(it, c) for it, c in zip(accepted, candidates, strict=True) if c is not None]
     before = rms(found.extended)
     named = {e.where for e in found.named if is_kind_of(e, DRY) and not e.hidden}
@@ -177,8 +191,9 @@ def _coupled(
     accepted: Sequence[HeldLaw],
     candidates: Sequence[LawCandidate],
     motions: ArmMotions,
+    gone: Collection[int],
 ) -> list[LawCandidate | None]:
-    """Friction of a sum of rates acts on both joints where both channels agree on it."""
+    """Friction of a sum of rates acts on both joints where both show it, and agree."""
     out: list[LawCandidate | None] = list(candidates)
     joints = motions.rows.robot.joints
     for n, it in enumerate(accepted):
@@ -189,11 +204,12 @@ def _coupled(
         k = joints.index(other)
         turned = replace(it.law, inputs=it.law.inputs[::-1])
         both = [candidates[n], candidate_of(turned, k, motions)]
-        fitted, numbers = with_laws(found, both)
+        fitted, numbers = with_laws(found, both, gone)
         # of x - y both sine and coefficients turn round with the joints
         here, there = (fitted.fit.values[fitted.fit.rows.places[i]] for i in numbers)
-        spread = np.hypot(*(fitted.fit.spread(i) for i in numbers))
-        if np.all(np.abs(here - there) <= _AGREE * spread):
+        near, away = (fitted.fit.spread(i) for i in numbers)
+        is_same = np.all(np.abs(here - there) <= _AGREE * np.hypot(near, away))
+        if is_same and np.any(np.abs(there) > _AGREE * away):  # it is seen there, too
             out[n] = candidate_of(it.law, joints.index(it.place), motions, react=other)
             for m, far in enumerate(accepted):
                 if (

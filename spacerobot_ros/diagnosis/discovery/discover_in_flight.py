@@ -60,6 +60,8 @@ def discover_in_flight(
         if channel_name(place) not in done:
             own = [step for step in rest if step.law.place == place]
             said.append(leftover_without(place, own[0] if own else None))
+    slow = {channel_name(j) for j in flight.motion.robot.arm if flight.has_one_speed(j)}
+    said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
     answer = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
     if not any(entry.form for entry in said):
         return answer

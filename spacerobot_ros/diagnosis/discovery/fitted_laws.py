@@ -107,7 +107,8 @@ def with_laws(
     """Causes and laws fitted together, and the laws' numbers among the candidates.
 
     What a law has in common with causes is theirs: shared out, a friction would lose half of its
-    size to a law with the same term, and all of its certainty.
+    size to a law with the same term, and all of its certainty. Rows count for more where causes
+    made a joint worse, see `applicable`: without these they do not.
 
     Args:
         found: The causes.
@@ -134,10 +135,11 @@ def with_laws(
     levels = levels_of(rows, rough)
     selection = Selection.of(rows, levels)
     selection.chosen = list(rough.chosen)
-    plain = plain_of(selection, levels, found.weights)
+    weights = np.ones_like(found.weights) if dropped else found.weights
+    plain = plain_of(selection, levels, weights)
     fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
     has_corrections = len(found.calibration) > len(found.fit.chosen) - len(found.clear)
-    out = replace(found, selection=selection, fit=fit, levels=np.array(levels))
+    out = replace(found, selection=selection, fit=fit, levels=np.array(levels), weights=weights)
     clear = tuple(i for i in clear_causes(out) if i in causes and i in found.clear)
     unclear = [i for i in causes if i not in clear]
     corrections = fit.calibration if has_corrections else []

@@ -19,6 +19,7 @@ from scipy.sparse import csr_array
 
 from ...effects.bodies.bodies import NAMES as INERTIAL
 from ...effects.catalogue import CATALOGUE
+from ...effects.joint import STICTION_RATE
 from ...effects.laws.law_inputs import AXES, input_of
 from ...effects.motion import Motion
 from ...estimation.columns import candidate_at
@@ -27,7 +28,7 @@ from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
 from ...estimation.refit import Fit
 from ...estimation.unknowns.response import Response
 from ...types import Array, IntArray
-from .arm_channels import FIFTHS
+from .arm_channels import FIFTHS, is_one_speed
 from .possible_laws import (
     Extent,
     Law,
@@ -41,6 +42,7 @@ from .time_sines import time_sines
 _WINDOW = 0.1  # s
 _UNCERTAIN = 0.02  # of a body's mass, first moments and inertia: what passes for a right model
 _HIGHEST = 1.0  # Hz, of sines of the time
+_RESTING = 0.1  # of a joint's fastest rate
 _FREE = 10.0  # times what is left: a named cause's prior deviation
 Component = int | slice | None
 """Of the generalised force, where a law acts; None: on a sensor."""
@@ -98,6 +100,13 @@ class FlightRows:
                 names = joints if sensor[0] == 'j' else AXES
                 out |= {f'{LABELS[sensor][0]}/{name}': (sensor, k) for k, name in enumerate(names)}
         return out
+
+    def has_one_speed(self, joint: str) -> bool:
+        """Whether a joint moves at one speed where it moves, see `is_one_speed`."""
+        rate = self.motion.qd[:, self.motion.robot.joints.index(joint)]
+        fastest = float(np.max(np.abs(rate)))
+        moving = rate[np.abs(rate) > _RESTING * fastest]
+        return fastest > STICTION_RATE and is_one_speed([moving])
 
     def motion_at(self, place: str) -> Motion:
         """Where a law acts: at the samples of its sensor, or at the times of the filter."""
