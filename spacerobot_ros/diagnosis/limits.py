@@ -16,6 +16,10 @@ may stand for another one. A stated error rate: one right answer in 100 is `part
 nothing. It is less sharp than others as only the verdict hangs on it: of 105 right answers of the
 campaign one is below, of 8 wrong ones, for an effect that was in no catalogue, 5 are."""
 
+RESOLVED = 1.0 / 3.0
+"""Of a mode's frequency, its standard deviation from which it may not be a mode: a body that
+nothing holds, at frequency zero, is then within three deviations of it."""
+
 EXACT = 0.05
 """Of what causes do, what their models may be wrong by: columns of effects at ten times their
 limit are right within that. Five wrong explanations at that strength drift by 8 to 17 %; a gyro

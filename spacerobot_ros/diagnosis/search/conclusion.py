@@ -13,14 +13,15 @@ from ..answer.cause import Cause, Estimated, Evidence, Ranked, Rival
 from ..answer.residuals import residuals, rms, series
 from ..answer.result import Diagnosis, Gain
 from ..answer.words import cause_in_words, laws_in_words, verdict_of
-from ..limits import DRIFTING, MISFIT
+from ..limits import DRIFTING, MISFIT, RESOLVED
 from .found import Found
 from .soundness import drift_p
 
 _STANDS = 'something that is not in the catalogue may be what they stand for'
 _CANCEL = f'but these undo most of what each of them does: {_STANDS}'
 _DRIFT = f'but the values drift along the record, if only together: {_STANDS}'
-_LEAST = 1e-300  # probability, for its logarithm
+_POOR = f'but a right model nearly always leaves less: {_STANDS}'
+_UNHELD = f'but the frequency of a mode may as well be none: {_STANDS}'
 _UNFINISHED = 'the search was ended before all that stands out was looked into'
 
 
@@ -40,7 +41,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     # what is shown is the model that is written
     extended = found.only([i for i, c in sound.items() if c.relevant]) if minor else found.sound
     fits = fit_p is not None and fit_p >= MISFIT
-    doubt = _doubt(found, fit_p or 0.0) if fits and named else ''
+    doubt = _doubt(found, named, fit_p or 0.0) if fits and named else ''
     verdict = verdict_of(fits and not doubt, bool(named))
     channels = series(null.rows.channels(), extended.rows.channels())
     joints = null.run.robot.joints
@@ -138,16 +139,21 @@ def _ranked(found: Found) -> Iterable[Ranked]:
         )
 
 
-def _doubt(found: Found, fit_p: float) -> str:
+def _doubt(found: Found, named: Sequence[Cause], fit_p: float) -> str:
     """Why causes that leave nothing may not be what they are named; empty for no reason.
 
-    Probabilities of the fit and of the drift are of different questions: what a right model makes
-    of their product is known (Fisher 1932).
+    Probabilities of the fit and of the drift are of different questions: the smaller one, doubled,
+    is what a right model has by chance (Tippett 1931). Their product (Fisher 1932) would be less
+    sharp: that of the fit is the least of many, corrected for their number, and 1 as a rule.
     """
     if found.is_cancelled:
         return _CANCEL
-    both = fit_p * max(drift_p(found.sound), _LEAST)
-    return _DRIFT if both * (1.0 - math.log(both)) < DRIFTING else ''
+    modes = [c.parameters['frequency'] for c in named if 'frequency' in c.parameters]
+    if any(mode.std > RESOLVED * mode.value for mode in modes):
+        return _UNHELD
+    if 2.0 * fit_p < DRIFTING:
+        return _POOR
+    return _DRIFT if 2.0 * drift_p(found.sound) < DRIFTING else ''
 
 
 def _sentence(
