@@ -9,7 +9,7 @@ import pytest
 from support.lone_body import box_file
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
-from spacerobot_ros.diagnosis.limits import CANCELLED
+from spacerobot_ros.diagnosis.limits import CANCELLED, DRIFTING
 from spacerobot_ros.diagnosis.search import conclusion
 from spacerobot_ros.diagnosis.search.found import Choice, Found
 from spacerobot_ros.diagnosis.search.soundness import Soundness, drift_p
@@ -96,3 +96,47 @@ def test_values_that_drift_together_explain_nothing(run, monkeypatch):
     assert [d.verdict for d in said] == ['explained', 'partly_explained']
     assert 'drift' in said[1].sentence
     assert said[1].fit_p > 0.05  # which the test of fit alone does not see
+
+
+def with_data(fit, data):
+    """Return a fit that leaves other data."""
+    out = copy(fit)
+    out.rows = copy(fit.rows)
+    out.data = out.rows.data = data
+    return out
+
+
+def said_of(run, fit):
+    """Return what is said of a fit with one sound cause."""
+    score = Score(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, np.zeros(1))
+    choices = (Choice((fit.causes[0].id, fit.causes[0].where), score, ()),)
+    return conclusion.conclude(Found(Fit(run, ()), fit, choices, (SOUND,), (), True), ())
+
+
+def test_what_a_right_model_hardly_ever_leaves_is_a_doubt(run):
+    """A slow error that the test of fit alone refuses at 1e-4 only."""
+    kind = CATALOGUE['external_torque_body']
+    fit = refine(run, [kind(name=kind.id, where=None, values={'x': 0.5, 'y': 0.5, 'z': 0.5})])
+    slow = np.cos(0.5 * np.pi * np.arange(len(fit.data)) / len(fit.data))
+    said = [said_of(run, with_data(fit, fit.data + k * slow)) for k in np.linspace(0.0, 0.4, 41)]
+    doubted = [a for a in said if 1e-4 < a.fit_p < 0.5 * DRIFTING]
+    assert doubted
+    assert all('leaves less' in a.sentence for a in doubted)
+    assert {a.verdict for a in doubted} == {'partly_explained'}
+    assert {a.verdict for a in said if a.fit_p > 0.5 * DRIFTING} == {'explained'}
+
+
+@pytest.mark.parametrize(
+    ('frequency', 'verdict'), [(6.0, 'explained'), (0.05, 'partly_explained')]
+)
+def test_a_mode_whose_frequency_may_be_none_is_a_doubt(run, frequency, verdict):
+    """Four seconds tell 6 rad/s; of one swing in two minutes not whether anything holds the body."""
+    kind = CATALOGUE['flexible_appendage']
+    values = {p.name: p.default or 0.0 for p in kind.parameters}
+    values |= {'inertia': 1.0, 'frequency': frequency, 'damping': 0.01, 'z': 1.0}
+    fit = Fit(run, [kind(name=kind.id, where='base_link', values=values)])
+    said = said_of(run, with_data(fit, Fit(run, ()).data))
+    (cause,) = said.causes
+    assert said.verdict == verdict, said.sentence
+    found = cause.parameters['frequency']
+    assert (found.std > found.value / 3.0) == ('frequency of a mode' in said.sentence)
