@@ -130,7 +130,7 @@ def test_what_a_right_model_hardly_ever_leaves_is_a_doubt(run):
     ('frequency', 'verdict'), [(6.0, 'explained'), (0.05, 'partly_explained')]
 )
 def test_a_mode_whose_frequency_may_be_none_is_a_doubt(run, frequency, verdict):
-    """Four seconds tell 6 rad/s; of one swing in two minutes not whether anything holds the body."""
+    """Four seconds tell 6 rad/s; of a swing in two minutes not whether anything holds it."""
     kind = CATALOGUE['flexible_appendage']
     values = {p.name: p.default or 0.0 for p in kind.parameters}
     values |= {'inertia': 1.0, 'frequency': frequency, 'damping': 0.01, 'z': 1.0}
