@@ -11,10 +11,10 @@ INCONSTANT = 1e-4
 error rate as `MISFIT`, for the same reason: a cause that changes is no constant cause."""
 
 DRIFTING = 1e-2
-"""Probability, of a right model, of a fit as bad and values that drift as much, from which causes
+"""Probability, of a right model, of a fit as bad or of values that drift as much, from which causes
 may stand for another one. A stated error rate: one right answer in 100 is `partly_explained` for
-nothing. It is less sharp than others as only the verdict hangs on it: of 105 right answers of the
-campaign one is below, of 8 wrong ones, for an effect that was in no catalogue, 5 are."""
+nothing. It is less sharp than others as only the verdict hangs on it: of 8 and then 3 wrong
+answers, for an effect that was in no catalogue, 5 drift and 2 are below it."""
 
 RESOLVED = 1.0 / 3.0
 """Of a mode's frequency, its standard deviation from which it may not be a mode: a body that

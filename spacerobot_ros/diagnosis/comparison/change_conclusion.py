@@ -125,12 +125,12 @@ def _series(found: Changes, levels: Array) -> tuple[Series, ...]:
     rows, run = found.fit.rows, found.after
     columns, mean = rows.columns[run], found.fit.posterior.mean
     count = columns.shape[2]
-    chosen = np.zeros(len(mean), dtype=bool)
+    changed = np.zeros(len(mean))
     for i in found.fit.chosen:
-        chosen[rows.places[i]] = True
+        changed[rows.places[i]] = found.change(i)[0]
     shared = mean[:-count] if len(mean) > count else np.zeros(count)
     before = rows.torque(run) - columns @ shared
-    after = before - columns @ np.where(chosen, mean, 0.0)[-count:]
+    after = before - columns @ changed[-count:]
     balance = rows.balances[run]
     seen = [(j, rows.rows_at(balance, j)) for j in range(len(found.robot.joints))]
     return tuple(
@@ -149,16 +149,14 @@ def _series(found: Changes, levels: Array) -> tuple[Series, ...]:
 
 
 def _change(found: Changes, i: int) -> Change:
-    selection, posterior = found.selection, found.fit.posterior
+    selection = found.selection
     candidate, own = selection.rows.candidates[i], selection.rows.places[i]
+    values, spread = found.change(i)
     # what a machine that nobody touched changes by itself is in it, too
-    wider = found.moments.judge(i).wider if found.moments else 1.0
-    spread = wider * np.sqrt(np.diag(posterior.covariance)[own])
     spread = np.hypot(spread, selection.rows.tolerances[own])
     names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
     is_body = candidate.kind.id == 'inertial_parameters'
     scale = float(np.max(torque_tolerance(found.robot))) if is_body else 0.0
-    values = posterior.mean[own]
     if candidate.kind.id == 'joint_torque_constant':  # columns of measured torques: 1 - 1 / gain
         gain = 1.0 / (1.0 - np.minimum(values, 0.9))
         values, spread = gain - 1.0, gain**2 * spread

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
 
 from ...estimation.balance.arm_fit import ArmFit
 from ...estimation.balance.arm_rows import ArmRows
@@ -13,6 +16,7 @@ from ...types import Array
 from ..arms.arm_found import is_clear
 from ..arms.selection import Selection
 from .moments import Moments
+from .put_on import PutOn, put_on
 
 _FINE = (
     'joint_stribeck_friction',
@@ -46,6 +50,30 @@ class Changes:
     moments: Moments | None = None
     unexplained: float = 0.0
     is_repeated: bool = False
+
+    @cached_property
+    def bodies(self) -> dict[int, PutOn]:
+        """What was put on last links or taken off, by the number of the change."""
+        rows, out = self.fit.rows, {}
+        for i in self.fit.chosen:
+            candidate, own = rows.candidates[i], rows.places[i]
+            if (
+                candidate.kind.id == 'inertial_parameters'
+                and candidate.where in rows.robot.last_links
+            ):
+                body = put_on(self.fit.posterior.group(own), rows.sizes[own], self.unexplained)
+                if body is not None:
+                    out[i] = body
+        return out
+
+    def change(self, i: int) -> tuple[Array, Array]:
+        """(k,) values and standard deviations of a chosen change, by rows and moments."""
+        own = self.fit.rows.places[i]
+        wider = self.moments.judge(i).wider if self.moments else 1.0
+        if i in self.bodies:
+            return self.bodies[i].values, wider * self.bodies[i].spread
+        posterior = self.fit.posterior
+        return posterior.mean[own], wider * np.sqrt(np.diag(posterior.covariance)[own])
 
 
 def is_lasting(candidate: Candidate) -> bool:

@@ -1,0 +1,74 @@
+"""What is put on a last link, or taken off it, is a body.
+
+Ten numbers that motions hardly tell apart are not solved for as if anything could be added: on a
+small arm an unbounded solve says that -0.03 kg with a first moment of 0.13 kg m were put on, which
+no body has, and the likeliest body, 0.47 kg where 0.48 are known, has next to as much evidence. A
+tool in place of another one is no body, nor less one: it keeps what was solved for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...estimation.inference.constrained import ConstrainedProblem, PhysicalBody
+from ...estimation.inference.evidence import Gram, chi_square_tail
+from ...types import Array
+from ..limits import MISFIT
+
+_NUMBERS = 10
+_START = np.array([1e-6, 0.0, 0.0, 0.0, 1e-9, 0.0, 1e-9, 0.0, 0.0, 1e-9])
+"""A body far below any that is seen, in kg and m, from which the likeliest one is searched."""
+_DRAWS = 40  # of which a standard deviation is known to 11 %
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PutOn:
+    """The likeliest body.
+
+    Args:
+        values: (10,) of the change, all signs turned where it was taken off.
+        spread: (10,) standard deviations.
+        lost: Log posterior density less than that of the likeliest numbers of all.
+    """
+
+    values: Array
+    spread: Array
+    lost: float
+
+
+def put_on(gram: Gram, sizes: Array, unexplained: float = 0.0) -> PutOn | None:
+    """The likeliest body that was put on or taken off; None where it was none.
+
+    It is none where the data say so beyond chance, and beyond what no change explains of them.
+    Deviations are those of the estimate itself, bodies included, over draws of the data about it
+    (Efron and Tibshirani, An Introduction to the Bootstrap (1993), 6.5), times what it is farther
+    from the likeliest numbers of all than chance has it.
+
+    Args:
+        gram: Sums for the ten numbers of `toDynamicParameters`, all else integrated out.
+        sizes: (10,) their plausible sizes.
+        unexplained: Squares of whitened rows that no change explains.
+    """
+    information = gram.matrix + np.diag(sizes**-2.0)
+    free = np.linalg.solve(information, gram.vector)
+    found = [sign * _body(information, sign * gram.vector, sizes) for sign in (1.0, -1.0)]
+    offs = [float((x - free) @ information @ (x - free)) for x in found]
+    k = int(np.argmin(offs))
+    values, square, sign = found[k], offs[k], (1.0, -1.0)[k]
+    if square > unexplained and chi_square_tail(square, _NUMBERS) < MISFIT:
+        return None
+    root = np.linalg.cholesky(information)
+    noise = np.random.default_rng(0).normal(size=(_DRAWS, _NUMBERS)) @ root.T
+    draws = [_body(information, sign * (information @ values + n), sizes) for n in noise]
+    wider = max(1.0, square / _NUMBERS) ** 0.5
+    spread = wider * np.sqrt(np.mean((np.array(draws) - sign * values) ** 2, axis=0))
+    return PutOn(values, spread, 0.5 * square)
+
+
+def _body(information: Array, vector: Array, sizes: Array) -> Array:
+    """(10,) of the likeliest body."""
+    none = np.full(_NUMBERS, np.inf)
+    body = PhysicalBody(np.arange(_NUMBERS), _START)
+    return ConstrainedProblem(information, vector, sizes, -none, none, (body,)).solve()
