@@ -11,7 +11,7 @@ INCONSTANT = 1e-4
 error rate as `MISFIT`, for the same reason: a cause that changes is no constant cause."""
 
 DRIFTING = 1e-2
-"""Probability, of a right model, of a fit as bad or of values that drift as much, from which causes
+"""Probability, of a right model, of a fit as bad, or values that drift as much, from which causes
 may stand for another one. A stated error rate: one right answer in 100 is `partly_explained` for
 nothing. It is less sharp than others as only the verdict hangs on it: of 8 and then 3 wrong
 answers, for an effect that was in no catalogue, 5 drift and 2 are below it."""
