@@ -11,8 +11,10 @@ import pytest
 from spacerobot_ros.campaign.hidden.hidden_laws import LawArm
 from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
+from spacerobot_ros.diagnosis.discovery.discovery_limits import UNSETTLED
 from spacerobot_ros.diagnosis.discovery.law_search import LawSearch, Winner
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
+from spacerobot_ros.diagnosis.discovery.which_joint import settled
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
@@ -91,6 +93,46 @@ def test_laws_of_other_variables_that_do_as_well_are_a_doubt(rivals, doubt):
     laws = tuple((Law(FORMS['x y'], i, 3.0, '', 'external'), gap) for i, gap in rivals.items())
     law = Law(FORMS['x y'], ('rate/a', 'rate/b'), 3.0, '', 'external')
     assert Winner(law, np.zeros((1, 1)), 9.0, 1e-9, laws).doubt == pytest.approx(doubt)
+
+
+@dataclass
+class Forms(Terms):
+    """A channel of terms by form and input."""
+
+    def columns(self, laws):
+        return [self.by_input[law.form.name, law.inputs[0]][:, None] for law in laws]
+
+    @property
+    def laws(self):
+        return [Law(FORMS[f], (name,), 1.0, name, 'coupled') for f, name in self.by_input]
+
+
+@pytest.mark.parametrize('alike', [0.8, 0.999])
+def test_laws_of_one_joint_are_asked_of_others_together(alike):
+    """Two laws of joint b stand for the same two of a, which moves much as b does.
+
+    Where it moves as good as alike nobody knows whose they are.
+    """
+    rng = np.random.default_rng(4)
+    first, second, noise, *more = rng.standard_normal((5, COUNT))
+    every = {('x', 'angle/a'): first, ('x^3', 'angle/a'): second}
+    for (form, _), column, own in zip(list(every), (first, second), more, strict=True):
+        every[form, 'angle/b'] = alike * column + np.sqrt(1.0 - alike**2) * own
+    terms = SpectralTerms(
+        2.0 * first + second + noise, np.zeros((COUNT, 0)), np.zeros(0, dtype=bool)
+    )
+    search = LawSearch(Forms(terms, every))
+    wrong = [
+        Winner(law, c, 9.0, 1e-9)
+        for law, c in zip(search.laws, search.channel.columns(search.laws), strict=True)
+    ]
+    steps = settled(search, wrong[2:])
+    assert [step.law.form.name for step in steps] == ['x', 'x^3']
+    if alike < 0.9:
+        assert [step.law.inputs for step in steps] == [('angle/a',)] * 2
+        assert [step.doubt for step in steps] == [0.0, 0.0]
+    else:
+        assert all(step.doubt > UNSETTLED for step in steps)
 
 
 @pytest.mark.parametrize('size', [1e2, 1e8])

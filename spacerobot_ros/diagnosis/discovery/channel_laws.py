@@ -27,6 +27,7 @@ from .discovery_limits import (
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
 from .possible_laws import NO_LAWS, Law, is_of_another
+from .which_joint import settled
 
 TIME = 'time'
 NOTHING_MEASURED = 'nothing measured'
@@ -61,6 +62,8 @@ def laws_of(channel: SearchedChannel) -> tuple[list[HeldLaw], list[Winner]]:
     """Laws that hold; and what else won: sines of the time, inertial errors, what does not."""
     search = LawSearch(channel)
     steps = search.run()
+    if channel.place:  # in flight laws have places of their own
+        steps = settled(search, steps)
     held = _held(search, channel, list(steps))
     kept = [it.step for it in held]
     return held, [step for step in steps if not any(step is k for k in kept)]

@@ -283,9 +283,14 @@ def _law(
 
 def is_of_another(law: Law, place: str) -> bool:
     """Whether it needs another joint's variable than that of its place."""
+    return bool(others_of(law, place))
+
+
+def others_of(law: Law, place: str) -> list[str]:
+    """Joints whose variables it needs, but that of its place."""
     own = place.removeprefix('joint_rate/').removeprefix('joint_position/')
     of_joints = [quantity(name) for name in law.inputs if quantity(name)[0] in _OF_JOINTS]
-    return any(whose != own for _, whose in of_joints)
+    return [whose for _, whose in of_joints if whose != own]
 
 
 _OF_JOINTS = ('rate', 'angle', 'load', 'acceleration')
