@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from spacerobot_ros.campaign.hidden.diagnosis_scenario import motion_of, robot_f
 from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import discover_in_flight
+from spacerobot_ros.diagnosis.discovery.flight_channels import FlightRows
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.noise_levels import noise_levels
@@ -186,3 +188,13 @@ def test_a_moment_in_a_field_is_found_and_holds_on_another_flight():
 
 def test_a_right_model_has_no_law():
     assert not laws(leftover())
+
+
+def test_a_joint_of_one_speed_is_told_from_one_that_rests():
+    """Rests between moves are none of its speeds, drifts of a held joint no motion."""
+    t = np.arange(0.0, 20.0, 0.1)
+    way = np.sign(np.sin(t)) * (np.abs(np.sin(t)) > 0.3)
+    rates = np.column_stack([0.25 * way, np.full(len(t), 1e-5), np.sin(t)])
+    motion = SimpleNamespace(robot=SimpleNamespace(joints=('a', 'b', 'c')), qd=rates)
+    flight = FlightRows(SimpleNamespace(rows=SimpleNamespace(motion=motion)))
+    assert [flight.has_one_speed(joint) for joint in 'abc'] == [True, False, False]

@@ -21,7 +21,6 @@ from .discovery_limits import (
     HELD_OUT,
     NEEDS_OTHER,
     OWN_SHARE,
-    SURE_OF_OTHER,
     UNSETTLED,
 )
 from .law_search import LawSearch, SearchedChannel, Winner
@@ -137,8 +136,7 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     alone = parts.judge(own, others, has_placebo=False)
     if not search.channel.place:  # in flight noise is known, and squares over it are nats
         return alone.left - out.left > 2.0 * DEAD_HEAT
-    nats = 0.5 * len(search.terms.data) * math.log(alone.left / out.left)
-    if nats > SURE_OF_OTHER:
+    if 0.5 * len(search.terms.data) * math.log(alone.left / out.left) > DEAD_HEAT:
         return True
     return out.left <= NEEDS_OTHER * alone.left or alone.share <= OWN_SHARE * out.share
 
