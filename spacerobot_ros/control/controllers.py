@@ -109,7 +109,12 @@ class JointController(Controller):
         model = law_model(options.law, robot)
         feed_forward = FeedForward(robot, effects) if effects else None
         self._torque = ComputedTorque(
-            model, options.bandwidth, self._limits, options.damping, feed_forward
+            model,
+            options.bandwidth,
+            self._limits,
+            options.damping,
+            feed_forward,
+            robot.velocity_limits,
         )
         self.takes_estimates &= options.law != 'computed_torque_no_aam'
 
@@ -139,9 +144,10 @@ class JointController(Controller):
         self, motion: ReferenceMotion, stamp_ns: int, sample: Feedback, hold_ns: int
     ) -> Torque:
         """Torque that follows the joint motion."""
-        hold = hold_ns * NS if self._compensates else 0.0
+        period = hold_ns * NS
+        hold = period if self._compensates else 0.0
         joints, t = motion.joints, motion.time(stamp_ns)
-        return self._usable(sample, lambda: self._torque.track(joints, t, sample, hold))
+        return self._usable(sample, lambda: self._torque.track(joints, t, sample, hold, period))
 
     def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay."""

@@ -31,6 +31,9 @@ from .waypoints import Waypoints
 
 _MOVING = 6.0  # standard deviations of a rate, from which on a joint is not at rest
 _BRAKED = 5.0  # time constants of the damping, after which 0.7 % of a rate is left
+_BEYOND = (
+    1.1  # times a joint's largest rate, from which on it is braked; wrong beliefs take it to 1.09
+)
 _TORQUE = tuple(field.name for field in fields(Torque))
 
 
@@ -85,6 +88,7 @@ class ControlLoop:
         self._motion.reset()
         self.controller.restart()
         self._last: tuple[int, Array, Array] | None = None
+        self._believed: tuple[int, Array, Array] | None = None  # the last one that was measured
         self.event.forget()
         self._tau: Array | None = None
         self._hold_ns = self._first_hold_ns
@@ -208,16 +212,18 @@ class ControlLoop:
             self._motion.release(self._last[0])
             self._motion.wait(stamp_ns - self._last[0])
             self.event.forget()
-            self._last = None
+            self._last = self._believed = None
         self._is_new_time = False
         check_later(stamp_ns, self.joints_ns)
         self._limits.check_measured(q, qd)
         q, qd = self.screen.joints(stamp_ns, q, qd)
         q, qd, _ = self._faults.undo_joints(q, qd, np.zeros(self.n))
+        if self._believed is None or self.screen.believes(stamp_ns):
+            self._believed = stamp_ns, q, qd
         elapsed = stamp_ns - self._last[0] if self._last else 0
         if elapsed:
             self._hold_ns = min(elapsed, self._timeout_ns)
-        reason = self._stale(stamp_ns)
+        reason = self._stale(stamp_ns) or self._too_fast(qd)
         is_damped = self.event.damps(stamp_ns) or bool(reason)
         sample = self._sample(stamp_ns, q, qd)
         if is_damped:
@@ -229,7 +235,9 @@ class ControlLoop:
         reason = reason or self.event.words
         if is_damped:
             self.mode = 'damping'
-            torque = self.event.eased(self.controller.damp(sample), self._tau, stamp_ns)
+            is_blind = self.screen.is_lost(stamp_ns)
+            torque = self._coast(stamp_ns)[1] if is_blind else self.controller.damp(sample)
+            torque = self.event.eased(torque, self._tau, stamp_ns)
         else:
             self.mode = 'hold' if self._motion.rests(stamp_ns) else 'tracking'
             torque = self.controller.track(self._motion, stamp_ns, sample, self._hold_ns)
@@ -248,22 +256,36 @@ class ControlLoop:
         if self._last is None or elapsed_ns <= self._timeout_ns:
             return None
         self.mode = 'damping'
-        stamp_ns, q, qd = self._last
+        stamp_ns, q, _ = self._last
+        now, torque = self._coast(stamp_ns + elapsed_ns)
+        setpoint = self._motion.setpoint(stamp_ns) if self._motion.has_begun else rest(q)
+        return self._command(
+            stamp_ns + elapsed_ns, torque, setpoint, now, 'joint states are stale'
+        )
+
+    def _coast(self, stamp_ns: int) -> tuple[Feedback, Torque]:
+        """Extrapolated state, and torque, where no joint sample was believed for too long."""
+        if self._believed is None:
+            raise RuntimeError('no sample yet')
+        seen_ns, q, qd = self._believed
         rate = self._settings.damping
-        past = (elapsed_ns - self._timeout_ns) * NS
+        past = (stamp_ns - seen_ns - self._timeout_ns) * NS
         is_over = past * rate > _BRAKED
         decay = float(np.exp(-rate * past))
         seen = self._timeout_ns * NS
-        omega = self._sample(stamp_ns, q, qd).omega_WB_B
+        omega = self._sample(seen_ns, q, qd).omega_WB_B
         now = Feedback(q + qd * (seen + (1.0 - decay) / rate), qd * decay, omega, np.zeros(3))
-        setpoint = self._motion.setpoint(stamp_ns) if self._motion.has_begun else rest(q)
         torque = self.controller.damp(now, trust=max(0.0, 1.0 - past * rate / _BRAKED))
         if is_over:
             base = None if torque.base is None else np.zeros(3)
             torque = Torque(np.zeros(self.n), np.zeros(self.n, dtype=bool), base)
-        return self._command(
-            stamp_ns + elapsed_ns, torque, setpoint, now, 'joint states are stale'
-        )
+        return now, torque
+
+    def _too_fast(self, qd: Array) -> str:
+        """Which joint is to be braked; empty: none."""
+        most = self._limits.rate * (1.0 if self.mode == 'damping' else _BEYOND)
+        beyond = np.flatnonzero(np.abs(qd) > most)
+        return f'{self.robot.joints[beyond[0]]} is faster than its limit' if len(beyond) else ''
 
     def _stale(self, stamp_ns: int) -> str:
         """Which sensor is missing or too old at a joint sample; empty where none is."""

@@ -2,7 +2,8 @@
 
 As `identification.outliers`, for who can not wait for the samples that follow. A rate is compared
 with a line through the last two, a position with the integral of the rates, an attitude with the
-gyro's; lines are trusted to what a rate changes by in a step, however seldom samples come. One
+gyro's; lines are trusted to what rates changed by in one of the last steps, however seldom samples
+come: what is left out of good samples makes a law swing with what stands in for them. One
 that is doubted is believed once the next agrees with it: a blow or a turn of a tracker costs two
 samples, and what wanders without sense is never believed.
 """
@@ -24,6 +25,10 @@ from ..types import Array, Quaternion, Vector3
 from .command import NS
 
 _REMEMBERED = 50  # errors, by whose median magnitude noise is known where it is more than stated
+_CHANGES = 5
+"""Periods whose changes of a rate say what it may change by: where a rate turns, the last one is
+next to nothing, and a sixth of a turn before it was most of what it ever is. The largest of all
+joints, or axes, counts, for they push each other."""
 _SURE = 6.0  # twice the logarithm of twenty: odds at which a position confirms a rate
 
 
@@ -79,6 +84,8 @@ class RateGate:
     def __init__(self, std: float) -> None:
         self._scale = ErrorScale(std)
         self._last: list[tuple[float, Array]] = []
+        self._slopes: deque[float] = deque(maxlen=_CHANGES)  # the largest of each period
+        self._period = 0.0
         self._doubted: tuple[Array, Array] | None = None  # a rate, and how far it was off
 
     def predicted(self, time: float) -> Array | None:
@@ -102,7 +109,7 @@ class RateGate:
         ahead, change = (time - t1) / (t1 - t0), x1 - x0
         error = rate - (x1 + change * ahead)
         limit = self._scale.limit(error, math.sqrt(1.0 + (1.0 + ahead) ** 2 + ahead**2))
-        limit = limit + ahead * np.abs(change)
+        limit = limit + (time - t1) * max(self._slopes)
         is_within = np.abs(error) <= limit
         if is_within.all():
             return Doubt()
@@ -114,17 +121,25 @@ class RateGate:
         is_repeated = np.all(np.abs(rate - doubted[0] - half) <= limit + np.abs(half))
         return Doubt(off, bool(is_repeated))
 
-    def largest_change(self, time: float, rate: Array) -> Array:
-        """Of each rate since the last one, or by the slope before it over as long."""
+    def largest_change(self, time: float, rate: Array) -> float:
+        """Of any rate since the last sample, or by the largest slope before it over as long."""
         if not self._last:
-            return np.zeros(len(rate))
+            return 0.0
         t1, x1 = self._last[-1]
-        t0, x0 = self._last[0]
-        before = (time - t1) / (t1 - t0) * np.abs(x1 - x0) if t1 > t0 else np.zeros(len(rate))
-        return np.asarray(np.maximum(before, np.abs(rate - x1)))
+        before = max(self._slopes, default=0.0)
+        return max(float(np.max(np.abs(rate - x1))), (time - t1) * before)
+
+    @property
+    def usual_change(self) -> float:
+        """The largest of any rate in one of the last periods."""
+        return self._period * max(self._slopes, default=0.0)
 
     def take(self, time: float, rate: Array) -> None:
         """Believe a rate at a time [s]."""
+        if self._last:
+            t1, x1 = self._last[-1]
+            self._period = time - t1
+            self._slopes.append(float(np.max(np.abs(rate - x1))) / self._period)
         self._last, self._doubted = [*self._last[-1:], (time, rate)], None
 
 
@@ -134,7 +149,7 @@ class JointGate:
     Positions and rates are each other's witness. With x the error of the trapezoidal rule over a
     period T and s its standard deviation, a sample is believed where
 
-        |x| <= 6 s + a T^2 / 2,    a: the larger mean acceleration of this period and the last,
+        |x| <= 6 s + a T^2 / 2,    a: the largest mean acceleration of this period and the last five,
 
     as rates may lag behind positions by half a period, and turn within one (a T^2 / 4 where no
     acceleration is above twice that mean); and, for a rate that is off its line by d, where the
@@ -222,10 +237,15 @@ class AttitudeGate:
         self._scale = ErrorScale(std)
         self._doubted: Array | None = None
 
-    def is_doubtful(self, error: Array) -> bool:
-        """Whether a turn (3,) [rad] from the predicted attitude to the measured is too large."""
+    def is_doubtful(self, error: Array, bend: float) -> bool:
+        """Whether a turn (3,) [rad] from the predicted attitude to the measured is too large.
+
+        Args:
+            error: The turn.
+            bend: What the integral of the gyro's rates may be off by [rad].
+        """
         doubted, self._doubted = self._doubted, None
-        limit = self._scale.limit(error, math.sqrt(2.0))
+        limit = self._scale.limit(error, math.sqrt(2.0)) + bend
         if np.all(np.abs(error) <= limit):
             return False
         if doubted is not None and np.all(np.abs(error - doubted) <= limit):
@@ -269,6 +289,10 @@ class SampleScreen:
         self.left_out['joints'] += 1
         return self._joints.stand_in(time, self._timeout)
 
+    def believes(self, stamp_ns: int) -> bool:
+        """Whether the joint sample of a stamp was believed."""
+        return self._joints.silence(stamp_ns * NS) == 0.0
+
     def is_lost(self, stamp_ns: int) -> bool:
         """Whether no joint sample was believed for so long that nothing can stand in."""
         return self._joints.silence(stamp_ns * NS) > self._timeout
@@ -288,10 +312,12 @@ class SampleScreen:
         self, stamp_ns: int, q_WB_xyzw: Quaternion, predicted: Quaternion | None
     ) -> bool:
         """Whether an attitude is to be used, where the one before and the gyro predict another."""
-        if self._is_after_pause('attitude', stamp_ns * NS, self._attitude_timeout):
+        time = stamp_ns * NS
+        since = time - self._newest.get('attitude', time)
+        if self._is_after_pause('attitude', time, self._attitude_timeout):
             self._attitudes = AttitudeGate(self._std['attitude'])
         elif predicted is not None and self._attitudes.is_doubtful(
-            rotation_between(predicted, q_WB_xyzw)
+            rotation_between(predicted, q_WB_xyzw), 0.5 * since * self._rates.usual_change
         ):
             self.left_out['attitude'] += 1
             return False

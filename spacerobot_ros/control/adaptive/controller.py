@@ -95,6 +95,7 @@ class AdaptiveController:
         self._error = np.zeros(3 + n)
         self._bandwidths = np.full(1 + n, self.settings.joint_bandwidth)
         self._bandwidths[0] = self.settings.attitude_bandwidth
+        self._rates = np.ascontiguousarray(self.robot.velocity_limits, dtype=float)
         self._gravity_speed = np.zeros(3)
         self._has_gravity = bool(self.robot.gravity.any())
         self._K, self._P = np.zeros((rows, rows)), np.zeros((3, rows))
@@ -169,7 +170,9 @@ class AdaptiveController:
         if lost or (measured.v_WB_B is not None) != self._measures_velocity:
             self._begin(measured.v_WB_B is not None)
         self._fall(h)
-        reference_motion(self._state, self._target, self._bandwidths, self._motion, self._error)
+        reference_motion(
+            self._state, self._target, self._bandwidths, self._rates, self._motion, self._error
+        )
         self._adapt(h, lost)
         learner, predicts = self._learner, not self._measures_velocity
         is_reduced = self._is_paper or predicts

@@ -63,14 +63,17 @@ def attitude_reference(
 
 @compiled  # type: ignore[untyped-decorator]
 def reference_motion(
-    state: Array, target: Array, bandwidths: Array, motion: Array, error: Array
+    state: Array, target: Array, bandwidths: Array, rates: Array, motion: Array, error: Array
 ) -> None:
     """Write V, and V_r and A_r but for their linear parts.
+
+    Where an error asks for more than a joint's largest rate, V_r is that.
 
     Args:
         state: (10 + 2 n,) q_WB_xyzw, v_WB_B, omega_WB_B, q, qd.
         target: (10 + 3 n,) q_WD_xyzw, omega_WD_D, its derivative, q, qd, qdd.
         bandwidths: (1 + n,) Lambda of the attitude and of the joints [1/s].
+        rates: (n,) largest rates of the joints [rad/s].
         motion: (3, 6 + n) V, V_r and A_r, written.
         error: (3 + n,) written: rotation vector to the wanted attitude and joint errors.
     """
@@ -91,6 +94,10 @@ def reference_motion(
         error[3 + j] = late
         Vr[6 + j] = target[10 + n + j] + bandwidths[1 + j] * late
         Ar[6 + j] = target[10 + 2 * n + j] + bandwidths[1 + j] * late_rate
+        if abs(Vr[6 + j]) > rates[j]:
+            Vr[6 + j] = math.copysign(rates[j], Vr[6 + j])
+            if Ar[6 + j] * Vr[6 + j] > 0.0:
+                Ar[6 + j] = 0.0
 
 
 @summed  # type: ignore[untyped-decorator]
