@@ -149,7 +149,7 @@ class JointGate:
     Positions and rates are each other's witness. With x the error of the trapezoidal rule over a
     period T and s its standard deviation, a sample is believed where
 
-        |x| <= 6 s + a T^2 / 2,    a: the largest mean acceleration of this period and the last five,
+        |x| <= 6 s + a T^2 / 2,    a: largest mean acceleration of this period and the last five,
 
     as rates may lag behind positions by half a period, and turn within one (a T^2 / 4 where no
     acceleration is above twice that mean); and, for a rate that is off its line by d, where the
