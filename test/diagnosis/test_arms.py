@@ -23,8 +23,9 @@ from spacerobot_ros.diagnosis.arms.arm_evidence import evidence_of
 from spacerobot_ros.diagnosis.arms.held_out_checks import check_bodies, check_held_out
 from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects, changed_robot
 from spacerobot_ros.errors import RecordingError
+from spacerobot_ros.estimation.balance.arm_fit import ArmFit
 from spacerobot_ros.estimation.balance.arm_levels import leftover_levels
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of, rms
@@ -476,6 +477,28 @@ def test_bodies_named_twice_compose():
     heavier = replace(file, effects=(*file.effects, *twice)).believed
     gained = heavier.inertial_parameters[-1] - file.robot.inertial_parameters[-1]
     np.testing.assert_allclose(gained, 2.0 * np.array(list(PAYLOAD.values())), atol=1e-12)
+
+
+def test_a_load_beside_another_body_of_its_link_is_a_body():
+    """On half the efforts of two joints, which no body explains: together they are a robot."""
+    file, arm = arm_file(), RealArm(4, [payload()])
+    records = [RealArm(4).record(0, duration=12.0), arm.record(1, duration=12.0)]
+    scale = np.array([1.0, 0.5, 0.5, 1.0, 1.0, 1.0])
+    joints = [replace(r.joints, effort=scale * r.effort) for r in records]
+    balances = [
+        balance_of(replace(r, joints=j), file.robot, file.effects)
+        for r, j in zip(records, joints, strict=True)
+    ]
+    rows = ArmRows.of(balances, list(CATALOGUE.values())).with_own([1])
+    selection = Selection.of(rows, leftover_levels(rows, rows.sizes, rows.friction))
+    keys = [(c.kind.id, c.where) for c in rows.candidates]
+    both = [i for i, key in enumerate(keys) if key == ('inertial_parameters', 'link_6')]
+    assert len(both) == 2
+    fit = ArmFit(rows, selection.whole, tuple(both))
+    link, load = fit.effects(both)
+    alone = pin.PseudoInertia.FromDynamicParameters(np.array(list(load.values.values())))
+    assert np.min(np.linalg.eigvalsh(alone.toMatrix())) > -1e-5
+    changed_robot(file.robot, [*file.effects, link, load])  # refuses what is no body
 
 
 def test_what_a_held_out_recording_has_of_its_own_is_not_held_against_it(rng):

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...estimation.inference.constrained import ConstrainedProblem, PhysicalBody
+from ...estimation.inference.constrained import NEXT_TO_NOTHING, ConstrainedProblem, PhysicalBody
 from ...estimation.inference.evidence import Gram, chi_square_tail
 from ...types import Array
 from ..limits import MISFIT
 
 _NUMBERS = 10
-_START = np.array([1e-6, 0.0, 0.0, 0.0, 1e-9, 0.0, 1e-9, 0.0, 0.0, 1e-9])
-"""A body far below any that is seen, in kg and m, from which the likeliest one is searched."""
 _DRAWS = 40  # of which a standard deviation is known to 11 %
 
 
@@ -70,5 +68,5 @@ def put_on(gram: Gram, sizes: Array, unexplained: float = 0.0) -> PutOn | None:
 def _body(information: Array, vector: Array, sizes: Array) -> Array:
     """(10,) of the likeliest body."""
     none = np.full(_NUMBERS, np.inf)
-    body = PhysicalBody(np.arange(_NUMBERS), _START)
+    body = PhysicalBody(np.arange(_NUMBERS), NEXT_TO_NOTHING)
     return ConstrainedProblem(information, vector, sizes, -none, none, (body,)).solve()

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...types import Array, IntArray
-from ..inference.constrained import ConstrainedProblem, PhysicalBody
+from ..inference.constrained import NEXT_TO_NOTHING, ConstrainedProblem, PhysicalBody
 from ..inference.evidence import Gram, chi_square_tail
 from .arm_candidates import ZEROS
 from .arm_rows import ArmRows
@@ -213,7 +213,9 @@ class ArmFit:
         found = [
             PhysicalBody(
                 np.searchsorted(used, self.rows.places[i]),
-                robot.inertial_parameters[names.index(str(c.where))],
+                robot.inertial_parameters[names.index(str(c.where))]
+                if c.recordings is None
+                else NEXT_TO_NOTHING,  # a load
             )
             for i, c in enumerate(self.rows.candidates)
             if c.kind.id == 'inertial_parameters'

@@ -24,6 +24,10 @@ from scipy.linalg import cho_factor, cho_solve
 
 from ...types import Array, IntArray
 
+NEXT_TO_NOTHING = np.array([1e-6, 0.0, 0.0, 0.0, 1e-9, 0.0, 1e-9, 0.0, 0.0, 1e-9])
+"""(10,) a body far below any that is seen [kg, kg m, kg m^2]: what one that is put on is added to,
+as it has to be a body by itself."""
+
 _LAST = 0.01  # nats at one e-fold of a bound, far below a name
 _LOWER = 0.1  # of a barrier, the next one
 _STEPS = 40
