@@ -80,6 +80,10 @@ class MaximumLikelihood:
         self._beyond = 0.0
         self._left = np.inf  # share of a shift that the next pass asked for
 
+    def anew(self) -> MaximumLikelihood:
+        """Another one that knows what this one knew at first."""
+        return MaximumLikelihood(self._model, self._settings, self._known)
+
     @property
     def known(self) -> Known | None:
         """What other segments of the run may know; None: nothing yet."""

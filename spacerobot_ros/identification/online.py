@@ -250,7 +250,17 @@ class OnlineIdentifier:
             if not (doubt and self._is_whole(end)):
                 return doubt  # otherwise it may be linearized too far away
         self._run_all(record, end)
-        return '; '.join(self._source.faults) or self._misfit.doubt(*self._likelihood.misfit)
+        if (doubt := self._doubt()) and not self._likelihood.is_converged:
+            self._likelihood = self._likelihood.anew()  # caught where the first seconds led
+            self._run_all(record, end)
+            doubt = self._doubt()
+        return doubt
+
+    def _doubt(self) -> str:
+        """Why the data that were run through do not fit; empty where they do."""
+        # about constants that have not settled, what old and new data leave moves between them
+        earlier = self._misfit if self._likelihood.is_converged else Misfit()
+        return '; '.join(self._source.faults) or earlier.doubt(*self._likelihood.misfit)
 
     def _leave_out(
         self, record: Record, end: float, doubt: str, learned: tuple[float, Source, Counter[str]]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.identification import changed, measure, simulate
-from support.online import assert_never_confidently_wrong, feed, identifier
+from support.identification import ORIGIN_NS, changed, measure, simulate
+from support.online import assert_never_confidently_wrong, events, feed, identifier
+
+from spacerobot_ros.identification.weak_prior import Prior
 
 RUN = 24.0  # s
 X, Y, Z = np.eye(3)
@@ -87,3 +89,32 @@ def test_a_model_that_goes_on_to_be_wrong_is_said_and_comes_back():
     assert_never_confidently_wrong(estimates, run)
     assert any('does not explain' in e.reason for e in estimates)
     assert estimates[-1].valid
+
+
+class Caught(Prior):
+    """A prior that admits nothing new."""
+
+    def admissible(self, model, reference, current, proposed):
+        return current
+
+
+def test_a_solution_that_is_caught_is_sought_anew_from_where_it_began():
+    run = simulate('zyx', 12.0)
+    data, online = measure(run, 1), identifier()
+    wanted = feed(identifier(), data)[-1]
+    for stamp, method, values in events(data):
+        if (method, stamp - ORIGIN_NS) == ('add_joints', 5_500_000_000):
+            online.solve()
+            likelihood = online._likelihood
+            likelihood.constants[likelihood._model.x] *= 0.02
+            likelihood._prior = Caught(likelihood._prior.mean, likelihood._prior.std)
+            likelihood.is_converged = False
+        if (method, stamp - ORIGIN_NS) == ('add_joints', 7_000_000_000):
+            online.solve()
+        getattr(online, method)(stamp, *values)
+    found = online.solve()
+    assert found.valid
+    # about constants that are within their noise of the others
+    assert np.max(np.abs(found.aam - wanted.aam) / wanted.std[:3]) < 0.1
+    np.testing.assert_allclose(found.std[:3], wanted.std[:3], rtol=0.1, atol=0)
+    assert sum(online.left_out.values()) == 0
