@@ -108,6 +108,18 @@ def test_odd_messages_are_those_that_a_wire_can_bring(rng):
     assert not is_finite(Imu(linear_acceleration_covariance=[math.nan] * 9))
 
 
+@pytest.mark.parametrize('seed', range(8))
+def test_a_clock_that_jumps_goes_on(seed):
+    stream = [
+        ('/imu/data', compose.imu(k * 10 * MS, 'base_link', np.zeros(3), None))
+        for k in range(2000)
+    ]
+    rng = np.random.default_rng(seed)
+    stamps = [m.header.stamp for _, m, _ in wrong_streams._astray('clock jumps', stream, rng)]
+    steps = np.diff([stamp.sec * 1000 + stamp.nanosec // MS for stamp in stamps])
+    assert np.count_nonzero(steps != 10) == 1  # once the largest jump back led to zero, for good
+
+
 @pytest.mark.parametrize('kind', ['cut', 'flipped'])
 def test_no_damaged_bag_passes_for_data(kind):
     ends = {damage.damaged_bag(kind, seed) for seed in range(12)}

@@ -33,6 +33,7 @@ STREAMS = (
 _DURATION = 20.0  # s of flight
 _SENSED = ('/imu/data', '/attitude', '/joint_states')
 _DRIFT = 1.02  # of a clock that runs away from the others
+_EPOCH = 2000  # s at the start of a flight whose clock jumps: room for the largest jump back
 
 
 @cache
@@ -131,7 +132,7 @@ def _astray(
     jump = int(rng.choice([-1000, -5, 3, 100, 100_000]))
     gone = {'gyro starts late': '/imu/data', 'joints pause': '/joint_states'}.get(what)
     clocks: dict[str, Callable[[float], float]] = {
-        'clock jumps': lambda t: t + jump if t >= start else t,
+        'clock jumps': lambda t: _EPOCH + (t + jump if t >= start else t),
         'gyro of another clock': lambda t: t + 100.0 * abs(jump),
         'clock runs away': lambda t: t * _DRIFT,
         'stamps stand still': lambda t: start if start <= t < start + length else t,
