@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any, TypeVar
 
 from ..effects.catalogue import CATALOGUE
 from ..errors import ConfigurationError, RecordingError
-from ..model.files import is_file, read_text, write_text
+from ..model.files import read_text, write_text
 
 T = TypeVar('T')
 
@@ -51,10 +50,8 @@ def write_checked(
     """
     head = {'version': version, 'robot': owner, 'saved_ns': now_ns}
     text = json.dumps({**head, **content})
-    with suppress(OSError):
-        if is_file(path):  # what else it is, `write_text` says
-            os.replace(path, _before(path))
-    write_text(path, json.dumps({'sum': digest(text), 'content': text}))
+    whole = json.dumps({'sum': digest(text), 'content': text})
+    write_text(path, whole, replaced=_before(path))
 
 
 def read_checked(

@@ -23,41 +23,42 @@ _KEPT = ('rank', 'condition', 'chi2_per_dof', 'samples', 'stamp_ns')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Saved:
-    """What was saved.
+class Knowledge:
+    """What an identifier knows.
 
     Args:
-        known: Of wheels and parameters, widened for the time that passed.
-        estimate: The same to be told.
+        model: Whose constants they are.
+        known: Of wheels and parameters; where it was saved, widened for the time that passed.
+        estimate: The same to be told, valid.
     """
 
+    model: MomentumModel
     known: Known
     estimate: Estimate
 
 
-def save(path: Path, model: MomentumModel, known: Known, estimate: Estimate, now_ns: int) -> None:
+def save(path: Path, knowledge: Knowledge, now_ns: int) -> None:
     """Write what is known, whole or not at all; the file before stays beside it.
 
     Args:
         path: The file.
-        model: Whose constants they are.
-        known: What is known.
-        estimate: The valid estimate that goes with it.
+        knowledge: What is known.
         now_ns: Wall time [ns].
 
     Raises:
         ConfigurationError: it can not be written.
     """
-    robot = known.of(slice(3, model.x.stop))
+    model = knowledge.model
+    robot = knowledge.known.of(slice(3, model.x.stop))
     content = {
         'best': robot.best.tolist(),
         'factor': robot.factor.tolist(),
-        **{name: getattr(estimate, name) for name in _KEPT},
+        **{name: getattr(knowledge.estimate, name) for name in _KEPT},
     }
     write_checked(path, VERSION, _fingerprint(model), content, now_ns)
 
 
-def load(path: Path, model: MomentumModel, now_ns: int) -> Saved:
+def load(path: Path, now_ns: int, model: MomentumModel) -> Knowledge:
     """Read what was known: from the file, or where it is torn or gone from the one before.
 
     Raises:
@@ -66,7 +67,7 @@ def load(path: Path, model: MomentumModel, now_ns: int) -> Saved:
     return read_checked(path, VERSION, _fingerprint(model), partial(_widened, model), now_ns)
 
 
-def _widened(model: MomentumModel, content: dict[str, Any], seconds: float) -> Saved:
+def _widened(model: MomentumModel, content: dict[str, Any], seconds: float) -> Knowledge:
     part, best = slice(3, model.x.stop), np.array(content['best'])
     inverse = np.linalg.inv(np.array(content['factor']))
     covariance = inverse @ inverse.T
@@ -87,7 +88,7 @@ def _widened(model: MomentumModel, content: dict[str, Any], seconds: float) -> S
         **{**values, 'nuisances': ()},
     )
     estimate.check()
-    return Saved(known, estimate)
+    return Knowledge(model, known, estimate)
 
 
 def _fingerprint(model: MomentumModel) -> str:

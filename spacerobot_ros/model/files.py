@@ -169,8 +169,14 @@ def _without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)
 
 
-def write_text(path: str | Path, text: str) -> Path:
+def write_text(path: str | Path, text: str, replaced: Path | None = None) -> Path:
     """Write a file, complete or not at all, making its folder; returns its path.
+
+    Args:
+        path: The file.
+        text: Its content.
+        replaced: Where the file goes whose place it takes; it is on the disk itself by then. None:
+            nowhere.
 
     Raises:
         ConfigurationError: it can't be written.
@@ -181,7 +187,14 @@ def write_text(path: str | Path, text: str) -> Path:
         if path.exists() and not (path.is_file() or path.is_dir()):  # it would be replaced
             raise ConfigurationError(str(path), 'can not be written: it is not a file')
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text, encoding='utf-8')
+        with open(partial, 'w', encoding='utf-8') as file:
+            file.write(text)
+            if replaced is not None:
+                file.flush()
+                os.fsync(file.fileno())
+        if replaced is not None and path.is_file():
+            with suppress(OSError):
+                os.replace(path, replaced)
         os.replace(partial, path)
     except OSError as error:
         with suppress(OSError):

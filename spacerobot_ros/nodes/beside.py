@@ -8,6 +8,7 @@ from threading import Thread
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.task import Future
 
 
 class Beside:
@@ -30,6 +31,7 @@ class Beside:
         self._node = node
         self._thread: Thread | None = None
         self._outcome: Callable[[], None] | None = None
+        self._handed_over: Future[None] = Future()
 
     def start(self, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
         """Begin a piece of work, unless one is under way.
@@ -42,9 +44,23 @@ class Beside:
             then(work())
         elif not self.is_busy:
             self.is_busy = True
+            self._handed_over = Future()
             # at the end of a process that could not wait for it, it must not keep it alive
             self._thread = Thread(target=self._run, args=(work, then), daemon=True)
             self._thread.start()
+
+    async def do(self, work: Callable[[], Any]) -> Any:
+        """Have a piece of work done when those before it are, and wait for what it returns.
+
+        Callbacks go on meanwhile, but those of the same group.
+        """
+        while self.is_busy:
+            await self._handed_over
+        returned: list[Any] = []
+        self.start(work, returned.append)
+        while not returned:
+            await self._handed_over
+        return returned[0]
 
     def finish(self, seconds: float) -> bool:
         """Wait for the work under way and hand its result over; whether that was done in time."""
@@ -72,6 +88,9 @@ class Beside:
         if outcome is not None:
             self.is_busy = False
             outcome()
+            self._handed_over.set_result(None)
+            if self._node.executor is not None:
+                self._node.executor.wake()  # which looks at who awaits this before it sleeps
 
 
 def _raise(error: BaseException) -> None:

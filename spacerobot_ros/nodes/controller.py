@@ -30,7 +30,6 @@ from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
 from ..ros.run_node import answer_first
 from .adaptation_file import AdaptationFile
-from .base import TOPICS, SensorNode
 from .controller_status import (
     adaptation_status,
     control_status,
@@ -39,6 +38,7 @@ from .controller_status import (
 )
 from .pairing import Pairing
 from .parameter_publisher import ParameterPublisher
+from .sensor_node import TOPICS, SensorNode
 from .trajectory_action import TrajectoryAction
 
 

@@ -8,7 +8,7 @@ from ..control.adaptive.law_signals import Health
 from ..control.command import Command
 from ..control.loop import ControlLoop
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
-from .base import outliers
+from .sensor_node import outliers
 
 
 def input_status(loop: ControlLoop, joints_ns: int | None, age: float, reason: str) -> Status:

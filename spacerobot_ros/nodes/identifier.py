@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from ..errors import IdentificationError
 from ..estimation.trajectory.time_base import LONGEST_GAP
 from ..identification.estimate import Estimate
 from ..identification.online import OnlineIdentifier
+from ..identification.saved_knowledge import Knowledge, load, save
 from ..model.robot import Robot
 from ..recording.buffer import SENSORS
 from ..ros import convert
@@ -27,13 +27,12 @@ from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import give_way
 from ..sensing.faults import SensorFaults
-from .base import SensorNode, outliers
 from .beside import Beside
-from .kept_file import KeptFile
+from .kept_file import STOP, KeptFile
+from .sensor_node import SensorNode, outliers
 
 DISORDER_NS = 50_000_000  # by which messages of one sensor overtake each other
 ANSWER = 0.05  # s that a service waits for a solution; it shall answer within 0.1 s
-STOP = 1.0  # s that the end of the node waits for one
 
 
 class IdentifierNode(SensorNode):
@@ -65,6 +64,7 @@ class IdentifierNode(SensorNode):
         if self.is_open:
             self.identifier.abandon()
             self._beside.end(STOP)
+            self._file.close()
         super().destroy_node()
 
     def restart(self, why: str) -> None:
@@ -113,8 +113,7 @@ class IdentifierNode(SensorNode):
             return
         self._solve_ms = detail
         self._publish(estimate)
-        if estimate.valid:
-            self._file.save()
+        self._file.keep()
 
     def _replace(self, change: Callable[[OnlineIdentifier], None]) -> None:
         """Change the identifier; a solution that is under way goes on with another, unheard."""
@@ -130,8 +129,14 @@ class IdentifierNode(SensorNode):
         self.identifier = OnlineIdentifier(changed_robot(robot, effects), self.settings.identifier)
         self.is_open = True
         self.follow(robot, SENSORS, SAMPLES)
-        path = self.settings.identifier.save_file
-        self._file = KeptFile(self, path, lambda *to: self.identifier.save(*to), self._take_saved)
+        self._file = KeptFile(
+            self,
+            self.settings.identifier.save_file,
+            lambda: self.identifier.knowledge,
+            save,
+            partial(load, model=self.identifier.model),
+            self._go_on,
+        )
         self.health.watch(self.input_status, self._estimate_status)
 
     def take(self, sensor: str, stamp_ns: int, *content: Any) -> None:
@@ -193,8 +198,8 @@ class IdentifierNode(SensorNode):
         self.reset('as asked for')
         return True, 'all samples forgotten'
 
-    def _take_saved(self, path: Path, now_ns: int) -> None:
-        self._replace(lambda identifier: identifier.load(path, now_ns))
+    def _go_on(self, saved: Knowledge) -> None:
+        self._replace(lambda identifier: identifier.go_on(saved))
         self._clear()
         self._publish(self.identifier.solve())
 

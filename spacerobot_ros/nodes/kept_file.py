@@ -1,57 +1,108 @@
-"""What a node has learned, in a file: kept up to date, and taken up at the start."""
+"""What a node has learned, in a file: kept up to date, and taken up at the start.
+
+The disk may take its time, or be full: nobody waits for it but who asks for the file.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ..errors import SpaceRobotError
 from .base import RobotNode
+from .beside import Beside
+
+STOP = 1.0  # s that the end of the node waits for the disk
 
 
 class KeptFile:
-    """Saves and loads, as `~/save` and `~/load` as well; loads at once what is there.
+    """Saves and loads beside the callbacks, in lockstep at once; loads first of all what is there.
 
     Args:
-        node: The node.
+        node: The node, which gets `~/save` and `~/load`.
         path: The file; empty: none.
-        write: Writes what is known to a path at a wall time [ns]; whether anything is new.
-        take: Takes up what a path knows at a wall time [ns].
+        known: What is known now and worth a file; None: nothing.
+        write: Writes that to a path, of a wall time [ns].
+        read: Reads what a path knows at a wall time [ns].
+        take: Goes on with that, among the callbacks.
     """
 
     def __init__(
         self,
         node: RobotNode,
         path: str,
-        write: Callable[[Path, int], bool],
-        take: Callable[[Path, int], None],
+        known: Callable[[], Any],
+        write: Callable[[Path, Any, int], object],
+        read: Callable[[Path, int], Any],
+        take: Callable[[Any], object],
     ) -> None:
-        self._node, self._path, self._write, self._take = node, path, write, take
-        node.offer('~/save', self.save)
-        node.offer('~/load', self.load)
+        self._node, self._path = node, path
+        self._known, self._write, self._read, self._take = known, write, read, take
+        self._beside = Beside(node, is_threaded=not node.settings.simulator.lockstep)
+        self._newest: tuple[Any, int] = (None, 0)
+        self._saved: Any = None
+        node.offer_later('~/save', self._on_save)
+        node.offer_later('~/load', self._on_load)
         if path and any(Path(path).parent.glob(f'{Path(path).name}*')):
-            node.get_logger().info(self.load()[1])
+            node.get_logger().info(self._go_on(self._get())[1])
 
-    def save(self) -> tuple[bool, str]:
-        """Save now; whether it is done, and what there is to say."""
-        return self._do(self._write, 'saved to {}', 'not saved')
+    def keep(self) -> None:
+        """Begin to save what is new, unless the disk is busy with what was before."""
+        known, since_ns = self._dated()
+        is_news = known is not None and known is not self._saved
+        if self._path and is_news and not self._beside.is_busy:
+            self._beside.start(partial(self._put, known, since_ns), lambda _: None)
 
-    def load(self) -> tuple[bool, str]:
-        """Go on with what the file knows; as `save`."""
-        return self._do(self._take, 'goes on with what {} knows', 'not loaded')
+    def close(self) -> None:
+        """Let the disk finish."""
+        self._beside.end(STOP)
 
-    def _do(
-        self, act: Callable[[Path, int], bool | None], done: str, failed: str
-    ) -> tuple[bool, str]:
-        if not self._path:
-            return False, 'save_file names no file'
-        try:
-            is_news = act(Path(self._path), time.time_ns())
-        except SpaceRobotError as error:
-            if act is self._write:
-                self._node.get_logger().error(f'{failed}: {error}', throttle_duration_sec=5.0)
-            return False, f'{failed}: {error}'
-        if is_news is False:
+    async def _on_save(self) -> tuple[bool, str]:
+        known, since_ns = self._dated()
+        if known is None and self._path:
             return False, 'nothing new is known that is valid'
-        return True, done.format(self._path)
+        return await self._done(partial(self._put, known, since_ns))
+
+    async def _on_load(self) -> tuple[bool, str]:
+        return self._go_on(await self._done(self._get))
+
+    async def _done(self, work: Callable[[], tuple[Any, str]]) -> tuple[Any, str]:
+        if not self._path:
+            return None, 'save_file names no file'
+        outcome: tuple[Any, str] = await self._beside.do(work)
+        return outcome
+
+    def _dated(self) -> tuple[Any, int]:
+        """What is known, and since when [ns]: saved again, it shall not pass for younger."""
+        known = self._known()
+        if known is not self._newest[0]:
+            self._newest = known, time.time_ns()
+        return self._newest
+
+    def _put(self, known: Any, since_ns: int) -> tuple[bool, str]:
+        """Save; whether it is done, and what there is to say."""
+        try:
+            self._write(Path(self._path), known, since_ns)
+        except SpaceRobotError as error:
+            why = f'not saved: {error}'
+            self._node.get_logger().error(why, throttle_duration_sec=5.0)
+            return False, why
+        self._saved = known
+        return True, f'saved to {self._path}'
+
+    def _get(self) -> tuple[Any, str]:
+        """What the file knows, None for nothing, and what there is to say."""
+        try:
+            found = self._read(Path(self._path), time.time_ns())
+        except SpaceRobotError as error:
+            return None, f'not loaded: {error}'
+        return found, f'goes on with what {self._path} knows'
+
+    def _go_on(self, outcome: tuple[Any, str]) -> tuple[bool, str]:
+        found, why = outcome
+        if found is not None:
+            self._take(found)
+        return found is not None, why

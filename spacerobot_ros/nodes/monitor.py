@@ -30,8 +30,8 @@ from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import give_way
-from .base import TOPICS, SensorNode, outliers
 from .event_recorder import EventRecorder
+from .sensor_node import TOPICS, SensorNode, outliers
 
 LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR, 'stale': STALE}
 

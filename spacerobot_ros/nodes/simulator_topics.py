@@ -16,7 +16,7 @@ from ..ros.qos import STATE
 from ..sensing.sensors import SensorSamples
 from ..simulation.plant import Plant
 from ..simulation.truth import sample_messages
-from .base import TOPICS
+from .sensor_node import TOPICS
 
 
 class SimulatorTopics:

@@ -105,7 +105,7 @@ def test_a_solution_that_is_caught_is_sought_anew_from_where_it_began():
     for stamp, method, values in events(data):
         if (method, stamp - ORIGIN_NS) == ('add_joints', 5_500_000_000):
             online.solve()
-            likelihood = online._likelihood
+            likelihood = online._segment.likelihood
             likelihood.constants[likelihood._model.x] *= 0.02
             likelihood._prior = Caught(likelihood._prior.mean, likelihood._prior.std)
             likelihood.is_converged = False

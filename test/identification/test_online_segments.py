@@ -11,6 +11,8 @@ from support.identification import ORIGIN_NS, measure, simulate
 from support.online import assert_never_confidently_wrong, events, feed, identifier, same
 
 from spacerobot_ros.errors import ConfigurationError, IdentificationError, RecordingError
+from spacerobot_ros.identification.saved_knowledge import load, save
+from spacerobot_ros.identification.segment import Segment
 
 
 def test_data_that_defeat_the_solution_are_left_behind(monkeypatch):
@@ -20,8 +22,8 @@ def test_data_that_defeat_the_solution_are_left_behind(monkeypatch):
     feed(online, data.between(-1.0, 9.0))
     known = online.solve()
     with monkeypatch.context() as patch:
-        patch.setattr(online, '_run_new', fail)
-        patch.setattr(online, '_run_all', fail)
+        patch.setattr(Segment, '_run_new', fail)
+        patch.setattr(Segment, '_run_all', fail)
         for event in events(data.between(9.0, 12.0)):
             getattr(online, event[1])(event[0], *event[2])
         with pytest.raises(IdentificationError, match='another segment begins: defeated'):
@@ -61,12 +63,13 @@ def test_another_segment_keeps_what_is_known_of_the_robot():
 def test_what_was_saved_is_known_again(tmp_path):
     run, path = simulate('zyx', 20.0), tmp_path / 'known.json'
     data, online = measure(run, 7), identifier(manifold='linear')
-    assert not online.save(path, 0)
+    assert online.knowledge is None
     known = feed(online, data.between(-1.0, 10.0))[-1]
-    assert online.save(path, 0)
+    save(path, online.knowledge, 0)
     soon, later = identifier(manifold='linear'), identifier(manifold='linear')
-    soon.load(path, 0)
-    later.load(path, 100 * 10**9)
+    soon.go_on(load(path, 0, soon.model))
+    assert soon.knowledge is None  # it is saved already, and would pass for younger
+    later.go_on(load(path, 100 * 10**9, later.model))
     assert_never_confidently_wrong([soon.solve(), later.solve()], run)
     assert np.all(later.solve().std[:3] > 2.0)  # wheels may run down in 1/0.003 s
     np.testing.assert_allclose(soon.solve().std, known.std, rtol=1e-6, atol=0)
@@ -84,40 +87,39 @@ def test_what_is_no_file_is_neither_read_nor_moved(tmp_path):
     os.mkfifo(pipe)
     for path in (folder, pipe, Path('/dev/zero')):
         with pytest.raises(RecordingError, match='can not be read: it is not a file'):
-            identifier().load(path, 0)
+            load(path, 0, online.model)
     for path in (folder, pipe):
-        online._is_news = True
         with pytest.raises(ConfigurationError, match='can not be written'):
-            online.save(path, 0)
+            save(path, online.knowledge, 0)
     assert sorted(p.name for p in tmp_path.iterdir()) == ['folder', 'pipe']
 
 
 def test_a_torn_file_is_refused_and_the_one_before_used(tmp_path):
     data, online, path = measure(simulate('zyx', 12.0), 7), identifier(), tmp_path / 'known.json'
     feed(online, data.between(-1.0, 9.0))
-    online.save(path, 0)
+    save(path, online.knowledge, 0)
     first = identifier()
-    first.load(path, 0)
+    first.go_on(load(path, 0, first.model))
     feed(online, data.between(9.0, 12.0))
-    online.save(path, 0)
+    save(path, online.knowledge, 0)
     whole = path.read_bytes()
     other = identifier(structure='generic')
     with pytest.raises(RecordingError, match='of another robot'):
-        other.load(path, 0)
+        load(path, 0, other.model)
     for k in range(0, len(whole), len(whole) // 17):
         flipped = bytearray(whole)
         flipped[k] ^= 1
         for torn in (whole[:k], bytes(flipped)):
             path.write_bytes(torn)
             again = identifier()
-            again.load(path, 0)
+            again.go_on(load(path, 0, again.model))
             same(again.solve(), first.solve())
     for foreign in ('[' * 100_000, '[]', '{"sum": 1, "content": 1}'):
         path.write_text(foreign, encoding='utf-8')
         again = identifier()
-        again.load(path, 0)
+        again.go_on(load(path, 0, again.model))
         same(again.solve(), first.solve())
     path.write_bytes(whole[: len(whole) // 2])
     (tmp_path / 'known.json.before').unlink()
     with pytest.raises(RecordingError, match=r'known.json: (is damaged|its check sum)'):
-        identifier().load(path, 0)
+        load(path, 0, online.model)

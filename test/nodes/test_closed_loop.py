@@ -9,6 +9,7 @@ import pytest
 from geometry_msgs.msg import Vector3Stamped
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from spacerobot_msgs.msg import Tracking
+from support.bench import Bench
 from support.rig import Rig
 
 from spacerobot_ros.control.joint_reference import build_reference
@@ -147,17 +148,19 @@ def test_an_identifier_started_again_goes_on_from_its_file(quick, finished, tmp_
     path = shutil.copy(finished[1], tmp_path)
     rig = Rig()
     try:
-        estimates = rig.listen(rig.plain(), EstimateMessage, '/estimate', LATCHED)
-        node = rig.add(IdentifierNode, quick, **{'identifier.save_file': path})
+        bench = Bench(rig, quick, **{'identifier.save_file': path})
+        estimates = bench.estimates
         rig.until(lambda: estimates)  # without a sample
         assert estimates[-1].valid
         np.testing.assert_allclose(estimates[-1].aam, [42.0, 49.0, 41.0], rtol=0.05)
-        assert node._file.save() == (False, 'nothing new is known that is valid')
+        response = bench.call('/identifier/save')
+        assert not response.success
+        assert response.message == 'nothing new is known that is valid'
         Path(path).write_text('{}', encoding='utf-8')
-        done, why = node._file.load()
-        assert not done
-        assert 'known.json: is damaged' in why
-        assert node.estimate.valid
+        response = bench.call('/identifier/load')
+        assert not response.success
+        assert 'known.json: is damaged' in response.message
+        assert bench.node.estimate.valid
     finally:
         rig.close()
 

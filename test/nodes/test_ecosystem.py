@@ -15,11 +15,11 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 from support.bench import MS, NAMES
 
-from spacerobot_ros.nodes.base import TOPICS
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.nodes.program import node_class, program
+from spacerobot_ros.nodes.sensor_node import TOPICS
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import SAMPLES, STATE, best_effort

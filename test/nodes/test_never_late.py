@@ -7,7 +7,7 @@ import pytest
 from support.bench import MS, Bench
 from support.rig import Rig
 
-from spacerobot_ros.identification import online
+from spacerobot_ros.identification import segment
 from spacerobot_ros.identification.online import OnlineIdentifier
 from spacerobot_ros.nodes.beside import Beside
 from spacerobot_ros.recording import buffer
@@ -97,12 +97,12 @@ def test_a_flood_fills_no_more_than_its_share_of_memory(monkeypatch):
 
 
 def test_one_solution_takes_no_more_samples_than_its_share(rig, servicer, monkeypatch):
-    monkeypatch.setattr(online, '_LARGEST', 500)
+    monkeypatch.setattr(segment, '_LARGEST', 500)
     bench = Bench(rig, servicer)
     seen = []
 
     def note(self, record, end, newest):
-        seen.append((self._done, end))
+        seen.append((self._segment.done, end))
         return self._nothing('only looked at')
 
     monkeypatch.setattr(OnlineIdentifier, '_solve', note)
