@@ -29,6 +29,7 @@ FURTHEST = 6.0
 the variance by 0.01 x 36, standard deviations by 17 %; noise alone goes beyond once in 5e8."""
 
 _HALF_WINDOW = 25  # samples; a burst of as many is found
+_PASSES = 3  # of 272 records of as many odd messages as good ones 7 need two, none needs three
 _HUGE = 1e150  # whose sums and ratios are finite
 
 
@@ -128,12 +129,18 @@ def _outlying_rates(time: Array, values: Array, std: float) -> np.ndarray:
     if len(time) < 2 * len(STENCILS):
         return np.zeros(len(time), dtype=bool)
     values = np.clip(values, -_HUGE, _HUGE)
-    far = np.any(_far(off_neighbours(time, values, values)[0], std), axis=1)
-    if not far.any():
-        return far
-    good = bridged(time, values, far)  # bad neighbours would disagree with each other
-    errors, still_open = off_neighbours(time, values, good)
-    return far & np.any(_far(errors, std, still_open), axis=1)
+    suspected = np.any(_far(off_neighbours(time, values, values)[0], std), axis=1)
+    found = np.zeros_like(suspected)
+    hidden = suspected
+    for _ in range(_PASSES):
+        if not hidden.any():
+            break
+        good = bridged(time, values, suspected)  # bad neighbours would disagree with each other
+        errors, still_open = off_neighbours(time, values, good)
+        found = np.any(_far(errors, std, still_open), axis=1)
+        hidden = found & ~suspected  # by neighbours that were as bad, on either side
+        suspected = suspected | hidden
+    return suspected & found
 
 
 def _off_median(time: Array, drift: Array, std: float) -> np.ndarray:

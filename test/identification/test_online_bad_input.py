@@ -19,7 +19,9 @@ from support.online import (
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
 from spacerobot_ros.errors import MessageRejectedError
+from spacerobot_ros.estimation.trajectory.reference import NoiseLevels
 from spacerobot_ros.identification.online import OnlineIdentifier
+from spacerobot_ros.identification.outliers import without_outliers
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 
 ONE, UNIT = np.ones(3), np.array([0.0, 0.0, 0.0, 1.0])
@@ -204,6 +206,20 @@ def test_one_outlier_in_a_hundred_costs_little(seed):
     assert np.max(estimates[-1].std / best.std) < 1.2
     # what outliers change is small against the estimate's own uncertainty
     assert np.max(np.abs(estimates[-1].aam - best.aam) / best.std[:3]) < 1.5
+
+
+def test_outliers_do_not_hide_one_another():
+    # rates of two joints exchanged three times, three samples apart: cubics on either side of the
+    # middle one pass through the others, and say what it says
+    _, data, _ = clean(20.0, 12)
+    rows = 500 + np.array([-3, 0, 3])
+    spoilt = with_value(data, 'qd', rows, lambda v: v[:, [1, 0, 2]])
+    assert np.all(np.abs(np.diff(data.qd[rows, :2])) > 0.1)
+    noise = NoiseLevels(
+        joint_position=2e-5, joint_velocity=2e-4, joint_effort=0.05, gyro=2e-5, attitude=3e-5
+    )
+    found = without_outliers(spoilt, noise)[1]
+    assert np.flatnonzero(found.joints).tolist() == rows.tolist()
 
 
 def test_motion_between_seldom_samples_is_no_outlier():
