@@ -14,7 +14,6 @@ from support.rig import Rig
 
 from spacerobot_ros.control.joint_reference import build_reference
 from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.nodes import simulator
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
@@ -22,7 +21,7 @@ from spacerobot_ros.recording import messages
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures('unhurried')]
 
 NO_AAM = {'controller.law': 'computed_torque_no_aam'}
 # The motion of the robot file in 8 s instead of 20, at 50 Hz: still all is excited after 5.5 s.
@@ -33,15 +32,6 @@ QUICK = {
     'simulator.imu_rate': 50.0,
 }
 STEPS = 400
-
-
-@pytest.fixture(scope='module', autouse=True)
-def unhurried():
-    """Have no sample sent again because a busy machine answers late: receivers count them."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulator, 'RESEND_PERIOD_NS', 60_000_000_000)
-        patch.setattr(simulator, 'NEWS_DELAY_NS', 60_000_000_000)
-        yield
 
 
 @pytest.fixture(scope='module')
