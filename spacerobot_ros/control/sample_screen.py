@@ -5,7 +5,9 @@ with a line through the last two, a position with the integral of the rates, an 
 gyro's; lines are trusted to what rates changed by in one of the last steps, however seldom samples
 come: what is left out of good samples makes a law swing with what stands in for them. One
 that is doubted is believed once the next agrees with it: a blow or a turn of a tracker costs two
-samples, and what wanders without sense is never believed.
+samples. What wanders without sense passes once a machine could have come as far meanwhile (a rate
+that scatters by 0.3 rad/s after 16 samples at 100 Hz, median of 40 seeds), or at last, after 26,
+as the sensor's own noise: it is most of what is remembered.
 """
 
 from __future__ import annotations
