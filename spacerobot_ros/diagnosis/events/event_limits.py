@@ -37,7 +37,7 @@ EXPLAINED = 0.8
 """Of a joint's torques squared that the model must explain for the rest to be judged."""
 
 RECURS = 0.5
-"""Of an event, from which the same states at other times have it, too."""
+"""Of an event, from which the same states at other times have it, too, or a function of them."""
 
 MIXED = 0.5
 """Of the largest z of what touches in time, from which a part that is no event speaks for all."""

@@ -131,14 +131,26 @@ class JointScan:
             self._scanned[run, duration] = cross, along, square
         return self._scanned[run, duration]
 
-    def beside(self, run: int, pulses: Pulses) -> tuple[Products, tuple[Array, Array]]:
-        """Of any pulses of one neighbourhood, whose own rows are used again, and all sums then."""
+    def beside(
+        self, run: int, pulses: Pulses, functions: Array | None = None
+    ) -> tuple[Products, tuple[Array, Array]]:
+        """Of any pulses of one neighbourhood, whose own rows are used again, and all sums then.
+
+        Args:
+            run: Their recording.
+            pulses: The pulses.
+            functions: (M, P) more columns, of all rows of the joint [N m].
+        """
         whole = self.whole
         inside = (whole.run == run) & (whole.time > np.min(pulses.start) - SPREAD)
         inside &= whole.time < np.max(pulses.end) + SPREAD
-        own = whole.part(~self.left_out | inside)
+        used = ~self.left_out | inside
+        own = whole.part(used)
         gains = self._gains_of(own)
         torque, columns = _white(own, gains)
+        if functions is not None:
+            scaled = functions[used] / own.scale[:, None]
+            columns = np.column_stack([columns, gains.whitened(scaled)])
         white = self._templates(run, own, slice(None), pulses, gains)
         return _products(white, torque, columns), (columns.T @ columns, columns.T @ torque)
 

@@ -16,8 +16,9 @@ from ...model.robot import Robot
 from ...types import IntArray
 from .contact import Pulse, are_in_line, event_of, last_felt, overlap
 from .event import Event, EventLimit, Events, PossibleEvent
-from .event_limits import EXPLAINED, MIXED, NAMED, RECURS, ROOM, SNR, chance, named_from
+from .event_limits import EXPLAINED, LISTED, MIXED, NAMED, RECURS, ROOM, SNR, chance, named_from
 from .moving import DURATIONS, PulseSearch
+from .state_function import beside_function
 from .states import States
 from .wrench import applied_wrench, wrench_of
 
@@ -43,8 +44,11 @@ class Naming:
         self._seconds = float(sum(spans))
         self._states: dict[int, States] = {}
         self._why = {id(p): self._reason(p) for p in search.found}
-        free = [abs(p.z) for p in search.found if not self._why[id(p)]]
-        self.limit = named_from(free, self._seconds / 3600.0)
+        free = [p for p in search.found if not self._why[id(p)]]
+        sizes = [beside_function(search, self._states[p.joint], p) for p in free]
+        beyond = [z for z in sizes if z >= LISTED]
+        self.limit = named_from(beyond, self._seconds / 3600.0)
+        self._why |= {id(p): self._unnamed(p, z) for p, z in zip(free, sizes, strict=True)}
 
     def events(self) -> Events:
         """All of them."""
@@ -52,8 +56,6 @@ class Naming:
         possible: list[PossibleEvent] = []
         for own in together(self._rows.robot, self._search.found):
             reason = self._spoiled(own[0]) or self._why[id(own[0])]
-            if not reason and abs(own[0].z) < self.limit:
-                reason = 'weak'
             if reason:
                 possible.append(self._possible(own, reason))
             else:
@@ -86,6 +88,12 @@ class Naming:
         if self._is_stiction(p):
             return 'stiction'
         return ''
+
+    def _unnamed(self, p: Pulse, beside: float) -> str:
+        """Why a pulse of some z beside a function of the state is not named; empty where it is."""
+        if beside >= self.limit:
+            return ''
+        return 'recurs' if beside < (1.0 - RECURS) * abs(p.z) else 'weak'
 
     def _is_at_edge(self, p: Pulse) -> bool:
         """Whether a pulse begins or ends where the recording does, or pauses."""

@@ -75,6 +75,21 @@ class PulseScan:
         before = self.joints[j].sums
         return _filtered(products, self._factor(matrix - before[0], vector - before[1]))
 
+    def beside_functions(
+        self, j: int, run: int, pulse: Pulses, functions: Array
+    ) -> tuple[Array, Array]:
+        """(1 + P, 1 + P) and (1 + P,): normal equations of one pulse and (M, P) functions.
+
+        Every column of the balance is integrated out.
+        """
+        (cross, along, square), (matrix, vector) = self.joints[j].beside(run, pulse, functions)
+        before, k = self.joints[j].sums, len(self.rows.sizes)
+        lower, y, scale = self._factor(matrix[:k, :k] - before[0], vector[:k] - before[1])
+        beside = np.column_stack([cross[:k], matrix[:k, k:]])
+        u = solve_triangular(lower, scale[:, None] * beside, lower=True)
+        normal = np.block([[square[:, None], cross[k:].T], [cross[k:], matrix[k:, k:]]])
+        return normal - u.T @ u, np.concatenate([along, vector[k:]]) - u.T @ y
+
     @cached_property
     def coefficients(self) -> Array:
         """(K,) of all columns, by the rows that are kept."""
