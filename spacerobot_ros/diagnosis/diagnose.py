@@ -13,8 +13,8 @@ from ..estimation.balance.arm_rows import ArmRows
 from ..estimation.balance.balance import Balance, balance_of
 from ..estimation.balance.motor_constants import as_recorded
 from ..estimation.filters.measured_torque import TIMINGS
+from ..estimation.fit import Fit
 from ..estimation.noise_levels import noise_levels
-from ..estimation.refit import Fit
 from ..estimation.runs import Run
 from ..estimation.trajectory.observations import observed, refuse_unbalanced
 from ..identification.outliers import screened

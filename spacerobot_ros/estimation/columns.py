@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
 from ..effects.parameter import Parameter
-from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..types import Array
 from .filters.torque_process import TorqueDriven
-from .inference.constrained import pseudo_inertia
+from .possible import is_possible
 from .rows import MotionModel, Rows
 from .scaling import PROPORTIONAL, bounds_of, origin_of, value_of
 from .spectral_search import propose, searched
@@ -190,28 +188,6 @@ def candidate_at(
         if all(is_possible(candidate.applied(d), robot) for d in candidate.directions):
             return candidate
     return None
-
-
-def is_possible(applied: Effect | Sequence[Effect], robot: Robot) -> bool:
-    """Whether a robot with effects can move: a light link has no moment to lose."""
-    try:
-        changed_robot(robot, [applied] if isinstance(applied, Effect) else applied)
-    except ConfigurationError:
-        return False
-    return True
-
-
-def is_physical(effects: Sequence[Effect], robot: Robot) -> bool:
-    """Whether every body of the robot is still one beside effects, made of positive masses."""
-    try:
-        remaining = changed_robot(robot, effects).inertial_parameters
-    except ConfigurationError:
-        return False
-    was, remains = (
-        np.linalg.eigvalsh(pseudo_inertia(p))[:, 0] > 0.0
-        for p in (robot.inertial_parameters, remaining)
-    )
-    return bool(np.all(remains | ~was))
 
 
 def _candidate(

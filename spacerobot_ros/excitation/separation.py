@@ -26,7 +26,7 @@ from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
 from ..estimation.columns import Signatures, candidate_at
-from ..estimation.refit import Fit
+from ..estimation.fit import Fit
 from ..estimation.runs import Run
 from ..model.robot import Robot
 from ..types import Array

@@ -16,8 +16,9 @@ import numpy as np
 
 from ..effects.bodies.bodies import InertialParameters
 from ..effects.effect import Effect
+from ..estimation.fit import Fit
 from ..estimation.noise_levels import noise_levels
-from ..estimation.refit import Fit, refine
+from ..estimation.refit import refine
 from ..estimation.runs import Run
 from ..model.robot import Robot
 from ..recording.record import Record

@@ -35,8 +35,8 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.equivalents import EQUIVALENTS, unasked
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.estimation.unknowns.response import InverseDynamics

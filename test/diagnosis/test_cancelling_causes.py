@@ -14,9 +14,10 @@ from spacerobot_ros.diagnosis.search import conclusion
 from spacerobot_ros.diagnosis.search.found import Choice, Found
 from spacerobot_ros.diagnosis.search.soundness import Soundness, drift_p
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.inference.evidence import Score
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit, refine
+from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.recording.buffer import SampleBuffer

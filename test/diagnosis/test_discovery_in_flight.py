@@ -16,8 +16,9 @@ from spacerobot_ros.diagnosis.discovery.discover_in_flight import discover_in_fl
 from spacerobot_ros.diagnosis.discovery.flight_channels import FlightRows
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.motion import Motion
+from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit, refine
+from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.simulation.closed_loop import ClosedLoop

@@ -12,8 +12,8 @@ from spacerobot_ros.diagnosis.events.event import Events, PossibleEvent
 from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
 from spacerobot_ros.diagnosis.events.impulses import spans_of, steps_beside_usual
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
+from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 

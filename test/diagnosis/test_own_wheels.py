@@ -14,7 +14,7 @@ from spacerobot_ros.effects.bodies.bodies import NAMES
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import MessageRejectedError, RecordingError
-from spacerobot_ros.estimation.columns import is_physical
+from spacerobot_ros.estimation.possible import is_physical
 from spacerobot_ros.model.settings import MonitorSettings
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record

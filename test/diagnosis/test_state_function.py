@@ -42,7 +42,8 @@ def test_an_error_that_is_a_function_of_the_state_is_less_beside_one_and_a_push_
     phase = np.clip(time - START, 0.0, 1.0)
     efforts[:, JOINT] -= TORQUE * np.sin(np.pi * phase) ** 2
     record = replace(record, joints=replace(record.joints, effort=efforts))
-    rows = ArmRows.of([balance_of(record, file.robot, file.effects)], [CATALOGUE[k] for k in KINDS])
+    balance = balance_of(record, file.robot, file.effects)
+    rows = ArmRows.of([balance], [CATALOGUE[kind] for kind in KINDS])
     search = PulseSearch(rows)
     states = States(search, JOINT)
     found = [p for p in search.found if p.joint == JOINT]

@@ -11,8 +11,8 @@ from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simula
 from spacerobot_ros.effects.bodies.bodies import NAMES
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.equivalents import made_of
+from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 

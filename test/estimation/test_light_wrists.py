@@ -13,8 +13,8 @@ from support.mujoco_sensors import Sensors
 from support.mujoco_truth import generate
 
 from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 

@@ -8,9 +8,10 @@ import pytest
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.search.ranking import may_rival
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.estimation.columns import is_physical, is_possible
+from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit, refine
+from spacerobot_ros.estimation.possible import is_physical, is_possible
+from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.estimation.unknowns.response import Response

@@ -7,8 +7,9 @@ import pytest
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import Fit, refine
+from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.sensing.reading_gains import reading_gains

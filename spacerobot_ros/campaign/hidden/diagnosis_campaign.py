@@ -20,8 +20,8 @@ from ...diagnosis.diagnose import diagnose
 from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect
 from ...errors import SpaceRobotError
+from ...estimation.fit import Fit
 from ...estimation.noise_levels import noise_levels
-from ...estimation.refit import Fit
 from ...estimation.runs import Run
 from ...estimation.trajectory.observations import observed
 from ...model.robot import Robot

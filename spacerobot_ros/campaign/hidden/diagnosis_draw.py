@@ -16,8 +16,8 @@ import pinocchio as pin
 from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect
 from ...errors import ConfigurationError
-from ...estimation.columns import is_physical
-from ...estimation.refit import Fit
+from ...estimation.fit import Fit
+from ...estimation.possible import is_physical
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, size_of, value_of
 from ...model.robot import Robot
 

@@ -13,8 +13,9 @@ from ...effects.effect import Effect
 from ...effects.laws.grammar import FORMS
 from ...effects.laws.law_inputs import AXES, base_axes
 from ...effects.laws.learned_torque import LearnedTorque, law_at
+from ...estimation.fit import Fit
 from ...estimation.inference.evidence import Gram, chi_square_tail
-from ...estimation.refit import Fit, refine
+from ...estimation.refit import refine
 from ...estimation.scaling import PROPORTIONAL
 from ...types import Array
 from ..answer.cause import Cause

@@ -24,8 +24,8 @@ from ...effects.laws.law_inputs import AXES, input_of
 from ...effects.motion import Motion
 from ...estimation.columns import candidate_at
 from ...estimation.filters.prediction_rows import LABELS
+from ...estimation.fit import Fit
 from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
-from ...estimation.refit import Fit
 from ...estimation.unknowns.response import Response
 from ...types import Array, IntArray
 from .arm_channels import FIFTHS, is_one_speed

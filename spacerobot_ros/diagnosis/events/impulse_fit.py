@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from ...effects.surroundings.external import pulse_shape
-from ...estimation.refit import Fit
+from ...estimation.fit import Fit
 from ...estimation.rows import Rows
 from ...types import Array, IntArray
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...estimation.refit import Fit
+from ...estimation.fit import Fit
 from ...types import Array
 from .event_limits import KEPT_STEP, LISTED_STEP, STEADY
 from .impulse_fit import LONGEST, Impulse, ImpulseFit

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 from ...effects.surroundings.external import pulse_shape
-from ...estimation.refit import Fit
+from ...estimation.fit import Fit
 from ...types import Array
 from .impulse_fit import EDGE, ImpulseFit, bells
 

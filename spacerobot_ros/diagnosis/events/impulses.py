@@ -9,7 +9,8 @@ import numpy as np
 from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect
 from ...effects.surroundings.external import AngularImpulse
-from ...estimation.refit import Fit, refine
+from ...estimation.fit import Fit
+from ...estimation.refit import refine
 from ...estimation.runs import Run
 from ...types import Array
 from .event import Event, EventLimit, Events, PossibleEvent

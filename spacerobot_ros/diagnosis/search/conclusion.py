@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from ...estimation.refit import Fit
+from ...estimation.fit import Fit
 from ...estimation.rows import ChannelFit
 from ...estimation.scaling import is_relevant
 from ..answer.cause import Cause, Estimated, Evidence, Ranked, Rival

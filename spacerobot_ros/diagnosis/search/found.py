@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ...estimation.fit import Fit
 from ...estimation.inference.evidence import Score
-from ...estimation.refit import Fit, refine
+from ...estimation.refit import refine
 from ..limits import CANCELLED
 from .pool import Judged
 from .soundness import Soundness

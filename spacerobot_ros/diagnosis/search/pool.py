@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.columns import Candidate, is_physical
+from ...estimation.columns import Candidate
 from ...estimation.inference.evidence import (
     Fold,
     Gram,
@@ -18,6 +18,7 @@ from ...estimation.inference.evidence import (
     score,
     sum_of,
 )
+from ...estimation.possible import is_physical
 from ...model.robot import Robot
 from ...types import Array, IntArray
 from ..limits import OWN_SHARE

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...estimation.balance.balance import noise_in_band, rms
-from ...estimation.refit import Fit, refine
+from ...estimation.fit import Fit
+from ...estimation.refit import refine
 from ...estimation.runs import Run
 from ...estimation.trajectory.reference import NoiseLevels
 from ...recording.record import Record

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...estimation.refit import Fit
+from ...estimation.fit import Fit
 from ..limits import (
     ALIKE_SHARE,
     CLOSE_GAP,

@@ -18,9 +18,10 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...estimation.columns import Candidate, candidates
+from ...estimation.fit import Fit
 from ...estimation.inference.evidence import Gram
 from ...estimation.inference.whiteness import spectral_lines
-from ...estimation.refit import Fit, refine
+from ...estimation.refit import refine
 from ...estimation.rows import blocks
 from ...estimation.runs import Run
 from ..limits import (

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...estimation.fit import Fit
 from ...estimation.inference.evidence import Gram, Score, chi_square_tail, score
 from ...estimation.inference.placebo import held_out_gain
-from ...estimation.refit import Fit
 from ...estimation.rows import blocks
 from ...estimation.scaling import size_of
 from ...types import Array

@@ -18,8 +18,9 @@ import numpy as np
 from ...effects.effect import Effect
 from ...estimation.columns import candidates
 from ...estimation.filters.measured_torque import TIMINGS
+from ...estimation.fit import Fit
 from ...estimation.inference.evidence import Gram, score
-from ...estimation.refit import PASSES, Fit, refine
+from ...estimation.refit import PASSES, refine
 from ...estimation.runs import Run
 from ...estimation.trajectory.reference import NoiseLevels
 from ...model.robot import Robot

@@ -19,10 +19,9 @@ from .anchor import HELD, scale_columns, unanchored
 from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings, wrong_masses
 from .arm_priors import DRY, NOTHING, Machine
 from .balance import Balance, rms
-from .leftover import JointRows
+from .leftover import JointRows, with_unit_shapes
 from .row_blocks import blocks_of, moments_of
 
-_NO_SHAPE = 1e-6  # rms of what a joint without turns and rests has near them
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
 
@@ -296,7 +295,7 @@ class ArmRows:
         return JointRows(
             np.concatenate(torque),
             np.concatenate(columns),
-            _with_unit_shapes(np.concatenate(observed)),
+            with_unit_shapes(np.concatenate(observed)),
             np.concatenate(block),
             np.concatenate(gap),
         )
@@ -345,11 +344,3 @@ class ArmRows:
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])
         return out
-
-
-def _with_unit_shapes(observed: Array) -> Array:
-    """(M, 4) with what friction leaves near turns and rests of unit rms, see `JointRows`."""
-    if not len(observed):
-        return observed
-    size = np.sqrt(np.mean(observed[:, 2:] ** 2, axis=0))
-    return np.column_stack([observed[:, :2], observed[:, 2:] / np.maximum(size, _NO_SHAPE)])

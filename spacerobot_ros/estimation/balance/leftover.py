@@ -24,6 +24,7 @@ from ...types import Array, IntArray
 TIMES = np.array([0.3, 1.5, 8.0, 30.0, 30.0, 30.0, 0.1])  # s
 VARIANCES = len(TIMES) + 1
 _USUAL = 6  # of them are of what is there all along
+_NO_SHAPE = 1e-6  # rms of what a joint without turns and rests has near them
 
 
 class KalmanGains(NamedTuple):
@@ -106,6 +107,14 @@ class JointRows:
         usual, unsure = variances[:_USUAL], variances[_USUAL:]
         turning = self.observed[:, _USUAL - 4 :][:, : len(unsure)]
         return np.sqrt(np.sum(usual) + turning**2 @ unsure)
+
+
+def with_unit_shapes(observed: Array) -> Array:
+    """(M, 4) with what friction leaves near turns and rests of unit rms, see `JointRows`."""
+    if not len(observed):
+        return observed
+    size = np.sqrt(np.mean(observed[:, 2:] ** 2, axis=0))
+    return np.column_stack([observed[:, :2], observed[:, 2:] / np.maximum(size, _NO_SHAPE)])
 
 
 @inner  # type: ignore[untyped-decorator]
