@@ -1,7 +1,7 @@
 r"""Whether an error of the model that is a smooth function of the joint's state may be a pulse.
 
 Beside every column of the balance the torque of a joint may have a function of its state x
-(`states.py`), a Gaussian process that all recordings share and another of each, as bodies and
+(`states.py`), a Gaussian process that all recordings share and another of the pulse's own, as
 loads differ,
 
     k(x, x') = g^2 exp(-|x - x'|^2 / (2 l^2)),
@@ -49,10 +49,11 @@ def beside_function(search: PulseSearch, states: States, p: Pulse) -> float:
         [_some(states.states, _CENTRES), _some(states.states[states.inside(p)], _OWN)]
     )
     size = _left(search, p.joint)
-    best = max(
-        (_fitted(search, p, size * _functions(states, centres, length)) for length in _LENGTHS),
-        key=lambda found: found[0],
-    )
+    found = [
+        _fitted(search, p, size * _functions(states, p.run, centres, length))
+        for length in _LENGTHS
+    ]
+    best = max(found, key=lambda of_length: of_length[0])
     return min(abs(p.z), best[1] / search.colour(p.joint, p.end - p.start))
 
 
@@ -65,7 +66,7 @@ def _fitted(search: PulseSearch, p: Pulse, functions: Array) -> tuple[float, flo
     cross, along = vectors.T @ normal[1:, 0], vectors.T @ right[1:]
     square = _SIZES**2
     taken = square / (1.0 + square * np.maximum(eigenvalues, 0.0))
-    den = normal[0, 0] - taken @ cross**2
+    den = np.maximum(normal[0, 0] - taken @ cross**2, _JITTER * normal[0, 0])
     num = right[0] - taken @ (cross * along)
     likelihood = taken @ along**2 + num**2 / den - np.log(den)
     likelihood -= np.sum(np.log1p(square * np.maximum(eigenvalues, 0.0)), axis=1)
@@ -73,16 +74,15 @@ def _fitted(search: PulseSearch, p: Pulse, functions: Array) -> tuple[float, flo
     return float(likelihood[at]), float(abs(num[at]) / np.sqrt(den[at]))
 
 
-def _functions(states: States, centres: Array, length: float) -> Array:
+def _functions(states: States, run: int, centres: Array, length: float) -> Array:
     """(M, P) whose sum, with coefficients of unit variance, is such a process of unit size."""
     between = _kernel(centres, centres, length) + _JITTER * np.eye(len(centres))
     lower = np.linalg.cholesky(between)
     shared = solve_triangular(lower, _kernel(centres, states.states, length), lower=True).T
-    runs = np.unique(states.run)
-    if len(runs) == 1:
+    is_own = states.run == run
+    if is_own.all():
         return np.asarray(shared)
-    own = [shared * (states.run == run)[:, None] for run in runs]
-    return np.column_stack([shared, *own]) / np.sqrt(2.0)
+    return np.column_stack([shared, shared * is_own[:, None]]) / np.sqrt(2.0)
 
 
 def _kernel(x: Array, y: Array, length: float) -> Array:
@@ -98,4 +98,4 @@ def _left(search: PulseSearch, j: int) -> float:
     """Of the joint's rows that are kept, by no function (rms) [N m]."""
     own = search.scan.joints[j].kept
     left = (own.rows.torque - own.rows.columns @ search.scan.coefficients) * own.scale
-    return float(np.sqrt(np.mean(left**2)))
+    return float(np.sqrt(np.mean(left**2))) if len(left) else 0.0
