@@ -62,6 +62,12 @@ LAWS = {
         {},
         lambda a, b: 0.3 * math.sin(a - b) - 0.2 * math.cos(a - b),
     ),
+    'sin(m y), cos(m y), x sin(m y), x cos(m y)': (
+        [ANGLE, f'angle/{CARRIER}'],
+        [0.3, -0.2, 0.1, 0.4],
+        {'m': 2.0},
+        lambda a, b: (0.3 + 0.1 * a) * math.sin(2 * b) + (0.4 * a - 0.2) * math.cos(2 * b),
+    ),
 }
 
 

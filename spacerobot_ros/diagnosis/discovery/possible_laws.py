@@ -126,6 +126,8 @@ _BOTH = (
     ('rate', 'x, y', 4.0, 'viscous friction of two joints'),
     ('rate', 'sign(x), y', 4.0, 'friction of two joints'),
 )
+_PRODUCT = 'sin(m y), cos(m y), x sin(m y), x cos(m y)'
+"""A product of functions of two angles, as loads on two joints are, where x turns little."""
 _WITH_EXTRA = (  # x is the rate, y is measured beside the motion
     ('x, x y', 3.0, 'viscous friction that changes with what is measured'),
     ('sign(x), y sign(x)', 3.0, 'Coulomb friction that changes with what is measured'),
@@ -258,6 +260,10 @@ def _shared_laws(joint: str, other: str, *, adds_up: bool) -> Iterator[Law]:
         yield _law(form, (f'{what}/{other}',), price, resembles, 'coupled')
     for what, form, price, resembles in (*(_SUMS if adds_up else ()), *_BOTH):
         yield _law(form, (f'{what}/{joint}', f'{what}/{other}'), price, resembles, 'coupled')
+    angles = (f'angle/{joint}', f'angle/{other}')
+    for m in _PER_TURN[:2]:  # a load turns once or twice with a joint
+        for inputs in (angles, angles[::-1]):
+            yield _law(_PRODUCT, inputs, 4.0, 'a load on two angles', 'coupled', {'m': m})
     yield _law('x', (f'acceleration/{other}',), 3.5, 'an inertial error', 'inertial')
 
 

@@ -169,6 +169,12 @@ _FORMS = (
     Form('|y| sign(x)', lambda x, y: (np.abs(y) * direction(x),), ((0, 1),)),
     Form('y^2 sign(x)', lambda x, y: (y**2 * direction(x),), ((0, 2),)),
     Form('y |x|', lambda x, y: (y * np.abs(x),), ((1, 1),)),
+    Form(
+        'sin(m y), cos(m y), x sin(m y), x cos(m y)',
+        lambda x, y, m: tuple(a * f for a in (np.ones(len(x)), x) for f in _times(y, m)[1:]),
+        ((0, 0), (0, 0), (1, 0), (1, 0)),
+        ('m',),
+    ),
     _each(3),
     _each(9),
     *_sum_of(1.0),
