@@ -9,8 +9,8 @@ from ..display import Table, table_of
 from ..formats import number, quantity
 
 _REASONS = {
-    'weak': 'below the limit',
-    'recurs': 'comes back at the same state: friction or an error of the model',
+    'weak': 'below the limit, alone or beside a function of the state',
+    'recurs': 'goes with the state of the joint: friction or an error of the model',
     'unvisited': 'at a state that the arm is in once: an error of the model would look the same',
     'stiction': 'beside a rest: friction may have changed its side',
     'edge': 'next to an end of the recording',

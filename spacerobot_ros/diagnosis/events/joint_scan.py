@@ -76,6 +76,11 @@ class RowSet:
         own = JointRows(r.torque[kept], r.columns[kept], r.observed[kept], r.block[kept], gap)
         return RowSet(own, time, run, self.scale[kept])
 
+    def left(self, coefficients: Array) -> Array:
+        """(M,) of the torques less what columns of coefficients (K,) take [N m]."""
+        own = self.rows
+        return np.asarray((own.torque - own.columns @ coefficients) * self.scale)
+
     def within(self, run: int, start: float, end: float) -> slice:
         """The rows of a time [s] of a recording."""
         first, last = np.searchsorted(self.run, [run, run + 1])

@@ -117,9 +117,9 @@ class Naming:
         out = []
         for joint, scale in zip(self._search.scan.joints, self._rows.scale, strict=False):
             own = joint.kept
-            left = own.rows.torque - own.rows.columns @ self._search.scan.coefficients
+            left = own.left(self._search.scan.coefficients)
             total = float(np.sum(own.scale**2) * scale**2)
-            out.append(bool(np.sum((left * own.scale) ** 2) <= (1.0 - EXPLAINED) * total))
+            out.append(bool(np.sum(left**2) <= (1.0 - EXPLAINED) * total))
         return out
 
     def _is_stiction(self, p: Pulse) -> bool:

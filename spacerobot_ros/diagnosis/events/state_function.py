@@ -96,6 +96,5 @@ def _some(states: Array, count: int) -> Array:
 
 def _left(search: PulseSearch, j: int) -> float:
     """Of the joint's rows that are kept, by no function (rms) [N m]."""
-    own = search.scan.joints[j].kept
-    left = (own.rows.torque - own.rows.columns @ search.scan.coefficients) * own.scale
+    left = search.scan.joints[j].kept.left(search.scan.coefficients)
     return float(np.sqrt(np.mean(left**2))) if len(left) else 0.0

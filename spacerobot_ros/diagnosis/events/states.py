@@ -42,8 +42,7 @@ class States:
     def __init__(self, search: PulseSearch, j: int) -> None:
         rows, own = search.rows, search.scan.joints[j].whole
         self._time, self.run = own.time, own.run
-        self._left = own.rows.torque - own.rows.columns @ search.scan.coefficients
-        self._left *= own.scale
+        self._left = own.left(search.scan.coefficients)
         parts = []
         for balance in rows.balances:
             at = rows.rows_at(balance, j)
