@@ -63,7 +63,7 @@ def test_friction_of_a_motor_between_two_joints_is_found_as_such(is_coupled, mon
     if law:
         assert law['ratio'].value == 1.0
         assert law['coulomb'].value + law['viscous'].value == pytest.approx(DRY + WET, rel=0.15)
-    for friction in found.friction[:5]:
+    for friction in found.friction:
         j = int(friction.joint[-1]) - 1
         own = friction.coulomb + 0.5 * friction.viscous
         assert own == pytest.approx(COULOMB[j] + 0.5 * VISCOUS[j], rel=0.15)

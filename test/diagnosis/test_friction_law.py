@@ -60,6 +60,15 @@ def friction(balance, named, learned):
         ({'l': law('dahl(x)', [ANGLE], [-3.0], displacement=1e-4)}, 8.0, 2.0),
         ({'l': law('x', [ANGLE], [-3.0])}, 5.0, 2.0),  # a spring is none
         ({'l': law('x', [f'rate/{OTHER}'], [-3.0])}, 5.0, 2.0),  # nor is the other's
+        (
+            {
+                'l': law(
+                    'sign(x + y)', [RATE, f'rate/{OTHER}'], [-3.0], kind='coupled', react=[OTHER]
+                )
+            },
+            5.0,
+            2.0,
+        ),
     ],
 )
 def test_named_and_learned_frictions_count_together(learned, coulomb, viscous, balance):

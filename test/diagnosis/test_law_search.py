@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign.hidden.discovery_campaign import HeldArm
 from spacerobot_ros.campaign.hidden.hidden_laws import LawArm
 from spacerobot_ros.campaign.hidden.real_arm import arm_file
+from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
+from spacerobot_ros.diagnosis.discovery.chance import chance_of
 from spacerobot_ros.diagnosis.discovery.discovery_limits import UNSETTLED
 from spacerobot_ros.diagnosis.discovery.law_search import LawSearch, Winner
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
@@ -37,7 +40,7 @@ def test_noise_that_grows_with_the_rate_is_told_by_its_likelihood(colour, loud):
     rows = ArmRows.of(
         [balance_of(record, file.robot, file.effects)], [CATALOGUE['joint_viscous_friction']]
     )
-    channel = JointChannel(ArmMotions(rows, rows.balances), 2, np.array([0.1, *[1e-9] * 7]), ())
+    channel = JointChannel(ArmMotions(rows, rows.balances), 2, ())
     assert channel.likeliest([]).loud == loud
     drag = Law(FORMS['x |x|'], ('rate/joint_3',), 1.5, 'drag', 'dissipative')
     assert channel.likeliest([drag]).loud == loud
@@ -147,6 +150,57 @@ def test_offsets_of_a_light_joint_hide_no_law(rng, size):
     nothing = terms.level(np.zeros((len(terms.data), 0)))
     assert level.likelihood - nothing.likelihood > 10.0  # 23, beside noise with a line there
     assert level.coefficients[0] == pytest.approx(3.0, abs=4.0 * level.deviations[0])
+
+
+class Steady(Terms):
+    """Of as many rows as it has data, every law with a constant beside it."""
+
+    times = np.arange(COUNT)
+    part = times * 5 // COUNT
+
+    def columns(self, laws):
+        constant = cosines(np.ones(COUNT))
+        return [np.column_stack([constant, self.by_input[law.inputs[0]]]) for law in laws]
+
+
+def test_a_law_that_is_mostly_a_constant_is_none_of_a_bias(rng):
+    """Another joint's spring far from its rest: what it has beside its mean is its own."""
+    constant, swing = np.ones(COUNT), np.sin(25.0 * np.linspace(0.0, 1.0, COUNT))
+    data = swing + 0.5 * rng.standard_normal(COUNT)
+    terms = SpectralTerms.of(data, constant[:, None], np.ones(1, dtype=bool), lambda rows: rows)
+    every = {'spring': cosines(constant + 0.2 * swing)}
+    every |= {f'other {k}': x for k, x in enumerate(rng.standard_normal((8, len(terms.data))))}
+    search = LawSearch(Steady(terms, every))
+    assert [step.law.inputs for step in search.run()] == [('spring',)]
+
+
+def test_probabilities_of_laws_are_those_of_chance(rng):
+    """Of 400 data without a law: no more have a small one than it says, as one law in ten is free.
+
+    What is free costs nothing and gains nothing, so that the best score hardly ever is less.
+    """
+    laws = rng.standard_normal((60, COUNT)) / np.sqrt(COUNT)
+    rows = COUNT * 5 // 4
+
+    def largest(data: np.ndarray) -> np.ndarray:
+        scores = 0.5 * (laws @ data) ** 2 - 0.5 * np.log(COUNT) - 2.0
+        return np.maximum(np.max(scores, axis=0), -1.2)
+
+    every = rng.standard_normal((400, COUNT))
+    chances = [chance_of(float(largest(x[:, None])[0]), largest, x, rows) for x in every]
+    for limit, most in ((0.1, 0.14), (0.01, 0.02), (1e-3, 0.0075)):
+        assert np.mean(np.array(chances) <= limit) <= most
+    assert np.mean(np.array(chances) <= 0.1) > 0.02  # nor is it much larger
+
+
+def test_friction_that_drifts_is_no_law_of_it_where_noise_grows_with_the_rate():
+    """What is white all along hides a drift; where the joint is slow it is seen all the same.
+
+    Otherwise this machine without a law has one, friction that warms up.
+    """
+    machine = HeldArm(72023, '', 0.0, 'speed')
+    answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
+    assert [entry.form for entry in answer.leftover or ()] == [None] * 3
 
 
 def test_directions_of_many_groups_are_those_of_each(rng):

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.laws.learned_torque import LearnedTorque
+from ...estimation.balance.arm_priors import COUPLED
 from ...estimation.balance.balance import Balance
 from ...types import Array
 from ..answer.result import FrictionLaw
@@ -21,6 +22,7 @@ def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
 
     Least squares of the torques of all named frictions, of learned ones, and of what is applied
     beside them without a name (shapes share one torque), on [sign(q'), q'], where the joint moves;
+    that of a motor which two joints turn is of neither alone, and is named with its values;
     friction with a history as it is once the joint slides, and friction of the load as it is under
     the torques of the extended model. A Coulomb torque beside friction that goes with the load, or
     beside a law that takes a share of it, is not what
@@ -28,12 +30,10 @@ def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
     """
     laws = []
     for joint in found.robot.arm:
-        effects = [e for e in found.named if e.where == joint and e.id.endswith('_friction')]
-        effects += [e for e in found.named if e.where == joint and e.id.endswith('_curvature')]
+        effects = [e for e in found.named if _is_own(e, joint)]
         effects += [e for e in found.learned if _is_friction(e, joint)]
         if effects:
-            beside = (e for e in found.calibration if e.where == joint)
-            effects += [e for e in beside if e.id.endswith(('_friction', '_curvature'))]
+            effects += [e for e in found.calibration if _is_own(e, joint)]
             rates, torques = zip(
                 *(_friction(balance, effects, joint) for balance in found.extended),
                 strict=True,
@@ -62,9 +62,15 @@ def _rounded(coefficients: Array, design: Array) -> Array:
     return np.where(torques > _ROUNDING * np.max(torques), coefficients, 0.0)
 
 
+def _is_own(effect: Effect, joint: str) -> bool:
+    """Whether it is friction of a joint alone."""
+    is_friction = effect.id.endswith(('_friction', '_curvature'))
+    return effect.where == joint and is_friction and effect.id != COUPLED
+
+
 def _is_friction(law: Effect, joint: str) -> bool:
     """Whether a learned law is of the rate of the joint at which it acts, or of its history."""
-    if law.where != joint or not isinstance(law, LearnedTorque):
+    if law.where != joint or not isinstance(law, LearnedTorque) or law.react:
         return False
     return law.form.has_history or f'rate/{joint}' in law.inputs
 

@@ -9,9 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from ...effects.laws.law_inputs import input_of
+from ...estimation.balance.arm_levels import leftover_level
+from ...estimation.balance.arm_priors import COUPLED, DRY, friction_of
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance
-from ...estimation.balance.leftover import JointRows
+from ...estimation.balance.leftover import JointRows, KalmanGains
 from ...estimation.inference.spectral_terms import SpectralTerms, cosines
 from ...types import Array, IntArray
 from .discovery_limits import ONE_SPEED
@@ -21,7 +23,6 @@ from .time_sines import SWEEPS, time_sines
 FIFTHS = 5
 _HIGHEST = 2.0  # Hz, of sines of the time: half the band
 _SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
-COUPLED = 'joint_coupled_friction'
 REPLACEABLE = {'joint_stiffness': 1.5, 'joint_torque_ripple': 2.5, COUPLED: 3.0}
 """Causes that are a form of the grammar, so that a law may stand in their place, and their prices
 there [nats]: of both a choice among the same forms. No other friction: on a UR10e laws would take
@@ -63,6 +64,12 @@ class ArmMotions:
         duration = max(float(np.ptp(m.time)) for m in motions)
         return Extent.of(self.rows.robot.joints, q, qd, duration)
 
+    @cached_property
+    def friction(self) -> Array:
+        """(n,) Coulomb friction of the model with all that was found [N m]."""
+        effects = self.balances[0].effects
+        return np.abs([friction_of(effects, DRY, joint) for joint in self.rows.robot.joints])
+
     def inputs(self, law: Law, run: int) -> list[Array]:
         """(N,) inputs of a law along a recording."""
         motion = self.balances[run].motion
@@ -90,14 +97,13 @@ class JointChannel:
     """What is left of one joint's torque.
 
     Args:
-        motions: Of the arm. j: Number of the joint. variances: (8,) of its leftover.
+        motions: Of the arm. j: Number of the joint.
         chosen: Numbers of the causes whose size is free.
         loud: Share of what is left whose square grows with that of the rate.
     """
 
     motions: ArmMotions
     j: int
-    variances: Array
     chosen: tuple[int, ...]
     loud: float = 0.0
 
@@ -145,8 +151,12 @@ class JointChannel:
             columns = np.concatenate([nothing, *channel.columns(laws)], axis=1)
             return channel.terms.level(columns).likelihood
 
-        every = (self if s == self.loud else replace(self, loud=s) for s in _LOUD)
-        return max(every, key=likelihood)
+        return max(self._noises, key=likelihood)
+
+    @cached_property
+    def _noises(self) -> Sequence[JointChannel]:
+        """The same with noise that grows with the rate more or less."""
+        return [self if s == self.loud else replace(self, loud=s) for s in _LOUD]
 
     @cached_property
     def terms(self) -> SpectralTerms:
@@ -186,9 +196,21 @@ class JointChannel:
 
     def whitened(self, values: Array) -> Array:
         """(R, c) values whitened by the level as it was found before any law."""
-        own = self.rows
-        rows = JointRows(np.zeros(len(values)), values, own.observed, own.block, own.gap)
-        return np.asarray(rows.whitened(self.variances)[1] / self._loudness[:, None])
+        gains = self._gains
+        scale = np.exp(0.5 * np.mean(np.log(gains.every)))  # so that likelihoods can be compared
+        return np.asarray(scale * gains.whitened(values / self._loudness[:, None]))
+
+    @cached_property
+    def _gains(self) -> KalmanGains:
+        """Of rows by their loudness, each of which has a level of its own.
+
+        A drift of friction that is seen where the joint is slow, and the noise small, is none
+        beside noise that is thought to be the same all along.
+        """
+        rows, own = self.motions.rows, self.rows.over(self._loudness)
+        deviations, friction = rows.deviations(self.chosen), self.motions.friction
+        variances = leftover_level(rows, self.j, deviations, friction, own)
+        return KalmanGains.of(own.observed, own.gap, variances)
 
     @cached_property
     def _loudness(self) -> Array:

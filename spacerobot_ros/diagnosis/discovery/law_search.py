@@ -114,7 +114,9 @@ class LawSearch:
         nothing = np.zeros((len(self.terms.data), 0))
         self.columns = np.concatenate([nothing, *own], axis=1)
         self.ways = np.zeros_like(self.columns)
-        for at, ways in zip(self.groups, ways_of_each(own), strict=True):
+        # an offset is free: a spring's share of it tells nothing of how much of a law is left
+        ways_of_own = ways_of_each([self.terms.beside_offset(columns) for columns in own])
+        for at, ways in zip(self.groups, ways_of_own, strict=True):
             self.ways[:, at[: ways.shape[1]]] = ways
 
     def run(self) -> list[Winner]:
@@ -148,7 +150,7 @@ class LawSearch:
         is_law = self.laws[g].kind not in NO_LAWS
         if is_law and self._belongs_to_causes(margin, judge, beside, here):
             return None
-        p_value = self._chance(g, beside, level, judge.usable)
+        p_value = self._chance(g, margin, beside, level, judge.usable)
         if p_value > CHANCE:
             return None
         close = [(k, m) for m, k, _ in refitted[1:] if margin - m < DEAD_HEAT]
@@ -178,12 +180,14 @@ class LawSearch:
         near = [g for g in near if not known[g]]
         return any(m > margin for m, _, _ in self._refitted(near, beside, here))
 
-    def _chance(self, g: int, beside: Array, level: Level, usable: BoolArray) -> float:
-        """Under the level that the law leaves, among the laws that were asked."""
+    def _chance(
+        self, g: int, margin: float, beside: Array, level: Level, usable: BoolArray
+    ) -> float:
+        """Of its margin, among the laws that were asked."""
         both = np.concatenate([beside, self.columns[:, self.groups[g]]], axis=1)
         judge = _Judge(self, level.scale, beside, usable)
         return chance_of(
-            float(judge.scores(judge.data[:, None])[g, 0]),
+            margin,
             judge.largest,
             _without(judge.white(both), judge.white(self.terms.data)),
             len(self.channel.times),

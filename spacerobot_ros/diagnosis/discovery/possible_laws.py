@@ -111,7 +111,6 @@ _OTHER = (  # of another joint alone
     ('rate', 'x', 2.5, 'friction of another joint'),
     ('rate', 'sign(x)', 2.5, 'friction of another joint'),
     ('rate', 'sign(x), x', 3.0, 'friction of another joint'),
-    ('angle', 'x', 2.5, 'a spring to another joint'),
 )
 _SUMS = (  # x is the joint's own
     ('rate', 'sign(x + y)', 3.0, 'friction of a coupled wrist'),
@@ -157,7 +156,7 @@ def joint_laws(
     out = list(_own_laws(joint, at))
     for other, unit in joints.items():
         if other != joint:
-            out += _shared_laws(joint, other, adds_up=unit == joints[joint])
+            out += _shared_laws(joint, other, at, adds_up=unit == joints[joint])
     for extra in extras:
         name = f'extra/{extra}'
         out += [_law(form, (f'rate/{joint}', name), p, r) for form, p, r in _WITH_EXTRA]
@@ -255,7 +254,10 @@ def _angle_laws(q: str, low: float, high: float) -> Iterator[Law]:
         yield _law('dahl(x)', (q,), 3.0, 'dry friction with a history', options=options)
 
 
-def _shared_laws(joint: str, other: str, *, adds_up: bool) -> Iterator[Law]:
+def _shared_laws(joint: str, other: str, at: Extent, *, adds_up: bool) -> Iterator[Law]:
+    spring, q = '1, u of u = x - centre', f'angle/{other}'  # it rests anywhere
+    centre = {'centre': 0.5 * (at.low[other] + at.high[other])}
+    yield _law(spring, (q,), 2.5, 'a spring to another joint', 'coupled', centre)
     for what, form, price, resembles in _OTHER:
         yield _law(form, (f'{what}/{other}',), price, resembles, 'coupled')
     for what, form, price, resembles in (*(_SUMS if adds_up else ()), *_BOTH):

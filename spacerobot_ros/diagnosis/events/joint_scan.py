@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,9 +63,8 @@ class RowSet:
     @classmethod
     def of(cls, rows: ArmRows, j: int, scale: Array) -> RowSet:
         """All rows of a joint, `scale` in the place of the level's shapes near turns."""
-        r, by = rows.joints[j], scale[:, None]
-        usual = r.observed[:, :2] / by
-        own = JointRows(r.torque / scale, r.columns / by, usual, r.block, r.gap)
+        r = rows.joints[j].over(scale)
+        own = replace(r, observed=r.observed[:, :2])
         return cls(own, rows.joint_times(j), rows.recording[r.block], scale)
 
     def part(self, kept: BoolArray) -> RowSet:

@@ -39,11 +39,13 @@ _POSES = 20  # of a recording, for the largest inertia
 DRY = 'joint_coulomb_friction'
 VISCOUS = 'joint_viscous_friction'
 OF_LOAD = 'joint_load_friction'
+COUPLED = 'joint_coupled_friction'
+"""Of the motor that two joints turn."""
 SHAPES = (
     'joint_stribeck_friction',
     'joint_friction_curvature',
     'joint_presliding_friction',
-    'joint_coupled_friction',
+    COUPLED,
 )
 """Laws of friction that are finer than a straight one."""
 FRICTION = (DRY, VISCOUS, *SHAPES)

@@ -102,6 +102,11 @@ class JointRows:
         both = gains.whitened(np.column_stack([self.torque, self.columns]))
         return both[:, 0], both[:, 1:], float(np.sum(np.log(gains.every)))
 
+    def over(self, sizes: Array) -> JointRows:
+        """Rows by the sizes (M,) of their noise: what drifts keeps its own."""
+        torque, by = self.torque / sizes, sizes[:, None]
+        return JointRows(torque, self.columns / by, self.observed / by, self.block, self.gap)
+
     def rms(self, variances: Array) -> Array:
         """(M,) of the leftover of every row, more where friction is unsure [N m]."""
         usual, unsure = variances[:_USUAL], variances[_USUAL:]

@@ -12,7 +12,7 @@ too, of a torque as large as the data: what tolerances or another column say alr
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,7 @@ bins of 5 a sine of the time passes for a line of noise."""
 _PASSES = 5
 _LEAST = 1e-6  # of the data's rms: no level is below
 _KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
-_COLLINEAR = 1e-3  # eigenvalue of normed columns: below, two are one
+_COLLINEAR = 1e-3  # of the square of normed columns: below, two are one
 _FREE = 10.0  # times what is left: an offset's prior deviation
 _WIDEST = 1e3  # times the data: a prior deviation beyond which nothing is tied any less
 
@@ -68,12 +68,14 @@ class SpectralTerms:
         is_free: (r,) whether it may be of any size; the others have a tolerance, beyond which
             they are not, so that a law like them shows all the same.
         ends: Of all channels but the last, each of which has a level of its own.
+        offset: (M,) of unit length, of a constant that is free; empty: none is.
     """
 
     data: Array
     nuisance: Array
     is_free: BoolArray
     ends: tuple[int, ...] = ()
+    offset: Array = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(
@@ -92,7 +94,16 @@ class SpectralTerms:
         widest = _WIDEST * float(np.linalg.norm(data))
         some, others = (_alike(nuisance[:, kind], widest) for kind in (free, ~free))
         both = np.concatenate([some, others], axis=1)
-        return cls(data, both, np.arange(both.shape[1]) < some.shape[1])
+        is_free, constant = np.arange(both.shape[1]) < some.shape[1], terms[:, 1]
+        return cls(data, both, is_free, offset=constant / np.linalg.norm(constant))
+
+    def beside_offset(self, columns: Array) -> Array:
+        """(M, k) columns less what is constant of them; none of what is nothing else."""
+        if not len(self.offset):
+            return columns
+        left = columns - np.outer(self.offset, self.offset @ columns)
+        is_more = np.sum(left**2, axis=0) > _COLLINEAR * np.sum(columns**2, axis=0)
+        return np.asarray(left * is_more)
 
     @cached_property
     def size(self) -> float:
