@@ -4,10 +4,10 @@ Data without meaning are what the law itself leaves, with random signs: of its w
 terms, which keeps the spectrum, lines included; and of blocks in time, which keeps noise that
 grows where the motion is fast. The more careful of the two counts.
 
-A score is a logarithm of odds. Beyond what chance shows it falls off at least as fast as odds do,
-P(log odds > s) <= exp(-s), whatever it is of: the rarest twentieth of the repetitions says from
-where. Most laws are nearly what tolerances allow, which neither gain nor cost anything, so that
-the usual best score hardly varies from one repetition to the next and says nothing of its tail.
+A score is a logarithm of odds, and chance exceeds it exponentially: by s nats more with exp(-s) at
+most, as odds do, or steeper as the rarest tenth of the repetitions says. Most laws are nearly what
+tolerances allow, which neither gain nor cost anything, so that the usual best score hardly varies
+from one repetition to the next and says nothing of its tail.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ import numpy as np
 from ...estimation.inference.spectral_terms import cosines, rows_of
 from ...types import Array
 
-FLIPS = 200
+FLIPS = 500
 _BLOCKS = 40
 _SEED = 13
-_RARE = 0.05
+_RARE = 0.1
 
 Statistic = Callable[[Array], Array]
 """(F,) largest score over all laws of (M, F) whitened residuals."""
@@ -53,8 +53,10 @@ def chance_of(
 
 
 def _tail(score: float, draws: Array) -> float:
-    """Probability of a score beyond those that came, from where a twentieth of them lies."""
+    """Probability of a score, from where the rarest draws begin and how they fall off."""
     start = float(np.quantile(draws, 1.0 - _RARE))
     if score < start:
         return float(np.mean(draws >= score))
-    return _RARE * math.exp(start - score)
+    beyond = draws[draws > start] - start
+    fall = min(float(np.mean(beyond)), 1.0) if len(beyond) else 1.0
+    return _RARE * math.exp((start - score) / max(fall, 1e-3))

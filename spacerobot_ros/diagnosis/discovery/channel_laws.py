@@ -17,6 +17,7 @@ from ..answer.result import LawRival, Leftover
 from .discovery_limits import (
     AGREEING,
     BEYOND_PLACEBO,
+    CHANCE,
     DEAD_HEAT,
     HELD_OUT,
     NEEDS_OTHER,
@@ -57,9 +58,11 @@ def _unit(channel: str, robot: Robot) -> str:
     return robot.unit_of(unit, place) if place in robot.joints else unit
 
 
-def laws_of(channel: SearchedChannel) -> tuple[list[HeldLaw], list[Winner]]:
+def laws_of(
+    channel: SearchedChannel, chance: float = CHANCE
+) -> tuple[list[HeldLaw], list[Winner]]:
     """Laws that hold; and what else won: sines of the time, inertial errors, what does not."""
-    search = LawSearch(channel)
+    search = LawSearch(channel, chance)
     steps = search.run()
     if channel.place:  # in flight laws have places of their own
         steps = settled(search, steps)

@@ -18,7 +18,7 @@ from ..arms.arm_found import WORSE, ArmFound
 from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
 from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
-from .discovery_limits import FED_IN, MARGIN
+from .discovery_limits import CHANCE, FED_IN, MARGIN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 from .law_search import Winner, worth
 
@@ -42,7 +42,7 @@ def discover(
     moving = [j for j in np.flatnonzero(driven).tolist() if len(rows.joints[j].torque)]
     for count, j in enumerate(moving):
         report('asking what the leftover depends on', 0.85 + 0.05 * count / len(moving))
-        channel, laws, rest, instead = _asked(found, motions, j)
+        channel, laws, rest, instead = _asked(found, motions, j, CHANCE / len(moving))
         accepted += laws
         replaced[channel.place] = instead
         if not laws:
@@ -62,7 +62,7 @@ def discover(
 
 
 def _asked(
-    found: ArmFound, motions: ArmMotions, j: int
+    found: ArmFound, motions: ArmMotions, j: int, chance: float
 ) -> tuple[JointChannel, list[HeldLaw], list[Winner], tuple[int, ...]]:
     """Laws of a joint, what else won there, and the causes in whose place these laws stand.
 
@@ -72,11 +72,11 @@ def _asked(
     all prices, they are none. A spring alone stays: next to any law is better in some noise.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
-    channel, held, rest = _heard(JointChannel(motions, j, chosen))
+    channel, held, rest = _heard(JointChannel(motions, j, chosen), chance)
     instead = tuple(i for i in chosen if _is_replaceable(found, i, j))
     if any(candidates[i].kind.id in (_PARTLY, COUPLED) for i in instead):
         kept = tuple(i for i in chosen if i not in instead)
-        other, laws, left = _heard(JointChannel(motions, j, kept))
+        other, laws, left = _heard(JointChannel(motions, j, kept), chance)
         own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
         beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
         if 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN:
@@ -97,18 +97,20 @@ def _is_replaceable(found: ArmFound, i: int, j: int) -> bool:
     return i in found.clear and is_here and kind in REPLACEABLE
 
 
-def _heard(channel: JointChannel) -> tuple[JointChannel, list[HeldLaw], list[Winner]]:
+def _heard(
+    channel: JointChannel, chance: float
+) -> tuple[JointChannel, list[HeldLaw], list[Winner]]:
     """A channel under the noise that is likeliest beside its laws, these, and what else won.
 
     A law leaves more where it is larger, as noise that grows with the rate does: what it leaves
     is asked again beside it.
     """
     first = channel.likeliest(())
-    held, rest = laws_of(first)
+    held, rest = laws_of(first, chance)
     again = channel.likeliest([it.law for it in held])
     if again is first:
         return first, held, rest
-    return (again, *laws_of(again))
+    return (again, *laws_of(again, chance))
 
 
 def _laws(held: Sequence[HeldLaw]) -> list[Winner]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-CHANCE = 1e-3
-"""Probability below which a law is no chance: of six joints that move, one machine of 170."""
+CHANCE = 0.01
+"""Probability below which a law is no chance, of one search or of those of all joints together:
+one machine of 100 may have one that is (asked)."""
 
 MARGIN = 3.0
 """Nats beyond all prices that a law must gain: odds of 20, where `strong` begins (Kass and Raftery

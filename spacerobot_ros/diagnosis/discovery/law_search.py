@@ -101,10 +101,11 @@ class LawSearch:
 
     Args:
         channel: The channel.
+        chance: Probability below which a law is none.
     """
 
-    def __init__(self, channel: SearchedChannel) -> None:
-        self.channel, self.terms = channel, channel.terms
+    def __init__(self, channel: SearchedChannel, chance: float = CHANCE) -> None:
+        self.channel, self.terms, self.chance = channel, channel.terms, chance
         every = zip(channel.laws, channel.columns(channel.laws), strict=True)
         pairs = [(law, columns) for law, columns in every if np.any(columns)]
         self.laws = [law for law, _ in pairs]
@@ -151,7 +152,7 @@ class LawSearch:
         if is_law and self._belongs_to_causes(margin, judge, beside, here):
             return None
         p_value = self._chance(g, margin, beside, level, judge.usable)
-        if p_value > CHANCE:
+        if p_value > self.chance:
             return None
         close = [(k, m) for m, k, _ in refitted[1:] if margin - m < DEAD_HEAT]
         rivals = tuple((self.laws[k], margin - m) for k, m in close)
