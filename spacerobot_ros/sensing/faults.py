@@ -52,13 +52,12 @@ class SensorFaults:
             channel: One of `effects.effect.CHANNELS`.
             value: (N, n) or (N, 3) truth.
             motion: The N states.
-            hidden: Own states of all effects at a single state (`Plant.hidden`); None: at rest.
+            hidden: Own states of all effects at a single state (`Plant.hidden`); None: those that
+                the motion drives.
         """
         for effect, own in self._effects:
-            rest = np.zeros((len(motion), effect.hidden))
-            value = effect.sense(
-                channel, value, motion, rest if hidden is None else hidden[None, own]
-            )
+            states = None if hidden is None else hidden[None, own]
+            value = effect.sense(channel, value, motion, states)
         return value
 
     def motion(self, time: float, state: State, effort: Array) -> Motion:

@@ -16,6 +16,8 @@ from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.effects.joint import STICTION_RATE
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+from spacerobot_ros.sensing.faults import corrected_record
 
 JOINT = 'j_link_2'
 PERIODS = 150
@@ -207,7 +209,27 @@ def test_wind_up_of_a_stiff_gear_is_torque_over_stiffness(robot):
     expected = 1e-4 * np.sin(2.0 * (time - 3e-3))
     np.testing.assert_allclose(hidden[inside, 0], expected[inside], rtol=0, atol=1e-8)
     slope = 2e-4 * np.cos(2.0 * (time - 3e-3))
-    np.testing.assert_allclose(hidden[inside, 1], slope[inside], rtol=0, atol=1e-7)  # of 11 points
+    np.testing.assert_allclose(hidden[inside, 1], slope[inside], rtol=0, atol=1e-8)
+
+
+def test_an_encoder_on_the_motor_is_undone_in_a_record(robot):
+    """By the closed form of a wind-up without damping, (tau - J q'') / k, up to both ends."""
+    time, w, k, inertia = np.arange(401) / 100.0, 8.0, 6e4, 0.25
+    q, qd, qdd = np.sin(w * time), w * np.cos(w * time), -w * w * np.sin(w * time)
+    torque, torque_rate = 50.0 * np.cos(3.0 * time), -150.0 * np.sin(3.0 * time)
+    wound = (torque - inertia * qdd) / k
+    rate = (torque_rate + inertia * w * w * qd) / k
+    column = robot.joints.index(JOINT)
+    values = [np.zeros((len(time), robot.n_joints)) for _ in range(3)]
+    for array, own in zip(values, (q + wound, qd + rate, torque), strict=True):
+        array[:, column] = own
+    record = Record(JointSeries(tuple(robot.joints), to_stamps(time), *values))
+    gear = {'stiffness': k, 'rotor_inertia': inertia, 'motor_side': 1.0}
+    bound = bind_effect('gear', 'joint_flexibility', JOINT, gear, robot)
+    right = corrected_record(record, robot, [bound])
+    assert np.ptp(wound) > 2e-3
+    np.testing.assert_allclose(right.q[:, column], q, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(right.qd[:, column], qd, rtol=0, atol=2e-4)  # of 2e-2
 
 
 def test_infinitely_stiff_gear_is_a_motor_inertia(robot, rng):

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from ...model.robot import Robot
 from ...types import Array
@@ -145,10 +146,13 @@ class Backlash(JointEffect):
 
 
 def _slope(values: Array, time: Array) -> Array:
-    """(N,) time derivative over `_REACH` samples on each side; zero of a single one."""
-    count = len(values)
-    if count < 2:
-        return np.zeros(count)
-    place = np.arange(count)
-    before, after = np.maximum(place - _REACH, 0), np.minimum(place + _REACH, count - 1)
-    return np.asarray((values[after] - values[before]) / (time[after] - time[before]))
+    """(N,) time derivative of cubics through `_REACH` samples on each side (Savitzky and Golay).
+
+    A difference over the same samples would lose (omega 0.05 s)^2 / 6 of a motion at 100 Hz, 3 %
+    at 8 rad/s, and at both ends belongs to another time. Zero of a single sample.
+    """
+    window = 2 * _REACH + 1
+    if len(values) < window:
+        return np.gradient(values, time) if len(values) > 1 else np.zeros(len(values))
+    rise, run = (savgol_filter(x, window, 3, deriv=1) for x in (values, time))
+    return np.asarray(rise / run)
