@@ -10,6 +10,8 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.task import Future
 
+STOP = 1.0  # s that the end of a node waits for what is under way
+
 
 class Beside:
     """Runs a piece of work on a thread, and hands its result to a callback of the node.

@@ -1,19 +1,26 @@
-"""Bags around events: the newest messages are kept, and written when something happens."""
+"""Bags around events: the newest messages are kept, and written when something happens.
+
+They are written beside the callbacks: nobody waits for the disk.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import Any
+from queue import SimpleQueue
+from typing import Any, TypeAlias
 
 from rclpy.node import Node
 
 from ..errors import RecordingError
 from ..recording.bags.bag_writer import BagWriter
 from ..ros.session import Recorder
+from .beside import STOP, Beside
 
+_Message: TypeAlias = tuple[str, str, int, bytes]  # topic, type, stamp [ns], serialised
+_Coming: TypeAlias = 'SimpleQueue[_Message | None]'
 _LATENESS_NS = 10_000_000_000  # by which an event may be noticed after it happened
 
 
@@ -42,68 +49,72 @@ class EventRecorder:
         self._node, self._folder, self._urdf = node, folder, urdf
         self._newest = newest
         self._before_ns, self._after_ns = (round(seconds * 1e9) for seconds in span)
-        self._kept: deque[tuple[str, str, int, bytes]] = deque()
+        self._kept: deque[_Message] = deque()
         self._newest_ns = 0
-        self._bag: BagWriter | None = None
-        self._stack = ExitStack()
+        self._beside = Beside(node, is_threaded=True)
+        self._coming: _Coming | None = None
         self._until_ns = 0
         self._recorder = Recorder(node, topics, self._take)
 
     def trigger(self, stamp_ns: int) -> None:
         """Record around an event; one that falls into another's recording is part of it."""
-        if self._bag is not None:
+        if self._coming is not None:
             return
-        path = self._free_path(stamp_ns)
-        try:
-            self._bag = self._stack.enter_context(BagWriter(path))
-            self._until_ns = stamp_ns + self._after_ns
-            first_ns = max(0, stamp_ns - self._before_ns)  # a bag knows no time before zero
-            if self._urdf:
-                self._bag.text('/robot_description', first_ns, self._urdf)
-            for topic, kind, stamp, cdr in self._kept:
-                if stamp >= first_ns:
-                    self._bag.message(topic, kind, stamp, cdr)
-        except RecordingError as error:
-            self._give_up(error)
+        if self._beside.is_busy:
+            self._node.get_logger().error('not recorded: the disk is busy with the bag before')
             return
-        self._node.get_logger().info(f'recording {path}')
+        self._until_ns = stamp_ns + self._after_ns
+        first_ns = max(0, stamp_ns - self._before_ns)  # a bag knows no time before zero
+        kept = [message for message in self._kept if message[2] >= first_ns]
+        self._coming = SimpleQueue()
+        write = partial(self._write, stamp_ns, first_ns, kept, self._coming)
+        self._beside.start(write, lambda _: None)
 
     def close(self) -> None:
-        """Finish the bag that is being written."""
-        try:
-            self._stack.close()
-        except RecordingError as error:
-            self._node.get_logger().error(str(error))
-        self._bag = None
+        """Finish the bag that is being written; the disk is waited for a while."""
+        self._end()
+        self._beside.end(STOP)
 
     def reset(self) -> None:
         """Finish the bag and forget the messages, as when the time goes back."""
-        self.close()
+        self._end()
         self._kept.clear()
         self._newest_ns = 0
+
+    def _end(self) -> None:
+        if self._coming is not None:
+            self._coming.put(None)
+            self._coming = None
 
     def _take(self, topic: str, kind: str, stamp_ns: int, cdr: bytes) -> None:
         believed = self._newest()
         if believed is None or abs(stamp_ns - believed) > _LATENESS_NS:
             return
         self._newest_ns = max(self._newest_ns, stamp_ns)
-        self._kept.append((topic, kind, stamp_ns, cdr))
+        message = topic, kind, stamp_ns, cdr
+        self._kept.append(message)
         while self._kept[0][2] < self._newest_ns - self._before_ns - _LATENESS_NS:
             self._kept.popleft()
-        if self._bag is None:
-            return
         if self._newest_ns > self._until_ns:
-            self.close()
-            return
-        try:
-            self._bag.message(topic, kind, stamp_ns, cdr)
-        except RecordingError as error:
-            self._give_up(error)
+            self._end()
+        elif self._coming is not None:
+            self._coming.put(message)
 
-    def _give_up(self, error: RecordingError) -> None:
-        self._node.get_logger().error(f'not recorded: {error}')
-        self._stack.pop_all()
-        self._bag = None
+    def _write(self, stamp_ns: int, first_ns: int, kept: list[_Message], coming: _Coming) -> None:
+        """Write what was kept and what comes, until None does; on a thread of its own."""
+        path = self._free_path(stamp_ns)
+        try:
+            with BagWriter(path) as bag:
+                if self._urdf:
+                    bag.text('/robot_description', first_ns, self._urdf)
+                for message in kept:
+                    bag.message(*message)
+                bag.flush()  # what led to the event: a kill may be its next part
+                self._node.get_logger().info(f'recording {path}')
+                for message in iter(coming.get, None):
+                    bag.message(*message)
+        except RecordingError as error:
+            self._node.get_logger().error(f'not recorded: {error}')
 
     def _free_path(self, stamp_ns: int) -> Path:
         """Where neither a bag is nor what a kill left of one."""

@@ -27,8 +27,8 @@ from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import give_way
 from ..sensing.faults import SensorFaults
-from .beside import Beside
-from .kept_file import STOP, KeptFile
+from .beside import STOP, Beside
+from .kept_file import KeptFile
 from .sensor_node import SensorNode, outliers
 
 DISORDER_NS = 50_000_000  # by which messages of one sensor overtake each other

@@ -13,9 +13,7 @@ from typing import Any
 
 from ..errors import SpaceRobotError
 from .base import RobotNode
-from .beside import Beside
-
-STOP = 1.0  # s that the end of the node waits for the disk
+from .beside import STOP, Beside
 
 
 class KeptFile:
@@ -44,16 +42,18 @@ class KeptFile:
         self._beside = Beside(node, is_threaded=not node.settings.simulator.lockstep)
         self._newest: tuple[Any, int] = (None, 0)
         self._saved: Any = None
+        self._has_looked = False  # at what there is to go on with
         node.offer_later('~/save', self._on_save)
         node.offer_later('~/load', self._on_load)
-        if path and any(Path(path).parent.glob(f'{Path(path).name}*')):
-            node.get_logger().info(self._go_on(self._get())[1])
+        self._first = node.create_timer(0.0, self._at_start, clock=node.steady)
+        if not self._beside.is_threaded:
+            self._at_start()
 
     def keep(self) -> None:
         """Begin to save what is new, unless the disk is busy with what was before."""
         known, since_ns = self._dated()
         is_news = known is not None and known is not self._saved
-        if self._path and is_news and not self._beside.is_busy:
+        if self._path and is_news and self._has_looked and not self._beside.is_busy:
             self._beside.start(partial(self._put, known, since_ns), lambda _: None)
 
     def close(self) -> None:
@@ -100,6 +100,23 @@ class KeptFile:
         except SpaceRobotError as error:
             return None, f'not loaded: {error}'
         return found, f'goes on with what {self._path} knows'
+
+    def _at_start(self) -> None:
+        """Go on with the file that is there, once callbacks run, which do not wait for it."""
+        self._first.cancel()
+        self._has_looked = True
+        self._beside.start(self._look, self._begin)
+
+    def _look(self) -> tuple[Any, str]:
+        """As `_get`, without a word where there is no file yet."""
+        path = Path(self._path)
+        is_there = self._path and any(path.parent.glob(f'{path.name}*'))
+        return self._get() if is_there else (None, '')
+
+    def _begin(self, outcome: tuple[Any, str]) -> None:
+        _, why = self._go_on(outcome)
+        if why:
+            self._node.get_logger().info(why)
 
     def _go_on(self, outcome: tuple[Any, str]) -> tuple[bool, str]:
         found, why = outcome

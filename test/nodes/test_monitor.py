@@ -1,6 +1,8 @@
 """Monitor node: silent in flight, raises, records, bad messages, resets."""
 
 import dataclasses
+import threading
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -10,8 +12,10 @@ from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 
 from spacerobot_ros.campaign.hidden.monitor_flights import Flight, in_flight
+from spacerobot_ros.errors import SpaceRobotError
 from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.recording.bags.bag import read_bag
+from spacerobot_ros.recording.bags.bag_writer import BagWriter
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.diagnostics import OK, STALE
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES, STATE
@@ -106,6 +110,7 @@ def test_raises_at_once_and_records_around_it(rig, parameters, nominal, tmp_path
         for status in message.status
     )
     raised = bench.node.monitor.state.raised_ns
+    rig.until(lambda: any((tmp_path / 'events').glob('alarm_*')))
     (folder,) = (tmp_path / 'events').iterdir()
     record = read_bag(folder, bench.node.monitor.robot)
     start, end = record.span_ns
@@ -156,6 +161,58 @@ def test_stopped_just_after_an_alarm_it_leaves_the_bag(rig, parameters, nominal,
     start, end = read_bag(folder, bench.node.monitor.robot).span_ns
     assert start <= 100 * MS
     assert end >= raised
+
+
+@pytest.fixture
+def stuck(monkeypatch):
+    """Return an event that a disk waits for, which no callback may touch before."""
+    go_on, start = threading.Event(), BagWriter.__enter__
+
+    def wait(bag):
+        if not go_on.is_set():
+            assert threading.current_thread() is not threading.main_thread()  # of callbacks
+            assert go_on.wait(60.0)
+        return start(bag)
+
+    monkeypatch.setattr(BagWriter, '__enter__', wait)
+    yield go_on
+    go_on.set()
+
+
+def test_a_slow_disk_delays_nothing_but_the_bag(rig, parameters, nominal, stuck, tmp_path):
+    change = in_flight('gyro_bias', 2e-4, Flight()).changed
+    events = tmp_path / 'events'
+    bench = Bench(rig, parameters, **{'monitor.record_folder': str(events)})
+    bench.play([change(s) if s.stamp_ns >= 6000 * MS else s for s in nominal])
+    judged = bench.node.monitor.state.judged_ns
+    assert bench.node.monitor.state.raised_ns < judged
+    assert judged > nominal[-1].stamp_ns - 2000 * MS
+    future = bench.probe.create_client(Trigger, '/monitor/reset').call_async(Trigger.Request())
+    rig.until(future.done)
+    assert not events.exists()
+    stuck.set()
+    rig.until(lambda: any(events.glob('alarm_*')))
+    (folder,) = events.glob('alarm_*')
+    start, end = read_bag(folder, bench.node.monitor.robot).span_ns
+    assert start <= 100 * MS
+    assert end == nominal[-1].stamp_ns  # what came while the disk stood, up to the reset
+
+
+def test_killed_just_after_an_alarm_it_leaves_what_led_to_it(rig, parameters, nominal, tmp_path):
+    change = in_flight('gyro_bias', 2e-4, Flight()).changed
+    events = tmp_path / 'events'
+    bench = Bench(rig, parameters, **{'monitor.record_folder': str(events)})
+    bench.play([change(s) if s.stamp_ns >= 6000 * MS else s for s in nominal[:820]])
+    raised = bench.node.monitor.state.raised_ns
+
+    def left():
+        """The last stamp that a kill now would leave on the disk [ns]."""
+        for path in events.glob('.alarm_*.partial/recording/*.mcap'):
+            with suppress(SpaceRobotError):  # not even its first second yet
+                return read_bag(path, bench.node.monitor.robot).span_ns[1]
+        return 0
+
+    rig.until(lambda: left() >= raised)
 
 
 def test_without_a_folder_nothing_is_recorded(rig, parameters):

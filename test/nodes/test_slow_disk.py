@@ -10,7 +10,7 @@ from spacerobot_msgs.msg import Estimate as EstimateMessage
 from std_srvs.srv import Trigger
 from support.bench import Bench
 from support.free_flying import ROBOT_FILE, free_flying_parameters
-from support.rig import file_parameters
+from support.rig import Rig, file_parameters
 
 from spacerobot_ros.identification.maximum_likelihood import Known
 from spacerobot_ros.identification.online import OnlineIdentifier
@@ -97,6 +97,25 @@ def test_who_asks_for_a_file_is_told_when_it_is_there_and_nobody_else_waits(benc
     assert other.result().success
     assert other.result().message == f'goes on with what {bench.path} knows'
     assert bench.node.estimate.valid
+
+
+def test_a_node_that_starts_goes_on_while_it_reads_what_it_knows(servicer, bench, disk):
+    assert bench.call('/identifier/save').success
+    kept = bench.path.read_bytes()
+    more = {'simulator.lockstep': False, 'identifier.save_file': str(bench.path)}
+    other = Rig()
+    try:
+        again = Bench(other, servicer, **more)
+        disk.is_slow = True  # its robot file was read without a callback that could wait
+        other.until(lambda: disk.begun.acquire(blocking=False))
+        again.all(0, 3000)
+        assert again.call('/identifier/reset').success
+        assert bench.path.read_bytes() == kept  # nothing newer takes its place unread
+        assert not again.node.estimate.valid
+        disk.go_on.set()
+        other.until(lambda: again.node.estimate.valid)
+    finally:
+        other.close()
 
 
 def test_a_full_disk_is_said_and_leaves_what_was_saved(bench, disk):

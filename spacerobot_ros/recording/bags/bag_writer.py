@@ -166,6 +166,20 @@ class BagWriter:
             raise RecordingError(topic, str(error)) from error
         self._write(topic, msgtype, stamp_ns, clean, latched)
 
+    def flush(self) -> None:
+        """Put what came so far where a kill leaves it; what is late after that is out of order.
+
+        Raises:
+            RecordingError: it can not be written.
+        """
+        try:
+            while self._queue:
+                self._write_oldest()
+            if self._writer.storage.chunk.msgs:
+                self._writer.storage.close_chunk()
+        except OSError as error:
+            raise self._unwritten(error) from error
+
     def _write(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool) -> None:
         heapq.heappush(self._queue, (stamp_ns, topic, self._count, msgtype, cdr, latched))
         self._count += 1
