@@ -53,7 +53,7 @@ def quick_motion(law, seed, is_wrong):
 )
 def test_quick_references_within_the_limits_are_followed_within_them(law, seed, is_wrong):
     loops, rates = zip(*quick_motion(law, seed, is_wrong), strict=True)
-    # beliefs wrong by a quarter let a joint pass its limit a little
+    # torques held for 50 ms, or beliefs wrong by a quarter, let a joint pass its limit a little
     assert max(rates) < 1.1
     # no sensor is wrong; where it is taken for that too often, the law swings with what stands in
     assert sum(loops[-1].controller.screen.left_out.values()) < 0.02 * 3 * len(rates)
