@@ -229,7 +229,10 @@ def test_an_encoder_on_the_motor_is_undone_in_a_record(robot):
     right = corrected_record(record, robot, [bound])
     assert np.ptp(wound) > 2e-3
     np.testing.assert_allclose(right.q[:, column], q, rtol=0, atol=2e-6)
-    np.testing.assert_allclose(right.qd[:, column], qd, rtol=0, atol=2e-4)  # of 2e-2
+    missed = np.abs(right.qd[:, column] - qd)
+    assert np.max(np.abs(rate)) > 4e-3
+    assert np.max(missed[5:-5]) < 2e-5  # where cubics have samples on both sides
+    assert np.max(missed) < 2e-4
 
 
 def test_infinitely_stiff_gear_is_a_motor_inertia(robot, rng):
