@@ -21,7 +21,8 @@ from ..sensing.faults import SensorFaults
 from ..types import Array, Quaternion, Vector3
 from .adaptive.controller import AdaptiveController
 from .attitude import check_attitude
-from .command import NS, AttitudeHistory, Command, Feedback, Mode, RateHistory, Torque
+from .base_sensors import BaseSensors
+from .command import NS, Command, Feedback, Mode, Torque
 from .controllers import Controller, FreeFlyingController, JointController
 from .joint_reference import Reference, Setpoint, check_reference, rest
 from .plausible import MotionLimits
@@ -74,7 +75,6 @@ class ControlLoop:
         )
         self._motion = ReferenceMotion(settings.reference, self.controller.joining)
         self._timeout_ns = round(self._settings.state_timeout * 1e9)
-        self._attitude_timeout_ns = round(self._settings.attitude_timeout * 1e9)
         self._first_hold_ns = round(settings.simulator.period * 1e9)
         self._limits = MotionLimits(robot, settings.simulator.joint_rate)
         self._rest_std = settings.sensors.std('joint_velocity') or 0.0
@@ -95,9 +95,7 @@ class ControlLoop:
 
     def begin_segment(self) -> None:
         """Take what comes now in another time; the motion goes on from where it is."""
-        timeouts = (self._settings.state_timeout, 0.25 * self._settings.attitude_timeout)
-        span = max(0.5, 4.0 * max(timeouts))
-        self._rates, self._attitudes = RateHistory(span), AttitudeHistory(span)
+        self._base = BaseSensors(self._settings)
         self.screen.reset()
         self._is_new_time = True
 
@@ -119,12 +117,12 @@ class ControlLoop:
     @property
     def rate_ns(self) -> int | None:
         """Stamp of the newest gyro sample, None before the first."""
-        return self._rates.newest_ns
+        return self._base.rates.newest_ns
 
     @property
     def attitude_ns(self) -> int | None:
         """Stamp of the newest attitude, None before the first."""
-        return self._attitudes.newest_ns
+        return self._base.attitudes.newest_ns
 
     def set_estimate(self, estimate: Estimate | None) -> None:
         """Use an estimate from now on (None: the robot file's model again).
@@ -188,7 +186,7 @@ class ControlLoop:
         """
         check_later(stamp_ns, self.rate_ns)
         if self.screen.takes_rate(stamp_ns, omega_WB_B):
-            self._rates.add(stamp_ns, self._faults.undo_rate(omega_WB_B))
+            self._base.rates.add(stamp_ns, self._faults.undo_rate(omega_WB_B))
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion) -> None:
         """Take an attitude.
@@ -197,9 +195,9 @@ class ControlLoop:
             MessageRejectedError: stamp not after the last one.
         """
         check_later(stamp_ns, self.attitude_ns)
-        predicted = self._attitudes.at(stamp_ns, self._rates)
+        predicted = self._base.attitudes.at(stamp_ns, self._base.rates)
         if self.screen.takes_attitude(stamp_ns, q_WB_xyzw, predicted):
-            self._attitudes.add(stamp_ns, q_WB_xyzw)
+            self._base.attitudes.add(stamp_ns, q_WB_xyzw)
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array) -> Command:
         """Take a joint sample and answer it.
@@ -292,29 +290,13 @@ class ControlLoop:
             return 'joint states contradict each other'
         if not self.robot.is_free:
             return ''
-        newest = self._rates.newest_ns
-        if newest is None:
-            return 'no gyro sample yet'
-        if stamp_ns - newest > self._timeout_ns:
-            return 'gyro is stale'
-        if not self.controller.controls_attitude:
-            return ''
-        newest = self._attitudes.newest_ns
-        if newest is None:
-            return 'no attitude yet'
-        return 'attitude is stale' if stamp_ns - newest > self._attitude_timeout_ns else ''
+        return self._base.missing(stamp_ns, self.controller.controls_attitude)
 
     def _sample(self, stamp_ns: int, q: Array, qd: Array) -> Feedback:
-        if self._rates.newest_ns is None or not self.robot.is_free:
+        if not self.robot.is_free:
             return Feedback(q, qd, np.zeros(3), np.zeros(3))
-        seen_ns = stamp_ns
-        if stamp_ns - self._rates.newest_ns > self._timeout_ns:
-            seen_ns = self._rates.newest_ns
-        omega, slope = self._rates.at(seen_ns, self._hold_ns)
-        attitude = None
-        if self.controller.controls_attitude:
-            attitude = self._attitudes.at(stamp_ns, self._rates)
-        return Feedback(q, qd, omega, slope, attitude)
+        needs_attitude = self.controller.controls_attitude
+        return self._base.feedback(stamp_ns, q, qd, self._hold_ns, needs_attitude)
 
     def _prepare_motion(self, stamp_ns: int, sample: Feedback, elapsed: int, stale: bool) -> None:
         motion = self._motion
@@ -351,4 +333,4 @@ class ControlLoop:
         )
 
 
-__all__ = ['Command', 'ControlLoop', 'Mode', 'RateHistory']
+__all__ = ['Command', 'ControlLoop', 'Mode']
