@@ -91,9 +91,7 @@ def _check_duration(duration: float, period: float, output: Path) -> None:
 
 
 def _line(path: str, summary: RunSummary, wall: float) -> str:
-    cut = (
-        f', torque limits cut {counted(summary.saturated, "command")}' if summary.saturated else ''
-    )
+    cut = f', limits changed {counted(summary.saturated, "command")}' if summary.saturated else ''
     attitude = ''
     if summary.max_attitude_error is not None:
         attitude = f', of the attitude {math.degrees(summary.max_attitude_error):.3g} deg'

@@ -116,10 +116,10 @@ class Torque:
 
     Args:
         tau: (n,) torque within the limits [N m].
-        saturated: (n,) bool, where a limit cut it.
+        saturated: (n,) bool, where a limit of torque or of the motion changed it.
         base: (3,) torque on the base within the limits, in base coordinates [N m]; None where the
             law leaves the base free.
-        base_saturated: Whether a limit cut that.
+        base_saturated: Whether a limit changed that.
         attitude_error: (3,) rotation vector from the base to where it should point, in base
             coordinates [rad]; None where the law leaves the base free or its attitude is unknown.
     """

@@ -18,6 +18,7 @@ from .adaptive.law_signals import AdaptiveSettings, Measured, Target
 from .adaptive.prior import Learned
 from .command import NS, Feedback, Torque
 from .laws import ComputedTorque, FeedForward, law_model, robot_model, torque_limits, within_limits
+from .motion_barrier import MotionBarrier
 from .reference_motion import ReferenceMotion
 
 _FIXED = 'passivity'
@@ -46,6 +47,7 @@ class Controller(ABC):
         self._robot, self._law = robot, options.law
         self._structure = settings.identifier.structure
         self._limits = self._joint_limits(settings)
+        self._barrier = MotionBarrier(robot)
         self.takes_estimates = options.use_estimate
         self.estimate: Estimate | None = None
         self.joining = 4.0 / bandwidth
@@ -89,6 +91,13 @@ class Controller(ABC):
     def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay; none on the base (`ComputedTorque.damp`)."""
 
+    def _slowed(
+        self, stamp_ns: int, sample: Feedback, u: Array, limits: Array, hold_ns: int
+    ) -> tuple[Array, np.ndarray]:
+        """Torques under which the joints keep their limits, and where they are others than `u`."""
+        held = self._barrier.hold(stamp_ns, sample, u, limits, hold_ns)
+        return held, held != u
+
 
 class JointController(Controller):
     """Computed torque on the joints of a floating base, on the latest estimate.
@@ -114,7 +123,6 @@ class JointController(Controller):
             self._limits,
             options.damping,
             feed_forward,
-            robot.velocity_limits,
         )
         self.takes_estimates &= options.law != 'computed_torque_no_aam'
 
@@ -144,10 +152,11 @@ class JointController(Controller):
         self, motion: ReferenceMotion, stamp_ns: int, sample: Feedback, hold_ns: int
     ) -> Torque:
         """Torque that follows the joint motion."""
-        period = hold_ns * NS
-        hold = period if self._compensates else 0.0
+        hold = hold_ns * NS if self._compensates else 0.0
         joints, t = motion.joints, motion.time(stamp_ns)
-        return self._usable(sample, lambda: self._torque.track(joints, t, sample, hold, period))
+        torque = self._usable(sample, lambda: self._torque.track(joints, t, sample, hold))
+        tau, slowed = self._slowed(stamp_ns, sample, torque.tau, self._limits, hold_ns)
+        return Torque(tau, torque.saturated | slowed)
 
     def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay."""
@@ -252,8 +261,10 @@ class FreeFlyingController(Controller):
         target = Target(*motion.attitude(stamp_ns), *motion.setpoint(stamp_ns))
         asked = self.adaptive.step(measured, target, elapsed)
         u, cut = within_limits(np.concatenate([asked.base, asked.joints]), self._all_limits)
+        u, slowed = self._slowed(stamp_ns, sample, u, self._all_limits, hold_ns)
+        cut = cut | slowed
         if cut.any():
-            self.adaptive.applied(u[:3], u[3:])
+            self.adaptive.applied(u[:3], u[3:], limited=True)
         return Torque(u[3:], cut[3:], u[:3], bool(cut[:3].any()), asked.attitude_error)
 
     def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:

@@ -158,11 +158,6 @@ def law_model(
     return estimated_model(robot, structure, estimate, joint_reaction=joint_reaction)
 
 
-_APPROACH = 0.5
-"""Share of what is left to a largest rate by which a joint may come nearer in a period: where its
-inertia is believed twice too large, it does not pass it."""
-
-
 class ComputedTorque:
     """Computed torque with one double pole, and its damping law for when tracking must end.
 
@@ -172,7 +167,6 @@ class ComputedTorque:
         limits: (n,) torque limits [N m], infinite where there is none.
         damping: Decay of the joint rates while damping [1/s].
         feed_forward: Makes up for physical effects along the reference; None: there are none.
-        rates: (n,) rates that no joint shall exceed [rad/s]; None: there are none.
     """
 
     def __init__(
@@ -182,11 +176,9 @@ class ComputedTorque:
         limits: Array,
         damping: float = 1.0,
         feed_forward: FeedForward | None = None,
-        rates: Array | None = None,
     ) -> None:
         self.model = model
         self._feed_forward = feed_forward
-        self._rates = None if rates is None else _APPROACH * rates
         self.tune(bandwidth, limits, damping)
 
     def tune(self, bandwidth: float, limits: Array, damping: float) -> None:
@@ -205,16 +197,14 @@ class ComputedTorque:
         t: float,
         sample: Feedback,
         hold: float = 0.0,
-        period: float = 0.0,
     ) -> Torque:
-        """Torque that follows the reference, within the largest rates.
+        """Torque that follows the reference.
 
         Args:
             reference: The motion to follow.
             t: Time of the sample since the start of the motion [s].
             sample: Measured state at t.
             hold: Time over which the torque will be held [s]; 0 evaluates the law at t.
-            period: Time to the next torque [s]; 0: rates have no limits.
         """
         half = 0.5 * hold
         v = self.acceleration(reference.at(t), sample.q, sample.qd)
@@ -223,9 +213,6 @@ class ComputedTorque:
         setpoint = reference.at(t + half)
         if hold:
             v = self.acceleration(setpoint, q, qd)
-        if self._rates is not None and period > 0.0:
-            spent = _APPROACH * sample.qd
-            v = np.clip(v, (-self._rates - spent) / period, (self._rates - spent) / period)
         omega = sample.omega_WB_B + half * sample.omega_slope
         tau = self._torque(q, qd, omega, v)
         if self._feed_forward is not None:

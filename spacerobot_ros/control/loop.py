@@ -33,7 +33,7 @@ from .waypoints import Waypoints
 _MOVING = 6.0  # standard deviations of a rate, from which on a joint is not at rest
 _BRAKED = 5.0  # time constants of the damping, after which 0.7 % of a rate is left
 _BEYOND = 1.1
-"""Times a joint's largest rate, from which on it is braked: held torques reach 1.1 at 20 Hz."""
+"""Times a joint's largest rate, from which on it is braked: the law's own torques lead to 1.02."""
 _TORQUE = tuple(field.name for field in fields(Torque))
 
 

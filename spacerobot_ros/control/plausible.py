@@ -19,7 +19,7 @@ FURTHEST = 6.0
 in 5e8, and what the identifier was told to think possible (`identifier.momentum_prior_std`,
 `prior_std`) is a Gaussian of that width about the robot file's values."""
 
-_WOUND = 1e6  # rad; encoders count fewer turns
+WOUND = 1e6  # rad; encoders count fewer turns
 _JOINING = 50  # times at which the way to a motion is looked at; a quintic has no narrower peaks
 
 
@@ -47,7 +47,7 @@ class MotionLimits:
         Raises:
             MessageRejectedError: faster than half a turn between samples, or a million radians.
         """
-        if (np.abs(qd) > self._countable).any() or (np.abs(q) > _WOUND).any():
+        if (np.abs(qd) > self._countable).any() or (np.abs(q) > WOUND).any():
             raise MessageRejectedError('position or velocity is none that a joint has')
 
     def check(self, q: Array, qd: Array) -> None:

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
 
 from rclpy.node import Node
@@ -21,6 +21,7 @@ from .beside import STOP, Beside
 
 _Message: TypeAlias = tuple[str, str, int, bytes]  # topic, type, stamp [ns], serialised
 _Coming: TypeAlias = 'SimpleQueue[_Message | None]'
+_SILENCE = 0.5  # s without a message, after which the disk has what came before
 _LATENESS_NS = 10_000_000_000  # by which an event may be noticed after it happened
 
 
@@ -111,8 +112,7 @@ class EventRecorder:
                     bag.message(*message)
                 bag.flush()  # what led to the event: a kill may be its next part
                 self._node.get_logger().info(f'recording {path}')
-                for message in iter(coming.get, None):
-                    bag.message(*message)
+                _follow(bag, coming)
         except RecordingError as error:
             self._node.get_logger().error(f'not recorded: {error}')
 
@@ -123,3 +123,16 @@ class EventRecorder:
             k += 1
             name = f'alarm_{stamp_ns // 1_000_000_000}_{k}'
         return self._folder / name
+
+
+def _follow(bag: BagWriter, coming: _Coming) -> None:
+    """Write what comes until None does."""
+    while True:
+        try:
+            message = coming.get(timeout=_SILENCE)
+        except Empty:
+            bag.flush()
+            continue
+        if message is None:
+            return
+        bag.message(*message)

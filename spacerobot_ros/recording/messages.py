@@ -223,7 +223,8 @@ def finite(values: Array, what: str) -> Array:
 
 def _heard(values: Array, what: str) -> Array:
     """As `finite`; nor may one be beyond all machines."""
-    if not all(-LARGEST <= value <= LARGEST for value in finite(values, what).tolist()):
+    numbers = finite(values, what).tolist()
+    if numbers and not -LARGEST <= min(numbers) <= max(numbers) <= LARGEST:
         why = f'has a number of no machine, beyond {LARGEST:g}'
         raise MessageRejectedError(f'{what} {why}')
     return values

@@ -152,7 +152,7 @@ class RunSummary:
         max_slide_error: Of any joint that slides [m]; None where all turn.
         momentum_drift: Relative, see `MomentumLedger`.
         energy_drift: [J].
-        saturated: Commands that a torque limit cut.
+        saturated: Commands that a limit changed.
         max_attitude_error: Largest measured attitude error [rad]; None where the law leaves the
             base free.
     """

@@ -213,6 +213,7 @@ def test_killed_just_after_an_alarm_it_leaves_what_led_to_it(rig, parameters, no
         return 0
 
     rig.until(lambda: left() >= raised)
+    rig.until(lambda: left() == nominal[819].stamp_ns)  # no more comes: the disk has all there was
 
 
 def test_without_a_folder_nothing_is_recorded(rig, parameters):

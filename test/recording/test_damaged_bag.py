@@ -18,7 +18,7 @@ from spacerobot_ros.recording.bags.bag import read_bag
 from spacerobot_ros.recording.bags.bag_writer import BagWriter
 
 ROBOT = robot_of(table_one())
-STEP_NS, STEPS = 10**7, 500  # five chunks of a second
+STEP_NS, STEPS = 5 * 10**6, 500  # five chunks of half a second
 
 
 def fill(bag, rng, steps=STEPS):
@@ -73,7 +73,7 @@ def assert_part_of(record, whole):
     return missing
 
 
-def test_a_good_bag_has_a_chunk_a_second_and_a_checksum_in_each(bag):
+def test_a_good_bag_has_a_chunk_each_half_second_and_a_checksum_in_each(bag):
     folder, _, data, whole = bag
     assert whole.notes[0] == 'sample times are header stamps'
     assert not any('damage' in note for note in whole.notes)
@@ -96,9 +96,8 @@ def test_a_cut_bag_is_read_up_to_its_last_good_chunk(bag, share):
         return
     record = read_bag(folder, ROBOT)
     assert assert_part_of(record, whole) == 2 * (STEPS - 100 * good)
-    lost = 5 - good  # seconds, and so many chunks
-    if lost:
-        said = f'is cut short at byte .*: {lost} s is lost there'
+    if good < 5:
+        said = f'is cut short at byte .*: {0.5 * (5 - good):g} s is lost there'
         assert is_said(record, said)
         count = f'read {100 * good} of 500 messages of'
         assert any(count in note and '/imu/data' in note for note in record.notes)
@@ -140,7 +139,7 @@ def test_one_damaged_chunk_costs_that_chunk(bag, which, offset):
     record = read_bag(folder, ROBOT)
     assert assert_part_of(record, whole) == 200
     if offset:  # with another opcode it is a record of another kind, which readers skip
-        assert is_said(record, 'is damaged at byte .*: 1(.01)? s is lost there')
+        assert is_said(record, 'is damaged at byte .*: 0.5(05)? s is lost there')
     both = '400 of 500 messages of /imu/data, 400 of 500 messages of /joint_states'
     assert is_said(record, f'damaged: read {both}')
 
@@ -188,6 +187,6 @@ def test_what_a_killed_recorder_leaves_is_read(tmp_path, rng):
         fill(writer, rng)
         shutil.copytree(tmp_path / '.bag.partial', tmp_path / 'killed')  # as a kill leaves it
     record = read_bag(tmp_path / 'killed' / 'recording', ROBOT)
-    # a second is kept for messages out of order, another for the chunk
+    # half a second is kept for messages out of order, another for the chunk
     assert len(record.joints.stamp_ns) >= STEPS - 201
     assert any('is cut short' in note for note in record.notes)

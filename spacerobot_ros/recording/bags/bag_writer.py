@@ -20,8 +20,8 @@ from ..messages import stamp_ns
 from .message_types import CanonicalMessages, composer, encoded, typestore
 
 _VERSION = 9  # of the bag's metadata: Jazzy and later
-_REORDER_NS = 1_000_000_000
-_CHUNK_NS = 1_000_000_000  # the most that a killed process or damage to a chunk costs
+_REORDER_NS = 500_000_000
+_CHUNK_NS = 500_000_000  # the most that damage to a chunk costs; a killed process the order, too
 _CHECKSUM_AT = 9 + 24  # of a chunk: after opcode and length, two times and a size
 _NAME = (
     'recording'  # of the file inside the folder: the content must not depend on the folder's name
@@ -50,10 +50,10 @@ def check_target(path: str | Path, overwrite: bool) -> Path:
 
 
 class _ChunkWriter(McapWriter):  # type: ignore[misc]  # rosbags is untyped
-    """Chunks of a second at most, on the disk as soon as they are full, with a checksum."""
+    """Chunks of half a second at most, on the disk as soon as they are full, with a checksum."""
 
     def write(self, connection: bags.Connection, timestamp: int, data: bytes | memoryview) -> None:
-        """Write a message, after the second before it."""
+        """Write a message, after the half second before it."""
         if timestamp - self.chunk.message_start_time >= _CHUNK_NS:
             self.close_chunk()
         super().write(connection, timestamp, data)
@@ -75,8 +75,8 @@ class _ChunkedWriter(Writer):  # type: ignore[misc]
 class BagWriter:
     """A rosbag2 folder that appears, complete, when the `with` block ends without an error.
 
-    Messages are ordered by stamp, then topic, within a window of one second, so that the order in
-    which threads or executors delivered them doesn't show. Log time is the stamp.
+    Messages are ordered by stamp, then topic, within a window of half a second, so that the order
+    in which threads or executors delivered them doesn't show. Log time is the stamp.
 
     Args:
         path: Folder to create.
