@@ -221,9 +221,9 @@ def _concluded(
     """The answer of a search."""
     report('measuring the gain', 0.9)
     answer = conclude(found, (*notes, *in_words(found.fit.run.timing)))
-    if answer.fit_p is not None and answer.fit_p >= MISFIT:
-        return answer
-    return said_with_laws(discover_in_flight(answer, found.sound, report), found.sound)
+    fits = answer.fit_p is not None and answer.fit_p >= MISFIT
+    left = found.null if fits else found.sound
+    return said_with_laws(discover_in_flight(answer, found.sound, report), left)
 
 
 def _predicted(

@@ -84,14 +84,14 @@ def _says_something(entry: Leftover) -> bool:
 
 def _line(entry: Leftover) -> str:
     speed = ' (it moves at one speed only: see what to fly next)' if entry.one_speed else ''
+    rivals = ''.join(f'; or {r.form} of {", ".join(r.depends_on)}' for r in entry.rivals)
     if entry.form is None:
-        return f'{entry.channel}: {entry.resembles}{speed}'
+        return f'{entry.channel}: {entry.resembles}{rivals}{speed}'
     learned = '' if entry.applied is None else f', in the extended model as {entry.applied.name}'
-    rivals = '; or '.join(f'{r.form} of {", ".join(r.depends_on)}' for r in entry.rivals)
     return (
         f'{entry.channel}: {entry.resembles}: {entry.form} of {", ".join(entry.depends_on)} '
         f'({_coefficients(entry)}), explains {percent(entry.held_out_gain or 0.0)} of left-out '
-        f'parts{learned}{f"; or {rivals}" if rivals else ""}{speed}'
+        f'parts{learned}{rivals}{speed}'
     )
 
 

@@ -20,8 +20,8 @@ from spacerobot_ros.effects.laws.learned_torque import law_at
 MOVING = ('joint_1', 'joint_2')
 
 
-def said(form='x |x|', *depends_on, channel='joint_1'):
-    shares = {'p': 1e-9, 'held_out': 0.5, 'placebo': 0.0}
+def said(form='x |x|', *depends_on, channel='joint_1', rivals=()):
+    shares = {'p': 1e-9, 'held_out': 0.5, 'placebo': 0.0, 'rivals': [list(r) for r in rivals]}
     return {'channel': channel, 'depends_on': list(depends_on), 'form': form, **shares}
 
 
@@ -127,12 +127,14 @@ def test_a_cause_counts_by_its_variables_and_where_it_holds():
         'misnamed': record(named=[(viscous, 'joint_1'), (load, 'joint_1')]),
         'missed': record(named=[(viscous, 'joint_2')]),
         'line': record(said(None, 'time'), colour='line'),
-        'false': record(said(None, 'time'), colour='pink'),
+        'false': record(said(None, 'time', rivals=[['rate/joint_2']]), colour='pink'),
         'own': record(said('x', 'rate/joint_1'), named=[('gravity_error', None)]),
     }
     tilted = record(named=[('gravity_error', None)])
     astray = record(named=[(viscous, 'joint_1')], r2=0.3)
-    for outcome, one in [*records.items(), ('misnamed', tilted), ('misnamed', astray)]:
+    undecided = record(said(None, 'time', rivals=[['rate/joint_2'], ['rate/joint_1']]))
+    others = [('misnamed', tilted), ('misnamed', astray), ('missed', undecided)]
+    for outcome, one in [*records.items(), *others]:
         (group,) = results([one])['discovery']['groups']
         assert group[outcome] == 1
         assert group['right'].value == (outcome in ('own', 'named'))

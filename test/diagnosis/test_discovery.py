@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.campaign.hidden.discovery_campaign import HeldArm
+from spacerobot_ros.campaign.hidden.hidden_laws import LAWS
 from spacerobot_ros.campaign.hidden.real_arm import COULOMB, POSE, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.diagnose import diagnose
@@ -136,6 +137,23 @@ def test_a_ripple_of_which_a_motion_shows_a_part_gives_way_to_a_spring_that_stif
     assert list(entry.depends_on) == machine.variables
     added = [*(c.applied for c in answer.causes), *answer.calibration, entry.applied]
     assert machine.transferred(added) > 0.8
+
+
+def test_a_spring_near_the_stops_is_no_spring_all_along():
+    """Of a spring that stiffens the linear one beside noise that grows with the rate has most."""
+    machine = HeldArm(2806, 'cubic spring', 1.0, 'speed')
+    answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
+    assert of_joint(answer, machine.where).depends_on == tuple(machine.variables)
+    assert 'joint_stiffness' not in [c.applied.id for c in answer.causes]
+
+
+def test_a_spring_that_is_one_keeps_its_name(monkeypatch):
+    """The same spring as a law has other priors, by which it is 10 nats ahead of its name."""
+    monkeypatch.setitem(LAWS, 'spring', (lambda q, v, T, t, j, k: q[:, j] - POSE[j], 'q'))
+    machine = HeldArm(8305, 'spring', 3.0, 'white')
+    answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
+    assert of_joint(answer, machine.where).form is None
+    assert ['joint_stiffness'] == [c.applied.id for c in answer.causes]
 
 
 def test_a_history_beside_named_dry_friction_takes_nothing_from_it():

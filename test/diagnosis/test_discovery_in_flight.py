@@ -14,6 +14,7 @@ from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import discover_in_flight
 from spacerobot_ros.diagnosis.discovery.flight_channels import FlightRows
+from spacerobot_ros.diagnosis.search.conclusion import said_with_laws
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.fit import Fit
@@ -97,6 +98,36 @@ def test_a_cause_that_stood_for_a_law_goes(hidden, joint):
     answer = discover_in_flight(answer, fit, lambda what, share: None)
     assert [entry.form for entry in laws(answer).values()] == ['x |x|']
     assert answer.causes == ()
+
+
+@pytest.mark.parametrize('relevant', [True, False])
+def test_a_cause_that_fits_gives_way_to_the_law_that_it_stands_for(hidden, joint, relevant):
+    """Whatever the test of all that is left says; what is too small to matter stays so."""
+    plain = flown(bind_effects({'hidden': hidden}, robot_file(ROBOT).robot))
+    viscous = CATALOGUE['joint_viscous_friction']
+    fit = refine(plain.run, [viscous(name='it', where=joint, values={'coefficient': 0.01})])
+    named = replace(friction_cause(), applied=fit.causes[0], relevant=relevant)
+    verdict = 'explained' if relevant else 'consistent'
+    some = {'causes' if relevant else 'minor': (named,)}
+    answer = replace(hand_made(verdict), **({'causes': (), 'minor': ()} | some))
+    answer = discover_in_flight(answer, fit, lambda what, share: None)
+    (entry,) = answer.leftover
+    assert (entry.form, entry.applied.kind) == ('x |x|', 'dissipative')
+    assert (answer.causes, answer.minor) == ((), ())
+    assert answer.verdict == ('partly_explained' if relevant else 'consistent')
+    sentence = said_with_laws(answer, plain).sentence
+    assert ('too small to matter' in sentence.lower()) != relevant
+
+
+def test_a_right_cause_that_fits_stays(joint):
+    """Friction of the catalogue, as small beside the noise as what laws would leave of it."""
+    section = {'effect': 'joint_viscous_friction', 'where': joint, 'coefficient': 0.004}
+    plain = flown(bind_effects({'it': section}, robot_file(ROBOT).robot))
+    viscous = CATALOGUE['joint_viscous_friction']
+    fit = refine(plain.run, [viscous(name='it', where=joint, values={'coefficient': 0.01})])
+    named = replace(friction_cause(), applied=fit.causes[0])
+    answer = replace(hand_made('explained'), causes=(named,))
+    assert discover_in_flight(answer, fit, lambda what, share: None) is answer
 
 
 def test_a_law_takes_friction_that_is_too_small_to_matter(hidden, joint):

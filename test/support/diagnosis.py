@@ -89,7 +89,7 @@ def hand_made(verdict: str = 'explained', rivals: tuple[Rival, ...] = ()) -> Dia
                 p_value=0.0,
             ),
         ),
-        fit_p=0.3,
+        fit_p=0.3 if verdict in ('consistent', 'explained') else 1e-9,
         null_p=0.0,
         next_motion=(),
         notes=('joints: 1 gap',),

@@ -28,7 +28,8 @@ _OF_CAUSES = {
 """Variables of what the catalogue has, as the grammar has them: of a history the angle."""
 _OUTCOMES = ('own', 'named', 'false', 'misnamed', 'line', 'missed')
 """A law with the right variables; causes in its place that have them all and no others, and hold
-on another motion; a law of others; other causes; only the line of a noise that is one; none."""
+on another motion; a law of others; other causes; only the line of a noise that is one; none, or
+a function of the time that may be of these variables as well."""
 
 # figures to reach
 _RIGHT = {3.0: (0.95, 1.0), 1.0: (0.7, 1.0)}
@@ -109,6 +110,11 @@ def _own(record: Record) -> list[Record]:
     return [s for s in claims if _is_claimed(s)]
 
 
+def _is_open(said: Record, variables: Sequence[str]) -> bool:
+    """Whether a function of the time is said to be one of the law's variables as well."""
+    return any(set(own) == set(variables) for own in said['rivals'])
+
+
 def _is_right(record: Record) -> bool:
     """Whether any claim of the law's joint has its variables, all of them and no others."""
     return any(set(s['depends_on']) == set(record['variables']) for s in _own(record))
@@ -130,6 +136,7 @@ def _outcome(record: Record) -> str:
     own, has_line = _own(record), record['colour'] == 'line'
     if _is_right(record):
         return 'own'
+    own = [s for s in own if s['form'] is not None or not _is_open(s, record['variables'])]
     if any(s['form'] is not None or not has_line for s in own):
         return 'false'
     if _is_explained(record):

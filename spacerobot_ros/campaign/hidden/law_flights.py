@@ -34,7 +34,7 @@ _OTHERS = ('Dahl', 'play', 'end stop')  # no tables: histories, and what some mo
 FLOWN = (*(n for n, (_, a) in LAWS.items() if set(a) <= set('vwqp') and n not in _OTHERS), FIELD)
 """Laws in closed loop; a field's torque about an axis of a free base is b^T R_WB e."""
 FREE, FIXED = 'free base', 'fixed base'
-_DURATION = 20.0  # s
+_DURATION, _OF_FIELD = 20.0, 60.0  # s: a base turns slowly, and like a drift before it turns back
 _BAND = 8.0  # numbers a second of what is slower than 4 Hz
 _KNOTS = {1: 801, 2: 161}  # of a table by its inputs, over twice the range of the motion
 _BOUNDS = {'limit': 1e6, 'kind': 'external'}
@@ -62,6 +62,7 @@ class LawFlight:
         self._j, self._k = rng.choice(len(self._robot.arm), 2, replace=False).tolist()
         self._way = rng.standard_normal(3)
         self.where = 'x' if law == FIELD else self._robot.arm[self._j]
+        self._duration = _OF_FIELD if law == FIELD else _DURATION
 
     @property
     def variables(self) -> list[str]:
@@ -72,7 +73,7 @@ class LawFlight:
     def record(self) -> Record:
         """With the law."""
         hidden = [self._hidden] if self._law else []
-        return simulated(self._name, 'fast', self._seed, hidden, _DURATION)
+        return simulated(self._name, 'fast', self._seed, hidden, self._duration)
 
     @property
     def motion(self) -> Motion:
@@ -88,11 +89,14 @@ class LawFlight:
         """By its squares over the noise of all sensors: efforts have a part of that only.
 
         A slow law hides behind encoders' noise where a joint is heavy; on the base there is none.
+        About its mean: what hardly changes is a constant torque, and no record tells of what it is
+        a function.
         """
         one, quiet = self._sized(1.0), self.motion
         force = one.force(quiet, one.driven(quiet))[:, :, None]
+        force = force - np.mean(force, axis=0)
         squares = float(np.sum(self._quiet.whitened(force, {}) ** 2))
-        return self._sized(self._ratio * np.sqrt(_BAND * _DURATION / squares))
+        return self._sized(self._ratio * np.sqrt(_BAND * self._duration / squares))
 
     def _sized(self, size: float) -> Effect:
         """The law, so many times its own words."""
@@ -126,14 +130,14 @@ class LawFlight:
 
     def _rows(self, seed: int) -> Rows:
         """Of a flight without the law."""
-        record = observed(simulated(self._name, 'fast', seed, (), _DURATION), self._robot)
+        record = observed(simulated(self._name, 'fast', seed, (), self._duration), self._robot)
         noise, _ = noise_levels(self._robot.sensors, record)
         return Run(record, self._robot, self.file.effects, noise).rows(())
 
     def transferred(self, added: Sequence[Effect]) -> float:
         """Share of the law's variance along another motion that what was added explains there."""
         motion, at = self._rows(self._seed + 1).motion, 3 if self._law == FIELD else 6 + self._j
-        every = [e for e in added if e.where == self._hidden.where]
+        every = [e for e in added if e.acts('force')]  # a torque of the base is of all its axes
         true, *own = (e.force(motion, e.driven(motion))[:, at] for e in (self._hidden, *every))
         return 1.0 - float(np.var(true - np.sum(own, axis=0)) / np.var(true))
 
@@ -145,7 +149,7 @@ class LawFlight:
         """
         if not any(e.is_known_ahead for e in added):
             return None
-        reference = motion_of(self.file, 'fast', self._seed + 1, _DURATION)
+        reference = motion_of(self.file, 'fast', self._seed + 1, self._duration)
         simulator = replace(self.file.settings.simulator, seed=self._seed + 1)
         task = replace(self.file.settings, reference=reference, simulator=simulator)
         plant = replace(task, effects=effects_section([self._hidden]))

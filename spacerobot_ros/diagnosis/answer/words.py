@@ -76,11 +76,10 @@ def first_few(names: Sequence[str]) -> str:
     return '; '.join(names[:_SHOWN]) + more
 
 
-def laws_in_words(laws: Sequence[Leftover]) -> str:
+def laws_in_words(laws: Sequence[Leftover], what: str = 'What is left of') -> str:
     """What the leftover goes with; laws that read alike are said once."""
     said = (
-        f' What is left of {law.channel} goes with {" and ".join(law.depends_on)} like '
-        f'{law.resembles}.'
+        f' {what} {law.channel} goes with {" and ".join(law.depends_on)} like {law.resembles}.'
         for law in laws
     )
     return ''.join(dict.fromkeys(said))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from ...effects.laws.formula_quantities import is_axis
@@ -26,7 +26,7 @@ from .discovery_limits import (
 )
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
-from .possible_laws import NO_LAWS, Law, is_of_another
+from .possible_laws import NAMED, NO_LAWS, Law, is_of_another
 from .which_joint import settled
 
 TIME = 'time'
@@ -71,12 +71,13 @@ def laws_of(
     return held, [step for step in steps if not any(step is k for k in kept)]
 
 
-def leftover_without(place: str, step: Winner | None) -> Leftover:
+def leftover_without(place: str, step: Winner | None, joints: Sequence[str]) -> Leftover:
     """What to say of a channel without a law.
 
     Args:
         place: Joint, or axis of the base.
         step: What won there all the same.
+        joints: Of the robot.
     """
     nothing = Leftover(
         channel=channel_name(place),
@@ -95,7 +96,21 @@ def leftover_without(place: str, step: Winner | None) -> Leftover:
     if law.kind == 'inertial':
         return replace(nothing, resembles=law.resembles, p_value=p_value)
     unknown = f'a function of time, or of an input that nobody measured: {law.in_words}'
-    return replace(nothing, depends_on=(TIME,), resembles=unknown, p_value=p_value)
+    rivals = _rivals([r for r in step.rivals if r[0].kind not in NO_LAWS], joints)
+    return replace(nothing, depends_on=(TIME,), resembles=unknown, p_value=p_value, rivals=rivals)
+
+
+def may_be_named(it: HeldLaw) -> bool:
+    """Whether a law is what a cause of the catalogue is, or two are, or may as well be."""
+    every = (it.law, *(law for law, _ in it.step.rivals))
+    return any(law.form.name in NAMED and not is_of_another(law, it.place) for law in every)
+
+
+def _rivals(rivals: Iterable[tuple[Law, float]], joints: Sequence[str]) -> tuple[LawRival, ...]:
+    return tuple(
+        LawRival(form=law.form.name, depends_on=_ordered(law.inputs, joints), gap=gap)
+        for law, gap in rivals
+    )
 
 
 def _held(search: LawSearch, channel: SearchedChannel, steps: list[Winner]) -> list[HeldLaw]:
@@ -184,10 +199,7 @@ def leftover_of(
         held_out_gain=it.left_out.share,
         placebo_gain=it.left_out.placebo,
         other_recording=it.left_out.share if is_of_several else None,
-        rivals=tuple(
-            LawRival(form=r.form.name, depends_on=_ordered(r.inputs, joints), gap=gap)
-            for r, gap in it.step.rivals
-        ),
+        rivals=_rivals(it.step.rivals, joints),
         applied=applied,
     )
 

@@ -17,7 +17,14 @@ from ..answer.result import Leftover
 from ..arms.arm_found import WORSE, ArmFound
 from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
 from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
-from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
+from .channel_laws import (
+    HeldLaw,
+    channel_name,
+    laws_of,
+    leftover_of,
+    leftover_without,
+    may_be_named,
+)
 from .discovery_limits import CHANCE, FED_IN, MARGIN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 from .law_search import Winner, worth
@@ -47,14 +54,14 @@ def discover(
         replaced[channel.place] = instead
         if not laws:
             step = rest[-1] if rest else None
-            said.append(leftover_without(channel.place, step))
+            said.append(leftover_without(channel.place, step, rows.robot.joints))
     extended = found
     if accepted:
         extended, held = _applied(found, accepted, motions, replaced)
         said += held
     done = {entry.channel for entry in said}
     said += [
-        leftover_without(place, None) for place in replaced if channel_name(place) not in done
+        leftover_without(place, None, ()) for place in replaced if channel_name(place) not in done
     ]
     slow = {channel_name(rows.robot.joints[j]) for j in moving if motions.has_one_speed(j)}
     said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
@@ -69,19 +76,32 @@ def _asked(
     Causes can stand in for a law: a spring and a ripple, or a ripple of which the motion shows a
     part, for a spring that stiffens; friction of two joints' motor that the other joint does not
     confirm for a law of this one alone. Where fewer laws, or one, explain more in their place, by
-    all prices, they are none. A spring alone stays: next to any law is better in some noise.
+    all prices, they are none.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
     channel, held, rest = _heard(JointChannel(motions, j, chosen), chance)
     instead = tuple(i for i in chosen if _is_replaceable(found, i, j))
-    if any(candidates[i].kind.id in (_PARTLY, COUPLED) for i in instead):
+    if instead:
         kept = tuple(i for i in chosen if i not in instead)
         other, laws, left = _heard(JointChannel(motions, j, kept), chance)
         own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
         beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
-        if 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN:
+        is_better = 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN
+        if is_better and _may_stand_for(laws, [candidates[i].kind.id for i in instead]):
             return other, laws, left, instead
     return channel, held, rest, ()
+
+
+def _may_stand_for(laws: Sequence[HeldLaw], kinds: Sequence[str]) -> bool:
+    """Whether laws may stand in the place of causes.
+
+    A spring alone gives way to one of another shape, and to nothing else: next to any law is
+    better in some noise.
+    """
+    if {_PARTLY, COUPLED}.intersection(kinds):
+        return True
+    is_of_angle = all(it.law.inputs == (f'angle/{it.place}',) for it in laws)
+    return is_of_angle and not any(map(may_be_named, laws))
 
 
 def _is_replaceable(found: ArmFound, i: int, j: int) -> bool:

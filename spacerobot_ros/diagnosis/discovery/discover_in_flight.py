@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -20,10 +20,11 @@ from ...estimation.scaling import PROPORTIONAL
 from ...types import Array
 from ..answer.cause import Cause
 from ..answer.result import Diagnosis
-from ..limits import CHANCE, LARGEST_LAW, OBVIOUS
+from ..limits import CHANCE, LARGEST_LAW, MISFIT, OBVIOUS
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discover import pushes
 from .flight_channels import Component, FlightChannel, FlightRows
+from .in_place import instead_of
 from .law_search import Winner
 from .possible_laws import ACROSS, SENSOR
 from .whole_friction import corrected_by, with_friction
@@ -34,17 +35,46 @@ def discover_in_flight(
 ) -> Diagnosis:
     """The answer with laws of what its causes leave, the causes fitted beside them.
 
+    Of a model that fits only laws in the place of causes are asked; where those are too small to
+    matter, so are the laws, and the verdict stays.
+
     Args:
-        answer: Whose model does not fit.
+        answer: Of the causes.
         fit: Of its causes.
         report: Called with what is being done and the share done.
     """
     report('asking what the leftover depends on', 0.95)
-    flight = FlightRows(fit)
-    places = _places(flight)
+    places, is_refused = _places(FlightRows(fit)), answer.fit_p is None or answer.fit_p < MISFIT
     if not places:
         return answer
-    channel = FlightChannel(flight, places)
+    instead = instead_of(fit, places, is_refused=is_refused)
+    if instead:
+        spots = {place: it for some in instead.values() for place, it in some.items()}
+        flight, gone = FlightRows(fit, tuple(instead)), _names(fit.causes[i] for i in instead)
+        found = _asked(_without(answer, gone), flight, places if is_refused else spots)
+        learned = {entry.applied.where for entry in found.leftover or () if entry.applied}
+        if all(learned.intersection(some) for some in instead.values()):
+            is_small = not (is_refused or gone & _names(c.applied for c in answer.causes))
+            return replace(found, verdict=answer.verdict) if is_small else found
+    return _asked(answer, FlightRows(fit), places) if is_refused else answer
+
+
+def _names(effects: Iterable[Effect]) -> set[tuple[str, str | None]]:
+    return {(e.id, e.where) for e in effects}
+
+
+def _without(answer: Diagnosis, gone: Collection[tuple[str, str | None]]) -> Diagnosis:
+    """The answer without some causes."""
+    causes, minor = (
+        tuple(c for c in every if (c.applied.id, c.applied.where) not in gone)
+        for every in (answer.causes, answer.minor)
+    )
+    return replace(answer, causes=causes, minor=minor)
+
+
+def _asked(answer: Diagnosis, flight: FlightRows, places: Mapping[str, Component]) -> Diagnosis:
+    """The answer with laws of what is left at some places."""
+    channel, robot = FlightChannel(flight, places), flight.motion.robot
     held, rest = laws_of(channel)
     first = max((it.step.margin for it in held), default=0.0)
     held = [it for it in held if it.step.margin > OBVIOUS * first]
@@ -53,27 +83,28 @@ def discover_in_flight(
         law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
         if law is not None and pushes(law, [flight.motion]):
             law = replace(law, kind='external') if corrected_by(law, _known(answer)) else None
-        robot = flight.motion.robot
         said.append(leftover_of(it, values, spread, robot, applied=law, is_of_several=False))
         laws += [] if law is None else [law]
     done = {entry.channel for entry in said}
     for place in (p for p, component in places.items() if isinstance(component, int)):
         if channel_name(place) not in done:
             own = [step for step in rest if step.law.place == place]
-            said.append(leftover_without(place, own[0] if own else None))
-    slow = {channel_name(j) for j in flight.motion.robot.arm if flight.has_one_speed(j)}
+            said.append(leftover_without(place, own[0] if own else None, robot.joints))
+    slow = {channel_name(j) for j in robot.arm if flight.has_one_speed(j)}
     said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
     answer = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
     if not any(entry.form for entry in said):
         return answer
     if not laws:
         return replace(answer, verdict='partly_explained')
-    return _with_laws(answer, fit, laws)
+    return _with_laws(answer, flight, laws)
 
 
-def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagnosis:
+def _with_laws(answer: Diagnosis, flight: FlightRows, laws: list[LearnedTorque]) -> Diagnosis:
     """The causes with the values that they have beside the laws, where these are worth it."""
-    extended = refine(fit.run, [*fit.causes, *laws])
+    fit = flight.fit
+    beside = [e for i, e in enumerate(fit.causes) if i not in flight.gone]
+    extended = refine(fit.run, [*beside, *laws])
     moved = {(e.id, e.where): e for e in extended.causes}
     causes = tuple(
         replace(
@@ -98,7 +129,7 @@ def _with_laws(answer: Diagnosis, fit: Fit, laws: list[LearnedTorque]) -> Diagno
     if extended.misfit >= fit.misfit or lost:
         leftover = tuple(replace(entry, applied=None) for entry in answer.leftover or ())
         return replace(answer, verdict='partly_explained', leftover=leftover)
-    faded = _faded(fit, extended, laws)
+    faded = _faded(flight, extended, laws)
     gone += [c for c in causes if c.applied in faded]
     kept, minor = (
         tuple(c for c in causes if c not in gone and c.relevant == matters)
@@ -114,17 +145,18 @@ def _known(answer: Diagnosis) -> tuple[Cause, ...]:
     return (*answer.causes, *answer.minor)
 
 
-def _faded(fit: Fit, extended: Fit, laws: Sequence[LearnedTorque]) -> list[Effect]:
+def _faded(flight: FlightRows, extended: Fit, laws: Sequence[LearnedTorque]) -> list[Effect]:
     """The causes that beside laws are by chance as large as they are, or tell next to nothing.
 
     What was named for a law, as the best that the catalogue has, is none beside it.
 
     Args:
-        fit: Of the causes alone.
+        flight: With the causes alone.
         extended: With the laws.
         laws: Of any size.
     """
-    alone, beside = _squares(fit, ()), _squares(extended, laws)
+    every, beside = _squares(flight.fit, ()), _squares(extended, laws)
+    alone = [squares for i, squares in enumerate(every) if i not in flight.gone]
     return [
         cause
         for cause, before, (square, numbers) in zip(extended.causes, alone, beside, strict=False)

@@ -55,9 +55,11 @@ class FlightRows:
 
     Args:
         fit: The named causes with values.
+        gone: Numbers of those in whose place laws are asked: what they do is left, too.
     """
 
     fit: Fit
+    gone: tuple[int, ...] = ()
 
     @cached_property
     def motion(self) -> Motion:
@@ -136,7 +138,8 @@ class FlightRows:
     @cached_property
     def data(self) -> Array:
         """(R,)."""
-        return self.averaged(self.fit.data)
+        parts = (self.fit.changed(i) for i in self.gone)
+        return self.averaged(sum(parts, start=self.fit.data))
 
     @cached_property
     def tolerated(self) -> Array:
@@ -159,7 +162,8 @@ class FlightRows:
     @cached_property
     def named(self) -> Array:
         """(R, K) of named causes, of any size."""
-        own = self.averaged(self.fit.tangents)
+        kept = [k for k, (i, _) in enumerate(self.fit.free) if i not in self.gone]
+        own = self.averaged(self.fit.tangents[:, kept])
         size = np.maximum(np.sqrt(np.mean(own**2, axis=0)), 1e-300)
         left = float(np.sqrt(np.mean(self.data**2)))
         return np.asarray(own * (_FREE * left / size))

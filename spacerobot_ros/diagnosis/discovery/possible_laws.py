@@ -25,6 +25,9 @@ REFINED = ('scale', 'displacement')
 NO_LAWS = ('inertial', 'clock')
 """Kinds that are none: where they win the leftover is an error of the masses, or follows time."""
 
+NAMED = ('x', 'sign(x)', 'sign(x), x', '1, u of u = x - centre')
+"""Forms that causes of a joint are, alone or two together: friction and a spring."""
+
 
 @dataclass(frozen=True, slots=True)
 class Law:

@@ -66,11 +66,14 @@ def said_with_laws(answer: Diagnosis, fit: Fit) -> Diagnosis:
 
     Args:
         answer: With laws of what is left.
-        fit: Of the causes that were named before, which leaves that.
+        fit: Of the causes that were named before, which leaves that; of none where they fit.
     """
     laws = [entry for entry in answer.leftover or () if entry.form]
     if not laws:
         return answer
+    if answer.verdict in ('consistent', 'explained'):  # they are too small to matter
+        words = _sentence(answer.verdict, answer.causes, answer.minor, '', '')
+        return replace(answer, sentence=words + laws_in_words(laws, 'Too small to matter,'))
     verdict, left = verdict_of(False, bool(answer.causes)), _left(fit.rows.whiteness()[1])
     words = _sentence(verdict, answer.causes, answer.minor, '', left)
     return replace(answer, sentence=words + laws_in_words(laws))
