@@ -77,6 +77,7 @@ def test_a_flown_law_has_its_size_and_transfers_to_itself(monkeypatch):
     assert np.corrcoef(torque, drag)[0, 1] > 0.9999
     # what 8 numbers a second have, each three times its noise; efforts alone would leave no more
     force = hidden.force(motion, hidden.driven(motion))[:, :, None]
+    force -= np.mean(force, axis=0)
     squares = np.sum(flight._quiet.whitened(force, {}) ** 2)
     assert squares == pytest.approx(3.0**2 * 8.0 * 3.0, rel=1e-9)
     noise = robot.sensors.std('joint_effort') * np.sqrt(8.0 / 100.0)

@@ -153,7 +153,7 @@ def test_a_spring_that_is_one_keeps_its_name(monkeypatch):
     machine = HeldArm(8305, 'spring', 3.0, 'white')
     answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
     assert of_joint(answer, machine.where).form is None
-    assert ['joint_stiffness'] == [c.applied.id for c in answer.causes]
+    assert [c.applied.id for c in answer.causes] == ['joint_stiffness']
 
 
 def test_a_history_beside_named_dry_friction_takes_nothing_from_it():
