@@ -208,6 +208,21 @@ def test_one_outlier_in_a_hundred_costs_little(seed):
     assert np.max(np.abs(estimates[-1].aam - best.aam) / best.std[:3]) < 1.5
 
 
+def test_rates_ten_deviations_off_are_found_and_hardly_another():
+    _, data, _ = clean(20.0, 12)
+    rng = np.random.default_rng(3)
+    rows = np.sort(rng.choice(len(data.omega), len(data.omega) // 100, replace=False))
+    noise = NoiseLevels(
+        joint_position=2e-5, joint_velocity=2e-4, joint_effort=0.05, gyro=2e-5, attitude=3e-5
+    )
+    off = 10.0 * 2e-5 * rng.choice([-1, 1], (len(rows), 3))
+    found = np.flatnonzero(
+        without_outliers(with_value(data, 'omega', rows, lambda v: v + off), noise)[1].imu
+    )
+    assert len(np.intersect1d(found, rows)) > 0.9 * len(rows)  # the five ways find none of them
+    assert len(np.setdiff1d(found, rows)) <= 1
+
+
 def test_outliers_do_not_hide_one_another():
     # rates of two joints exchanged three times, three samples apart: cubics on either side of the
     # middle one pass through the others, and say what it says

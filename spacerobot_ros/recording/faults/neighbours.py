@@ -19,38 +19,46 @@ NORMAL = 1.4826
 _STRETCHED = 2.0  # usual intervals between neighbours, beyond which they predict nothing
 
 
-def off_neighbours(time: Array, values: Array, good: Array) -> tuple[Array, Array]:
+Stencils = tuple[tuple[int, int, int, int], ...]
+
+
+def off_neighbours(
+    time: Array, values: Array, good: Array, stencils: Stencils = STENCILS
+) -> tuple[Array, Array]:
     """(N, m) errors as of one sample, and by how much predictions differ, likewise.
 
     Args:
         time: (N,) [s].
         values: (N, m).
         good: The same, bad samples replaced by what may be there, see `bridged`.
+        stencils: Neighbours that predict a sample.
     """
     usual = float(np.median(np.diff(time)))
     arrays = (np.ascontiguousarray(x, dtype=float) for x in (time, values, good))
-    error, differ = _off_neighbours(*arrays, _STRETCHED * usual)
+    error, differ = _off_neighbours(*arrays, _STRETCHED * usual, stencils)
     return error, NORMAL * differ
 
 
 @compiled  # type: ignore[untyped-decorator]
-def _off_neighbours(time: Array, values: Array, good: Array, far: float) -> tuple[Array, Array]:
+def _off_neighbours(
+    time: Array, values: Array, good: Array, far: float, stencils: Stencils
+) -> tuple[Array, Array]:
     """`off_neighbours` less a factor; vectorised over samples it took several times as long."""
     error, differ = np.empty_like(values), np.empty_like(values)
-    weights = np.zeros((len(STENCILS), 4))
-    spread, off, away, in_order = np.ones((4, len(STENCILS)))
+    weights = np.zeros((len(stencils), 4))
+    spread, off, away, in_order = np.ones((4, len(stencils)))
     for n in range(len(time)):
-        for s in range(len(STENCILS)):
-            spread[s] = _weigh(time, n, STENCILS[s], far, weights[s])
+        for s in range(len(stencils)):
+            spread[s] = _weigh(time, n, stencils[s], far, weights[s])
         for column in range(values.shape[1]):
             is_known = False
-            for s in range(len(STENCILS)):
-                off[s] = _error(values, good, n, column, STENCILS[s], weights[s], spread[s])
+            for s in range(len(stencils)):
+                off[s] = _error(values, good, n, column, stencils[s], weights[s], spread[s])
                 is_known |= np.isfinite(off[s])
             if not is_known:  # alone on either side of a gap
                 off[:] = 0.0
             middle = _median(off, in_order)
-            for s in range(len(STENCILS)):
+            for s in range(len(stencils)):
                 away[s] = abs(off[s] - middle) / spread[s]
                 off[s] /= spread[s]
             error[n, column] = _median(off, in_order)
