@@ -17,10 +17,11 @@ import numpy as np
 from ...estimation.balance.arm_fit import Posterior
 from ...estimation.balance.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISCOUS, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.inference.evidence import Fold, Gram, Score, log_evidence, price, score, sum_of
+from ...estimation.inference.evidence import Fold, Gram, Score, log_evidence, score, sum_of
 from ...types import Array, IntArray
 from ..limits import FAMILYWISE, MOST_PRUNED, SPECIAL
 from .held_out_parts import HeldOutParts
+from .least_size import as_many, by_few, multiple_of
 from .simplest import simplest
 
 _AFTER_FRICTION = (*SHAPES, OF_LOAD)
@@ -108,37 +109,28 @@ class Selection:
         tolerated = log_evidence(gram, self.rows.tolerances[own], free)
         candidate = self.rows.candidates[i]
         gain = log_evidence(gram, candidate.sizes, (candidate.lower, candidate.upper)) - tolerated
-        freedom = self.rows.freedom(i)
-        if gain <= 0.0 or math.isinf(freedom):
-            return gain
-        # Student's t in place of a normal distribution: the level is that of few runs.
-        return 0.5 * (freedom + 1.0) * math.log1p(2.0 * gain / freedom)
+        return by_few(gain, self.rows.freedom(i))
 
     def score(self, i: int) -> Score:
         """All that is to be said of a cause beside the chosen ones."""
         return self._score(self.posterior(self.chosen), i)
 
     def limit(self, i: int, direction: Array, least: float = 0.0) -> float:
-        """Multiple x of a cause's coefficients (K,) from which it is named, beside nothing else.
+        """Multiple of a cause's coefficients (K,) from which it is named, beside nothing else.
 
-        Noise aside, its evidence is 1/2 x^2 d' S (S + 1 / prior^2)^-1 S d less the price of its
-        freedom, with S the information of the coefficients, and must exceed that of its tolerance
-        by the need. Infinite where the motion shows nothing of it.
+        Its evidence must exceed that of its tolerance by the need; see `multiple_of`.
 
         Args:
             i: The cause.
             direction: (K,) of its coefficients.
-            least: Log evidence that it must have anyway.
+            least: Log evidence that it must have beside its not being there at all.
         """
-        own = self.rows.places[i]
-        gram = self.posterior(()).group(own)
-        power, cost = 0.0, max(self.need(i), least)
-        tolerances = self.rows.tolerances[own]
-        for sign, prior in ((1.0, self.rows.candidates[i].sizes), (-1.0, tolerances)):
-            scaled, seen = prior[:, None] * gram.matrix * prior, prior * (gram.matrix @ direction)
-            power += sign * float(seen @ np.linalg.solve(np.eye(len(own)) + scaled, seen))
-            cost += sign * price(np.asarray(np.linalg.eigvalsh(scaled)), gram.rows)
-        return math.sqrt(2.0 * cost / power) if power > 0.0 else math.inf
+        own, sizes = self.rows.places[i], self.rows.candidates[i].sizes
+        gram, need = self.posterior(()).group(own), as_many(self.need(i), self.rows.freedom(i))
+        limit = multiple_of(gram, direction, need, sizes, self.rows.tolerances[own])
+        if least <= 0.0:
+            return limit
+        return max(limit, multiple_of(gram, direction, least, sizes, NOTHING * sizes))
 
     def _score(self, beside: Posterior, i: int) -> Score:
         candidate, gram = self.rows.candidates[i], beside.group(self.rows.places[i])

@@ -16,6 +16,7 @@ from ..answer.cause import Estimated, Rival
 from ..answer.result import Series
 from ..answer.words import at, first_few, telling, value_in_words
 from ..arms.arm_evidence import rivals_of
+from ..arms.least_size import deviation_along
 from .changes import Changes
 
 _UNSEEN = 1e3  # plausible sizes: what must change by more is not seen at all
@@ -179,14 +180,21 @@ def _change(found: Changes, i: int) -> Change:
 
 
 def _detectable(found: Changes, i: int) -> Detectable:
-    """Of the first parameter alone."""
-    candidate = found.selection.rows.candidates[i]
+    """Of the first parameter alone.
+
+    One deviation beyond what is named half of the time: it is in five of six.
+    """
+    selection = found.selection
+    candidate, own = selection.rows.candidates[i], selection.rows.places[i]
     first = candidate.kind.parameters[0]
     half = 0.5 * found.unexplained
     direction = np.eye(len(candidate.sizes))[0]
-    limit = found.selection.limit(i, direction, half)
+    limit = selection.limit(i, direction, half)
+    deviation = deviation_along(selection.posterior(()).group(own), direction)
     if found.moments:
-        limit = max(limit, found.moments.judge(i, direction).limit)
+        told = found.moments.judge(i, direction)
+        limit, deviation = max(limit, told.limit), told.wider * deviation
+    limit += deviation
     return Detectable(
         effect=candidate.kind.id,
         where=candidate.where,

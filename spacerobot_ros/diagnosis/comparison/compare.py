@@ -19,7 +19,6 @@ from ...effects.catalogue import kinds_beside
 from ...effects.effect import Effect
 from ...estimation.balance.arm_fit import Posterior
 from ...estimation.balance.arm_levels import leftover_levels
-from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import balance_of
 from ...estimation.balance.motor_constants import as_recorded, first_constants
@@ -32,21 +31,10 @@ from ...types import Array, IntArray
 from ..arms.arm_found import refuse_rest
 from ..arms.held_out_checks import check_held_out
 from ..arms.selection import Selection
-from .changes import ChangeRows, Changes, clear_fit, is_lasting
+from .changes import ChangeRows, Changes, clear_fit
 from .moments import Moments
 from .repeats import FEWEST, aligned, find_changes_of_repeats
-
-_TOLERANCE = {
-    'inertial_parameters': 0.04,
-    'joint_torque_constant': 0.05,
-    'motor_inertia': 0.01,
-    'effort_delay': 0.3,
-    'encoder_offset': 0.02,
-    'gravity_error': 0.02,
-}
-_USUAL = 0.1
-"""Of a plausible size: by how much a machine that nobody touched changes from run to run, by
-effect and otherwise; warm-up changes friction by some percent (docs/real_machines.md)."""
+from .usual_changes import usual_changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,13 +133,15 @@ def find_changes(
     own = (leftover_levels(group, both.sizes, both.friction) for group in (first, second))
     levels = [_level_of_both(*pair) for pair in zip(*own, strict=True)]
     report('choosing changes', 0.7)
-    rows = _changed_rows(both)
-    shared = len(both.sizes)
+    shared, later = len(both.sizes), second.parts(levels)
+    earlier = sum_of(first.parts(levels))
+    machine = Posterior.of(sum_of([earlier, *later]) + both.held, both.sizes)
+    rows = _changed_rows(both, usual_changes(both, machine))
     selection = Selection(
         rows,
-        [_doubled(part, shared, is_changed=True) for part in second.parts(levels)],
+        [_doubled(part, shared, is_changed=True) for part in later],
         second.recording,
-        _doubled(sum_of(first.parts(levels)), shared, is_changed=False) + _both_held(both.held),
+        _doubled(earlier, shared, is_changed=False) + _both_held(both.held),
     )
     selection.run()
     moments = Moments(
@@ -203,20 +193,13 @@ def _level_of_both(before: Array, after: Array) -> Array:
     return np.asarray(0.5 * (before + np.where(np.isnan(after), before, after)))
 
 
-def _changed_rows(both: ArmRows) -> ChangedRows:
-    last = both.robot.last_links
-    tolerances = []
-    for c in both.candidates:
-        share = _TOLERANCE.get(c.kind.id, _USUAL)
-        if c.where in last or not is_lasting(c):  # a payload does not change by itself
-            share = NOTHING
-        tolerances.append(share * c.sizes)
+def _changed_rows(both: ArmRows, usual: Array) -> ChangedRows:
     candidates = tuple(
         replace(c, lower=np.full(len(c.sizes), -np.inf), upper=np.full(len(c.sizes), np.inf))
         for c in both.candidates
     )
     common = np.maximum(both.sizes, both.tolerances)
-    return ChangedRows(both.balances, candidates, np.concatenate([common, *tolerances]), common)
+    return ChangedRows(both.balances, candidates, np.concatenate([common, usual]), common)
 
 
 def _both_held(held: Gram) -> Gram:

@@ -54,7 +54,7 @@ _BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
 RUN_TO_RUN = 0.05
 """Of a friction: by so much it differs from run to run of one machine, which a single recording
 can not show (docs/real_machines.md)."""
-_BY_DIRECTION = RUN_TO_RUN / math.sqrt(2.0)
+BY_DIRECTION = RUN_TO_RUN / math.sqrt(2.0)
 """Of a friction: half of the difference between its directions, each of which differs by that."""
 
 
@@ -166,8 +166,8 @@ class Machine:
             'joint_torque_ripple': (0.1 * torque, 0.0),
             'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
             'motor_inertia': (inertia, 0.0),
-            'torque_sensor_bias': (0.3 * scale, _BY_DIRECTION * dry),
-            'current_offset': (0.3 * scale / unit, _BY_DIRECTION * dry / unit),
+            'torque_sensor_bias': (0.3 * scale, BY_DIRECTION * dry),
+            'current_offset': (0.3 * scale / unit, BY_DIRECTION * dry / unit),
             'joint_sensor_delay': (max(0.01, self.interval), 0.0),
             'encoder_offset': (0.02, 0.0),
             'effort_delay': (max(0.01, self.interval), 0.0),
