@@ -135,7 +135,7 @@ def find_changes(
     report('choosing changes', 0.7)
     shared, later = len(both.sizes), second.parts(levels)
     earlier = sum_of(first.parts(levels))
-    machine = Posterior.of(sum_of([earlier, *later]) + both.held, both.sizes)
+    machine = Posterior.of(earlier + both.held, both.sizes)
     rows = _changed_rows(both, usual_changes(both, machine))
     selection = Selection(
         rows,

@@ -39,7 +39,7 @@ def usual_changes(rows: ArmRows, found: Posterior) -> Array:
 
     Args:
         rows: Of both groups of recordings.
-        found: Of their coefficients, shared by both.
+        found: Of the coefficients before: a change does not widen what it has to exceed.
     """
     friction, last = _friction(rows, found), rows.robot.last_links
     out = []

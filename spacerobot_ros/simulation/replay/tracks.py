@@ -139,7 +139,10 @@ def _impulse(record: Record) -> Callable[[float], Array]:
     sums = np.cumsum(effort * np.diff(times, prepend=times[:1])[:, None], axis=0)
 
     def at(time: float) -> Array:
-        return np.array([np.interp(time, times, column) for column in sums.T])
+        after = min(max(int(np.searchsorted(times, time)), 1), len(times) - 1)
+        start, end = times[after - 1], times[after]
+        share = min(max((time - start) / (end - start), 0.0), 1.0)
+        return np.asarray(sums[after - 1] + share * (sums[after] - sums[after - 1]))
 
     return at
 
