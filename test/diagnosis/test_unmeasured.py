@@ -1,0 +1,34 @@
+"""A law of the robot file whose input a recording lacks is said."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from spacerobot_ros.campaign.hidden.real_arm import arm_file
+from spacerobot_ros.diagnosis.discovery.unmeasured import unmeasured_inputs
+from spacerobot_ros.effects.catalogue import bind_effects
+
+
+def law_of(*inputs):
+    entry = {
+        'effect': 'learned_torque',
+        'where': 'joint_2',
+        'form': 'x, x y' if len(inputs) == 2 else 'x',
+        'inputs': list(inputs),
+        'coefficients': [-1.0] * len(inputs),
+        'range': {name: [-1.0, 1.0] for name in inputs},
+        'limit': 2.0,
+        'kind': 'external',
+    }
+    return bind_effects({'warm': entry}, arm_file().robot)
+
+
+def test_a_law_of_what_no_recording_or_not_every_one_has_is_named_with_its_input():
+    effects = law_of('rate/joint_2', 'extra/temp')
+    has, lacks = SimpleNamespace(inputs={'extra/temp': None}), SimpleNamespace(inputs={})
+    for records in ([lacks], [has, lacks]):
+        (note,) = unmeasured_inputs(effects, records)
+        assert note.startswith('effects.warm: the recording has no extra/temp')
+    assert unmeasured_inputs(effects, [has]) == ()
+    assert unmeasured_inputs(law_of('rate/joint_2'), [lacks]) == ()
+    assert unmeasured_inputs(arm_file().effects, [lacks]) == ()
