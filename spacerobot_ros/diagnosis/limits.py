@@ -48,7 +48,8 @@ MOST_CAUSES = 6
 three at once were never told apart in it, so this only ends a search that has gone astray."""
 
 MOST_MODELS = 120
-"""Models of such a record after which nothing new is tried: bounds the run time, and is said."""
+"""Models of such a record and one timing of its efforts after which nothing new is tried: bounds
+the run time, and is said."""
 
 BUDGETED = 20.0
 """Seconds of record that these two numbers are meant for. They grow with the square root of a

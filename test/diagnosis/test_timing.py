@@ -12,6 +12,7 @@ from support.mujoco_sensors import Sensors
 from support.mujoco_truth import generate
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.search import search
 from spacerobot_ros.diagnosis.search.timing import first_timing, in_words, simpler_timing
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.joints.joint_friction import ViscousFriction
@@ -83,3 +84,24 @@ def test_what_stands_in_for_half_an_interval_is_none_of_another_timing(tmp_path)
     )
     assert simpler_timing(refine(run, [real, false])) in ('sampled', 'held_about')
     assert simpler_timing(refine(run.timed('sampled'), [real])) is None
+
+
+def test_a_search_of_another_timing_has_a_budget_of_its_own(tmp_path, monkeypatch):
+    """What was spent under the timing that proved wrong is not missing under the right one."""
+    hidden = [
+        ('joint_viscous_friction', 'joint_2', {'coefficient': 1.0}),
+        ('joint_torque_constant', 'joint_1', {'gain': 1.1}),
+    ]
+    record, robot = flown(tmp_path, 'ground', 8, *hidden)
+    record = observed(record, robot)
+    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
+    monkeypatch.setattr(search, 'MOST_MODELS', 3)  # of which the first timing takes four
+
+    def right(_, tried):
+        return None if 'held_about' in tried else 'held_about'
+
+    monkeypatch.setattr(search, 'better_timing', right)
+    found = search.Search(run, list(CATALOGUE.values()), lambda *_: None).find()
+    assert found.fit.run.timing == 'held_about'
+    assert {choice.key for choice in found.choices} == {h[:2] for h in hidden}
+    assert found.is_complete

@@ -72,12 +72,13 @@ class Search:
         self._barred: set[tuple[str, str, str | None]] = set()
         length = float(run.record.joint_time[-1] - run.record.joint_time[0])
         self._growth = math.sqrt(max(1.0, length / BUDGETED))
-        self._most_models = MOST_MODELS * self._growth
+        self._most_models = math.inf  # of the timing that is looked at
         self._unsound: Found | None = None
 
     def find(self) -> Found:
         """Select until nothing more is wanted, and nothing that was selected is unsound."""
         self.report('judging every effect at every place', 0.1)
+        self._most_models = self.run.models + MOST_MODELS * self._growth
         null = fit = Fit(self.run, ())
         ranking = first = self.judge(null)
         choices: list[Choice] = []
@@ -141,12 +142,12 @@ class Search:
         """
         choices, gains = found.choices, [check.held_out_gain for check in found.checks]
         unsound = [i for i, check in enumerate(found.checks) if not check.is_sound]
-        most = MOST_TURNS * MOST_MODELS * self._growth
+        most = MOST_TURNS * MOST_MODELS * self._growth  # whatever the timings: this loop ends
         if not unsound or self.run.models >= most:
             return None
         if (found.sound.rows.whiteness()[0] or 0.0) >= MISFIT:
             return None
-        self._most_models = most
+        self._most_models = max(self._most_models, most)
         self._tried = {self.run.timing, *self._excluded}
         largest = max(unsound, key=lambda i: gains[i])
         larger = [i for i, gain in enumerate(gains) if gain > gains[largest]]
