@@ -14,8 +14,9 @@ actuators have, the torques within their limits are those whose accelerations co
 norm of M (Gauss's least constraint), of joints at their limits first.
 
 What the model does not know (wrong beliefs, friction, commands that come late) shows in what the
-last prediction missed: smoothed by beta it is part of the next one. With inertias believed R times
-too large a joint near its limit obeys, e its distance and d what was missed in a period,
+last prediction missed: smoothed by beta, and up to what a joint can brake, it is part of the next
+one. With inertias believed R times too large a joint near its limit obeys, e its distance and d
+what was missed in a period,
 
     e' = e - R (gamma e - d),    d' = (1 - beta) d + beta (R - 1) (gamma e - d),
 
@@ -89,13 +90,15 @@ class MotionBarrier:
             return u
         self._compare(stamp_ns, sample.qd)
         n, period = self._n, hold_ns * NS
-        try:
-            rates = self._rates_after(sample, u, period) + period * self._missed
-        except SimulationDivergedError:
-            return np.zeros(len(u))
         middle = sample.q + 0.5 * period * sample.qd
         M = self._inertia(middle, len(u))
         slowing = _BRAKE * limits[-n:] / M.diagonal()[-n:]
+        # what is more than a joint can brake is none of its own motion, but a sensor's
+        missed = np.minimum(np.maximum(self._missed, -slowing), slowing)
+        try:
+            rates = self._rates_after(sample, u, period) + period * missed
+        except SimulationDivergedError:
+            return np.zeros(len(u))
         now = middle, sample.qd
         change = (allowed(rates, now, slowing, self._ends, period) - rates) / period
         if change.any():
@@ -104,7 +107,7 @@ class MotionBarrier:
                 slowed = _nearest(M, u, change, limits)
             rates = rates + period * np.linalg.solve(M, slowed - u)[-n:]
             u = slowed
-        self._last = stamp_ns, sample.qd, (rates - sample.qd) / period - self._missed
+        self._last = stamp_ns, sample.qd, (rates - sample.qd) / period - missed
         return u
 
     def _compare(self, stamp_ns: int, qd: Array) -> None:

@@ -129,7 +129,7 @@ class RateGate:
             return 0.0
         t1, x1 = self._last[-1]
         before = max(self._slopes, default=0.0)
-        return max(float(np.max(np.abs(rate - x1), initial=0.0)), (time - t1) * before)
+        return max(float(np.maximum.reduce(np.abs(rate - x1), initial=0.0)), (time - t1) * before)
 
     @property
     def usual_change(self) -> float:
@@ -141,7 +141,9 @@ class RateGate:
         if self._last:
             t1, x1 = self._last[-1]
             self._period = time - t1
-            self._slopes.append(float(np.max(np.abs(rate - x1), initial=0.0)) / self._period)
+            self._slopes.append(
+                float(np.maximum.reduce(np.abs(rate - x1), initial=0.0)) / self._period
+            )
         self._last, self._doubted = [*self._last[-1:], (time, rate)], None
 
 

@@ -148,6 +148,17 @@ def test_barrier_learns_what_its_model_does_not_know(fast):
     assert_allclose(np.max(np.abs(rates[-5:]), axis=(0, 1)), 2.0, rtol=1e-3)
 
 
+def test_a_wrong_rate_does_not_count_as_what_pushes_a_joint(fast):
+    robot, barrier, sample = fast
+    u, limits = np.zeros(7), np.concatenate([np.full(3, np.inf), robot.effort_limits])
+    q = np.array([1.5, 2.4, 0.8, 2.4])
+    slower = sample.qd * [1.0, 1.0, 1.0, 0.1]  # the last joint alone could be pushed so hard
+    for k, factor in enumerate((0.5, -0.5)):  # by 200 rad/s^2, where half the torque gives 5 to 20
+        state = Feedback(q, factor * slower, sample.omega_WB_B, np.zeros(3))
+        held = barrier.hold(10 * k * MS, state, u, limits, 10 * MS)
+        assert_allclose(held, u, rtol=0, atol=0)
+
+
 def test_what_leads_nowhere_is_not_commanded(fast):
     _, barrier, sample = fast
     u, unlimited = np.full(7, 1e300), np.full(7, np.inf)
