@@ -32,10 +32,8 @@ class ByMoments:
         square: Of the direction by the rows' own covariance.
         told: Number of coefficients that the data tell.
         wider: Times by which the change is less certain than its rows say, 1 or more.
-        freedom: Of that scatter (Satterthwaite, Biometrics Bulletin 2 (1946)) as the rows expect
-            it, which say how much each moment counts (Bell and McCaffrey, Survey Methodology 28
-            (2002)): 1 where a single one decides. By the scatter that is found, one moment that
-            errs would count twice, in it and as if no other said anything.
+        freedom: Of that scatter (Satterthwaite, Biometrics Bulletin 2 (1946)): the moments that
+            count, 1 where a single one decides.
     """
 
     square: float
@@ -80,8 +78,10 @@ class Moments:
             direction: (k,) of its coefficients; None: the one that is found.
         """
         whole, *without = (found[i] for found in self._found())
+        covariance, found = whole
+        steps = np.array([estimate for _, estimate in without]) - found
         sizes = self.selection.rows.sizes[self.selection.rows.places[i]]
-        return _judged(whole, without, whole[1] if direction is None else direction, sizes)
+        return _judged(covariance, found if direction is None else direction, steps, sizes)
 
     def _found(self) -> list[dict[int, tuple[Array, Array]]]:
         """Covariance and mean of every change, of all rows, then of all but those of each moment.
@@ -109,23 +109,14 @@ def _estimate(posterior: Posterior, own: IntArray, sizes: Array) -> tuple[Array,
     return covariance, covariance @ gram.vector
 
 
-def _judged(
-    whole: tuple[Array, Array],
-    without: Sequence[tuple[Array, Array]],
-    direction: Array,
-    sizes: Array,
-) -> ByMoments:
-    """Of covariance and mean by all rows, and by all but those of each moment."""
-    covariance, mean = whole
+def _judged(covariance: Array, direction: Array, steps: Array, sizes: Array) -> ByMoments:
     weighed = np.linalg.solve(covariance, direction)
     square = max(float(direction @ weighed), 1e-300)
-    total = sum(float((estimate - mean) @ weighed) ** 2 for _, estimate in without)
-    # an estimate by fewer rows is the one by all and what their difference adds
-    expected = np.array([weighed @ (c - covariance) @ weighed for c, _ in without])
-    fourth = float(np.sum(expected**2))
+    scatter = (steps @ weighed) ** 2
+    total = float(np.sum(scatter))
     return ByMoments(
         square=square,
         told=max(1.0, float(np.sum(1.0 - np.diag(covariance) / sizes**2))),
         wider=math.sqrt(max(1.0, total / square)),
-        freedom=float(np.sum(expected)) ** 2 / fourth if fourth else math.inf,
+        freedom=total**2 / max(float(np.sum(scatter**2)), 1e-300) if total else math.inf,
     )
