@@ -32,6 +32,10 @@ _HALF_WINDOW = 25  # samples; a burst of as many is found
 _CLOSEST = STENCILS[:1]
 """Sees a sample from 1.39 x 6 standard deviations on; the median of all five ways, which bad
 neighbours do not move, from about 18 on."""
+_SEEN_BY_ALL = 0.23
+"""Of its error by the closest way, standardized, what the median of all must give for a sample
+to be the bad one: half of 1.39 / 3.0, the spreads of the closest way and of the third. Beside a bad
+neighbour that nothing else sees the closest way is off by two thirds of it; the median is not."""
 _PASSES = 3  # of 272 records of as many odd messages as good ones 7 need two, none needs three
 _HUGE = 1e150  # whose sums and ratios are finite
 
@@ -138,8 +142,8 @@ def _outlying_rates(time: Array, values: Array, std: float) -> np.ndarray:
         good = bridged(time, values, suspected)  # bad neighbours would disagree with each other
         errors, still_open = off_neighbours(time, values, good)
         closest, _ = off_neighbours(time, values, good, _CLOSEST)
-        far = _far(errors, std, still_open) | _far(closest, std, still_open)
-        found = np.any(far, axis=1)
+        near = _far(closest, std, still_open) & (errors * closest > _SEEN_BY_ALL * closest**2)
+        found = np.any(_far(errors, std, still_open) | near, axis=1)
         hidden = found & ~suspected
         if not hidden.any():
             break
