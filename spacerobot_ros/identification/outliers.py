@@ -34,8 +34,8 @@ _CLOSEST = STENCILS[:1]
 neighbours do not move, from about 18 on."""
 _SEEN_BY_ALL = 0.23
 """Of its error by the closest way, standardized, what the median of all must give for a sample
-to be the bad one: half of 1.39 / 3.0, the spreads of the closest way and of the third. Beside a bad
-neighbour that nothing else sees the closest way is off by two thirds of it; the median is not."""
+to be the bad one: half of 1.39 / 3.0, the spreads of the closest way and of the third. Beside a
+bad neighbour that nothing else sees the closest way is off by two thirds of it, the median not."""
 _PASSES = 3  # of 272 records of as many odd messages as good ones 7 need two, none needs three
 _HUGE = 1e150  # whose sums and ratios are finite
 
