@@ -142,7 +142,8 @@ def _outlying_rates(time: Array, values: Array, std: float) -> np.ndarray:
         good = bridged(time, values, suspected)  # bad neighbours would disagree with each other
         errors, still_open = off_neighbours(time, values, good)
         closest, _ = off_neighbours(time, values, good, _CLOSEST)
-        near = _far(closest, std, still_open) & (errors * closest > _SEEN_BY_ALL * closest**2)
+        by_all = errors * np.sign(closest) > _SEEN_BY_ALL * np.abs(closest)
+        near = _far(closest, std, still_open) & by_all
         found = np.any(_far(errors, std, still_open) | near, axis=1)
         hidden = found & ~suspected
         if not hidden.any():
