@@ -65,8 +65,9 @@ def run(args: argparse.Namespace) -> int:
     steps = max(1, round(duration / settings.simulator.period))
     loop = ClosedLoop(file.robot, settings)
     adaptive = loop.controller.adaptive
-    if adaptive is not None and adaptive.health.sampling_warning:
-        sys.stderr.write(f'warning: {adaptive.health.sampling_warning}\n')
+    sampling = '' if adaptive is None else adaptive.health.sampling_warning
+    for warning in filter(None, (sampling, loop.controller.reference_warning)):
+        sys.stderr.write(f'warning: {warning}\n')
     started = time.perf_counter()
     with progress() as stage:
         advance = stage('simulating', steps)

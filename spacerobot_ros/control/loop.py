@@ -45,13 +45,16 @@ class ControlLoop:
 
     Args:
         robot: The robot of the robot file.
-        settings: `controller`, `adaptive`, `reference`, `effects`, `identifier.structure` and of
-            `simulator` the period and the rate of the joint states, and `monitor.on_event`.
+        settings: `controller`, `adaptive`, `reference`, `effects`, `identifier.structure`, of
+            `simulator` the period and the rate of the joint states, `monitor.on_event` and
+            `initial.joint_position`.
 
     Attributes:
         mode: What the loop is doing.
         screen: Leaves samples out that contradict their forerunners.
         event: How it answers what acts from outside.
+        reference_warning: What the robot file's motion asks beyond the joints' limits, from where
+            it starts, before the first sample from `initial`; empty: nothing.
 
     Raises:
         ConfigurationError: settings that don't fit the robot.
@@ -63,7 +66,7 @@ class ControlLoop:
         self._faults = SensorFaults(robot, effects)
         self.robot = robot
         self.n = robot.n_joints
-        self._settings = settings.controller
+        self._settings, self._reference = settings.controller, settings.reference
         self.event = EventAnswer(settings.monitor.on_event)
         check_reference(settings.reference, self.n)
         check_attitude(settings.reference)
@@ -79,6 +82,8 @@ class ControlLoop:
         self._limits = MotionLimits(robot, settings.simulator.joint_rate)
         self._rest_std = settings.sensors.std('joint_velocity') or 0.0
         self.screen = SampleScreen(settings.sensors, settings.controller)
+        start = settings.initial.joint_position
+        self._see_limits(np.array(start if len(start) == self.n else np.zeros(self.n)))
         self.reset()
 
     def reset(self) -> None:
@@ -298,6 +303,10 @@ class ControlLoop:
         needs_attitude = self.controller.controls_attitude
         return self._base.feedback(stamp_ns, q, qd, self._hold_ns, needs_attitude)
 
+    def _see_limits(self, start: Array) -> None:
+        asked = self._limits.asked_beyond(self._reference, start)
+        self.reference_warning = asked and f'reference: {asked}; joints keep their limits'
+
     def _prepare_motion(self, stamp_ns: int, sample: Feedback, elapsed: int, stale: bool) -> None:
         motion = self._motion
         is_lost = elapsed > self._timeout_ns
@@ -306,6 +315,7 @@ class ControlLoop:
             motion.wait(elapsed)
         if not motion.has_begun:
             motion.begin(stamp_ns, sample.q)
+            self._see_limits(sample.q)
             if np.any(np.abs(sample.qd) > _MOVING * self._rest_std):
                 motion.rejoin(stamp_ns, sample)
         elif not stale and (is_lost or self.mode == 'damping'):

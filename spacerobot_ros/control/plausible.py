@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..dynamics.blocks import BlockTree
 from ..errors import MessageRejectedError
 from ..estimation.unknowns.minimal import minimal_set
 from ..identification.estimate import Estimate
+from ..model.motion_settings import ReferenceSettings
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
-from .joint_reference import Blend
+from .joint_reference import Blend, build_reference
 from .waypoints import Waypoints
 
 FURTHEST = 6.0
@@ -21,6 +24,7 @@ in 5e8, and what the identifier was told to think possible (`identifier.momentum
 
 WOUND = 1e6  # rad; encoders count fewer turns
 _JOINING = 50  # times at which the way to a motion is looked at; a quintic has no narrower peaks
+_LOOKS = 48  # times at which each period of a sine is looked at, of which 0.2 % may be missed
 
 
 class MotionLimits:
@@ -58,20 +62,36 @@ class MotionLimits:
         """
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             raise MessageRejectedError('the motion is not finite')
+        for words in self._beyond(q, qd):
+            raise MessageRejectedError(words)
+
+    def _beyond(self, q: Array, qd: Array) -> Iterator[str]:
+        """What a motion asks of each joint beyond its limits, and the limit."""
         ends = np.stack([q.min(axis=0), q.max(axis=0), np.abs(qd).max(axis=0)], axis=1)
         limits = np.column_stack([self.lower, self.upper, self.rate])
         for name, unit, (low, high, fast), (lower, upper, rate) in zip(
             self.joints, self._units, ends, limits, strict=True
         ):
             if low < lower or high > upper:
-                raise MessageRejectedError(
+                yield (
                     f'{name} would move to {low if low < lower else high:.6g} {unit}, its range '
                     f'is {lower:.6g} to {upper:.6g} {unit}'
                 )
             if fast > rate:
-                raise MessageRejectedError(
-                    f'{name} would move at {fast:.6g} {unit}/s, its limit is {rate:.6g} {unit}/s'
-                )
+                yield f'{name} would move at {fast:.6g} {unit}/s, its limit is {rate:.6g} {unit}/s'
+
+    def asked_beyond(self, settings: ReferenceSettings, start: Array) -> str:
+        """What a robot file's motion asks of the joints beyond their limits; empty: nothing.
+
+        Args:
+            settings: Section `reference`.
+            start: (n,) joint positions at its start [rad].
+        """
+        motion = build_reference(settings, start)
+        times = np.linspace(0.0, settings.duration, _LOOKS * settings.harmonics + 1)
+        way = [motion.at(t) for t in times]
+        q, qd = np.array([s.q for s in way]), np.array([s.qd for s in way])
+        return '; '.join(self._beyond(q, qd))
 
     def check_joined(self, reference: Waypoints, joined: Blend | None) -> None:
         """Refuse a motion, or the way to it, beyond the limits; raises as `check`.

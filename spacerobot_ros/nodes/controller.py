@@ -153,6 +153,7 @@ class ControllerNode(SensorNode):
             warning = self.loop.adaptive.health.sampling_warning
             if warning:
                 self.get_logger().warning(warning)
+        self._warn_of_reference()
         try:
             self._action = TrajectoryAction(self, self.loop, self._names)
         except ImportError:
@@ -161,6 +162,10 @@ class ControllerNode(SensorNode):
         if self.settings.controller.save_file and isinstance(law, FreeFlyingController):
             self._learned = AdaptationFile(self, law, self.loop.robot)
         self._watch()
+
+    def _warn_of_reference(self) -> None:
+        if self.loop.reference_warning:
+            self.get_logger().warning(self.loop.reference_warning, once=True)
 
     def _subscribe(self, robot: Robot) -> None:
         self.listen('/estimate', EstimateMessage, LATCHED, self._on_estimate)
@@ -274,6 +279,8 @@ class ControllerNode(SensorNode):
     def _publish(self, command: Command) -> None:
         if command.mode == 'damping' and command.reason:
             self.get_logger().warning(f'damping: {command.reason}', throttle_duration_sec=2.0)
+        if self.last_command is None:  # the motion has begun, perhaps from elsewhere
+            self._warn_of_reference()
         self.last_command = command
         self._send(command.stamp_ns, command.tau, command.base)
         if self._in_force is not None:

@@ -68,6 +68,17 @@ def test_simulate_says_in_one_line_what_it_did(capsys, tmp_path):
     assert 'momentum drift' in out
 
 
+def test_simulate_warns_of_a_motion_beyond_the_limits(capsys, tmp_path):
+    text, fast = Path(ROBOT).read_text(), tmp_path / 'fast.yaml'
+    fast.write_text(text.replace('cosine: [0.1600, -0.3808', 'cosine: [0.1600, -3.808'))
+    status, _, err = run(
+        capsys, 'simulate', '--robot', fast, '-o', tmp_path / 'run', '--duration', '0.1'
+    )
+    assert status == 0
+    assert err.startswith('warning: reference: joint_1 would move at ')
+    assert err.count('\n') == 1
+
+
 def test_simulate_options_reach_the_run(capsys, tmp_path):
     def rates(name, *options):
         base = ('simulate', '--robot', ROBOT, '-o', tmp_path / name, '--duration', '0.3')

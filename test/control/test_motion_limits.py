@@ -202,3 +202,48 @@ def test_a_torque_that_rests_on_samples_of_long_ago_fades(loop):
     assert torques[0] > 1.0
     # a second later, five time constants of the damping
     assert max(torques[105:]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ('reference', 'start', 'words'),
+    [
+        # a quintic is 1.875 times as fast as its mean: 1.875 * (3 - 0.5) / 2
+        ({'kind': 'set_point', 'set_point': (0.0, 3.0, 0.0), 'duration': 2.0}, 0.5,
+         'joint_2 would move at 2.34375 rad/s, its limit is 2 rad/s'),
+        ({'kind': 'set_point', 'set_point': (0.0, 3.0, 0.0), 'duration': 4.0}, 0.5, ''),
+        ({'kind': 'step', 'set_point': (0.0, 0.0, -2.0)}, 0.0,
+         'joint_3 would move to -2 rad, its range is -1 to 2.5 rad'),
+        ({'kind': 'harmonic', 'amplitude': (0.1, 0.0, 1.0), 'duration': 9.0}, 1.6,
+         'joint_3 would move to 2.6 rad, its range is -1 to 2.5 rad'),
+        ({'kind': 'harmonic', 'amplitude': (0.1, 0.0, 1.0), 'duration': 9.0}, 1.0, ''),
+        # at a quarter of the time b, less 3 pi / 16 b of the quintic that starts and ends at rest
+        ({'kind': 'fourier', 'harmonics': 1, 'sine': (0.0,) * 3, 'cosine': (6.0, 0.0, 0.0)}, 0.0,
+         'joint_1 would move at '),
+        ({'kind': 'hold'}, 0.0, ''),
+    ],
+)  # fmt: skip
+def test_a_motion_of_the_robot_file_beyond_the_limits_is_told(reference, start, words):
+    file = load_robot_file('config/servicer.yaml')
+    limits = np.array([[-np.inf, np.inf], [-np.inf, np.inf], [-1.0, 2.5]])
+    robot, settings = replace(file.robot, position_limits=limits), file.settings
+    loop = ControlLoop(
+        robot,
+        replace(
+            settings,
+            reference=replace(settings.reference, **reference),
+            initial=replace(settings.initial, joint_position=(start,) * 3),
+        ),
+    )
+    assert words in loop.reference_warning
+    assert bool(words) == bool(loop.reference_warning)
+
+
+def test_a_motion_is_judged_from_where_the_joints_are(loop):
+    file = load_robot_file('config/servicer.yaml')
+    reference = {'kind': 'set_point', 'set_point': (0.0, 3.0, 0.0), 'duration': 3.0}
+    settings = replace(file.settings, reference=replace(file.settings.reference, **reference))
+    loop = ControlLoop(file.robot, settings)
+    assert loop.reference_warning == ''
+    loop.add_rate(0, np.zeros(3))
+    loop.add_joints(0, np.array([0.0, -3.0, 0.0]), np.zeros(3))
+    assert 'joint_2 would move at 3.75 rad/s' in loop.reference_warning

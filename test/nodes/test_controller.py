@@ -440,6 +440,17 @@ def test_a_joint_stays_within_its_range(rig, servicer):
         assert bench.node.health.count('/reference') == refused
 
 
+@pytest.mark.parametrize('start', [0.0, -1.0])
+def test_a_motion_of_the_robot_file_beyond_the_limits_is_told_once(rig, servicer, capfd, start):
+    motion = {'reference.kind': 'set_point', 'reference.set_point': [2.0 + start, 1.5, 0.0]}
+    bench = Bench(rig, servicer, **motion, **{'reference.duration': 1.8})
+    for ms in (0, 10, 20):  # 1.875 (2 + start) / 1.8 rad/s from zero, that of 2 from there
+        bench.sample(ms, q=(start, 0.0, 0.0))
+    told = [line for line in capfd.readouterr().err.splitlines() if 'reference: ' in line]
+    assert len(told) == 1
+    assert 'joint_1 would move at 2.08333 rad/s, its limit is 2 rad/s' in told[0]
+
+
 def test_lockstep_waits_for_the_gyro_of_the_same_stamp(rig, servicer):
     bench = Bench(rig, servicer, **{'simulator.lockstep': True})
     bench.joint(0)
