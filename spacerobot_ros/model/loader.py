@@ -16,7 +16,8 @@ from .inputs import read_thrusters
 from .robot import Robot
 from .robot_settings import RobotSettings, SensorSettings
 from .settings import Settings
-from .urdf import MOVING, Tree, parse_urdf
+from .urdf import Tree, parse_urdf
+from .urdf_joints import MOVING, left_moving
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
 
 _MOST_JOINTS = 500  # of n, the torque regressor of a single sample has 10 n^2 numbers: 20 MB
@@ -81,7 +82,8 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         ConfigurationError: settings that don't fit the URDF.
     """
     options = settings.robot
-    tree = parse_urdf(urdf, urdf_name, is_on_ground=options.base == 'fixed')
+    is_on_ground = options.base == 'fixed'
+    tree = parse_urdf(urdf, urdf_name, is_on_ground=is_on_ground, held=options.held)
     if options.base_link not in ('', tree.root):
         why = f'{options.base_link!r} is not the root link {tree.root!r} of the URDF'
         raise ConfigurationError('robot.base_link', why)
@@ -117,6 +119,7 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         passive_joints=options.passive_joints,
         anchor=options.scale.anchor,
         thrusters=read_thrusters(options.thrusters),
+        held={name: j.held for name, j in tree.joints.items() if j.held is not None},
     )
 
 
@@ -152,16 +155,19 @@ def _faulty_joints(options: RobotSettings, tree: Tree) -> Iterator[tuple[str, st
         named += [(f'robot.{section}.joints[{i}]', name) for i, name in enumerate(wheels.joints)]
     seen: dict[str, str] = {}
     for place, name in named:
+        if name in options.held:
+            yield place, f'{name!r} is one of robot.held, too: a joint moves or is held'
         if name not in moving:
             yield place, f'the URDF has no moving joint {name!r} (it has {", ".join(moving)})'
         if name in seen:
             yield place, f'joint {name!r} is named twice, first as {seen[name]}'
         seen[name] = place
-    left = [repr(name) for name in moving if name not in seen]
+    followers = [name for name in moving if tree.joints[name].mimic]
+    left = followers or [name for name in moving if name not in seen]
     if left:
-        words = f'joint {left[0]} of the URDF moves but is not named: list it or make it fixed'
+        words = left_moving(tree.joints[left[0]])
         if len(left) > 1:
-            words = f'{words}; so do {", ".join(left[1:])}'
+            words = f'{words}; so do {", ".join(map(repr, left[1:]))}'
         yield 'robot.joints', words
 
 

@@ -13,8 +13,8 @@ excludes its true rotors, which are links of their own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,7 @@ from ..types import Array, BoolArray, Vector3
 from .body import Body, Gyrostat, Rotor, joint_unit, last_bodies, tree_order
 from .inputs import Inputs, MountedThruster
 from .robot_settings import SensorSettings
+from .urdf import Tree, parse_urdf
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,7 @@ class Robot:
         inputs: What acts on the base in the run that it is asked about; None: nothing known.
         rate_only: Joints of whose motion a recording has only the rates.
         anchor: What of the file is right where no torque is measured, see `ScaleSettings`.
+        held: Position of each joint of the URDF that does not move [rad or m].
     """
 
     name: str
@@ -79,6 +81,12 @@ class Robot:
     inputs: Inputs | None = None
     rate_only: tuple[str, ...] = ()
     anchor: str = 'none'
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def tree(self) -> Tree:
+        """Links and joints of the URDF, those that are held fixed."""
+        return parse_urdf(self.urdf, is_on_ground=not self.is_free, held=self.held)
 
     @property
     def without_constant(self) -> tuple[str, ...]:

@@ -5,7 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from .schema import FloatList, FloatOrList, FreeMaps, TextList, TextOrList, param
+from .schema import (
+    FloatList,
+    FloatMap,
+    FloatOrList,
+    FreeMaps,
+    TextList,
+    TextOrList,
+    param,
+)
 
 ANCHORS = ('none', 'gravity', 'inertia')
 
@@ -63,6 +71,9 @@ class RobotSettings:
     `thrusters` on the base are a map under free names: {at: [x, y, z], direction: [x, y, z],
     force: N at a command of 1}, the direction that of the force on the base, in its coordinates.
 
+    `held` are joints of the URDF that do not move and that no message has, such as a gripper's, by
+    name: {finger: 0.04}, rad, or m where they slide. Joints that mimic one are held with it.
+
     Args:
         urdf: package:// URL, absolute path, or path beside the robot file.
         base: Free-floating base, or fixed for a ground test, which asks nothing of the root link's
@@ -92,6 +103,7 @@ class RobotSettings:
     effect_modules: TextList = param(())
     scale: ScaleSettings = field(default_factory=ScaleSettings)
     thrusters: FreeMaps = field(default_factory=dict)
+    held: FloatMap = field(default_factory=dict)
     servicer_wheels: WheelSettings = field(default_factory=WheelSettings)
     target_wheels: WheelSettings = field(default_factory=WheelSettings)
 

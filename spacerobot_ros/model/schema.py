@@ -25,6 +25,8 @@ TextOrList = str | TextList
 FreeMaps = Mapping[str, Mapping[str, Any]]
 """Maps under free names, of numbers, texts, and lists and maps of these, whose meaning is checked
 elsewhere."""
+FloatMap = Mapping[str, float]
+"""Numbers under free names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,6 +171,8 @@ def _parse_value(f: Field[Any], kinds: tuple[Any, ...], value: Any, place: str) 
         return parse_section(kind, value, place)
     if kind == FreeMaps:
         return _free_maps(value, place)
+    if kind == FloatMap:
+        return {k: parse_number(v, f'{place}.{k}') for k, v in _named(value, place).items()}
     if kind in (FloatList, TextList):
         parse = _parser(typing.get_args(kind)[0])
         parsed = tuple(parse(v, f'{place}[{i}]') for i, v in enumerate(_list(value, place)))
@@ -195,16 +199,22 @@ def _parser(kind: type) -> Callable[[Any, str], Any]:
     return lambda value, place: parse(value, place, kind)
 
 
-def _free_maps(value: Any, place: str) -> dict[str, dict[str, Any]]:
-    """In the order of the names: parameters of a ROS 2 node keep no other."""
+def _named(value: Any, place: str) -> dict[str, Any]:
+    """A map, in the order of its names: parameters of a ROS 2 node keep no other."""
     if not isinstance(value, Mapping):
         raise ConfigurationError(place, f'expected a map of named entries, got {value!r}')
-    for name, entry in value.items():
+    for name in value:
         if not isinstance(name, str) or not name or '.' in name:
             raise ConfigurationError(place, f'{name!r} is no name: give text without a dot')
+    return dict(sorted(value.items()))
+
+
+def _free_maps(value: Any, place: str) -> dict[str, dict[str, Any]]:
+    named = _named(value, place)
+    for name, entry in named.items():
         if not isinstance(entry, Mapping):
             raise ConfigurationError(f'{place}.{name}', f'expected a map, got {entry!r}')
-    return {name: _free(entry, f'{place}.{name}') for name, entry in sorted(value.items())}
+    return {name: _free(entry, f'{place}.{name}') for name, entry in named.items()}
 
 
 def _free(value: Any, place: str) -> Any:

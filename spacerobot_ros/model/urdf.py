@@ -20,8 +20,8 @@ from ..types import Matrix3, Vector3
 from .files import MOST_URDF
 from .rigid_body import fault_of
 from .schema import LARGEST
+from .urdf_joints import MOVING, Joint, Mimic, with_held
 
-MOVING = ('revolute', 'continuous', 'prismatic')
 INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 _XACRO = 'ros.org/wiki/xacro}'  # namespace of its elements, as the parser writes it
 
@@ -44,25 +44,6 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Joint:
-    """One joint: child frame in the parent's at zero, unit axis in the child frame, limits.
-
-    Limits are infinite where the URDF gives none, or an effort or a velocity of zero.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    rotation: Matrix3
-    translation: Vector3
-    axis: Vector3
-    effort_limit: float
-    velocity_limit: float
-    position_limit: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Tree:
     """A checked tree of links; `joints` in URDF order, `root` the only link without a parent."""
 
@@ -72,7 +53,13 @@ class Tree:
     joints: dict[str, Joint]
 
 
-def parse_urdf(text: str, place: str = 'URDF', *, is_on_ground: bool = False) -> Tree:
+def parse_urdf(
+    text: str,
+    place: str = 'URDF',
+    *,
+    is_on_ground: bool = False,
+    held: Mapping[str, float] | None = None,
+) -> Tree:
     """Parse and check a URDF.
 
     Args:
@@ -80,6 +67,8 @@ def parse_urdf(text: str, place: str = 'URDF', *, is_on_ground: bool = False) ->
         place: What to call it in error messages.
         is_on_ground: Whether the root does not move, so that its inertia plays no part: one that
             no rigid body has is left out.
+        held: Positions of joints that are held, which are fixed ones of the tree, as are those
+            that mimic them.
 
     Returns:
         The checked tree.
@@ -101,6 +90,7 @@ def parse_urdf(text: str, place: str = 'URDF', *, is_on_ground: bool = False) ->
         raise ModelError(place, f'the root element is <{root.tag}>, expected <robot>')
     links = _unique([_parse_link(e, place) for e in root.findall('link')], 'link', place)
     joints = _unique([_parse_joint(e, place) for e in root.findall('joint')], 'joint', place)
+    joints = with_held(joints, held or {})
     children = {joint.child for joint in joints.values()}
     base = next((name for name in links if name not in children), '')
     for where, why in _faults_of_tree(links, joints, base, place):
@@ -228,9 +218,6 @@ def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
     if kind not in (*MOVING, 'fixed'):
         known = f'{", ".join(MOVING)} or fixed'
         raise ModelError(where, f'joint type {kind!r} is not supported (use {known})')
-    if element.find('mimic') is not None:
-        why = 'mimic joints are not supported: make it fixed, or list it without <mimic>'
-        raise ModelError(where, why)
     parent, child = element.find('parent'), element.find('child')
     if parent is None or child is None:
         raise ModelError(where, 'needs <parent> and <child>')
@@ -238,8 +225,19 @@ def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
     effort, velocity, position = _parse_limits(element.find('limit'), kind, where)
     fixed_axis = np.array([1.0, 0.0, 0.0])
     axis = fixed_axis if kind == 'fixed' else _parse_axis(element.find('axis'), where)
-    ends = parent.get('link', ''), child.get('link', '')
-    return Joint(name, kind, *ends, rotation, translation, axis, effort, velocity, position)
+    ends, mimic = (parent.get('link', ''), child.get('link', '')), element.find('mimic')
+    follows = None if mimic is None or kind == 'fixed' else _parse_mimic(mimic, where)
+    where_it_is = rotation, translation, axis
+    return Joint(name, kind, *ends, *where_it_is, effort, velocity, position, follows)
+
+
+def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic:
+    leader = element.get('joint', '')
+    if not leader:
+        raise ModelError(f'{where} mimic', 'names no joint')
+    given = (('multiplier', '1'), ('offset', '0'))
+    numbers = (_parse_numbers(element.get(k, d), 1, f'{where} mimic {k}')[0] for k, d in given)
+    return Mimic(leader, *numbers)
 
 
 def _parse_limits(

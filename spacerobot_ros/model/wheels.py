@@ -11,7 +11,8 @@ from ..errors import ConfigurationError
 from ..types import Vector3
 from .body import Body, Frames, Gyrostat, Rotor
 from .robot_settings import RobotSettings, WheelSettings
-from .urdf import Joint, Tree
+from .urdf import Tree
+from .urdf_joints import Joint
 
 # Slack of a rotor's balance: centre of mass off the axis [m], and products of inertia relative to
 # the axial moment.

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from .files import read_parameters, write_parameters, write_text
 from .robot import Body, Robot
-from .urdf import INERTIA, parse_urdf
+from .urdf import INERTIA
+from .urdf_joints import Joint
 
 
 def write_robot_file(robot: Robot, template: str | Path, path: str | Path) -> tuple[Path, Path]:
@@ -54,6 +56,7 @@ def write_robot(
     """
     path = Path(path)
     section = {**parameters['robot'], 'urdf': urdf}
+    section.pop('held', None)  # fixed in the URDF
     _set_momentum(section, robot)
     urdf_path = write_text(path.with_suffix('.urdf'), urdf_text(robot))
     return write_parameters(path, {**parameters, 'robot': section}), urdf_path
@@ -81,7 +84,8 @@ def urdf_text(robot: Robot) -> str:
     """The robot's URDF with the inertial parameters of its bodies.
 
     A body of several links joined by fixed joints is written as the inertial of its main link, the
-    others losing theirs: only their sum is known. Links of true rotors keep their own.
+    others losing theirs: only their sum is known. Links of true rotors keep their own. Joints that
+    are held are fixed.
     """
     rates = np.array([rotor.rate for rotor in robot.rotors])
     bodies = {body.name: body for body in robot.with_free_rotors(rates).bodies}
@@ -95,13 +99,16 @@ def urdf_text(robot: Robot) -> str:
             link.remove(old)
         if name in bodies and bodies[name].mass > 0.0:
             link.insert(0, _inertial(bodies[name]))
+    joints = robot.tree.joints
+    for element in root.findall('joint'):
+        _fix(element, joints[element.get('name', '')])
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding='unicode') + '\n'
 
 
 def _main_links(robot: Robot, names: set[str]) -> dict[str, str]:
     """Main link of the body that each link belongs to."""
-    tree = parse_urdf(robot.urdf, is_on_ground=not robot.is_free)
+    tree = robot.tree
     parents = {joint.child: joint for joint in tree.joints.values()}
     owners = {}
     for link in tree.links:
@@ -110,6 +117,19 @@ def _main_links(robot: Robot, names: set[str]) -> dict[str, str]:
             at = parents[at].parent
         owners[link] = at
     return owners
+
+
+def _fix(element: ElementTree.Element, joint: Joint) -> None:
+    """Write a joint that is held as a fixed one where it is."""
+    if joint.held is None:
+        return
+    element.set('type', 'fixed')
+    for child in list(element):
+        if child.tag not in ('parent', 'child'):
+            element.remove(child)
+    origin = {'xyz': joint.translation, 'rpy': pin.rpy.matrixToRpy(joint.rotation)}
+    written = {key: ' '.join(repr(float(x)) for x in value) for key, value in origin.items()}
+    element.insert(0, ElementTree.Element('origin', written))
 
 
 def _inertial(body: Body) -> ElementTree.Element:

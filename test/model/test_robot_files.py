@@ -292,7 +292,7 @@ FILES = [
     (
         'no joint',
         TEXT.replace('[j_link_1, j_link_2, j_link_3]', '[]'),
-        "'j_link_1' of the URDF moves but is not named: list it or make it fixed; so do 'j_link_2",
+        "'j_link_1' of the URDF moves but is not named: .*: {j_link_1: 0.0}; so do 'j_link_2",
     ),
     (
         'base link',

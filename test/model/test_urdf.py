@@ -136,8 +136,8 @@ REFUSALS = [
     ),
     (
         'mimic',
-        _with('<axis', '<mimic joint="x"/><axis'),
-        "joint 'j1': mimic joints are not supported",
+        _with('<axis', '<mimic/><axis'),
+        "joint 'j1' mimic: names no joint",
     ),
     (
         'no parent',

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +139,15 @@ def test_joint_columns_are_put_in_order_by_name(tmp_path):
     assert '/joint_states: joint columns reordered by name' in record.notes
     assert '/imu/data: absent' in record.notes
     assert record.rates is None
+
+
+def test_joints_that_the_robot_file_holds_may_be_there(tmp_path):
+    message = joint_state(0, ['finger', *JOINTS])
+    robot = replace(ROBOT, held={'finger': 0.04, 'thumb': 0.04})
+    record = read_bag(write(tmp_path / 'bag', [('/joint_states', message)]), robot)
+    assert record.joints.names == tuple(JOINTS)
+    note = '/joint_states: finger, thumb: left out, as the robot file holds them'
+    assert note in record.notes
 
 
 def test_other_topics_and_wheels(tmp_path):

@@ -67,6 +67,7 @@ class _Channel:
         remarks: What was mended or assumed.
         effort_units: (n,) N m of one unit of effort of each joint.
         in_amperes: Joints whose efforts stay currents [A].
+        held: Joints that do not move, which messages may have or not.
         may_lack_positions: Whether some joints may say NaN throughout, wheels on a fixed base.
     """
 
@@ -79,6 +80,7 @@ class _Channel:
     remarks: dict[str, None] = field(default_factory=dict)
     effort_units: Array | float = 1.0
     in_amperes: tuple[str, ...] = ()
+    held: frozenset[str] = frozenset()
     may_lack_positions: bool = False
 
     def reject(self, reason: object, count: int = 1) -> None:
@@ -109,6 +111,7 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
     joints = channels['joints']
     if robot is not None:
         joints.names, joints.effort_units = robot.arm, robot.known_effort_units
+        joints.held = frozenset(robot.held)
         joints.in_amperes, joints.may_lack_positions = robot.without_constant, not robot.is_free
         if 'current' in robot.effort_kinds:
             how = 'in A' if robot.without_constant else 'times robot.motor_constant'
@@ -184,14 +187,24 @@ def _row(kind: str, message: Any, channel: _Channel, base_link: str | None) -> A
         columns = messages.joint_columns(message, names, 'position?', 'velocity', 'effort?')
         channel.names = names
         return _stacked(columns, len(names), missing=(0.0, 0.0, np.nan))
+    return _joint_row(message, channel)
+
+
+def _joint_row(message: Any, channel: _Channel) -> Array:
+    """(3, n) position, velocity and effort of the joints that move."""
     first = channel.rows[0][0] if channel.rows else np.asarray(message.position)
     is_partly = channel.may_lack_positions and np.isnan(first).any()
     position = 'position?' if is_partly else 'position'
+    others = channel.held.issuperset(set(message.name).difference(channel.names))
     columns = messages.joint_columns(
-        message, channel.names, position, 'velocity?', 'effort?', partly=True
+        message, channel.names, position, 'velocity?', 'effort?', others=others, partly=True
     )
     if columns[0] is None or (channel.rows and np.any(np.isnan(columns[0]) != np.isnan(first))):
         raise MessageRejectedError('position is not finite')
+    if channel.held.intersection(message.name):
+        channel.remarks[
+            f'{", ".join(sorted(channel.held))}: left out, as the robot file holds them'
+        ] = None
     if list(channel.names) != list(message.name):
         channel.remarks['joint columns reordered by name'] = None
     return _stacked(columns, len(channel.names), missing=(0.0, np.nan, np.nan))

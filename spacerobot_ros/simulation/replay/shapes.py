@@ -15,7 +15,6 @@ from ...formats import counted
 from ...model.body import Body, inertia_ellipsoid, merge_bodies
 from ...model.loader import resolve_urdf
 from ...model.robot import Robot
-from ...model.urdf import parse_urdf
 from ...types import Array, Matrix3, Vector3
 
 MOST = 20_000
@@ -101,7 +100,7 @@ def shapes_of(robot: Robot, folder: Path) -> tuple[list[list[Shape]], tuple[str,
         The shapes of each body, and a line a reason for which visuals could not be read: where a
         body has no other the ellipsoid of its inertia stands in their place.
     """
-    tree = parse_urdf(robot.urdf, is_on_ground=not robot.is_free)
+    tree = robot.tree
     joints = {  # rotors turn, and look the same all the time
         name: joint if name in robot.joints else replace(joint, kind='fixed')
         for name, joint in tree.joints.items()
