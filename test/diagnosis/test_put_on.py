@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from spacerobot_ros.diagnosis.comparison.put_on import put_on
+from spacerobot_ros.diagnosis.comparison.put_on import exchanged, put_on
 from spacerobot_ros.estimation.inference.evidence import Gram
 
 SIZES = np.array([3.0, 0.5, 0.5, 0.5, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2])
@@ -86,3 +86,18 @@ def test_a_tool_for_another_is_no_body():
     truth = pin.Inertia(1.0, np.array([0.2, 0.0, 0.0]), 1e-3 * np.eye(3)).toDynamicParameters()
     truth -= pin.Inertia(1.2, np.array([-0.2, 0.0, 0.0]), 1e-3 * np.eye(3)).toDynamicParameters()
     assert put_on(put(rng, truth, std=0.3), SIZES) is None
+
+
+def test_an_exchanged_body_leaves_one():
+    """A tool in place of another: what is there then is a body, however little is seen of it."""
+    rng = np.random.default_rng(8)
+    file, shared, new = body(rng), body(rng), body(rng)
+    truth = new - file - shared
+    gram = put(rng, truth, std=0.3)
+    found = exchanged(gram, SIZES, file, shared)
+    assert abs(found.values[0] - truth[0]) < 3.0 * found.spread[0]
+    left = pin.PseudoInertia.FromDynamicParameters(file + shared + found.values).toMatrix()
+    assert np.min(np.linalg.eigvalsh(left)) > -1e-6
+    far = exchanged(gram, SIZES, file, -3.0 * file)  # no body before: the file's counts
+    left = pin.PseudoInertia.FromDynamicParameters(file + far.values).toMatrix()
+    assert np.min(np.linalg.eigvalsh(left)) > -1e-6

@@ -65,7 +65,9 @@ def check_bodies(selection: Selection, plain: Selection) -> None:
     while left:
         other = selection.instead_of(left[0], bodies)
         check_held_out(other)
-        gains = [_nats(rows, selection.chosen, other.chosen) for rows in (selection, plain)]
+        gains = [
+            predicted_better(rows, selection.chosen, other.chosen) for rows in (selection, plain)
+        ]
         dearer = other.implausibility(other.chosen) - selection.implausibility(selection.chosen)
         if max(gains) <= HELD_OUT and dearer <= selection.need(left[0]):
             selection.take(other)
@@ -97,7 +99,7 @@ def check_refinements(selection: Selection, plain: Selection) -> None:
         selection.take(other)
 
 
-def _nats(rows: Selection, chosen: Sequence[int], others: Sequence[int]) -> float:
+def predicted_better(rows: Selection, chosen: Sequence[int], others: Sequence[int]) -> float:
     """By how much one choice predicts parts of the data better than another [nats].
 
     A part of which more is missed than its noise counts by its own level: where something else

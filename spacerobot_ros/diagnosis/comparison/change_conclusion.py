@@ -17,7 +17,9 @@ from ..answer.result import Series
 from ..answer.words import at, first_few, telling, value_in_words
 from ..arms.arm_evidence import rivals_of
 from ..arms.least_size import deviation_along
+from ..events.event_limits import EXPLAINED
 from .changes import Changes
+from .named_from import named_from
 
 _UNSEEN = 1e3  # plausible sizes: what must change by more is not seen at all
 
@@ -59,11 +61,13 @@ class Comparison:
     """The whole answer.
 
     Args:
-        verdict: changed or unchanged. sentence: The same in words.
+        verdict: changed, unchanged, or unexplained, where nothing is named and most is left
+            unexplained at half of the joints and more. sentence: The same in words.
         changes: By evidence.
         detectable: Of every cause the change that would have been seen; infinite where the motion
             shows nothing of it.
-        left: Rms of what no cause explains of each joint's torque.
+        left: Rms of what is missed of each joint's torque in the group where it is more.
+        unjudged: Joints of whose torques too much is left for a change to be seen.
         units: Of each joint's torque.
         is_repeated: Whether all recordings are of one motion, judged by the scatter between
             the reference runs.
@@ -76,6 +80,7 @@ class Comparison:
     changes: tuple[Change, ...]
     detectable: tuple[Detectable, ...]
     left: Mapping[str, float]
+    unjudged: tuple[str, ...]
     units: Mapping[str, str]
     is_repeated: bool
     series: tuple[Series, ...]
@@ -89,6 +94,7 @@ class Comparison:
             'causes': [asdict(change) for change in self.changes],
             'detectable': [asdict(one) for one in self.detectable],
             'repeats': self.is_repeated,
+            'unjudged': list(self.unjudged),
             'left_unexplained': {
                 'unit': either(self.units.values()),
                 'units': dict(self.units),
@@ -102,18 +108,52 @@ def conclude_changes(found: Changes) -> Comparison:
     selection = found.selection
     order = sorted(selection.chosen, key=lambda i: -selection.gain(i))
     changes = tuple(_change(found, i) for i in order)
-    verdict = 'changed' if changes else 'unchanged'
-    levels = np.sqrt(np.sum(found.levels, axis=1))
+    left, usual = _left(found), found.selection.rows.judged_by
+    # of no cause in either group: what changed may be of none, either
+    is_poor = left**2 > (1.0 - EXPLAINED) * usual**2
+    unjudged = tuple(np.array(found.robot.joints)[is_poor].tolist())
+    is_told = 2 * len(unjudged) < np.sum(np.isfinite(left))
     return Comparison(
-        verdict=verdict,
-        sentence=_sentence(changes),
+        verdict='changed' if changes else 'unchanged' if is_told else 'unexplained',
+        sentence=_sentence(changes, unjudged, is_told=is_told),
         changes=changes,
         detectable=tuple(_detectable(found, i) for i in selection.live),
-        left=dict(zip(found.robot.joints, levels.tolist(), strict=False)),
+        left=dict(zip(found.robot.joints, left.tolist(), strict=True)),
+        unjudged=unjudged,
         units={joint: found.robot.unit_of('N m', joint) for joint in found.robot.joints},
         is_repeated=found.is_repeated,
-        series=_series(found, levels),
+        series=_series(found, np.sqrt(np.sum(found.levels, axis=1))),
     )
+
+
+def _left(found: Changes) -> Array:
+    """(n,) rms of what is missed of each joint's torque, in the group where it is more.
+
+    NaN of a joint that does not move.
+    """
+    rows, n = found.selection.rows, len(found.robot.joints)
+    squares, count = np.zeros((2, 2, n))
+    for run, balance in enumerate(rows.balances):
+        left, group = _missed(found, run)[1], int(run >= found.after)
+        for j in range(n):
+            own = left[rows.rows_at(balance, j), j]
+            squares[group, j] += np.sum(own**2)
+            count[group, j] += len(own)
+    mean = np.max(squares / np.maximum(count, 1), axis=0)
+    return np.where(np.any(count, axis=0), np.sqrt(mean), np.nan)
+
+
+def _missed(found: Changes, run: int) -> tuple[Array, Array]:
+    """(M, n) of the torques of a recording beside what both groups share, and the changes, too."""
+    rows = found.fit.rows
+    columns, mean = rows.columns[run], found.fit.posterior.mean
+    count = columns.shape[2]
+    changed = np.zeros(len(mean))
+    for i in found.fit.chosen:
+        changed[rows.places[i]] = found.change(i)[0]
+    shared = mean[:-count] if len(mean) > count else np.zeros(count)
+    before = rows.torque(run) - columns @ shared
+    return before, before - columns @ changed[-count:] if run >= found.after else before
 
 
 def _series(found: Changes, levels: Array) -> tuple[Series, ...]:
@@ -124,14 +164,7 @@ def _series(found: Changes, levels: Array) -> tuple[Series, ...]:
         levels: Rms of what no cause explains, of every joint first [N m].
     """
     rows, run = found.fit.rows, found.after
-    columns, mean = rows.columns[run], found.fit.posterior.mean
-    count = columns.shape[2]
-    changed = np.zeros(len(mean))
-    for i in found.fit.chosen:
-        changed[rows.places[i]] = found.change(i)[0]
-    shared = mean[:-count] if len(mean) > count else np.zeros(count)
-    before = rows.torque(run) - columns @ shared
-    after = before - columns @ changed[-count:]
+    before, after = _missed(found, run)
     balance = rows.balances[run]
     seen = [(j, rows.rows_at(balance, j)) for j in range(len(found.robot.joints))]
     return tuple(
@@ -182,32 +215,43 @@ def _change(found: Changes, i: int) -> Change:
 def _detectable(found: Changes, i: int) -> Detectable:
     """Of the first parameter alone.
 
-    One deviation beyond what is named half of the time: it is in five of six.
+    One deviation beyond what is named half of the time: it is in five of six. Where nothing is
+    named it would have been in these very recordings, too, whichever sign it has.
     """
     selection = found.selection
     candidate, own = selection.rows.candidates[i], selection.rows.places[i]
     first = candidate.kind.parameters[0]
-    half = 0.5 * found.unexplained
     direction = np.eye(len(candidate.sizes))[0]
-    limit = selection.limit(i, direction, half)
+    limit = selection.limit(i, direction, 0.5 * found.unexplained)
     deviation = deviation_along(selection.posterior(()).group(own), direction)
     if found.moments:
         told = found.moments.judge(i, direction)
         limit, deviation = max(limit, told.limit), told.wider * deviation
     limit += deviation
+    if not selection.chosen and limit < _UNSEEN * first.size:
+        limit = named_from(selection, i, limit * direction, found.unexplained)
+    value = limit if limit < _UNSEEN * first.size else math.inf
+    if candidate.kind.id == 'joint_torque_constant':  # columns of measured torques: 1 - 1 / gain
+        value = value / (1.0 - value) if value < 0.5 else math.inf  # no motor loses more than all
     return Detectable(
         effect=candidate.kind.id,
         where=candidate.where,
         parameter=first.name,
-        value=limit if limit < _UNSEEN * first.size else math.inf,
+        value=value,
         unit=candidate.kind.unit_at(found.robot, candidate.where, first),
     )
 
 
-def _sentence(changes: tuple[Change, ...]) -> str:
-    if not changes:
-        return 'Nothing changed by more than would have been seen (detectable).'
-    return f'What changed: {first_few([_in_words(change) for change in changes])}.'
+def _sentence(changes: tuple[Change, ...], unjudged: tuple[str, ...], *, is_told: bool) -> str:
+    words = 'Nothing changed by more than would have been seen (detectable).'
+    if changes:
+        words = f'What changed: {first_few([_in_words(change) for change in changes])}.'
+    elif not is_told:
+        words = 'No change is named, and none is ruled out.'
+    if not unjudged:
+        return words
+    joints, most = ', '.join(unjudged), 1.0 - EXPLAINED
+    return f'{words} Of {joints} over {most:.0%} of the torques squared are left unexplained.'
 
 
 def _in_words(change: Change) -> str:

@@ -16,7 +16,7 @@ from ...types import Array
 from ..arms.arm_found import is_clear
 from ..arms.selection import Selection
 from .moments import Moments
-from .put_on import PutOn, put_on
+from .put_on import PutOn, exchanged, put_on
 
 _FINE = (
     'joint_stribeck_friction',
@@ -53,18 +53,22 @@ class Changes:
 
     @cached_property
     def bodies(self) -> dict[int, PutOn]:
-        """What was put on last links or taken off, by the number of the change."""
-        rows, out = self.fit.rows, {}
-        for i in self.fit.chosen:
-            candidate, own = rows.candidates[i], rows.places[i]
-            if (
-                candidate.kind.id == 'inertial_parameters'
-                and candidate.where in rows.robot.last_links
-            ):
-                body = put_on(self.fit.posterior.group(own), rows.sizes[own], self.unexplained)
-                if body is not None:
-                    out[i] = body
-        return out
+        """What was put on links, taken off or exchanged, by the number of the change."""
+        rows = self.fit.rows
+        named = (i for i in self.fit.chosen if rows.candidates[i].kind.id == 'inertial_parameters')
+        return {i: self._body(i) for i in named}
+
+    def _body(self, i: int) -> PutOn:
+        rows, own, posterior = self.fit.rows, self.fit.rows.places[i], self.fit.posterior
+        gram, sizes = posterior.group(own), rows.sizes[own]
+        body = put_on(gram, sizes, self.unexplained)
+        if body is not None:
+            return body
+        names = [body.name for body in rows.robot.bodies]
+        file = rows.robot.inertial_parameters[names.index(str(rows.candidates[i].where))]
+        twice = len(posterior.mean) - sum(len(c.sizes) for c in rows.candidates)
+        shared = posterior.mean[own - twice] if twice else np.zeros(len(own))
+        return exchanged(gram, sizes, file, shared)
 
     def change(self, i: int) -> tuple[Array, Array]:
         """(k,) values and standard deviations of a chosen change, by rows and moments."""

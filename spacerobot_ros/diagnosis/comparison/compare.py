@@ -31,6 +31,7 @@ from ...types import Array, IntArray
 from ..arms.arm_found import refuse_rest
 from ..arms.held_out_checks import check_held_out
 from ..arms.selection import Selection
+from .changed_bodies import drop_needless_bodies
 from .changes import ChangeRows, Changes, clear_fit
 from .moments import Moments
 from .repeats import FEWEST, aligned, find_changes_of_repeats
@@ -154,6 +155,7 @@ def find_changes(
     )
     moments.drop_chances()
     check_held_out(selection)
+    drop_needless_bodies(selection)
     _drop_smaller_than_rest(selection)
     fit = clear_fit(selection, lambda i: moments.judge(i).wider)
     unexplained = _unexplained(selection)
