@@ -129,7 +129,7 @@ def find_changes(
     for group, records in zip(groups, (before, after), strict=True):
         refuse_rest(group, records)
     both = ArmRows.of([*groups[0], *groups[1]], kinds)
-    first, second = (replace(both, balances=tuple(group)) for group in groups)
+    first, second = (replace(both, balances=tuple(group)).sharing(both) for group in groups)
     report('finding the level of what no cause explains', 0.3)
     own = (leftover_levels(group, both.sizes, both.friction) for group in (first, second))
     levels = [_level_of_both(*pair) for pair in zip(*own, strict=True)]
@@ -201,7 +201,8 @@ def _changed_rows(both: ArmRows, usual: Array) -> ChangedRows:
         for c in both.candidates
     )
     common = np.maximum(both.sizes, both.tolerances)
-    return ChangedRows(both.balances, candidates, np.concatenate([common, usual]), common)
+    rows = ChangedRows(both.balances, candidates, np.concatenate([common, usual]), common)
+    return rows.sharing(both)
 
 
 def _both_held(held: Gram) -> Gram:

@@ -92,7 +92,7 @@ def find_changes_of_repeats(
     first = ArmRows.of(balances[:count], kinds)
     whole = sum_of(first.parts(leftover_levels(first, first.sizes, first.friction)))
     mean = Posterior.of(whole, first.sizes).mean
-    every = replace(first, balances=tuple(balances))
+    every = replace(first, balances=tuple(balances)).sharing(first)
     explained = [columns @ mean for columns in every.columns]
     length = min(map(len, explained))
     left = [(b.torque - e)[:length] for b, e in zip(balances, explained, strict=True)]
@@ -109,7 +109,7 @@ def find_changes_of_repeats(
         NOTHING * first.sizes,
         tuple(reference[count:]),
         count,
-    )
+    ).sharing(every)
     selection = Selection.of(rows, levels)
     selection.run()
     check_held_out(selection)
@@ -120,7 +120,7 @@ def _levels(every: ArmRows, reference: Sequence[Array], count: int) -> list[Arra
     """(8,) variances of every joint from run to run."""
     runs = RepeatedRows(
         every.balances[:count], every.candidates, every.tolerances, tuple(reference), count
-    )
+    ).sharing(every)
     out = []
     for rows, scale in zip(runs.joints, np.tile(runs.scale, 2).tolist(), strict=True):
         bare = replace(rows, columns=np.zeros((len(rows.torque), 0)))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 
@@ -68,13 +69,14 @@ class ArmRows:
 
     def with_more(self, more: Sequence[Candidate]) -> ArmRows:
         """With further candidates, which no machine has unless they are chosen."""
+        if not more:
+            return self
         tolerances = [self.tolerances, *(NOTHING * c.sizes for c in more)]
         out = replace(
             self, candidates=(*self.candidates, *more), tolerances=np.concatenate(tolerances)
         )
-        if 'columns' in self.__dict__:
-            both = zip(self.columns, self._columns_of(more), strict=True)
-            out.__dict__['columns'] = [np.concatenate(pair, axis=2) for pair in both]
+        both = zip(self.columns, self._columns_of(more), strict=True)
+        out.__dict__['columns'] = [np.concatenate(pair, axis=2) for pair in both]
         return out
 
     @property
@@ -196,15 +198,26 @@ class ArmRows:
         """(M, n, K) of every recording [N m by coefficient]."""
         return self._columns_of(self.candidates)
 
-    def _columns_of(self, candidates: Iterable[Candidate]) -> list[Array]:
+    def _columns_of(self, candidates: Sequence[Candidate]) -> list[Array]:
+        return [self._columns_at(run, candidates) for run in range(len(self.balances))]
+
+    def _columns_at(self, run: int, candidates: Sequence[Candidate]) -> Array:
         steps = [step for c in candidates for step in c.small_steps]
-        out = []
-        for run, balance in enumerate(self.balances):
-            at = [k for k, (effect, _) in enumerate(steps) if effect.is_of(run)]
-            columns = balance.columns([steps[k] for k in at])
-            out.append(np.zeros((*columns.shape[:2], len(steps))))
-            out[-1][:, :, at] = columns
+        at = [k for k, (effect, _) in enumerate(steps) if effect.is_of(run)]
+        balance = self.balances[run]
+        out = np.zeros((len(balance.row_times), self.robot.n_joints, len(steps)))
+        if at:
+            out[:, :, at] = balance.columns([steps[k] for k in at])
         return out
+
+    def sharing(self, other: ArmRows) -> Self:
+        """These rows, with the columns of recordings that other rows of the candidates have."""
+        known = {id(b): columns for b, columns in zip(other.balances, other.columns, strict=True)}
+        self.__dict__['columns'] = [
+            known[id(b)] if id(b) in known else self._columns_at(run, self.candidates)
+            for run, b in enumerate(self.balances)
+        ]
+        return self
 
     @cached_property
     def scale(self) -> Array:
@@ -236,7 +249,16 @@ class ArmRows:
     def by_moments(self) -> ArmRows:
         """The same rows in blocks of a moment each."""
         out = self._alike(self.about)
-        out.__dict__['blocks'] = moments_of(self.balances)
+        out.__dict__['blocks'] = blocks = moments_of(self.balances)
+        out.__dict__['joints'] = [
+            replace(
+                rows,
+                block=np.concatenate(
+                    [own[self.rows_at(b, k)] for b, own in zip(self.balances, blocks, strict=True)]
+                ),
+            )
+            for k, rows in enumerate(self.joints)
+        ]
         return out
 
     @cached_property
