@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,7 +38,7 @@ class MountedThruster:
     direction: Vector3
     force: float
 
-    @property
+    @cached_property
     def wrench(self) -> Vector6:
         """(6,) [force; torque] on the base at its origin, at a command of 1 [N, N m]."""
         force = self.force * self.direction
@@ -58,16 +59,20 @@ class HeldSignal:
 
     def mean(self, start: Array, end: Array) -> Array:
         """(M, k) means between times start <= end, (M,) each: its integral is exact."""
-        steps = np.diff(self.time)[:, None]
-        sums = np.vstack([np.zeros_like(self.values[:1]), np.cumsum(self.values[:-1] * steps, 0)])
 
         def integral(t: Array) -> Array:
             k = np.clip(np.searchsorted(self.time, t, side='right') - 1, 0, None)
             since = np.maximum(t - self.time[k], 0.0)
-            return np.asarray(sums[k] + self.values[k] * since[:, None])
+            return np.asarray(self._sums[k] + self.values[k] * since[:, None])
 
         width = np.maximum(end - start, _INSTANT)
         return np.asarray((integral(start + width) - integral(start)) / width[:, None])
+
+    @cached_property
+    def _sums(self) -> Array:
+        """(N, k) integrals up to every time."""
+        steps = np.diff(self.time)[:, None]
+        return np.vstack([np.zeros_like(self.values[:1]), np.cumsum(self.values[:-1] * steps, 0)])
 
     def delayed(self, by: float) -> HeldSignal:
         """The same, later."""
