@@ -13,7 +13,7 @@ import os
 import pickle
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -21,6 +21,7 @@ from uuid import uuid4
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator, dumps
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 
 _BYTES = hashlib.sha256().digest_size
 
@@ -87,12 +88,23 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        sources = sorted(set(_sources(function, set())))
+        del self._cache_file
+
+    @cached_property
+    def _cache_file(self) -> _Files:
+        """Found when the function is called first: most that are loaded are not."""
+        sources = sorted(set(_sources(self._py_func, set())))
         stamp, name = repr((numba.__version__, sources)), self._impl.filename_base
         places = [(Path(self.cache_path), name)]
         if kept := _users_cache():
             places.append((kept, f'{name}-{_short(stamp.encode())}'))
-        self._cache_file = _Files(stamp, *places)
+        return _Files(stamp, *places)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is kept; numba first loads all that it compiles with, which takes 0.1 s."""
+        rtsys.initialize(target_context)  # memory of arrays, which kept code needs
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 def _users_cache() -> Path | None:
@@ -107,11 +119,22 @@ def _short(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:16]
 
 
-def _keeping(**options: Any) -> Any:
-    """A decorator that compiles what Python calls, and keeps the result for other processes."""
+def _compiling(**options: Any) -> Any:
+    """A decorator that compiles, and reads the source as it is while it is loaded."""
 
     def decorate(function: Callable[..., Any]) -> Any:
-        made = numba.njit(nogil=True, **options)(function)
+        _digest(function.__code__.co_filename)
+        return numba.njit(nogil=True, **options)(function)
+
+    return decorate
+
+
+def _keeping(**options: Any) -> Any:
+    """A decorator that compiles what Python calls, and keeps the result for other processes."""
+    compiling = _compiling(**options)
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        made = compiling(function)
         if isinstance(made, Dispatcher):  # with NUMBA_DISABLE_JIT it is the function itself
             made._cache = _Cache(made.py_func)  # type: ignore[attr-defined]
         return made
@@ -122,7 +145,7 @@ def _keeping(**options: Any) -> Any:
 def _sources(function: Callable[..., Any], seen: set[Callable[..., Any]]) -> Iterator[str]:
     """What the code of a function depends on: digests of files, and values of constants."""
     seen.add(function)
-    yield _digest(Path(function.__code__.co_filename))
+    yield _digest(function.__code__.co_filename)
     for name, value in function.__globals__.items():
         if isinstance(value, Dispatcher) and value.py_func not in seen:
             yield from _sources(value.py_func, seen)
@@ -131,14 +154,14 @@ def _sources(function: Callable[..., Any], seen: set[Callable[..., Any]]) -> Ite
 
 
 @cache
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def _digest(path: str) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 compiled = _keeping(error_model='numpy')  # singular gives NaN, no error
 summed = _keeping(fastmath={'reassoc', 'contract'})
 """For long sums, whose order is free, so that they run on vector units."""
-inner = numba.njit(nogil=True, error_model='numpy', no_cpython_wrapper=True, no_cfunc_wrapper=True)
+inner = _compiling(error_model='numpy', no_cpython_wrapper=True, no_cfunc_wrapper=True)
 """For what compiled functions alone call: a quarter less to compile."""
 Triple = tuple[float, float, float]
 """Three numbers in compiled code, so that nothing is allocated."""

@@ -102,19 +102,19 @@ def room_graph():
     return graph_of(room_of)
 
 
+def reached(graph, start):
+    seen, todo = set(), [start]
+    while todo:
+        for other in graph.get(todo.pop(), ()):
+            if other not in seen:
+                seen.add(other)
+                todo.append(other)
+    return seen
+
+
 def circles(graph):
     """Nodes that reach each other."""
-
-    def reached(start):
-        seen, todo = set(), [start]
-        while todo:
-            for other in graph.get(todo.pop(), ()):
-                if other not in seen:
-                    seen.add(other)
-                    todo.append(other)
-        return seen
-
-    ahead = {node: reached(node) for node in graph}
+    ahead = {node: reached(graph, node) for node in graph}
     return {
         tuple(sorted({node, *(o for o in ahead[node] if node in ahead.get(o, ()))}))
         for node in graph
@@ -178,6 +178,13 @@ def test_what_belongs_to_a_room_stays_there(what, belongs, rooms):
         if room_of(name) not in rooms and any(belongs(other) for other in imports(name))
     }
     assert not outside, what
+
+
+@pytest.mark.parametrize('node', ['simulator', 'identifier', 'controller'])
+def test_a_node_starts_without_what_takes_long_to_load(node):
+    loaded = reached(file_graph(), f'{PACKAGE}.nodes.{node}')
+    slow = {'scipy.signal', 'scipy.stats'}  # a third of a second
+    assert not {short((name,))[0] for name in loaded if slow & set(imports(name))}
 
 
 def test_only_the_command_line_prints():

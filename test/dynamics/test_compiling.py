@@ -86,6 +86,19 @@ def test_a_change_anywhere_below_is_compiled_anew(made, monkeypatch, file, befor
     assert run(made, monkeypatch) == (2.0, 1)  # each is kept
 
 
+def test_what_is_edited_before_the_first_call_is_not_what_was_compiled(made, monkeypatch):
+    shutil.rmtree(made.parent / 'cache')
+    second = checkout(made, '__pycache__')
+    monkeypatch.syspath_prepend(second)
+    for name in FILES:
+        sys.modules.pop(name, None)
+    called = importlib.import_module('kernel').called
+    (second / 'helper.py').write_text(FILES['helper'].replace('2.0 * x', '3.0 * x'))
+    assert called(1.0) == 2.0
+    shutil.copytree(second, third := made.parent / 'third')
+    assert run(third, monkeypatch) == (3.0, 0)
+
+
 @pytest.mark.parametrize('damage', [b'', b'junk' * 1000, None])
 def test_what_is_damaged_is_compiled_anew(made, monkeypatch, damage):
     files = list(made.parent.rglob('*.nbc'))

@@ -7,6 +7,8 @@ import re
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+from scipy.signal import savgol_filter
 from support.attitudes import angle_between
 from support.effects import Engine, motion_of, plant_with, run
 from support.models import random_tree, robot_of, to_mjcf
@@ -15,6 +17,7 @@ from support.states import random_state
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.effects.joint import STICTION_RATE
+from spacerobot_ros.effects.joints.flexibility import _slope
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 from spacerobot_ros.sensing.faults import corrected_record
@@ -210,6 +213,13 @@ def test_wind_up_of_a_stiff_gear_is_torque_over_stiffness(robot):
     np.testing.assert_allclose(hidden[inside, 0], expected[inside], rtol=0, atol=1e-8)
     slope = 2e-4 * np.cos(2.0 * (time - 3e-3))
     np.testing.assert_allclose(hidden[inside, 1], slope[inside], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize('count', [11, 12, 40])
+def test_a_slope_is_that_of_savitzky_and_golay(rng, count):
+    time, values = 0.01 * np.cumsum(rng.uniform(0.9, 1.1, count)), rng.normal(size=count)
+    rise, run = (savgol_filter(x, 11, 3, deriv=1) for x in (values, time))
+    assert_allclose(_slope(values, time), rise / run, rtol=1e-11, atol=1e-9)
 
 
 def test_an_encoder_on_the_motor_is_undone_in_a_record(robot):
