@@ -126,3 +126,17 @@ def test_where_samples_pause_noise_is_not_blown_up(start, rng):
     assert fit.spacing < 0.2
     error = fit.with_error()(TIME) - fit(TIME)
     assert np.max(np.abs(error)) < 200 * 1e-4  # without regard to the pause 500 to 29,000 times
+
+
+@pytest.mark.parametrize('off', [0.0, 19e-3])
+def test_before_the_first_sample_the_curve_stays_where_it_begins(off, rng):
+    """Coefficients that a sample hardly touches would be its error times up to a million."""
+    for start in rng.uniform(1.0, 6.0, 8):
+        samples = noisy(rng, TIME[start <= TIME], 1e-3)
+        samples.values[0] += off  # an outlier
+        fit = fit_spline([samples], 0.0, 20.0)
+        head, first = TIME[start > TIME], fit(samples.time[:1])
+        # goes on for a period, in which an outlier may lead as far again; it led to 50 rad/s
+        assert np.max(np.abs(fit(head) - first)) < 0.04
+        assert not fit(head[:-1], 1).any()
+        assert np.max(np.abs(fit.with_error()(head) - fit(head))) < 5e-3

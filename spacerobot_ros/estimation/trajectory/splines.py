@@ -47,7 +47,7 @@ class SplineFit:
     """A fitted spline of m signals.
 
     Args:
-        curve: The spline; `curve(t)` gives (N, m).
+        curve: The spline of the times between its ends; `curve(t)` gives (N, m).
         error: A draw of the spline's own error: the same fit to white noise of the samples' level.
         spacing: Distance of its knots [s].
         chi2_per_dof: Weighted residual a degree of freedom.
@@ -59,8 +59,13 @@ class SplineFit:
     chi2_per_dof: float
 
     def __call__(self, time: Array, order: int = 0) -> Array:
-        """(N, m) of the curve, or a derivative."""
-        return np.asarray(self.curve(time, nu=order))
+        """(N, m) of the curve, or a derivative; beyond its ends it stays as it is there."""
+        knots = self.curve.t
+        inside = np.clip(time, knots[0], knots[-1])
+        out = np.asarray(self.curve(inside, nu=order))
+        if order > 0:
+            out[inside != time] = 0.0
+        return out
 
     def with_error(self) -> SplineFit:
         """With the draw of its error added."""
@@ -73,7 +78,8 @@ def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
 
     The spacing minimises Akaike's criterion, chi2 + 2 (number of coefficients): a finer spline
     must pay for its coefficients with a better fit. Where samples pause there are no knots: what
-    is free there would be as large as noise makes it.
+    is free there would be as large as noise makes it. So it is before the first sample and behind
+    the last, where the curve goes on for one usual interval only.
 
     Args:
         samples: One or more sets of samples of the same m signals.
@@ -83,11 +89,22 @@ def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
     Raises:
         IdentificationError: no usable samples.
     """
+    start, end = _sampled(samples, start, end)
     rows = _Rows(samples, start, end)
     count = len(rows.time)
     intervals = [max(1, round((end - start) / spacing)) for spacing in _SPACINGS]
     affordable = [m for m in intervals if m + DEGREE <= count // 2] or intervals[:1]
     return rows.fit(min(affordable, key=rows.criterion))
+
+
+def _sampled(samples: list[Samples], start: float, end: float) -> tuple[float, float]:
+    """The part of an interval that has samples, and a usual interval between them on each side."""
+    times = [s.time for s in samples if len(s.time) > 1]
+    if not times:
+        return start, end
+    usual = max(float(np.median(np.diff(time))) for time in times)
+    first, last = min(time[0] for time in times), max(time[-1] for time in times)
+    return max(start, float(first) - usual), min(end, float(last) + usual)
 
 
 class _Rows:
