@@ -48,7 +48,7 @@ def control_status(is_active: bool, command: Command | None, law: str, unit: str
         return Status('control', STALE, 'active, nothing to answer yet')
     values: dict[str, object] = {
         'law': law,
-        f'largest joint error [{unit}]': float(np.abs(command.error).max()),
+        f'largest joint error [{unit}]': float(np.abs(command.error).max(initial=0.0)),
         'saturated joints': int(np.count_nonzero(command.saturated)),
     }
     if command.attitude_error is not None:

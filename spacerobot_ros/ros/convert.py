@@ -123,7 +123,7 @@ def tracking_message(command: Command, names: list[str], law: str) -> Any:
         law=law,
         state=command.mode,
         uses_estimate=command.uses_estimate,
-        max_error=float(np.abs(command.error).max()),
+        max_error=float(np.abs(command.error).max(initial=0.0)),
         base_saturated=command.base_saturated,
     )
 
@@ -167,7 +167,7 @@ def trajectory(
             continue
         if any(len(row) != count for row in rows):
             raise MessageRejectedError(f'{kind}: every point needs {count} numbers, or none')
-        kinds.append(np.array([np.asarray(row)[order] for row in rows]).reshape(-1, count))
+        kinds.append(np.array([np.asarray(row)[order] for row in rows]).reshape(len(rows), count))
     if kinds[0] is None:
         raise MessageRejectedError('has no positions')
     try:

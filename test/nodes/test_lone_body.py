@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+from spacerobot_msgs.msg import Tracking
 from support.lone_body import BOX
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
-from spacerobot_ros.ros.qos import SAMPLES
+from spacerobot_ros.ros.qos import SAMPLES, STATE
 
 pytestmark = pytest.mark.ros
 
@@ -83,3 +86,23 @@ def test_the_monitor_hears_the_rates_of_its_own_wheels(rig):
     names, heard = node.monitor.samples.inputs['wheels']
     assert list(names) == ['rw']
     np.testing.assert_array_equal(heard.values, [[120.0]])
+
+
+@pytest.mark.parametrize('law', ['computed_torque', 'passivity', 'adaptive_composite'])
+def test_a_controller_has_no_joints_to_move(rig, law):
+    parameters = {'robot_description': BOX.format(com='0 0 0'), 'robot.joints': []}
+    node = rig.add(ControllerNode, parameters | {'controller.law': law})
+    sim = rig.add(SimulatorNode, parameters | {'initial.angular_velocity': [0.02, 0.0, -0.01]})
+    probe = rig.plain()
+    heard = rig.listen(probe, Tracking, '/tracking', SAMPLES)
+    motions = probe.create_publisher(JointTrajectory, '/reference', STATE)
+    for points in (1, 3):
+        motions.publish(JointTrajectory(points=[JointTrajectoryPoint()] * points))
+    for _ in range(5):
+        sim.step()
+        rig.deliver()
+    rig.until(lambda: len(heard) >= 5)
+    assert heard[-1].max_error == 0.0
+    assert node.health.count('/reference') == 1  # times that do not increase
+    control = next(s for s in node.health.statuses() if s.name == 'control')
+    assert control.message in ('tracking', 'hold')
