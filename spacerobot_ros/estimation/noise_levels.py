@@ -110,7 +110,7 @@ def fourth_difference_std(values: Array, time: Array | None = None) -> float:
     differences = differences.ravel()
     spread = NORMAL * np.median(np.abs(differences - np.median(differences)))
     inliers = differences[np.abs(differences) <= 4.5 * spread] if spread > 0.0 else differences
-    return float(np.std(inliers))
+    return float(np.std(inliers if len(inliers) else differences))  # none of a few smooth ones
 
 
 def _bridge_lost(differences: Array, values: Array, time: Array) -> None:

@@ -60,7 +60,9 @@ def order_of(names: Sequence[str], wanted: tuple[str, ...], place: str) -> list[
         return joint_order(names, wanted)
     except MessageRejectedError as error:
         reason = str(error).removeprefix('joint names: ')
-        hold = '; a joint that nobody logs is held by robot.held' if 'lacks' in reason else ''
+        hold = (
+            '; a joint that nobody logs is held by robot.held' if 'foreign' not in reason else ''
+        )
         raise RecordingError(
             place, f'{reason} (the robot has {", ".join(wanted) or "none"}{hold})'
         ) from error

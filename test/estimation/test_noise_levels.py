@@ -144,3 +144,9 @@ def test_efforts_of_a_passive_joint_are_no_noise(unit, rng):
     level = fourth_difference_std(one)
     assert level == fourth_difference_std(one[:, :1])
     assert fourth_difference_std(one / unit * unit) == pytest.approx(level, rel=1e-9)
+
+
+def test_of_a_few_smooth_samples_none_is_like_the_others():
+    """Fourth differences all alike, and far from nothing: t^4 twenty times, and rounding."""
+    time = np.arange(20.0)
+    assert fourth_difference_std(time[:, None] ** 4 * (1.0 + 1e-9)) < 1e-6

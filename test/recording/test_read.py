@@ -127,6 +127,22 @@ def test_csv_of_a_spreadsheet(tmp_path):
     check(read_record(path, ROBOT, map_path))
 
 
+@pytest.mark.parametrize(
+    ('head', 'delimiter'),
+    [
+        (['# of the arm, "Monday', '#', ','.join(NAMES)], ','),
+        (['# of the arm', '# ' + ','.join(NAMES)], ','),  # as `np.savetxt` names columns
+        (['# of the arm', '# ' + ' '.join(NAMES)], ' '),
+        (['#' + ';'.join(NAMES)], ';'),
+    ],
+)
+def test_csv_that_begins_with_comments(tmp_path, head, delimiter):
+    path, map_path = written(tmp_path, {**MAPPING, 'delimiter': delimiter})
+    rows = [delimiter.join(map(str, row)) for row in table()[1:]]
+    path.write_text('\n'.join([*head, *rows]) + '\n')
+    check(read_record(path, ROBOT, map_path))
+
+
 def test_json_of_samples_and_of_columns(tmp_path):
     entries = [dict(zip(NAMES, row, strict=True)) for row in ALL.tolist()]
     for name, content, extra in (
@@ -257,7 +273,7 @@ def cell(row, name, value):
 
 FAULTY_FILES = {
     'words': (cell(2, 'q1', 'high'), r"line 3: column 'q1': 'high' is not a number"),
-    'decimal comma': (cell(2, 'q1', '"1,5"'), r"line 3: column 'q1': '1,5' is not a number"),
+    'decimal comma': (cell(2, 'q1', '"1,5"'), r"line 3: column 'q1': '1,5' is not .*with a point"),
     'nan': (cell(4, 'wx', 'nan'), r"line 5: column 'wx': nan is not finite"),
     'infinite': (cell(1, 'u3', '-inf'), r"line 2: column 'u3': -inf is not finite"),
     'half empty': (cell(3, 'wy', ''), r'line 4: .*gyro: some of its columns are empty'),

@@ -117,9 +117,10 @@ class SampleTable:
         try:
             value = float(cell)
         except (TypeError, ValueError):
-            raise RecordingError(
-                self.row(index), f'column {name!r}: {cell!r} is not a number'
-            ) from None
+            why = f'column {name!r}: {cell!r} is not a number'
+            if _is_number(str(cell).replace(',', '.', 1)):
+                why += ': write decimals with a point'
+            raise RecordingError(self.row(index), why) from None
         if not math.isfinite(value):
             raise RecordingError(self.row(index), f'column {name!r}: {value} is not finite')
         return value
@@ -210,6 +211,7 @@ def _read_csv(path: Path, delimiter: str, header: str) -> SampleTable:
                 rows.append((reader.line_num, stripped))
     except csv.Error as error:
         raise RecordingError(f'{path}: line {reader.line_num}', str(error)) from error
+    rows = _without_comments(rows, has_names=header != 'none')
     if header == 'none' and rows:
         rows.insert(0, (0, [str(number) for number in range(len(rows[0][1]))]))
     if len(rows) < 2:
@@ -226,6 +228,23 @@ def _read_csv(path: Path, delimiter: str, header: str) -> SampleTable:
     columns = {name: [cells[i] for _, cells in samples] for i, name in enumerate(names) if name}
     numbers = tuple(line for line, _ in samples)
     return SampleTable(str(path), columns, 'line', numbers, notes)
+
+
+def _without_comments(
+    rows: list[tuple[int, list[str]]], *, has_names: bool
+) -> list[tuple[int, list[str]]]:
+    """Rows without the first ones that begin with `#`; the last of these may name the columns."""
+    first = next((i for i, (_, cells) in enumerate(rows) if not cells[0].startswith('#')), 0)
+    if not first:
+        return rows
+    line, cells = rows[first - 1]
+    names = [cells[0].removeprefix('#').strip(), *cells[1:]]
+    if names[0] == '':
+        names = names[1:]  # as after `# ` where spaces part cells
+    is_like = len(names) == len(rows[first][1])
+    if has_names and is_like and all(map(_is_number, filter(None, rows[first][1]))):
+        return [(line, names), *rows[first:]]
+    return rows[first:]
 
 
 def _check_lengths(path: Path, count: int, samples: list[tuple[int, list[str]]]) -> None:
