@@ -188,15 +188,7 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
         bounds: Lower and upper (K,) bounds.
         test: On the rows that it is scored on.
     """
-    scaled = sizes[:, None] * gram.matrix * sizes
-    vector = sizes * gram.vector
-    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
-    values = np.maximum(values, 0.0)
-    projected = vectors.T @ vector
-    estimate = sizes * (vectors @ (projected / (1.0 + values)))
-    gain = float(np.sum(projected**2 / (1.0 + values)))
-    if np.any(estimate < bounds[0]) or np.any(estimate > bounds[1]):
-        estimate, gain = _bounded(vectors * np.sqrt(1.0 + values), vector, sizes, bounds)
+    values, estimate, gain = _estimated(gram, sizes, bounds)
     dof = max(float(np.sum(values / (1.0 + values))), 1e-3)
     held_out = np.nan
     if test is not None:
@@ -212,10 +204,26 @@ def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | No
     )
 
 
+def _estimated(
+    gram: Gram, sizes: Array, bounds: tuple[Array, Array]
+) -> tuple[Array, Array, float]:
+    """Eigenvalues of the information, most probable coefficients, and twice their gain."""
+    scaled = sizes[:, None] * gram.matrix * sizes
+    vector = sizes * gram.vector
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    values = np.maximum(values, 0.0)
+    projected = vectors.T @ vector
+    estimate = sizes * (vectors @ (projected / (1.0 + values)))
+    if np.any(estimate < bounds[0]) or np.any(estimate > bounds[1]):
+        return values, *_bounded(vectors * np.sqrt(1.0 + values), vector, sizes, bounds)
+    return values, estimate, float(np.sum(projected**2 / (1.0 + values)))
+
+
 def log_evidence(gram: Gram, sizes: Array, bounds: tuple[Array, Array]) -> float:
     """`Score.evidence` alone; that of one coefficient, as most causes have, without matrices."""
     if len(sizes) > 1:
-        return score(gram, sizes, bounds, None).evidence
+        values, _, gain = _estimated(gram, sizes, bounds)
+        return 0.5 * gain - price(values, gram.rows)
     size = float(sizes[0])
     value, vector = max(size**2 * float(gram.matrix[0, 0]), 0.0), size * float(gram.vector[0])
     low = min(float(bounds[0][0]) / size, -1e-300)
