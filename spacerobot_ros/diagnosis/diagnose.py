@@ -28,7 +28,7 @@ from .arms.arm_found import ArmFound, refuse_rest
 from .arms.arms import find_arm_causes
 from .discovery.discover import discover
 from .discovery.discover_in_flight import discover_in_flight
-from .discovery.unmeasured import unmeasured_inputs
+from .discovery.unmeasured import unmeasured_inputs, unshared_extras
 from .events.arm_events import arm_events
 from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
@@ -86,7 +86,7 @@ def diagnose(
         answer = _diagnosed(every, robot, believed, kinds, report, loaded)
     named = [(c.applied.id, c.applied.where) for c in (*answer.causes, *answer.minor)]
     alike = unasked(robot, named, {kind.id for kind in kinds})
-    lacking = unmeasured_inputs(believed, every)
+    lacking = (*unmeasured_inputs(believed, every), *unshared_extras(every))
     return replace(answer, notes=(*answer.notes, *alike, *lacking))
 
 

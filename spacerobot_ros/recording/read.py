@@ -16,6 +16,7 @@ from ..model.robot import Robot
 from ..model.urdf import parse_urdf
 from .bags.bag import Topics, read_bag
 from .faults.even_stamps import with_even_stamps
+from .faults.extras import bridged_extras, without_extra_spikes
 from .faults.gaps import split_at_gaps, with_gaps_noted
 from .faults.held_readings import without_repeats
 from .faults.kinematics import unlike_positions
@@ -68,11 +69,12 @@ def read_record(
     if robot is not None:
         record = with_turns_counted(in_robot_order(record, robot), robot)
     record = with_even_stamps(without_spikes(without_repeats(record)))
+    record = without_extra_spikes(record)
     if robot is not None:
         record = _usable(record, robot)
         with_inputs(robot, record)  # refuses what is not this robot's
         record = replace(record, notes=(*record.notes, *ignored_wheels(robot, record)))
-    return record if is_joined else with_gaps_noted(record)
+    return record if is_joined else _with_holes_noted(record)
 
 
 def read_records(
@@ -119,10 +121,15 @@ def read_groups(
             with _naming(path, every[0], has_map=map_path is not None):
                 record = read_record(path, robot, map_path, is_joined=split_gaps)
             _refuse_short(record, path)
-            records += map(with_gaps_noted, split_at_gaps(record)) if split_gaps else (record,)
+            records += map(_with_holes_noted, split_at_gaps(record)) if split_gaps else (record,)
         _refuse_other_bodies(records, robot)
         out.append(tuple(records))
     return out
+
+
+def _with_holes_noted(record: Record) -> Record:
+    record = with_gaps_noted(record)
+    return replace(record, notes=(*record.notes, *bridged_extras(record)))
 
 
 def _refuse_other_bodies(records: Sequence[Record], robot: Robot) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import RecordingError
 from ..formats import counted
-from ..types import Array, IntArray
+from ..types import Array, BoolArray, IntArray
 
 SeriesType = TypeVar('SeriesType', bound='SampleSeries')
 
@@ -30,7 +30,7 @@ class SampleSeries:
         """(N,) sample times from an origin [s]."""
         return np.asarray((self.stamp_ns - origin_ns) / 1e9)
 
-    def at(self: SeriesType, part: slice) -> SeriesType:
+    def at(self: SeriesType, part: slice | BoolArray) -> SeriesType:
         """Some of the samples in their order; there may be none."""
         out = object.__new__(type(self))
         for field in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from spacerobot_ros.campaign.hidden.real_arm import arm_file
-from spacerobot_ros.diagnosis.discovery.unmeasured import unmeasured_inputs
+from spacerobot_ros.diagnosis.discovery.unmeasured import unmeasured_inputs, unshared_extras
 from spacerobot_ros.effects.catalogue import bind_effects
 
 
@@ -32,3 +32,10 @@ def test_a_law_of_what_no_recording_or_not_every_one_has_is_named_with_its_input
     assert unmeasured_inputs(effects, [has]) == ()
     assert unmeasured_inputs(law_of('rate/joint_2'), [lacks]) == ()
     assert unmeasured_inputs(arm_file().effects, [lacks]) == ()
+
+
+def test_a_column_that_some_recordings_lack_is_said():
+    has, lacks = SimpleNamespace(inputs={'extra/temp': None}), SimpleNamespace(inputs={})
+    (note,) = unshared_extras([has, lacks])
+    assert note == 'extra/temp: not in every recording, so that no law is asked of it'
+    assert unshared_extras([has, has]) == ()

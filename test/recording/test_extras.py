@@ -10,7 +10,11 @@ from support.models import Part, robot_of
 
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.faults.check import extra_faults
+from spacerobot_ros.recording.faults.extras import (
+    bridged_extras,
+    extra_faults,
+    without_extra_spikes,
+)
 from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 from spacerobot_ros.recording.robot_inputs import with_inputs
@@ -76,3 +80,37 @@ def test_another_clock_and_a_missing_part_are_refused(stamps, message):
     assert re.match(message, f'{fault.place}: {fault.message}')
     # a slow one that covers the motion is none
     assert not list(extra_faults(with_extra(np.linspace(0.0, 9.9, 6), np.arange(6.0))))
+
+
+def test_a_hole_that_is_bridged_is_said(tmp_path):
+    """Of four periods, which lost samples may leave, nothing is said."""
+    lacking = [str(20.0 + 0.1 * i) for i in range(101)]
+    path, mapping = table(tmp_path, lacking[:40] + [''] * 12 + lacking[52:])
+    (note,) = (n for n in read_record(path, None, mapping).notes if ': a hole' in n)
+    assert note.startswith('extra/motor_temp: a hole of 1.3 s, 3.9 s after the start')
+    values = np.linspace(20.0, 40.0, 98)
+    assert not bridged_extras(with_extra(np.delete(TIMES, [40, 41, 42]), values))
+
+
+def test_a_spike_is_left_out_and_said(tmp_path):
+    temperature = 20.0 + TIMES
+    temperature[30] = 850.0
+    path, mapping = table(tmp_path, temperature)
+    record = read_record(path, None, mapping)
+    assert len(record.inputs['extra/motor_temp']) == 100
+    said = 'extra/motor_temp: 1 sample of 101 left out, nowhere near its neighbours, the first 3 s'
+    assert any(note.startswith(said) for note in record.notes)
+
+
+def test_a_spike_of_few_samples_is_one_beyond_all_that_they_differ_by():
+    times = np.linspace(0.0, 10.0, 11)
+    slow = np.linspace(20.0, 25.0, 11)
+    for at, value, kept in [(4, 85.0, 10), (10, -40.0, 10), (4, 22.5, 11)]:
+        values = slow.copy()
+        values[at] = value
+        record = without_extra_spikes(with_extra(times, values))
+        assert len(record.inputs['extra/temp']) == kept
+    steps = np.where(times < 5.0, 0.0, 1.0)  # a switch, and a phase that begins anew
+    phases = np.mod(0.9 * times, 2.0 * np.pi)
+    for values in (steps, phases, np.eye(11)[3]):  # of one pulse nothing else is left
+        assert len(without_extra_spikes(with_extra(times, values)).inputs['extra/temp']) == 11

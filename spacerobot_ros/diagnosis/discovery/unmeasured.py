@@ -1,4 +1,4 @@
-"""Laws of a robot file that depend on what a recording does not have."""
+"""What a recording lacks that laws depend on, of a robot file or those that may be found."""
 
 from __future__ import annotations
 
@@ -24,4 +24,14 @@ def unmeasured_inputs(effects: Iterable[Effect], records: Sequence[Record]) -> t
         for law in laws
         for name in law.inputs
         if name.startswith(EXTRA) and not all(name in record.inputs for record in records)
+    )
+
+
+def unshared_extras(records: Sequence[Record]) -> tuple[str, ...]:
+    """A note on every column of a mapping's `extra` that some of several recordings lack."""
+    names = dict.fromkeys(n for r in records for n in r.inputs if n.startswith(EXTRA))
+    return tuple(
+        f'{name}: not in every recording, so that no law is asked of it'
+        for name in names
+        if not all(name in record.inputs for record in records)
     )
