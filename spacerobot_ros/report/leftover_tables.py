@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import yaml
@@ -70,8 +71,11 @@ def _table(diagnosis: Diagnosis, caption: str) -> Table:
 
 def _order_line(order: Order) -> str:
     """A candidate of the catalogue, as an entry of a robot file."""
+    periods = f'{order.order:.1f} periods a turn'
+    if order.unit == 'N':
+        periods = f'{order.order / (2.0 * math.pi):.1f} periods a metre'
     return (
-        f'{order.joint}: its raw effort has a line at {order.order:.1f} periods a turn (p '
+        f'{order.joint}: its raw effort has a line at {periods} (p '
         f'{probability(order.p_value)}); as an entry of effects: ripple_{order.joint}: {{effect: '
         f'joint_torque_ripple, where: {order.joint}, amplitude: {order.amplitude:.3g}, harmonic: '
         f'{order.order:.1f}, phase: {order.phase:.3g}}}'

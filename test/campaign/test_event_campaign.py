@@ -119,7 +119,10 @@ def test_one_of_six_seconds_gives_way_to_the_two_that_it_covers(monkeypatch):
     ]
     fit = fit_alone(*MACHINES['lone'](70023).found(hidden))
     merged = ImpulseFit(fit, np.array([[11.35, np.log(6.0)], [20.14, np.log(1.2)]]))
-    halves, pair = (merged.at(np.array([merged.times[1], *p])) for p in pairs(merged, 0))
+    others = merged.at(merged.times[1:])
+    halves, pair = (
+        merged.at(np.array([merged.times[1], *p])) for p in pairs(others, merged.times[0])
+    )
     assert merged.cost - halves.cost < KEPT_STEP**2 < merged.cost - pair.refined().cost
     middles = sorted(pair.times[:, 0])
     # before their times are fitted, of which the noise leaves 0.2 to 0.5 s

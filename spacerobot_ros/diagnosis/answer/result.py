@@ -200,11 +200,14 @@ class Order:
     """A line of a joint's raw effort against its angle: a candidate of `joint_torque_ripple`.
 
     Args:
-        joint: Its name. order: Periods a turn. amplitude: [N m]. phase: At angle zero [rad].
+        joint: Its name. unit: Of the amplitude: N m, or N where it slides.
+        order: Periods a turn; 2 pi times those a metre where it slides.
+        amplitude: Of the line. phase: At position zero [rad].
         p_value: Of such a line by chance.
     """
 
     joint: str
+    unit: str
     order: float
     amplitude: float
     phase: float

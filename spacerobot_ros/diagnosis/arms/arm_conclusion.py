@@ -18,7 +18,7 @@ from ..answer.cause import Cause, Estimated, Evidence, Ranked
 from ..answer.event_answer import with_events
 from ..answer.free_motion import free_motion
 from ..answer.residuals import series
-from ..answer.result import Diagnosis, Gain, Leftover, RecordingMisfit, Residual
+from ..answer.result import Diagnosis, Gain, Leftover, Order, RecordingMisfit, Residual
 from ..answer.words import laws_in_words, verdict_of
 from ..events.event import Events
 from ..limits import RELEVANT
@@ -98,11 +98,16 @@ def conclude_arm(
         recordings=_recordings(found),
         friction=friction_laws(found),
         leftover=leftover,
-        orders=None if leftover is None else find_orders(found.records, found.robot.joints),
+        orders=None if leftover is None else _orders(found),
         ratios=ratios(found, usual),
         free_motion=free_motion(found.fit.rows.balances, found.extended),
     )
     return with_events(diagnosis, found.events.events)
+
+
+def _orders(found: ArmFound) -> tuple[Order, ...]:
+    robot = found.robot
+    return find_orders(found.records, {j: robot.unit_of('N m', j) for j in robot.joints})
 
 
 def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:

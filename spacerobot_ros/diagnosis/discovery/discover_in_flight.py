@@ -20,6 +20,7 @@ from ...estimation.scaling import PROPORTIONAL
 from ...types import Array
 from ..answer.cause import Cause
 from ..answer.result import Diagnosis
+from ..arms.orders import find_orders
 from ..limits import CHANCE, LARGEST_LAW, MISFIT, OBVIOUS
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discover import pushes
@@ -92,7 +93,12 @@ def _asked(answer: Diagnosis, flight: FlightRows, places: Mapping[str, Component
             said.append(leftover_without(place, own[0] if own else None, robot.joints))
     slow = {channel_name(j) for j in robot.arm if flight.has_one_speed(j)}
     said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
-    answer = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
+    units = {joint: robot.unit_of('N m', joint) for joint in robot.arm}
+    answer = replace(
+        answer,
+        leftover=tuple(sorted(said, key=lambda entry: entry.channel)),
+        orders=find_orders([flight.fit.run.record], units),
+    )
     if not any(entry.form for entry in said):
         return answer
     if not laws:

@@ -59,14 +59,25 @@ class ImpulseFit:
         fit: Of what lasts, on a free base.
         times: (M, 2) middles [s], and logarithms of durations.
         known: Whitened bells (R, 3) by the bytes of their times, as far as there are any.
+        held: Impulses at other times, which stay; sizes of these and of what lasts are free.
     """
 
-    def __init__(self, fit: Fit, times: Array, known: Mapping[bytes, Array] | None = None) -> None:
-        self._fit, self.times = fit, times
-        lasting = fit.tangents
+    def __init__(
+        self,
+        fit: Fit,
+        times: Array,
+        known: Mapping[bytes, Array] | None = None,
+        held: ImpulseFit | None = None,
+    ) -> None:
+        self._fit, self.times, self._held = fit, times, held
         self._bells = _bells_of(fit.rows, times, known or {})
         each = (self._bells[time.tobytes()] for time in times)
-        self.columns = np.column_stack([lasting, *each])
+        if held is None:
+            lasting, data = fit.tangents, fit.data
+            self.columns = np.column_stack([lasting, *each])
+        else:
+            lasting, data = np.zeros((len(held.left), 0)), held.left
+            self.columns = held.beside(np.column_stack([lasting, *each]))
         gram = self.columns.T @ self.columns
         size = np.sqrt(np.diag(gram))
         scale = 1.0 / np.where(size > 0.0, size, 1.0)
@@ -75,8 +86,8 @@ class ImpulseFit:
         self.ways = scale[:, None] * ways[:, is_seen] / np.sqrt(squares[is_seen])
         """(K, L) that make an orthonormal basis of the columns (R, K)."""
         inverse = self.ways @ self.ways.T
-        values = self.coefficients(fit.data)
-        self.left: Array = fit.data - self.columns @ values
+        values = self.coefficients(data)
+        self.left: Array = data - self.columns @ values
         self.found: list[Impulse] = []
         self.covariances: list[Array] = []
         for k, (middle, duration) in enumerate(times.tolist()):
@@ -90,7 +101,11 @@ class ImpulseFit:
 
     def at(self, times: Array) -> ImpulseFit:
         """The same beside impulses at other times."""
-        return ImpulseFit(self._fit, times, self._bells)
+        return ImpulseFit(self._fit, times, self._bells, self._held)
+
+    def with_held(self, times: Array) -> ImpulseFit:
+        """Others at times (M, 2) beside these, whose times stay."""
+        return ImpulseFit(self._fit, times, self._bells, self)
 
     def coefficients(self, columns: Array) -> Array:
         """(K, C) by which the fit's columns make up what they can of others (R, C)."""
@@ -115,11 +130,11 @@ class ImpulseFit:
         den = np.linalg.pinv(square[own[:, :, None], own[:, None, :]], hermitian=True)
         return np.asarray(np.einsum('sa,sab,sb->s', num, den, num))
 
-    def refined(self, first: int = 0) -> ImpulseFit:
-        """With sizes of all, and times from the first on, fitted together (Gauss and Newton)."""
+    def refined(self) -> ImpulseFit:
+        """With sizes and times fitted together (Gauss and Newton)."""
         fit = self
         for _ in range(_PASSES if len(self.times) else 0):
-            step = fit._step(first)
+            step = fit._step()
             for k in range(_HALVINGS):
                 trial = fit.at(fit.times + 0.5**k * step)
                 gained = fit.cost - trial.cost
@@ -162,38 +177,42 @@ class ImpulseFit:
     @cached_property
     def cost(self) -> float:
         """Minus twice the log posterior."""
-        beyond = (self.times[:, 1] - np.log(_USUAL)) / _WIDTH
+        held = [] if self._held is None else [self._held.times]
+        beyond = (np.concatenate([self.times, *held])[:, 1] - np.log(_USUAL)) / _WIDTH
         return float(self.left @ self.left + np.sum(beyond**2))
 
     @cached_property
     def _time_stds(self) -> Array:
         """(2, M) deviations of middles, in durations, and of logarithms of these."""
-        return np.sqrt(np.diag(np.linalg.inv(self._by_times(0)[1]))).reshape(2, -1)
+        return np.sqrt(np.diag(np.linalg.inv(self._by_times()[1]))).reshape(2, -1)
 
-    def _step(self, first: int) -> Array:
-        """(M, 2) towards the best times, sizes free beside them; those before the first stay."""
-        (columns, matrix), times = self._by_times(first), self.times[first:]
+    def _step(self) -> Array:
+        """(M, 2) towards the best times, sizes free beside them."""
+        (columns, matrix), times = self._by_times(), self.times
         beyond = (times - np.log(_USUAL)) * np.array([0.0, _WIDTH**-2.0])
         step = np.linalg.solve(matrix, columns.T @ self.left - beyond.T.ravel())
         middle, longer = np.clip(step, -_FARTHEST, _FARTHEST).reshape(2, -1)
         longer = np.clip(times[:, 1] + longer, self._shortest, np.log(LONGEST)) - times[:, 1]
         ends = self._fit.rows.motion.time[[0, -1]]
         ahead = np.clip(times[:, 0] + middle * np.exp(times[:, 1]), *ends)
-        return np.pad(np.column_stack([ahead - times[:, 0], longer]), ((first, 0), (0, 0)))
+        return np.column_stack([ahead - times[:, 0], longer])
 
-    def _by_times(self, first: int) -> tuple[Array, Array]:
+    def _by_times(self) -> tuple[Array, Array]:
         """(R, 2 M) rows by middles, in durations, and by logarithms of these; their information.
 
-        From the first impulse on, the times of others held. Sizes of all are free beside them.
+        Sizes of all are free beside them.
         """
-        changes, values = [], np.reshape([i.value for i in self.found[first:]], (-1, 3))
-        times, rows = self.times[first:], self._fit.rows
+        changes, values = [], np.reshape([i.value for i in self.found], (-1, 3))
+        times, rows = self.times, self._fit.rows
         length = np.exp(times[:, 1:])
         for one in (np.append(length, 0.0 * length, axis=1), np.array([0.0, 1.0])):
             change = _forces(rows, times + _STEP * one) - _forces(rows, times - _STEP * one)
             change = change.reshape(*change.shape[:2], 3, len(times)) / (2.0 * _STEP)
             changes.append(np.einsum('nfak,ka->nfk', change, values))
-        columns = self.beside(rows.whitened(np.concatenate(changes, axis=2), {}))
+        columns = rows.whitened(np.concatenate(changes, axis=2), {})
+        if self._held is not None:
+            columns = self._held.beside(columns)
+        columns = self.beside(columns)
         prior = np.diag(np.repeat([1.0, _WIDTH**-2.0], len(times)))
         return columns, columns.T @ columns + prior
 

@@ -13,17 +13,25 @@ from .impulse_fit import LONGEST, Impulse, ImpulseFit
 _TOUCHING = 0.1  # s between two that are one
 _SPACING = 0.5  # s between the middles that are tried, and their duration: the usual one
 
+_ALONE = 0.5
+"""Of what two must gain, that they gain where all others stay: moved with them 28 pairs about 15
+steps gained 0 to 5 more, of 26. It takes a quarter of the time of moving all."""
+
 
 def split(best: ImpulseFit) -> ImpulseFit:
     """Two impulses in place of one that covers both, or lies between, where they explain more.
 
     One between two is a valley of its own: no step of Gauss and Newton leads out of it, so pairs
-    at all times about it are tried.
+    at all times about it are tried; those that beside all others, where these are, gain less
+    than half of what two must are none.
     """
     for k in range(len(best.times)):
-        others = np.delete(best.times, k, axis=0)
-        for pair in pairs(best, k):
-            trial = best.at(np.array([*others, *pair])).refined()
+        others = best.at(np.delete(best.times, k, axis=0))
+        for pair in pairs(others, best.times[k]):
+            alone = others.with_held(pair).refined()
+            if best.cost - alone.cost < _ALONE * KEPT_STEP**2:
+                continue
+            trial = others.at(np.array([*others.times, *alone.times])).refined()
             stands = min(i.z for i in trial.found) >= KEPT_STEP
             is_apart = len(apart(trial.found)) > len(best.times)
             if stands and is_apart and best.cost - trial.cost > KEPT_STEP**2:
@@ -45,12 +53,11 @@ def times_of(found: Sequence[Impulse]) -> Array:
     return np.array([i.times for i in found]).reshape(-1, 2)
 
 
-def pairs(best: ImpulseFit, k: int) -> Iterator[Array]:
-    """(2, 2) times of two in place of one: its halves, and the best of usual length about it."""
-    middle, duration = best.times[k].tolist()
+def pairs(others: ImpulseFit, time: Array) -> Iterator[Array]:
+    """(2, 2) times of two in place of one (2,): its halves, and the best of usual length about."""
+    middle, duration = time.tolist()
     quarter, half = 0.25 * np.exp(duration), duration - np.log(2.0)
     yield np.array([[middle - quarter, half], [middle + quarter, half]])
-    others = best.at(np.delete(best.times, k, axis=0))
     tried = middle + np.arange(-LONGEST, LONGEST + _SPACING, _SPACING)
     for i in others.found:
         tried = tried[(tried + _SPACING < i.start) | (tried - _SPACING > i.end)]
