@@ -45,7 +45,7 @@ def along(rng, q, added):
 
 
 def test_at_one_speed_a_line_of_a_clock_is_no_order_and_a_ripple_is_one(rng):
-    """To and fro at 0.5 rad/s: what turns back with the joint follows it, and no clock."""
+    """There and back at 0.5 rad/s: what turns back with the joint follows it, and no clock."""
     time = np.arange(round(SECONDS * RATE)) / RATE
     there_and_back = 0.5 * np.abs((time + 1.3) % 8.0 - 4.0)
     hum = 0.3 * np.sin(2.0 * np.pi * 17.0 * time)

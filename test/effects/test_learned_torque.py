@@ -328,11 +328,37 @@ def test_entry_is_what_was_read(form, robot):
             {'form': 'dahl(x)', 'inputs': [ANGLE], 'range': RANGES, 'displacement': 0.1},
             'friction that pushes',
         ),
+        # what a kind says of energy must hold of the inputs
+        ({'kind': 'potential'}, 'a potential depends on angle/j_link_2 alone'),
+        (
+            {'form': 'play(x)', 'displacement': 0.1, 'coefficients': [-1.0]},
+            r'a history is of the angle of its own joint: expected .angle/j_link_2.',
+        ),
+        (
+            {
+                'form': 'sign(x + y)',
+                'inputs': [RATE, f'rate/{CARRIER}'],
+                'range': RANGES,
+                'kind': 'coupled',
+                'react': [JOINT],
+            },
+            'is no joint whose rate',
+        ),
+        ({'range': {RATE: [-1.0, 1.0], ANGLE: [-1.0, 1.0]}}, f'range.{ANGLE}: no input is called'),
+        ({'range': {RATE: None}}, 'expected two numbers'),
+        ({'inputs': ['time/x'], 'range': {'time/x': [0.0, 1.0]}}, 'no such component'),
     ],
 )
 def test_nonsense_is_refused(change, message, robot):
     with pytest.raises(ConfigurationError, match=message):
         bound(robot, **{**entry('x |x|', [RATE], [1.0]), **change})
+
+
+@pytest.mark.parametrize('name', ['attitude/qq', 'attitude/x', 'base_rate/xy'])
+def test_a_component_that_the_base_has_not_is_refused(name, robot):
+    given = entry('x', [RATE], [1.0]) | {'inputs': [name], 'range': {name: [-1.0, 1.0]}}
+    with pytest.raises(ConfigurationError, match='no such component|the base is fixed'):
+        bound(robot, **given)
 
 
 def test_coefficients_have_the_units_of_a_data_sheet():

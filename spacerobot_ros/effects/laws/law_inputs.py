@@ -16,6 +16,15 @@ def base_axes(robot: Robot) -> tuple[str, ...]:
     return tuple(f'{robot.base_link}/{axis}' for axis in AXES) if robot.is_free else ()
 
 
+_WIDTHS = {'attitude': 2, 'base_rate': 1, 'time': 0}
+"""Axes in the name of a component."""
+
+
+def is_component(what: str, whose: str) -> bool:
+    """Whether a quantity of the base, or the time, has such a component."""
+    return what not in _WIDTHS or (len(whose) == _WIDTHS[what] and set(whose) <= set(AXES))
+
+
 def input_of(name: str, motion: Motion) -> Array | None:
     """(N,) an input along a motion; None where the motion does not have it."""
     return quantity_along(*quantity(name), motion)

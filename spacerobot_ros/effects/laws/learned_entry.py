@@ -62,7 +62,7 @@ class LearnedEntry:
             raise ConfigurationError(at, 'expected {input: [smallest, largest]}')
         out = {}
         for name, ends in given.items():
-            if isinstance(ends, str | float | int) or len(ends) != 2:
+            if not isinstance(ends, list | tuple) or len(ends) != 2:
                 raise ConfigurationError(f'{at}.{name}', f'expected two numbers, got {ends!r}')
             low, high = (float(parse_number(end, f'{at}.{name}')) for end in ends)
             out[str(name)] = (low, high)

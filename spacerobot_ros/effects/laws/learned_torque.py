@@ -23,7 +23,7 @@ from ..joint import STICTION_RATE
 from ..motion import Motion, inverse_mass
 from .grammar import DAHL, QUANTITIES, Form, quantity
 from .hysteresis import fastest_share, followed, share_rate
-from .law_inputs import AXES, base_axes, quantity_along
+from .law_inputs import AXES, base_axes, is_component, quantity_along
 from .learned_entry import LearnedEntry
 from .table_form import TableForm
 
@@ -132,9 +132,22 @@ class LearnedTorque(Effect):
         for option, value in self.options.items():
             if option in ('displacement', 'scale') and value <= 0.0:
                 raise self.refusal(f'{value:g} must be above 0', option)
-        if self.react and (self.react not in robot.arm or not self.form.ratio):
-            why = f'{self.react!r} is no joint whose rate {self.form.name!r} adds'
+        self._check_kind()
+
+    def _check_kind(self) -> None:
+        """What a kind says of energy holds of some inputs alone."""
+        own, angle = f'rate/{self.where}', f'angle/{self.where}'
+        if self.form.has_history and self.inputs != (angle,):
+            why = f'a history is of the angle of its own joint: expected [{angle}]'
+            raise self.refusal(why, 'inputs')
+        if self.kind == 'potential' and set(self.inputs) != {angle}:
+            raise self.refusal(f'a potential depends on {angle} alone', 'inputs')
+        both = {own, f'rate/{self.react}'}
+        if self.react and (not self.form.ratio or set(self.inputs) != both or len(both) < 2):
+            why = f'{self.react!r} is no joint whose rate {self.form.name!r} adds to {own}'
             raise self.refusal(why, 'react')
+        if stray := next((name for name in self.range if name not in self.inputs), ''):
+            raise self.refusal('no input is called so', f'range.{stray}')
 
     def _check_input(self, name: str, robot: Robot) -> None:
         what, whose = quantity(name)
@@ -146,6 +159,8 @@ class LearnedTorque(Effect):
             raise self.refusal(f'{name!r}: this robot has no such joint; {learned}', 'inputs')
         if what in ('attitude', 'base_rate') and not robot.is_free:
             raise self.refusal(f'{name!r}: the base is fixed; {learned}', 'inputs')
+        if not is_component(what, whose):
+            raise self.refusal(f'{name!r}: no such component', 'inputs')
         low, high = self.range.get(name, (math.nan, math.nan))
         if not low < high:
             why = 'expected [smallest, largest] of every input'
