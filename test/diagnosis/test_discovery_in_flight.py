@@ -12,8 +12,9 @@ from support.diagnosis import friction_cause, hand_made
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import motion_of, robot_file, simulated
 from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
-from spacerobot_ros.diagnosis.discovery.discover_in_flight import discover_in_flight
+from spacerobot_ros.diagnosis.discovery.discover_in_flight import _places, discover_in_flight
 from spacerobot_ros.diagnosis.discovery.flight_channels import FlightRows
+from spacerobot_ros.diagnosis.discovery.in_place import instead_of
 from spacerobot_ros.diagnosis.search.conclusion import said_with_laws
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.motion import Motion
@@ -216,6 +217,38 @@ def test_a_moment_in_a_field_is_found_and_holds_on_another_flight():
     none = np.zeros((len(motion), 0))
     learned = sum(entry.applied.force(motion, none)[:, 3:6] for entry in found.values())
     assert np.mean((learned - true) ** 2) < 0.1**2 * np.mean(true**2)
+
+
+def field_about_x(robot):
+    """b^T R_WB e_x about that axis alone: a constant torque in inertial space has all three."""
+    inputs = [f'attitude/{i}x' for i in 'xyz']
+    return {
+        'effect': 'learned_torque',
+        'where': f'{robot.base_link}/x',
+        'form': 'sum of 3',
+        'inputs': inputs,
+        'coefficients': [0.003, -0.0015, 0.0024],
+        'range': {name: [-1.0, 1.0] for name in inputs},
+        'limit': 1.0,
+        'kind': 'external',
+    }
+
+
+CONSTANT = {'effect': 'external_torque_inertial', 'x': 0.003, 'y': -0.0015, 'z': 0.0024}
+WHEELS = {'effect': 'servicer_wheel_momentum_error', 'x': 0.02, 'y': -0.02, 'z': 0.01}
+
+
+@pytest.mark.parametrize('is_law', [True, False])
+def test_a_torque_and_a_momentum_together_give_way_to_the_law_that_they_stand_for(is_law):
+    """Neither does alone, as the other is left its part; right ones stay."""
+    robot = robot_file(ROBOT).robot
+    hidden = {'it': field_about_x(robot)} if is_law else {'torque': CONSTANT, 'wheels': WHEELS}
+    plain = flown(bind_effects(hidden, robot), seconds=12.0)
+    kinds = [CATALOGUE[entry['effect']] for entry in (CONSTANT, WHEELS)]
+    causes = [kind(name=kind.id, where=None, values=kind.nominal()) for kind in kinds]
+    fit = refine(plain.run, causes)
+    places = _places(FlightRows(fit))
+    assert set(instead_of(fit, places, is_refused=is_law)) == ({0, 1} if is_law else set())
 
 
 def test_a_right_model_has_no_law():

@@ -9,7 +9,7 @@ columns, too, shared by all channels.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
 from types import MappingProxyType
@@ -56,10 +56,16 @@ class FlightRows:
     Args:
         fit: The named causes with values.
         gone: Numbers of those in whose place laws are asked: what they do is left, too.
+        known: What does not depend on these, once it was computed.
     """
 
     fit: Fit
     gone: tuple[int, ...] = ()
+    known: dict[str, Array] = field(default_factory=dict)
+
+    def without(self, gone: tuple[int, ...]) -> FlightRows:
+        """The same with laws in the place of other causes."""
+        return replace(self, gone=gone)
 
     @cached_property
     def motion(self) -> Motion:
@@ -141,9 +147,14 @@ class FlightRows:
         parts = (self.fit.changed(i) for i in self.gone)
         return self.averaged(sum(parts, start=self.fit.data))
 
-    @cached_property
+    @property
     def tolerated(self) -> Array:
         """(R, K) of inertial errors by their deviations."""
+        if 'tolerated' not in self.known:
+            self.known['tolerated'] = self._tolerated()
+        return self.known['tolerated']
+
+    def _tolerated(self) -> Array:
         robot, response = self.motion.robot, Response(self.motion.robot, self.motion)
         kind, forces = CATALOGUE['inertial_parameters'], []
         first = 0 if robot.is_free else 1
@@ -183,12 +194,18 @@ class FlightChannel:
         flight: What is left.
         components: By place: a joint, an axis of the base such as `base_link/x`, the whole base,
             or a sensor's channel.
+        known: Terms of all its laws, once they were computed; None: not kept.
     """
 
     flight: FlightRows
     components: Mapping[str, Component]
+    known: dict[str, list[Array]] | None = None
 
     place = ''
+
+    def without(self, gone: tuple[int, ...]) -> FlightChannel:
+        """The same with laws in the place of some causes."""
+        return replace(self, flight=self.flight.without(gone))
 
     @cached_property
     def laws(self) -> Sequence[Law]:
@@ -261,6 +278,13 @@ class FlightChannel:
 
     def columns(self, laws: Sequence[Law]) -> list[Array]:
         """(M, k) terms of the columns of each law; the filter takes those of a place at once."""
+        if laws is not self.laws or self.known is None:
+            return self._columns(laws)
+        if 'all' not in self.known:
+            self.known['all'] = self._columns(laws)
+        return self.known['all']
+
+    def _columns(self, laws: Sequence[Law]) -> list[Array]:
         out: list[Array] = []
         for place, own in groupby(laws, key=lambda law: law.place):
             values = [self.law_columns(law) for law in own]
