@@ -11,15 +11,16 @@ def drop_needless_bodies(selection: Selection) -> None:
     """Drop bodies without which parts are predicted as well, weakest first.
 
     A spring of -5 N m/rad at the second joint of a KUKA was the body beyond it, both with the same
-    evidence, of which the spring predicts parts of the motion better by 7 nats. What has to be
-    beaten need not be worth a name. Of what hangs on a last link a body is likelier beforehand.
+    evidence, of which the spring predicts parts of the motion better by 7 nats; encoders of a
+    double pendulum that are set to zero where it hangs, rubbing, were 0.17 kg at its end (by 2).
+    What has to be beaten need not be worth a name. Loads that were put on in 150 simulated arms
+    beat it by 57 and more.
     """
     rows = selection.rows
     bodies = {
         i
         for i, candidate in enumerate(rows.candidates)
         if candidate.kind.id == 'inertial_parameters'
-        and candidate.where not in rows.robot.last_links
     }
     for i in sorted(bodies & set(selection.chosen), key=selection.gain):
         if i not in selection.chosen:
