@@ -36,6 +36,7 @@ _FIXED = (
     'is read when the node starts, for what it computes rests on it: start it again with '
     'another value'
 )
+_NULLS = ('null', '~')  # what rcl makes of a null, such as `ros2 param dump` writes for no value
 _OF_ROS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.', '/')
 
 
@@ -52,7 +53,7 @@ def declare_settings(node: Node) -> Settings:
         name: [] if parameter.value is None else parameter.value  # an empty list of a file
         # rclpy has no public way to see those that nobody declares
         for name, parameter in node._parameter_overrides.items()
-        if not name.startswith(_OF_ROS)
+        if not name.startswith(_OF_ROS) and parameter.value not in _NULLS
     }
     own = {name: given.pop(name, default) for name, (default, _) in OWN.items()}
     settings = parse_settings({'robot': {}, **nested(given)})
@@ -198,21 +199,25 @@ def open_robot(node: Node, settings: Settings, use: Callable[[Robot], None]) -> 
 
 
 def _declare(node: Node, leaf: Leaf) -> None:
+    """Declare a parameter, with a value whatever it is.
+
+    Whoever asks for one that is typed but has none gets nothing, nor the others that he asks for.
+    """
     value, allowed = leaf.value, leaf.allowed
-    if value is None or value == ():
-        # typed but without a value; an empty list alone would be declared as one of bytes
-        value = {
-            FloatList: Parameter.Type.DOUBLE_ARRAY,
-            TextList: Parameter.Type.STRING_ARRAY,
-            float: Parameter.Type.DOUBLE,
-        }[leaf.kind]
-    elif isinstance(value, tuple):
-        value = list(value)
     choices = [f'one of {", ".join(allowed.choices)}'] if allowed.choices else []
     length = [] if allowed.length is None else [f'{allowed.length} numbers']
     limits = '; '.join([*choices, *length, *allowed.words])
     descriptor = _descriptor(leaf.meaning, allowed.unit, limits)
-    node.declare_parameter(leaf.name, value, descriptor, ignore_override=True)
+    descriptor.dynamic_typing = value is None
+    given: Any = list(value) if isinstance(value, tuple) else value
+    if given == []:  # alone it would be declared as one of bytes
+        given = _LISTS[leaf.kind]
+    node.declare_parameter(leaf.name, given, descriptor, ignore_override=True)
+    if value == ():
+        node.set_parameters([Parameter(leaf.name, given, [])])
+
+
+_LISTS = {FloatList: Parameter.Type.DOUBLE_ARRAY, TextList: Parameter.Type.STRING_ARRAY}
 
 
 def _descriptor(doc: str, unit: str = '', limits: str = '') -> ParameterDescriptor:

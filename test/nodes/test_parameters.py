@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from std_msgs.msg import String
 
 from spacerobot_ros.errors import ConfigurationError, ModelError
@@ -52,6 +53,30 @@ def test_every_parameter_teaches(rig, servicer, node_type):
     result = node.set_parameters([Parameter('simulator.period', value=0.02)])[0]
     assert not result.successful
     assert 'is read when the node starts' in result.reason
+
+
+@pytest.mark.parametrize('node_type', ALL)
+def test_all_that_is_listed_can_be_had_at_once_and_given_again(rig, servicer, node_type):
+    """As `ros2 param dump` does, and who starts a node from what that wrote."""
+    node = rig.add(node_type, servicer)
+    names = [name for name in node._parameters if not name.startswith(('use_sim', 'start_type'))]
+    services = rig.plain().create_client(GetParameters, f'/{node.get_name()}/get_parameters')
+    rig.until(services.service_is_ready)
+    future = services.call_async(GetParameters.Request(names=names))
+    rig.until(future.done)
+    values = [parameter_value_to_python(value) for value in future.result().values]
+    assert len(values) == len(names)
+    # rcl has no empty list, and a null is a text
+    again = {
+        name: 'null' if value is None else value
+        for name, value in zip(names, values, strict=True)
+        if value != []
+    }
+    assert again['excitation.base_rate'] == 'null'
+    rig.nodes.remove(node)
+    rig.executor.remove_node(node)
+    node.destroy_node()
+    assert rig.add(node_type, again).settings == node.settings
 
 
 @pytest.mark.parametrize('node_type', ALL)
