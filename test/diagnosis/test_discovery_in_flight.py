@@ -14,7 +14,7 @@ from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import _places, discover_in_flight
 from spacerobot_ros.diagnosis.discovery.flight_channels import FlightRows
-from spacerobot_ros.diagnosis.discovery.in_place import instead_of
+from spacerobot_ros.diagnosis.discovery.in_place import _is_part, instead_of
 from spacerobot_ros.diagnosis.search.conclusion import said_with_laws
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.motion import Motion
@@ -249,6 +249,30 @@ def test_a_torque_and_a_momentum_together_give_way_to_the_law_that_they_stand_fo
     fit = refine(plain.run, causes)
     places = _places(FlightRows(fit))
     assert set(instead_of(fit, places, is_refused=is_law)) == ({0, 1} if is_law else set())
+
+
+def test_a_ripple_of_which_a_part_was_seen_gives_way_to_a_stiffening_spring(joint):
+    """Along other angles such a sine may be anything; a ripple of whole periods stays."""
+    robot = robot_file(ROBOT).robot
+    section = {
+        'effect': 'learned_torque',
+        'where': joint,
+        'form': 'x^3',
+        'inputs': [f'angle/{joint}'],
+        'coefficients': [-0.02],
+        'range': {f'angle/{joint}': [-9.0, 9.0]},
+        'limit': 10.0,
+        'kind': 'external',
+    }
+    plain = flown(bind_effects({'hidden': section}, robot))
+    way = np.ptp(plain.rows.motion.q[:, robot.joints.index(joint)])
+    ripple = CATALOGUE['joint_torque_ripple']
+    values = {'amplitude': 0.01, 'harmonic': 3.0 / way, 'phase': 0.0}
+    fit = refine(plain.run, [ripple(name='it', where=joint, values=values)])
+    places = {place: it for place, it in _places(FlightRows(fit)).items() if place == joint}
+    assert set(instead_of(fit, places, is_refused=True)) == {0}
+    whole = replace(fit.causes[0], values={**values, 'harmonic': 7.0 / way})
+    assert [_is_part(one, 0) for one in (fit, Fit(plain.run, (whole,)))] == [True, False]
 
 
 def test_a_right_model_has_no_law():

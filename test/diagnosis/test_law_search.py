@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointCha
 from spacerobot_ros.diagnosis.discovery.chance import chance_of
 from spacerobot_ros.diagnosis.discovery.discovery_limits import UNSETTLED
 from spacerobot_ros.diagnosis.discovery.law_search import LawSearch, Winner
-from spacerobot_ros.diagnosis.discovery.possible_laws import Law
+from spacerobot_ros.diagnosis.discovery.possible_laws import PLAIN, SINE, Extent, Law
 from spacerobot_ros.diagnosis.discovery.which_joint import settled
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
@@ -211,3 +212,17 @@ def test_directions_of_many_groups_are_those_of_each(rng):
         alone, _ = ways_of(columns)
         assert ways.shape == (40, np.linalg.matrix_rank(columns))
         np.testing.assert_allclose(ways @ ways.T, alone @ alone.T, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(('m', 'way', 'gap', 'is_plain'), [
+    (2.0, 1.0, 0.5, True), (2.0, 4.0, 0.5, False), (2.0, 1.0, 6.5, False),
+])  # fmt: skip
+def test_a_part_of_a_sine_gives_way_to_a_polynomial_that_does_as_well(m, way, gap, is_plain):
+    """Whole periods were seen, or a gap that tells them apart: the sine stays."""
+    forms = [(SINE, {'m': m}), ('beyond(x)', {}), (PLAIN, {})]
+    laws = [Law(FORMS[n], ('angle/a',), 2.5, n, 'potential', o) for n, o in forms]
+    extent = Extent({'a': 1.0}, {'a': 0.0}, {'a': way}, 10.0)
+    search = SimpleNamespace(laws=laws, channel=SimpleNamespace(extent=extent))
+    refitted = [(20.0, 0, None), (20.0 - 0.2, 1, None), (20.0 - gap, 2, None)]
+    chosen = LawSearch._plainer(search, refitted)
+    assert chosen == ((20.0 - gap, 2) if is_plain else (20.0, 0))

@@ -23,6 +23,8 @@ from .time_sines import SWEEPS, time_sines
 FIFTHS = 5
 _HIGHEST = 2.0  # Hz, of sines of the time: half the band
 _SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
+PARTLY_SEEN = 'joint_torque_ripple'
+"""Of a few periods a turn, of which a motion may show a part."""
 REPLACEABLE = {'joint_stiffness': 1.5, 'joint_torque_ripple': 2.5, COUPLED: 3.0}
 """Causes that are a form of the grammar, so that a law may stand in their place, and their prices
 there [nats]: of both a choice among the same forms. No other friction: on a UR10e laws would take
@@ -116,6 +118,11 @@ class JointChannel:
     def rows(self) -> JointRows:
         """Where it moves."""
         return self.motions.rows.joints[self.j]
+
+    @property
+    def extent(self) -> Extent:
+        """What the motion covers."""
+        return self.motions.extent
 
     @property
     def times(self) -> Array:

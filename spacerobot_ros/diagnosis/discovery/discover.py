@@ -16,7 +16,7 @@ from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
 from ..arms.arm_found import WORSE, ArmFound
 from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
-from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
+from .arm_channels import PARTLY_SEEN, REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import (
     HeldLaw,
     channel_name,
@@ -30,7 +30,6 @@ from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
 from .law_search import Winner, worth
 
 _AGREE = 3.0  # standard deviations
-_PARTLY = 'joint_torque_ripple'  # of a few periods a turn, a motion shows a part
 
 
 def discover(
@@ -98,7 +97,7 @@ def _may_stand_for(laws: Sequence[HeldLaw], kinds: Sequence[str]) -> bool:
     A spring alone gives way to one of another shape, and to nothing else: next to any law is
     better in some noise.
     """
-    if {_PARTLY, COUPLED}.intersection(kinds):
+    if {PARTLY_SEEN, COUPLED}.intersection(kinds):
         return True
     is_of_angle = all(it.law.inputs == (f'angle/{it.place}',) for it in laws)
     return is_of_angle and not any(map(may_be_named, laws))

@@ -228,6 +228,11 @@ class FlightChannel:
         return [*own, *time_sines(at.duration, _HIGHEST)]
 
     @property
+    def extent(self) -> Extent:
+        """What the motion covers."""
+        return self.flight.extent
+
+    @property
     def times(self) -> Array:
         """(R,) of rows [s]."""
         return self.flight.times

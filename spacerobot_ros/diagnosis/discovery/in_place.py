@@ -11,8 +11,10 @@ import math
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
+import numpy as np
+
 from ...estimation.fit import Fit
-from .arm_channels import REPLACEABLE
+from .arm_channels import PARTLY_SEEN, REPLACEABLE
 from .channel_laws import laws_of, may_be_named
 from .discovery_limits import DEAD_HEAT, MARGIN
 from .flight_channels import Component, FlightChannel, FlightRows
@@ -49,7 +51,10 @@ def instead_of(
     Fewer laws than causes, or one, ahead by all prices: of a model that fits as far as two causes
     are told apart, else as far as a law must be of chance. The same holds against the causes'
     forms as laws in that place: both comparisons have priors of their own, which friction of two
-    numbers lost by 6.6 nats to a square root that as a law was ahead of it by 4.8.
+    numbers lost by 6.6 nats to a square root that as a law was ahead of it by 4.8. A ripple of
+    which the motion shows no whole period nobody has seen: laws need not be ahead of it, as a
+    polynomial goes on where such a sine may be anything (a stiffening spring, of a harmonic of
+    2.6: R2 -128 along another motion, 0.80 by the polynomial that was 2.7 nats ahead).
 
     Args:
         fit: Of the causes.
@@ -63,7 +68,8 @@ def instead_of(
         beside = [it.step for it in laws_of(channel)[0]] if is_refused else []
         known = worth(channel, beside)
         ahead, best = max((_ahead(fit, channel, own) - known, own) for own in choices)
-        if ahead > (MARGIN if is_refused else DEAD_HEAT):
+        needed = MARGIN if is_refused else DEAD_HEAT
+        if ahead > (0.0 if all(_is_part(fit, i) for i in best) else needed):
             out |= dict.fromkeys(best, some)
     return out
 
@@ -79,6 +85,15 @@ def _ahead(fit: Fit, channel: FlightChannel, own: tuple[int, ...]) -> float:
         return -math.inf
     price = sum(PRICES[fit.causes[i].id] for i in own)
     return worth(other, [it.step for it in laws]) + price
+
+
+def _is_part(fit: Fit, i: int) -> bool:
+    """Whether a cause is a ripple of which the motion shows less than a period."""
+    cause, motion = fit.causes[i], fit.rows.motion
+    if cause.id != PARTLY_SEEN:
+        return False
+    way = float(np.ptp(motion.q[:, motion.column(cause.where)]))
+    return abs(cause.values['harmonic']) * way < 2.0 * math.pi
 
 
 def _groups(

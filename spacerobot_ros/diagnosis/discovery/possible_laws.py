@@ -7,6 +7,7 @@ more. The evidence must pay it beside the price of the coefficients.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -25,6 +26,8 @@ REFINED = ('scale', 'displacement')
 NO_LAWS = ('inertial', 'clock')
 """Kinds that are none: where they win the leftover is an error of the masses, or follows time."""
 
+SINE, PLAIN = 'sin(m x), cos(m x)', '1, u, u^2, u^3 of u = x - centre'
+"""A torque that goes round, and one that is as smooth, near where the record was."""
 NAMED = ('x', 'sign(x)', 'sign(x), x', '1, u of u = x - centre')
 """Forms that causes of a joint are, alone or two together: friction and a spring."""
 
@@ -85,6 +88,13 @@ class Extent:
         ends = fast, np.min(q, axis=0), np.max(q, axis=0)
         rates, low, high = (dict(zip(joints, x.tolist(), strict=True)) for x in ends)
         return cls(rates, low, high, duration)
+
+    def turns(self, law: Law) -> float:
+        """Periods that the motion shows of a sine of a joint's angle; infinite of all else."""
+        what, whose = quantity(law.inputs[0])
+        if what != 'angle' or law.form.name != SINE:
+            return math.inf
+        return law.options['m'] * (self.high[whose] - self.low[whose]) / (2.0 * math.pi)
 
 
 _OWN_RATE = (
