@@ -7,15 +7,15 @@ explains neither of them well does for this. ROS is not needed.
 writes: DIR/comparison.json      what changed, and what change would have been seen
         DIR/report.html          one page for a review
 
-verdicts: unchanged   nothing changed by more than a machine that nobody touched does
+verdicts: unchanged   nothing changed by more than a machine that nobody touched does; joints at
+                      which too much is left to tell are said
           changed     with what, where and by how much
-          unexplained nothing is named, and most of the torques is explained in neither
 
 examples:
   spacerobot compare empty.csv loaded.csv --map arm_columns.yaml --robot arm.yaml --out out/load
   spacerobot compare monday.csv friday.csv --before tuesday.csv --robot arm.yaml --out out/week
 
-exit status: 0 unchanged, 1 changed or unexplained, 2 unusable input
+exit status: 0 unchanged, 1 changed, 2 unusable input
 """
 
 from __future__ import annotations

@@ -61,8 +61,9 @@ class Comparison:
     """The whole answer.
 
     Args:
-        verdict: changed, unchanged, or unexplained, where nothing is named and most is left
-            unexplained at half of the joints and more. sentence: The same in words.
+        verdict: changed, or unchanged where nothing is named.
+        sentence: The same in words, which say that no change is ruled out where too much is left
+            at half of the joints and more.
         changes: By evidence.
         detectable: Of every cause the change that would have been seen; infinite where the motion
             shows nothing of it.
@@ -114,7 +115,7 @@ def conclude_changes(found: Changes) -> Comparison:
     unjudged = tuple(np.array(found.robot.joints)[is_poor].tolist())
     is_told = 2 * len(unjudged) < np.sum(np.isfinite(left))
     return Comparison(
-        verdict='changed' if changes else 'unchanged' if is_told else 'unexplained',
+        verdict='changed' if changes else 'unchanged',
         sentence=_sentence(changes, unjudged, is_told=is_told),
         changes=changes,
         detectable=tuple(_detectable(found, i) for i in selection.live),
