@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -184,14 +184,22 @@ class JointScan:
         return gains.rows(some).whitened(shown / scale[:, None])
 
 
-@lru_cache(maxsize=256)
+_FILTERED: WeakKeyDictionary[ArmMotion, dict[tuple[float, float], tuple[Array, Array]]] = (
+    WeakKeyDictionary()
+)
+"""Pulses of a motion by duration and edge, as long as there is that motion."""
+
+
 def _in_band(arm: ArmMotion, duration: float, edge: float) -> tuple[Array, Array]:
     """Times about its centre [s] of a pulse, and what the balance's filter leaves of it there.
 
     Every joint's search asks for the same few: a fifth of the time of all events was spent here.
     """
-    lag = np.arange(-0.5 * duration - _TAIL, 0.5 * duration + _TAIL, arm.step)
-    return lag, arm.in_band(pulse_shape(lag / duration + 0.5, edge))
+    known = _FILTERED.setdefault(arm, {})
+    if (duration, edge) not in known:
+        lag = np.arange(-0.5 * duration - _TAIL, 0.5 * duration + _TAIL, arm.step)
+        known[duration, edge] = lag, arm.in_band(pulse_shape(lag / duration + 0.5, edge))
+    return known[duration, edge]
 
 
 def bells(rows: ArmRows, run: int, duration: float) -> Pulses:
