@@ -18,6 +18,7 @@ from ..columns import Candidate
 from ..inference.evidence import Gram
 from .anchor import HELD, scale_columns, unanchored
 from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings, wrong_masses
+from .arm_columns import columns_of
 from .arm_priors import DRY, NOTHING, Machine
 from .balance import Balance, rms
 from .leftover import JointRows, with_unit_shapes
@@ -75,7 +76,7 @@ class ArmRows:
         out = replace(
             self, candidates=(*self.candidates, *more), tolerances=np.concatenate(tolerances)
         )
-        both = zip(self.columns, self._columns_of(more), strict=True)
+        both = zip(self.columns, columns_of(self.balances, more), strict=True)
         out.__dict__['columns'] = [np.concatenate(pair, axis=2) for pair in both]
         return out
 
@@ -196,27 +197,12 @@ class ArmRows:
     @cached_property
     def columns(self) -> list[Array]:
         """(M, n, K) of every recording [N m by coefficient]."""
-        return self._columns_of(self.candidates)
-
-    def _columns_of(self, candidates: Sequence[Candidate]) -> list[Array]:
-        return [self._columns_at(run, candidates) for run in range(len(self.balances))]
-
-    def _columns_at(self, run: int, candidates: Sequence[Candidate]) -> Array:
-        steps = [step for c in candidates for step in c.small_steps]
-        at = [k for k, (effect, _) in enumerate(steps) if effect.is_of(run)]
-        balance = self.balances[run]
-        out = np.zeros((len(balance.row_times), self.robot.n_joints, len(steps)))
-        if at:
-            out[:, :, at] = balance.columns([steps[k] for k in at])
-        return out
+        return columns_of(self.balances, self.candidates)
 
     def sharing(self, other: ArmRows) -> Self:
         """These rows, with the columns of recordings that other rows of the candidates have."""
-        known = {id(b): columns for b, columns in zip(other.balances, other.columns, strict=True)}
-        self.__dict__['columns'] = [
-            known[id(b)] if id(b) in known else self._columns_at(run, self.candidates)
-            for run, b in enumerate(self.balances)
-        ]
+        known = dict(zip(other.balances, other.columns, strict=True))
+        self.__dict__['columns'] = columns_of(self.balances, self.candidates, known)
         return self
 
     @cached_property
@@ -250,13 +236,9 @@ class ArmRows:
         """The same rows in blocks of a moment each."""
         out = self._alike(self.about)
         out.__dict__['blocks'] = blocks = moments_of(self.balances)
+        pairs = [*zip(self.balances, blocks, strict=True)]
         out.__dict__['joints'] = [
-            replace(
-                rows,
-                block=np.concatenate(
-                    [own[self.rows_at(b, k)] for b, own in zip(self.balances, blocks, strict=True)]
-                ),
-            )
+            replace(rows, block=np.concatenate([own[self.rows_at(b, k)] for b, own in pairs]))
             for k, rows in enumerate(self.joints)
         ]
         return out
