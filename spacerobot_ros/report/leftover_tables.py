@@ -12,6 +12,7 @@ from ..diagnosis.answer.result import Diagnosis, Leftover, Order
 from ..display import Item, Table
 from ..formats import UNTESTED, number, percent, probability, value_with
 
+_ONCE = 0.01  # of a turn: what a scale of the wheel's rate may be off by
 _HEAD = (
     'channel',
     'depends on',
@@ -70,15 +71,31 @@ def _table(diagnosis: Diagnosis, caption: str) -> Table:
 
 
 def _order_line(order: Order) -> str:
-    """A candidate of the catalogue, as an entry of a robot file."""
+    """A candidate of the catalogue, of a joint as an entry of a robot file."""
     periods = f'{order.order:.1f} periods a turn'
     if order.unit == 'N':
         periods = f'{order.order / (2.0 * math.pi):.1f} periods a metre'
+    if order.channel:
+        return _wheel_line(order)
     return (
         f'{order.joint}: its raw effort has a line at {periods} (p '
         f'{probability(order.p_value)}); as an entry of effects: ripple_{order.joint}: {{effect: '
         f'joint_torque_ripple, where: {order.joint}, amplitude: {order.amplitude:.3g}, harmonic: '
         f'{order.order:.1f}, phase: {order.phase:.3g}}}'
+    )
+
+
+def _wheel_line(order: Order) -> str:
+    """A line that follows a wheel: once a turn it is what an imbalance makes."""
+    what = 'no effect of the catalogue: bearings, the motor or the cage of a wheel make such lines'
+    if abs(order.order - 1.0) < _ONCE:
+        what = (
+            'a candidate of wheel_imbalance at a steady rate, of rotor_imbalance where the wheel '
+            'is a rotor of the robot file'
+        )
+    return (
+        f'{order.joint}: {order.channel} has a line of {order.amplitude:.3g} {order.unit} at '
+        f'{order.order:.3f} periods a turn of this wheel (p {probability(order.p_value)}): {what}'
     )
 
 

@@ -14,7 +14,7 @@ from ..events.event import events_to_dict
 from .appearance import Appearance
 from .cause import Cause
 from .closed_loop_gain import ClosedLoopGain
-from .result import Diagnosis, Gain, Leftover, Residual
+from .result import Diagnosis, Gain, Leftover, Order, Residual
 
 SCHEMA = 2
 EXTENDED_MODEL = 'extended_model.yaml'
@@ -64,7 +64,7 @@ def to_dict(
         'free_motion': [asdict(joint) for joint in diagnosis.free_motion],
         'orders': None
         if diagnosis.orders is None
-        else [asdict(order) for order in diagnosis.orders],
+        else [_order(order) for order in diagnosis.orders],
         'calibration': [_calibration(effect) for effect in diagnosis.calibration],
         **events_to_dict(diagnosis.events),
     }
@@ -92,6 +92,11 @@ def _cause(cause: Cause) -> dict[str, Any]:
         'held_out_recordings': cause.held_out_recordings,
         'recordings': cause.applied.recordings,
     }
+
+
+def _order(order: Order) -> dict[str, Any]:
+    """Its channel is for the report: an order's fields are fixed."""
+    return {name: value for name, value in asdict(order).items() if name != 'channel'}
 
 
 def _calibration(effect: Effect) -> dict[str, Any]:

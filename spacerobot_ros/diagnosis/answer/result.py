@@ -197,13 +197,16 @@ class Leftover:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """A line of a joint's raw effort against its angle: a candidate of `joint_torque_ripple`.
+    """A line of a raw signal against an angle: of a joint's effort against its own, or a wheel's.
 
     Args:
-        joint: Its name. unit: Of the amplitude: N m, or N where it slides.
+        joint: Name of the joint, a candidate of `joint_torque_ripple`, or of the wheel.
+        unit: Of the amplitude: N m, N where a joint slides, rad/s of a gyro.
         order: Periods a turn; 2 pi times those a metre where it slides.
-        amplitude: Of the line. phase: At position zero [rad].
+        amplitude: Of the line.
+        phase: At position zero, of a wheel at the first sample of its rate [rad].
         p_value: Of such a line by chance.
+        channel: Where a wheel shows, as in `Residual`; empty of a joint's own effort.
     """
 
     joint: str
@@ -212,6 +215,7 @@ class Order:
     amplitude: float
     phase: float
     p_value: float
+    channel: str = ''
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,7 +249,7 @@ class Diagnosis:
         recordings: Every recording, where torques were balanced.
         friction: There, the friction of each joint as one law.
         leftover: What it depends on, channel by channel; None where that was not asked.
-        orders: Ripple above the band of a balance, by joint; None where that was not asked.
+        orders: Lines above the band of a balance, by joint and wheel; None where not asked.
         ratios: There, what holds for any scale of the torques, where none is measured.
         free_motion: There, how far joints without a motor are predicted (before, after).
         events: What came from outside once; None where that was not looked for.

@@ -1,149 +1,155 @@
-"""Lines of raw signals against angles that turn, up to the Nyquist order.
+"""Lines of raw signals against the angles of joints and wheels.
 
-A ripple of k periods a turn has the frequency k |q'| / 2 pi, which is above the band of a balance
-of torques and changes with the rate, so that no spectrum in time shows it. What is fast in an
-effort is whitened and correlated with sin(k q) and cos(k q), order by order, where that frequency
-lies above the band and below half the rate of the samples. Of a joint that slides k is 2 pi times
-its periods a metre. A line must tell more than the best sine of the time does: along one speed
-throughout nobody can tell them apart.
+Of a joint's effort against its own angle: the ripple of its gear and motor. Of the gyro and of all
+joints' efforts against the angle of each wheel, which is the integral of its measured rate:
+imbalance, bearings, motors. Lines of a joint that slides are 2 pi times their periods a metre.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
+from scipy.interpolate import CubicSpline
 
 from ...recording.record import Record
 from ...types import Array, BoolArray
 from ..answer.result import Order
+from .order_lines import BAND, FEWEST, FastSignal, Line, Turning, lines_of, told_within
 
-_BAND = (6.0, 0.45)  # Hz; of the rate of the samples
-_CHANCE = 1e-7  # of a peak so high anywhere
-_ABOVE = 3.0  # times the median of its neighbours, else it is a broad hump
-_NEAR = 0.25  # of its order: neighbours
-_FINE = 2.5  # orders tried per resolution
-_SHORT = 0.02  # turns; a shorter way tells no orders apart
-_MOST, _LESSER = 3, 0.2  # lines of a joint; of the highest
-_SKIRT, _SKIRT_SHARE = 2.0, 0.02  # of the resolution; of the order: lines that are one
-_SLOW, _HIGHEST = 0.3, 1000.0  # of the usual speed, which has the Nyquist order; periods a turn
+_HIGHEST = 1000.0  # periods a turn
 _HIGHEST_SLIDING = 2.0 * math.pi / 1e-3  # rad/m: threads of a millimetre
-_FEWEST = 400  # samples
-_SMOOTH = 31  # lines of a spectrum, over which its level is taken
-_LEAST = 8.0  # periods a turn: fewer are slow enough for the balance
-_TIMED = 6.0  # nats ahead of the best sine of the time, as two causes are told apart
-_PADDED = 4  # times the samples: frequencies of these sines
+_LEAST = 8.0  # periods a turn of a joint: fewer are slow enough for the balance
+_HOLE = 3.0  # times the usual step between samples
+_MOST = 3  # lines of a wheel
+_AHEAD = 6.0  # nats, of the same line against another wheel: as two causes are told apart
+_NEARLY = 0.8  # of what a line explains: two wheels that turn alike, but for noise of their rates
+_ONE = 0.02  # of its order: lines that are one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grid:
+    """Evenly spaced times within several series (N,), and where all of them have samples."""
+
+    time: Array
+    step: float
+    is_there: BoolArray
+
+    @classmethod
+    def of(cls, first: Array, *others: Array) -> _Grid | None:
+        """As far apart as samples of the first; None where they are few, or slow."""
+        if any(len(times) < 2 for times in (first, *others)):
+            return None
+        step = float(np.median(np.diff(first)))
+        start, end = (pick(t[i] for t in (first, *others)) for pick, i in ((max, 0), (min, -1)))
+        time = np.arange(start, end, step)
+        if len(time) < FEWEST or BAND[0] * step > 0.2:
+            return None
+        is_there = np.ones(len(time), dtype=bool)
+        for times in (first, *others):
+            gaps = np.diff(times)
+            is_there &= np.interp(time, times[1:], gaps) <= _HOLE * float(np.median(gaps))
+        return cls(time, step, is_there)
 
 
 def find_orders(records: Sequence[Record], units: Mapping[str, str]) -> tuple[Order, ...]:
-    """The highest lines of every joint that moves, where they are no chance and no hump.
+    """The highest lines of every joint and wheel that turns, where they are no chance and no hump.
 
-    Of several recordings the one that shows a joint best is taken.
+    Of several recordings the one that shows a joint or a wheel best is taken.
 
     Args:
         records: Of the same joints.
         units: Of their efforts, by joint in the order of the records.
     """
-    best: dict[str, list[Order]] = {}
+    best: dict[str, list[Order]] = {joint: [] for joint in units}
     for record in records:
-        for j, joint in enumerate(units):
-            found = _of_joint(record, j, joint, units[joint])
-            if not found or (best.get(joint) and best[joint][0].p_value < found[0].p_value):
-                continue
-            best[joint] = found
-    return tuple(order for joint in units for order in best.get(joint, []))
+        joints = {
+            joint: _of_joint(record, j, joint, units[joint]) for j, joint in enumerate(units)
+        }
+        for name, found in (joints | wheel_orders(record, units)).items():
+            known = best.get(name)
+            if not known or (found and found[0].p_value <= known[0].p_value):
+                best[name] = found
+    return tuple(order for found in best.values() for order in found)
 
 
 def _of_joint(record: Record, j: int, joint: str, unit: str) -> list[Order]:
     if record.effort is None or np.isnan(record.effort[:, j]).any():
         return []
-    step = float(np.median(np.diff(record.joint_time)))
-    time = np.arange(record.joint_time[0], record.joint_time[-1], step)
-    if len(time) < _FEWEST or _BAND[0] * step > 0.2:
+    grid = _Grid.of(record.joint_time)
+    if grid is None:
         return []
-    q, effort = (np.interp(time, record.joint_time, x[:, j]) for x in (record.q, record.effort))
-    gap = np.interp(time, record.joint_time[1:], np.diff(record.joint_time))
+    q, effort = (
+        np.interp(grid.time, record.joint_time, x[:, j]) for x in (record.q, record.effort)
+    )
     highest = _HIGHEST_SLIDING if unit == 'N' else _HIGHEST
-    lines = _lines(q, effort, step, gap <= 3.0 * step, highest)
-    return [Order(joint, unit, *line) for line in lines]
+    turning = Turning(q, grid.step, grid.is_there, _LEAST, highest)
+    return [_order(joint, unit, line) for line in lines_of(FastSignal(effort, grid.step), turning)]
 
 
-def _lines(
-    q: Array, values: Array, step: float, is_there: BoolArray, highest: float
-) -> Iterator[tuple[float, float, float, float]]:
-    """Order, amplitude, phase and p of the highest lines of values against an angle, (N,) each."""
-    sections = butter(2, _BAND[0], fs=1.0 / step, output='sos')
-    speed = np.abs(np.gradient(sosfiltfilt(sections, q), step)) / (2.0 * math.pi)  # turns a second
-    speed[~is_there] = 0.0
-    reach, usual = float(np.ptp(q)) / (2.0 * math.pi), float(np.quantile(speed, 0.9))
-    if min(reach, usual) <= 0.0:
-        return
-    fast, white = _fast(values, step)
-    top = min(_BAND[1] / step / (_SLOW * usual), highest)
-    orders = np.arange(_LEAST, max(top, _LEAST), 1.0 / (_FINE * max(reach, _SHORT)))
-
-    def seen(k: float) -> BoolArray:
-        return (k * speed > _BAND[0]) & (k * speed < _BAND[1] / step)
-
-    # orders are evenly spaced: from one to the next every sample's phase turns by the same angle
-    turned, by = np.exp(1j * _LEAST * q), np.exp(1j * q / (_FINE * max(reach, _SHORT)))
-    powers = np.empty(len(orders))
-    for i, k in enumerate(orders):
-        powers[i] = _power(white[at := seen(k)], turned[at])
-        turned *= by
-    highest_power = float(np.max(powers, initial=0.0))
-    for _ in range(_MOST if len(powers) else 0):
-        i = int(np.argmax(powers))
-        near = np.abs(orders - orders[i]) < _NEAR * orders[i]
-        p_value = min(1.0, len(orders) * math.exp(-min(float(powers[i]), 700.0)))
-        if p_value > _CHANCE or powers[i] < _ABOVE * np.median(powers[near]):
-            return
-        if powers[i] < _LESSER * highest_power:
-            return
-        at = seen(float(orders[i]))
-        if powers[i] > _power_by_time(np.where(at, white, 0.0)) + _TIMED:
-            sine, cosine, _ = _fit(fast[at], np.exp(1j * orders[i] * q[at]))
-            size, phase = math.hypot(sine, cosine), math.atan2(cosine, sine)
-            yield float(orders[i]), size, phase, p_value
-        powers[np.abs(orders - orders[i]) < max(_SKIRT / reach, _SKIRT_SHARE * orders[i])] = 0.0
-
-
-def _power_by_time(values: Array) -> float:
-    """Half the squares of unit noise that the best sine of the time explains.
+def wheel_orders(record: Record, units: Mapping[str, str]) -> dict[str, list[Order]]:
+    """Lines against the angle of each wheel whose rate was measured, the clearest first.
 
     Args:
-        values: (N,) zero where they are not asked.
+        record: Of one run.
+        units: Of the joints' efforts, by joint in the order of the record.
     """
-    squares = np.abs(np.fft.rfft(values, _PADDED * len(values))) ** 2
-    return float(np.max(squares)) / max(float(np.sum(values**2)), 1e-300)
+    wheels = record.wheels
+    if wheels is None or wheels.velocity is None or len(wheels) < FEWEST:
+        return {}
+    time = wheels.seconds(record.origin_ns)
+    angles = CubicSpline(time, wheels.velocity).antiderivative()
+    found: dict[str, list[Order]] = {wheel: [] for wheel in wheels.names}
+    for at, signals in _signals(record, units):
+        grid = _Grid.of(at, time)
+        if grid is None:
+            continue
+        turning = {
+            wheel: Turning(angle, grid.step, grid.is_there, 0.0, _HIGHEST)
+            for wheel, angle in zip(wheels.names, angles(grid.time).T, strict=True)
+        }
+        for channel, unit, values in signals:
+            signal = FastSignal(np.interp(grid.time, at, values), grid.step)
+            for wheel, line in _told_apart(signal, turning):
+                found[wheel].append(_order(wheel, unit, line, channel))
+    return {wheel: _clearest(own) for wheel, own in found.items()}
 
 
-def _fit(values: Array, turned: NDArray[np.complex128]) -> tuple[float, float, float]:
-    """Sine and cosine of phases in values, by least squares, and the squares they explain."""
-    sine, cosine = turned.imag, turned.real
-    a, b, c = float(sine @ sine), float(sine @ cosine), float(cosine @ cosine)
-    x, y = float(sine @ values), float(cosine @ values)
-    determinant = max(a * c - b * b, 1e-300)
-    in_sine, in_cosine = (c * x - b * y) / determinant, (a * y - b * x) / determinant
-    return in_sine, in_cosine, in_sine * x + in_cosine * y
+def _signals(
+    record: Record, units: Mapping[str, str]
+) -> Iterator[tuple[Array, list[tuple[str, str, Array]]]]:
+    """Times of a sensor's samples, with channel, unit and values (N,) of each signal."""
+    gyro = [
+        (f'gyro/{axis}', 'rad/s', own) for axis, own in zip('xyz', record.omega.T, strict=True)
+    ]
+    yield record.rate_time, gyro
+    if record.effort is not None:
+        pairs = zip(units.items(), record.effort.T, strict=True)
+        efforts = [(f'joint_torque/{joint}', unit, own) for (joint, unit), own in pairs]
+        yield record.effort_time, [it for it in efforts if not np.isnan(it[2]).any()]
 
 
-def _power(values: Array, turned: NDArray[np.complex128]) -> float:
-    """Half the explained squares of unit noise: exponential by chance, of mean one."""
-    if len(values) < _FEWEST:
-        return 0.0
-    explained = _fit(values, turned)[2]
-    return 0.5 * explained / max(float(np.mean(values**2)), 1e-300)
+def _told_apart(signal: FastSignal, turning: Mapping[str, Turning]) -> Iterator[tuple[str, Line]]:
+    """Lines of a signal with their wheels, but those that another wheel tells as well."""
+    for wheel, own in turning.items():
+        others = [other for name, other in turning.items() if name != wheel]
+        for line in lines_of(signal, own):
+            rivals = [told_within(signal, own, line.order, other, _ONE) for other in others]
+            most = max(rivals, default=0.0)
+            if line.power > most + _AHEAD and most < _NEARLY * line.power:
+                yield wheel, line
 
 
-def _fast(effort: Array, step: float) -> tuple[Array, Array]:
-    """(N,) the fast part of an effort; and white."""
-    sections = butter(3, _BAND[0], fs=1.0 / step, output='sos')
-    fast = effort - sosfiltfilt(sections, effort)
-    spectrum = np.fft.rfft(fast)
-    level = np.sqrt(np.convolve(np.abs(spectrum) ** 2, np.ones(_SMOOTH) / _SMOOTH, mode='same'))
-    level = np.maximum(level, 1e-3 * float(np.max(level)) + 1e-300)
-    return fast, np.fft.irfft(spectrum / level, len(fast))
+def _clearest(orders: Sequence[Order]) -> list[Order]:
+    """The clearest lines of a wheel: of those of one order in several signals the first."""
+    out: list[Order] = []
+    for order in sorted(orders, key=lambda it: it.p_value):
+        if all(abs(order.order - known.order) > _ONE * known.order for known in out):
+            out.append(order)
+    return out[:_MOST]
+
+
+def _order(place: str, unit: str, line: Line, channel: str = '') -> Order:
+    return Order(place, unit, line.order, line.amplitude, line.phase, line.p_value, channel)

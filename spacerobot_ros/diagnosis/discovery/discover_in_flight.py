@@ -17,10 +17,11 @@ from ...estimation.fit import Fit
 from ...estimation.inference.evidence import Gram, chi_square_tail
 from ...estimation.refit import refine
 from ...estimation.scaling import PROPORTIONAL
+from ...model.robot import Robot
 from ...types import Array
 from ..answer.cause import Cause
 from ..answer.result import Diagnosis
-from ..arms.orders import find_orders
+from ..arms.orders import find_orders, wheel_orders
 from ..limits import CHANCE, LARGEST_LAW, MISFIT, OBVIOUS
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discover import pushes
@@ -37,7 +38,8 @@ def discover_in_flight(
     """The answer with laws of what its causes leave, the causes fitted beside them.
 
     Of a model that fits only laws in the place of causes are asked; where those are too small to
-    matter, so are the laws, and the verdict stays.
+    matter, so are the laws, and the verdict stays. Lines of wheels are asked of all, as they may
+    be above what the fit follows, or too small for a test of all that is left.
 
     Args:
         answer: Of the causes.
@@ -45,6 +47,20 @@ def discover_in_flight(
         report: Called with what is being done and the share done.
     """
     report('asking what the leftover depends on', 0.95)
+    found, record = _discovered(answer, fit), fit.run.record
+    if found.orders is not None or record.wheels is None:
+        return found
+    lines = wheel_orders(record, _units(fit.run.robot))
+    return replace(found, orders=tuple(order for own in lines.values() for order in own))
+
+
+def _units(robot: Robot) -> dict[str, str]:
+    """Of the efforts, by joint."""
+    return {joint: robot.unit_of('N m', joint) for joint in robot.arm}
+
+
+def _discovered(answer: Diagnosis, fit: Fit) -> Diagnosis:
+    """The answer with laws."""
     places, is_refused = _places(FlightRows(fit)), answer.fit_p is None or answer.fit_p < MISFIT
     if not places:
         return answer
@@ -93,11 +109,10 @@ def _asked(answer: Diagnosis, flight: FlightRows, places: Mapping[str, Component
             said.append(leftover_without(place, own[0] if own else None, robot.joints))
     slow = {channel_name(j) for j in robot.arm if flight.has_one_speed(j)}
     said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
-    units = {joint: robot.unit_of('N m', joint) for joint in robot.arm}
     answer = replace(
         answer,
         leftover=tuple(sorted(said, key=lambda entry: entry.channel)),
-        orders=find_orders([flight.fit.run.record], units),
+        orders=find_orders([flight.fit.run.record], _units(robot)),
     )
     if not any(entry.form for entry in said):
         return answer
