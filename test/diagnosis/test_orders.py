@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.diagnosis.arms.orders import find_orders
+from spacerobot_ros.diagnosis.orders.orders import find_orders
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 from spacerobot_ros.report.leftover_tables import _order_line
 

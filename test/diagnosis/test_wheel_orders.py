@@ -13,7 +13,7 @@ import pytest
 
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
-from spacerobot_ros.diagnosis.arms.orders import find_orders
+from spacerobot_ros.diagnosis.orders.orders import find_orders
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
 from spacerobot_ros.report.leftover_tables import _order_line
 

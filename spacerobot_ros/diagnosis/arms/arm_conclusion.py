@@ -22,6 +22,7 @@ from ..answer.result import Diagnosis, Gain, Leftover, Order, RecordingMisfit, R
 from ..answer.words import laws_in_words, verdict_of
 from ..events.event import Events
 from ..limits import RELEVANT
+from ..orders.orders import find_orders
 from .arm_evidence import rivals_of
 from .arm_found import WORSE, ArmFound, still_words, touched_notes
 from .arm_spread import birge_of, scatter_of, usual_scatter, values_std, whole_std
@@ -29,7 +30,6 @@ from .arm_verdict import Left, laws_that_matter, overall, sentence
 from .driving_notes import driving_notes
 from .friction_law import friction_laws
 from .gain_notes import gain_notes
-from .orders import find_orders
 from .ratios import ratios, scale_notes
 from .selection import Selection
 from .spring_rest import with_rests

@@ -21,8 +21,8 @@ from ...model.robot import Robot
 from ...types import Array
 from ..answer.cause import Cause
 from ..answer.result import Diagnosis
-from ..arms.orders import find_orders, wheel_orders
 from ..limits import CHANCE, LARGEST_LAW, MISFIT, OBVIOUS
+from ..orders.orders import find_orders, wheel_orders
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
 from .discover import pushes
 from .flight_channels import Component, FlightChannel, FlightRows

@@ -1,0 +1,1 @@
+"""Lines of raw signals against angles that turn."""
