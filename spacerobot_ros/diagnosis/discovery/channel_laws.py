@@ -21,6 +21,7 @@ from .discovery_limits import (
     DEAD_HEAT,
     HELD_OUT,
     NEEDS_OTHER,
+    OF_TERMS,
     OWN_SHARE,
     UNSETTLED,
 )
@@ -138,7 +139,11 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     out = it.left_out
     if it.step.doubt > UNSETTLED:
         return False
-    if out.share < HELD_OUT or out.share < out.placebo + BEYOND_PLACEBO or out.agreeing < AGREEING:
+    in_flight = not search.channel.place  # noise is known there, and squares over it are nats
+    of = min(1.0, OF_TERMS / len(search.terms.data)) if in_flight else 1.0
+    if out.share < of * HELD_OUT or out.share < out.placebo + of * BEYOND_PLACEBO:
+        return False
+    if out.agreeing < AGREEING:
         return False
     if not is_of_another(it.law, it.place):
         return True
@@ -152,7 +157,7 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
     if own is None:
         return True
     alone = parts.judge(own, others, has_placebo=False)
-    if not search.channel.place:  # in flight noise is known, and squares over it are nats
+    if in_flight:
         return alone.left - out.left > 2.0 * DEAD_HEAT
     if 0.5 * len(search.terms.data) * math.log(alone.left / out.left) > DEAD_HEAT:
         return True

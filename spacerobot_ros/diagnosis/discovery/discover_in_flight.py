@@ -20,7 +20,7 @@ from ...estimation.scaling import PROPORTIONAL
 from ...model.robot import Robot
 from ...types import Array
 from ..answer.cause import Cause
-from ..answer.result import Diagnosis
+from ..answer.result import Diagnosis, Leftover
 from ..limits import CHANCE, LARGEST_LAW, MISFIT, OBVIOUS
 from ..orders.orders import find_orders, wheel_orders
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
@@ -90,35 +90,61 @@ def _without(answer: Diagnosis, gone: Collection[tuple[str, str | None]]) -> Dia
 
 
 def _asked(answer: Diagnosis, flight: FlightRows, places: Mapping[str, Component]) -> Diagnosis:
-    """The answer with laws of what is left at some places."""
+    """The answer with laws of what is left at some places.
+
+    Coefficients are those beside errors of masses and inertias. Where these take most of a law,
+    as of a slow torque on the base, it may be worse so than the causes in whose place it stands,
+    as nobody applies the errors: then it is fitted without them.
+    """
     channel, robot = FlightChannel(flight, places), flight.motion.robot
     held, rest = laws_of(channel)
     first = max((it.step.margin for it in held), default=0.0)
     held = [it for it in held if it.step.margin > OBVIOUS * first]
-    said, laws = [], []
-    for it, values, spread in _fitted(channel, held, rest):
+    answer = replace(answer, orders=find_orders([flight.fit.run.record], _units(robot)))
+    found = answer
+    for is_tolerant in (True, False):
+        fitted = _fitted(channel, held, rest, is_tolerant=is_tolerant)
+        said, laws = _said(answer, channel, fitted)
+        said += _nothing_said(channel, said, rest)
+        slow = {channel_name(j) for j in robot.arm if flight.has_one_speed(j)}
+        said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
+        found = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
+        if not any(entry.form for entry in said):
+            return found
+        if not laws:
+            return replace(found, verdict='partly_explained')
+        found = _with_laws(found, flight, laws)
+        if any(entry.applied for entry in found.leftover or ()):
+            return found
+    return found
+
+
+def _said(
+    answer: Diagnosis, channel: FlightChannel, fitted: Sequence[tuple[HeldLaw, Array, Array]]
+) -> tuple[list[Leftover], list[LearnedTorque]]:
+    """Entries of laws with coefficients and deviations, and the torques among them."""
+    said, laws, motion = [], [], channel.flight.motion
+    for it, values, spread in fitted:
         law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
-        if law is not None and pushes(law, [flight.motion]):
+        if law is not None and pushes(law, [motion]):
             law = replace(law, kind='external') if corrected_by(law, _known(answer)) else None
-        said.append(leftover_of(it, values, spread, robot, applied=law, is_of_several=False))
+        entry = leftover_of(it, values, spread, motion.robot, applied=law, is_of_several=False)
+        said.append(entry)
         laws += [] if law is None else [law]
-    done = {entry.channel for entry in said}
-    for place in (p for p, component in places.items() if isinstance(component, int)):
+    return said, laws
+
+
+def _nothing_said(
+    channel: FlightChannel, said: Sequence[Leftover], rest: Sequence[Winner]
+) -> list[Leftover]:
+    """Entries of joints and axes without a law."""
+    done, joints = {entry.channel for entry in said}, channel.flight.motion.robot.joints
+    out = []
+    for place in (p for p, component in channel.components.items() if isinstance(component, int)):
         if channel_name(place) not in done:
             own = [step for step in rest if step.law.place == place]
-            said.append(leftover_without(place, own[0] if own else None, robot.joints))
-    slow = {channel_name(j) for j in robot.arm if flight.has_one_speed(j)}
-    said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
-    answer = replace(
-        answer,
-        leftover=tuple(sorted(said, key=lambda entry: entry.channel)),
-        orders=find_orders([flight.fit.run.record], _units(robot)),
-    )
-    if not any(entry.form for entry in said):
-        return answer
-    if not laws:
-        return replace(answer, verdict='partly_explained')
-    return _with_laws(answer, flight, laws)
+            out.append(leftover_without(place, own[0] if own else None, joints))
+    return out
 
 
 def _with_laws(answer: Diagnosis, flight: FlightRows, laws: list[LearnedTorque]) -> Diagnosis:
@@ -215,17 +241,20 @@ def _places(flight: FlightRows) -> dict[str, Component]:
 
 
 def _fitted(
-    channel: FlightChannel, held: Sequence[HeldLaw], rest: Sequence[Winner]
+    channel: FlightChannel, held: Sequence[HeldLaw], rest: Sequence[Winner], *, is_tolerant: bool
 ) -> list[tuple[HeldLaw, Array, Array]]:
     """Laws, their coefficients beside all else that won, and standard deviations of these."""
     if not held:
         return []
     steps = [*(it.step for it in held), *(step for step in rest if not step.is_law)]
-    level = channel.fitted(np.concatenate([step.columns for step in steps], axis=1))
-    ends = np.cumsum([0, *(len(it.law.form.powers) for it in held)]).tolist()
-    out = []
+    columns = np.concatenate([step.columns for step in steps], axis=1)
+    level = channel.fitted(columns, is_tolerant=is_tolerant)
+    ends = np.cumsum([0, *(it.step.columns.shape[1] for it in held)]).tolist()
+    out: list[tuple[HeldLaw, Array, Array]] = []
     for it, (a, b) in zip(held, pairwise(ends), strict=True):
-        values, spread = level.coefficients[a:b], level.deviations[a:b]
+        ways = np.eye(b - a) if it.step.ways is None else it.step.ways
+        values = ways @ level.coefficients[a:b]
+        spread = np.sqrt(np.diag(ways @ level.covariance[a:b, a:b] @ ways.T))
         out += _by_axis(it, values, spread) if it.law.form is ACROSS else [(it, values, spread)]
     return out
 

@@ -248,14 +248,18 @@ class FlightChannel:
         """The leftover's, with an offset of every torque and reading."""
         return self._terms(has_offsets=True)
 
-    def fitted(self, columns: Array) -> Level:
+    def fitted(self, columns: Array, *, is_tolerant: bool = True) -> Level:
         """What (M, k) columns of laws leave, fitted as they are applied.
 
         No torque has an offset that is not named; readings have, whose laws are said alone.
-        """
-        return self._terms(has_offsets=False).level(columns)
 
-    def _terms(self, *, has_offsets: bool) -> SpectralTerms:
+        Args:
+            columns: Of the laws.
+            is_tolerant: Whether beside errors of masses and inertias, which nobody applies.
+        """
+        return self._terms(has_offsets=False, is_tolerant=is_tolerant).level(columns)
+
+    def _terms(self, *, has_offsets: bool, is_tolerant: bool = True) -> SpectralTerms:
         flight, offsets, is_torque = self.flight, [], []
         for place, component in self.components.items():
             if component is None or (has_offsets and isinstance(component, int)):
@@ -263,7 +267,8 @@ class FlightChannel:
                 offsets.append(_FREE * flight.rows_at(place, component, one))
                 is_torque.append(component is not None)
         named = flight.named.shape[1]
-        nuisance = np.column_stack([flight.named, *offsets, flight.tolerated])
+        tolerated = [flight.tolerated] if is_tolerant else []
+        nuisance = np.column_stack([flight.named, *offsets, *tolerated])
         is_free = np.zeros(nuisance.shape[1], dtype=bool)
         # a sensor's shift with what is measured may be small beside what is measured
         is_free[:named], is_free[named : named + len(offsets)] = True, is_torque

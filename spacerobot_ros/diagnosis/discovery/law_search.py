@@ -20,7 +20,8 @@ from ...estimation.inference.spectral_terms import (
 from ...types import Array, BoolArray, IntArray
 from .chance import chance_of
 from .discovery_limits import CHANCE, DEAD_HEAT, LEFT, MARGIN, MOST_LAWS
-from .possible_laws import NO_LAWS, PLAIN, REFINED, SINE, Extent, Law
+from .moment_field import FREEDOM, ways_about_best
+from .possible_laws import ACROSS, NO_LAWS, PLAIN, REFINED, SINE, Extent, Law
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined
@@ -67,6 +68,7 @@ class Winner:
         margin: Gain in log likelihood beyond every price [nats].
         p_value: Of such a win by chance.
         rivals: Laws and margins that come close.
+        ways: (c, k) coefficients of the law's form by those of these columns; None: the same.
     """
 
     law: Law
@@ -74,6 +76,7 @@ class Winner:
     margin: float
     p_value: float
     rivals: tuple[tuple[Law, float], ...] = ()
+    ways: Array | None = None
 
     @property
     def is_law(self) -> bool:
@@ -159,10 +162,23 @@ class LawSearch:
         if p_value > self.chance:
             return None
         margin, g = self._plainer(refitted)
+        ways = self._ways(g, beside)
         close = [(k, m) for m, k, _ in refitted if k != g and margin - m < DEAD_HEAT]
         rivals = tuple((self.laws[k], margin - m) for k, m in close)
         law, columns, margin = self._refined(g, beside, here, margin)
-        return Winner(law, columns, margin, p_value, rivals)
+        columns = columns if ways is None else columns @ ways
+        return Winner(law, columns, margin, p_value, rivals, ways)
+
+    def _ways(self, g: int, beside: Array) -> Array | None:
+        """Directions of a law that is not linear in its numbers, see `ways_about_best`."""
+        if self.laws[g].form is not ACROSS:
+            return None
+        return ways_about_best(self.terms, self.columns[:, self.groups[g]], beside)
+
+    def _beside(self, g: int, beside: Array) -> Array:
+        """(M, K) columns of a law, as free as it is, beside those of others."""
+        own, ways = self.columns[:, self.groups[g]], self._ways(g, beside)
+        return np.concatenate([beside, own if ways is None else own @ ways], axis=1)
 
     def _plainer(self, refitted: Sequence[tuple[float, int, Level]]) -> tuple[float, int]:
         """Margin and number of the best law, or of a polynomial in the place of a part of a sine.
@@ -187,7 +203,7 @@ class LawSearch:
         """Margin, law and level of each, the best first."""
         out = []
         for g in groups:
-            level = self.terms.level(np.concatenate([beside, self.columns[:, self.groups[g]]], 1))
+            level = self.terms.level(self._beside(g, beside))
             out.append((level.likelihood - here.likelihood - self.laws[g].price, g, level))
         return sorted(out, key=lambda entry: -entry[0])
 
@@ -207,7 +223,7 @@ class LawSearch:
         self, g: int, margin: float, beside: Array, level: Level, usable: BoolArray
     ) -> float:
         """Of its margin, among the laws that were asked."""
-        both = np.concatenate([beside, self.columns[:, self.groups[g]]], axis=1)
+        both = self._beside(g, beside)
         judge = _Judge(self, level.scale, beside, usable)
         return chance_of(
             margin,
@@ -270,7 +286,10 @@ class _Judge:
             usable = np.sum(ways**2, axis=0) > LEFT * before
         self.usable = usable
         self._basis = GroupBasis(terms.size * ways * usable, search.groups)
-        self._prices = self._basis.prices + np.array([law.price for law in search.laws])
+        # of five numbers nine columns explain no more than as nine: chance is not understated
+        freedom = np.array([FREEDOM if law.form is ACROSS else 1.0 for law in search.laws])
+        prices = np.array([law.price for law in search.laws])
+        self._prices = self._basis.prices * freedom + prices
 
     def scores(self, residuals: Array) -> Array:
         """(G, F) log likelihood beyond all prices, of (M, F) residuals."""

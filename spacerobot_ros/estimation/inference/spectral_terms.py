@@ -50,13 +50,13 @@ class Level:
 
     Args:
         scale: (M,) S. likelihood: Log likelihood, c and z integrated out, S at its best.
-        coefficients: (k,) c. deviations: (k,) their standard deviations.
+        coefficients: (k,) c. covariance: (k, k) theirs.
     """
 
     scale: Array
     likelihood: float
     coefficients: Array
-    deviations: Array
+    covariance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +128,10 @@ class SpectralTerms:
             scale = self._smooth(left**2 + known)
         mean, covariance = _posterior(both, self.data, scale)
         back = self.size * back
-        spread = np.sqrt(np.sum((back @ covariance[r:, r:]) * back, axis=1))
         white = Whitening(both, scale)
         rest = white(self.data)
         likelihood = -float(np.sum(np.log(scale))) - 0.5 * white.log_det - 0.5 * float(rest @ rest)
-        return Level(scale, likelihood, back @ mean[r:], spread)
+        return Level(scale, likelihood, back @ mean[r:], back @ covariance[r:, r:] @ back.T)
 
     def _smooth(self, squares: Array) -> Array:
         """(M,) root of the mean square of each bin, channel by channel."""
