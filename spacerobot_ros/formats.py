@@ -20,8 +20,8 @@ def number(value: float | None, digits: int = 4) -> str:
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:
     """A number with its unit; what stands in the place of a number has none."""
-    said = number(value, digits)
-    return said if said in NO_NUMBERS else f'{said} {unit}'
+    text = number(value, digits)
+    return text if text in NO_NUMBERS else f'{text} {unit}'
 
 
 def probability(p: float | None) -> str:

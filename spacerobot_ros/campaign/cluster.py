@@ -143,20 +143,20 @@ class _Spread:
         there = list(self._client.nthreads())
         if new := [address for address in there if address not in self._fits]:
             own = _own()
-            said = self._client.run(identity, workers=new, on_error='return')
+            identities = self._client.run(identity, workers=new, on_error='return')
             for address in new:
-                if isinstance(said.get(address), OSError):  # it may have ended meanwhile
+                if isinstance(identities.get(address), OSError):  # it may have ended meanwhile
                     self._silent[address] = self._silent.get(address, 0) + 1
                     if self._silent[address] < ATTEMPTS:
                         there.remove(address)
                         continue
-                why = _difference(own, said.get(address))
+                why = _difference(own, identities.get(address))
                 self._fits[address] = not why
                 if why:
                     self._workers.notice(f'worker {address} is not used: {why}')
         if there and not any(self._fits[address] for address in there):
             why = f'none of {counted(len(there), "worker")} fits: '
-            why += _difference(own, said[new[0]]) if new else 'they have other versions'
+            why += _difference(own, identities[new[0]]) if new else 'they have other versions'
             raise ConfigurationError(f'--scheduler {self._workers.scheduler}', why)
         return [address for address in there if self._fits[address]]
 

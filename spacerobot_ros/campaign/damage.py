@@ -170,18 +170,18 @@ def _refusal(read: Callable[[], Any]) -> str:
     begun, before = time.process_time(), megabytes()
     try:
         read()
-        said = ''
+        refusal = ''
     except SpaceRobotError as error:
-        said = str(error)
+        refusal = str(error)
     except Exception as error:  # noqa: BLE001  what it is, the table says
         return type(error).__name__
     if time.process_time() - begun > LONGEST:
         return 'slow'
     if megabytes() - before > LARGEST:
         return 'large'
-    if '\n' in said or len(said) > MOST_CHARACTERS:
+    if '\n' in refusal or len(refusal) > MOST_CHARACTERS:
         return 'long'
-    return 'refused' if said else 'loaded'
+    return 'refused' if refusal else 'loaded'
 
 
 def megabytes() -> float:

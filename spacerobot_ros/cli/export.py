@@ -41,12 +41,12 @@ def run(args: argparse.Namespace) -> int:
                 'schema': 1,
                 'format': args.to,
                 'written': args.output,
-                'effects_written': exported.said,
+                'effects_written': exported.included,
                 'lost': exported.lost,
             }
         )
         return 0
-    count = f'{counted(len(exported.said), "effect")} written'
+    count = f'{counted(len(exported.included), "effect")} written'
     count += f', {counted(len(exported.lost), "thing")} lost'
     lines = [f'written: {args.output}: {count}', *(f'lost: {one}' for one in exported.lost)]
     print_sections([Section('', lines)])

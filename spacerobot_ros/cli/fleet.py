@@ -65,21 +65,21 @@ def run(args: argparse.Namespace) -> int:
     workers = workers_of(args, isolated=True)
     with progress() as stage:
         finished = complete(tasks, list(keys), workers, stage('diagnosing', len(keys)))
-    said = [{**record, **_names(keys[record['case']], args)} for record in finished.records]
-    said += [{'error': r.fault, **_names(r, args)} for r in recordings if r.fault]
-    said.sort(key=lambda one: one['name'])
+    answers = [{**record, **_names(keys[record['case']], args)} for record in finished.records]
+    answers += [{'error': r.fault, **_names(r, args)} for r in recordings if r.fault]
+    answers.sort(key=lambda one: one['name'])
     failures = {keys[key].name: why for key, why in finished.failures.items()}
-    rows = [*table_rows(said), *_failed(failures)]
+    rows = [*table_rows(answers), *_failed(failures)]
     if args.json:  # before anything is written: what was found is said where that fails, too
-        print_json({'schema': 1, 'recordings': said, 'failures': failures})
+        print_json({'schema': 1, 'recordings': answers, 'failures': failures})
     else:
-        print_sections(summary(said, failures))
+        print_sections(summary(answers, failures))
     written = write_table(sorted(rows, key=lambda row: row['recording']), out / 'fleet', COLUMNS)
-    page = write_report(fleet_page(f'Fleet: {Path(args.robot).stem}', said, failures),
+    page = write_report(fleet_page(f'Fleet: {Path(args.robot).stem}', answers, failures),
                         out / 'report.html')  # fmt: skip
     if not args.json:
         print(f'written: {", ".join(map(str, (*written, page)))}')
-    is_good = all(one.get('verdict') == 'consistent' for one in said) and not failures
+    is_good = all(one.get('verdict') == 'consistent' for one in answers) and not failures
     return 0 if is_good else 1
 
 

@@ -92,8 +92,8 @@ def run(args: argparse.Namespace) -> int:
     words.append('--replay')
     page = write_report(montecarlo_page(ranges, rows, words), out / 'report.html')
     if args.json:
-        said = {'percentiles': percentiles(ranges, rows), 'worst': worst(rows)}
-        print_json({'schema': 1, 'runs': len(rows), **said, 'failures': found.failures})
+        figures = {'percentiles': percentiles(ranges, rows), 'worst': worst(rows)}
+        print_json({'schema': 1, 'runs': len(rows), **figures, 'failures': found.failures})
     else:
         print_sections([*sections(ranges, rows, words), Section('', [f'report: {page}'])])
     return 1 if any(row.get('error') for row in rows) else 0

@@ -33,9 +33,9 @@ class ReferenceMotion:
     def reset(self) -> None:
         """The motion starts again at the next sample."""
         # as asked for; what is followed is that with the blend that joined it
-        self._asked: Reference | None = None
+        self._requested: Reference | None = None
         self._joints: Reference | None = None
-        self._asked_attitude: AttitudeReference | None = None
+        self._requested_attitude: AttitudeReference | None = None
         self._attitude: AttitudeReference | None = None
         self._start_ns = self._attitude_start_ns = 0
         self._pending: tuple[Reference, int | None] | None = None
@@ -86,14 +86,14 @@ class ReferenceMotion:
 
     def begin(self, stamp_ns: int, q: Array) -> None:
         """Start the joint motion at a sample."""
-        self._asked = self._joints = build_reference(self._settings, q)
+        self._requested = self._joints = build_reference(self._settings, q)
         self._start_ns = stamp_ns
 
     def begin_attitude(self, q_WB_xyzw: Quaternion) -> None:
         """Start the attitude's motion there, unless it runs already."""
         if self._attitude is None:
             self._attitude_start_ns = self._start_ns
-            self._asked_attitude = self._attitude = build_attitude(self._settings, q_WB_xyzw)
+            self._requested_attitude = self._attitude = build_attitude(self._settings, q_WB_xyzw)
 
     def wait(self, elapsed_ns: int) -> None:
         """Let the motion stand still for a time."""
@@ -114,13 +114,13 @@ class ReferenceMotion:
 
     def rejoin(self, stamp_ns: int, sample: Feedback) -> None:
         """Join the motion from where the robot is."""
-        if self._asked is not None:
+        if self._requested is not None:
             here = Setpoint(sample.q, sample.qd, np.zeros(len(sample.q)))
-            self._joints = Blend(self._asked, self.time(stamp_ns), here, self._joining)
-        if self._asked_attitude is not None and sample.q_WB_xyzw is not None:
+            self._joints = Blend(self._requested, self.time(stamp_ns), here, self._joining)
+        if self._requested_attitude is not None and sample.q_WB_xyzw is not None:
             t = (stamp_ns - self._attitude_start_ns) * NS
             start = (t, sample.q_WB_xyzw, self._joining)
-            self._attitude = AttitudeBlend(self._asked_attitude, *start)
+            self._attitude = AttitudeBlend(self._requested_attitude, *start)
 
     def halt(self, stamp_ns: int, sample: Feedback) -> None:
         """Come to rest within a second, where that is smooth, and hold; the motion waits."""
@@ -143,13 +143,13 @@ class ReferenceMotion:
         """Join the motion that was asked for, if its time has come and no other is followed."""
         if self.is_halted or self._pending is None or (self._pending[1] or stamp_ns) > stamp_ns:
             return
-        self._asked, start_ns = self._pending
-        self._joints = self.joined(self._asked, stamp_ns, start_ns)
+        self._requested, start_ns = self._pending
+        self._joints = self.joined(self._requested, stamp_ns, start_ns)
         self._start_ns = stamp_ns if start_ns is None else start_ns
         self._pending = None
 
 
-_HEARD_NS = 2_000_000_000  # for which what was said of an event counts; a monitor says it oftener
+_VALID_NS = 2_000_000_000  # for which what was said of an event counts; a monitor says it oftener
 
 _EASING_NS = 250_000_000  # in which the torque before gives way to damping
 
@@ -170,8 +170,8 @@ class EventAnswer:
 
     def forget(self) -> None:
         """Nothing acts."""
-        self.words = self._heard = ''
-        self._heard_ns: int | None = None
+        self.words = self._received = ''
+        self._received_ns: int | None = None
         self._offset: tuple[int, Array] | None = None
 
     def hear(self, words: str, stamp_ns: int | None) -> None:
@@ -181,14 +181,14 @@ class EventAnswer:
             words: One line.
             stamp_ns: Stamp of the last joint sample [ns]; None before the first.
         """
-        self._heard, self._heard_ns = words, stamp_ns
+        self._received, self._received_ns = words, stamp_ns
 
     def damps(self, stamp_ns: int) -> bool:
         """Whether the joints are to be damped at a sample; sets `words`."""
-        if self._heard_ns is None:
-            self._heard_ns = stamp_ns
-        is_old = stamp_ns - self._heard_ns > _HEARD_NS
-        self.words = '' if is_old or self._kind == 'report' else self._heard
+        if self._received_ns is None:
+            self._received_ns = stamp_ns
+        is_old = stamp_ns - self._received_ns > _VALID_NS
+        self.words = '' if is_old or self._kind == 'report' else self._received
         if not self.words:
             self._offset = None
         return bool(self.words) and self._kind == 'damp'

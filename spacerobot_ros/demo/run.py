@@ -213,7 +213,7 @@ def _finish(session: Session, identifier: IdentifierNode, recorder: Recorder, lo
     stamp = identifier.estimate.stamp_ns
 
     def arrived() -> bool:
-        heard = bool(log.estimates) and log.estimates[-1].stamp_ns == stamp
-        return heard and recorder.newest_ns['/estimate'] == stamp
+        is_published = bool(log.estimates) and log.estimates[-1].stamp_ns == stamp
+        return is_published and recorder.newest_ns['/estimate'] == stamp
 
     session.until(arrived, lambda: 'the last estimate')

@@ -36,7 +36,7 @@ from .limits import MISFIT, MOST
 from .lone_bodies.spinning import diagnose_spin, is_spinning
 from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .pieces import diagnose_pieces, pieces_of
-from .search.conclusion import conclude, said_with_laws
+from .search.conclusion import conclude, worded_with_laws
 from .search.found import Found
 from .search.predictable import is_predictable
 from .search.search import Search
@@ -225,7 +225,7 @@ def _concluded(
     answer = conclude(found, (*notes, *in_words(found.fit.run.timing)))
     fits = answer.fit_p is not None and answer.fit_p >= MISFIT
     left = found.null if fits else found.sound
-    return said_with_laws(discover_in_flight(answer, found.sound, report), left)
+    return worded_with_laws(discover_in_flight(answer, found.sound, report), left)
 
 
 def _predicted(

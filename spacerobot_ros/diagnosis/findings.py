@@ -140,8 +140,8 @@ def findings(
         report=lambda what, share: report(share, what),
         loaded=range(len(without), len(records)),
     )
-    said = dict.fromkeys(note for record in records for note in record.notes)
-    diagnosis = replace(diagnosis, notes=(*said, *diagnosis.notes))
+    notes = dict.fromkeys(note for record in records for note in record.notes)
+    diagnosis = replace(diagnosis, notes=(*notes, *diagnosis.notes))
     if file.robot.joints:  # without any there is no motion to design
         diagnosis = with_motions(diagnosis, asked.robot)
     lasting, corrections = (

@@ -79,7 +79,7 @@ def unasked(robot: Robot, named: Collection[Key], asked: Collection[str]) -> tup
     """
     pairs = [*EQUIVALENTS, *((wider, narrower, why) for narrower, wider, why in EQUIVALENTS)]
     notes = [
-        f'{_told((one, where))} may be {other}: {why}'
+        f'{_in_words((one, where))} may be {other}: {why}'
         for one, where in named
         for own, other, why in pairs
         if own == one and other not in asked and where in CATALOGUE[other].fitted_places(robot)
@@ -88,9 +88,11 @@ def unasked(robot: Robot, named: Collection[Key], asked: Collection[str]) -> tup
     for whole in wholes:
         parts, _ = made_of(robot, *whole)
         if parts and parts <= set(named):
-            notes.append(f'{" and ".join(map(_told, sorted(parts)))} may be {_told(whole)}')
+            notes.append(
+                f'{" and ".join(map(_in_words, sorted(parts)))} may be {_in_words(whole)}'
+            )
     return tuple(f'{note}; by their equations no record tells' for note in notes)
 
 
-def _told(key: Key) -> str:
+def _in_words(key: Key) -> str:
     return key[0] if key[1] is None else f'{key[0]} at {key[1]}'

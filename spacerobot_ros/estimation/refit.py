@@ -129,12 +129,12 @@ def _corrected(information: Array, change: Array, lost: Array) -> Array:
     The update of Broyden, Fletcher, Goldfarb and Shanno (Nocedal and Wright, Numerical
     Optimization (2006), eq. 6.19), which stays positive definite; none where it would not.
     """
-    said = information @ change
-    if not float(change @ lost) > _LEAST_CURVED * float(change @ said):
+    expected = information @ change
+    if not float(change @ lost) > _LEAST_CURVED * float(change @ expected):
         return information
     return np.asarray(
         information
-        - np.outer(said, said) / float(change @ said)
+        - np.outer(expected, expected) / float(change @ expected)
         + np.outer(lost, lost) / float(change @ lost)
     )
 

@@ -39,61 +39,59 @@ _TOLD = (
 )
 
 
-def fleet_page(title: str, said: Sequence[Row], failures: Mapping[str, str]) -> Report:
+def fleet_page(title: str, answers: Sequence[Row], failures: Mapping[str, str]) -> Report:
     """The page.
 
     Args:
         title: Of the page.
-        said: What was said of every recording.
+        answers: What was found of every recording.
         failures: Recordings whose diagnosis failed, and why.
     """
-    lines = trends(courses(said))
-    machines = {one['machine'] for one in said}
-    subtitle = (
-        f'{counted(len(said) + len(failures), "recording")} of {counted(len(machines), "machine")}'
-    )
-    return Report(
-        title, subtitle, [Section('', [_figures(said, failures, lines)]), *_parts(said, lines),
-                          *unreadable(said, failures)]
-    )  # fmt: skip
+    lines = trends(courses(answers))
+    machines = {one['machine'] for one in answers}
+    count = counted(len(answers) + len(failures), 'recording')
+    subtitle = f'{count} of {counted(len(machines), "machine")}'
+    figures = Section('', [_figures(answers, failures, lines)])
+    parts = [figures, *_parts(answers, lines), *unreadable(answers, failures)]
+    return Report(title, subtitle, parts)
 
 
-def summary(said: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
+def summary(answers: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
     """What is printed for people."""
-    lines = trends(courses(said))
+    lines = trends(courses(answers))
     drifts = [line for line in lines if line.is_drift]
     yield Section('drifts', [_trend_table(drifts)] if drifts else ['none'])
-    appeared = _appearances(said)
+    appeared = _appearances(answers)
     title = 'causes, and where each appears first'
     yield Section(title, [appeared] if appeared.rows else ['none'])
-    yield from unreadable(said, failures)
-    counts = ', '.join(f'{n} {verdict}' for verdict, n in _verdicts(said).items())
+    yield from unreadable(answers, failures)
+    counts = ', '.join(f'{n} {verdict}' for verdict, n in _verdicts(answers).items())
     yield Section(
-        '', [f'{counted(len(said) + len(failures), "recording")}: {counts or "none diagnosed"}']
+        '', [f'{counted(len(answers) + len(failures), "recording")}: {counts or "none diagnosed"}']
     )
 
 
-def unreadable(said: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
+def unreadable(answers: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
     """Recordings that could not be used, and those whose diagnosis failed."""
-    bad = {one['name']: one['error'] for one in said if one['error']}
+    bad = {one['name']: one['error'] for one in answers if one['error']}
     for what, why in (('Not read', bad), ('Not finished, tried anew by the next run', failures)):
         rows = [{'name': name, 'why': text} for name, text in sorted(why.items())]
         if rows:
             yield Section(what, [table_of('', '', rows, 'recording | why', '{name} | {why}')])
 
 
-def _verdicts(said: Sequence[Row]) -> dict[str, int]:
-    found = sorted(one['verdict'] for one in said if not one['error'])
+def _verdicts(answers: Sequence[Row]) -> dict[str, int]:
+    found = sorted(one['verdict'] for one in answers if not one['error'])
     return {verdict: len(list(same)) for verdict, same in groupby(found)}
 
 
-def _figures(said: Sequence[Row], failures: Mapping[str, str], lines: Sequence[Trend]) -> Item:
-    bad = sum(bool(one['error']) for one in said) + len(failures)
-    found = sum(one['verdict'] != 'consistent' for one in said if not one['error'])
+def _figures(answers: Sequence[Row], failures: Mapping[str, str], lines: Sequence[Trend]) -> Item:
+    bad = sum(bool(one['error']) for one in answers) + len(failures)
+    found = sum(one['verdict'] != 'consistent' for one in answers if not one['error'])
     drifts = sum(line.is_drift for line in lines)
     return KeyFigures(
         [
-            KeyFigure('recordings', str(len(said) + len(failures))),
+            KeyFigure('recordings', str(len(answers) + len(failures))),
             KeyFigure('differ from the model', str(found), status='bad' if found else 'good'),
             KeyFigure('drifts', str(drifts), remark=f'of {counted(len(lines), "trend")}',
                       status='bad' if drifts else 'good'),
@@ -102,12 +100,12 @@ def _figures(said: Sequence[Row], failures: Mapping[str, str], lines: Sequence[T
     )  # fmt: skip
 
 
-def _parts(said: Sequence[Row], lines: Sequence[Trend]) -> Iterator[Section]:
+def _parts(answers: Sequence[Row], lines: Sequence[Trend]) -> Iterator[Section]:
     drifts = [line for line in lines if line.is_drift]
-    _, _, abscissa = in_order(said)
+    _, _, abscissa = in_order(answers)
     yield Section('What drifts', [*_drifts(drifts, abscissa), _HOW])
-    yield Section('What appeared when', [_appearances(said)])
-    yield Section('Recordings', [_recordings(said)])
+    yield Section('What appeared when', [_appearances(answers)])
+    yield Section('Recordings', [_recordings(answers)])
     if lines:
         caption = f'time: {abscissa}' + f'; the first {_LISTED}' * (len(lines) > _LISTED)
         yield Section('All trends', [_trend_table(lines[:_LISTED], caption)])
@@ -142,9 +140,9 @@ def _trend_table(lines: Sequence[Trend], caption: str = '') -> Table:
     return Table((*head.split(' | '), 'drift'), rows, caption)
 
 
-def _appearances(said: Sequence[Row]) -> Table:
+def _appearances(answers: Sequence[Row]) -> Table:
     """One row a cause of a machine."""
-    ordered, _, _ = in_order(said)
+    ordered, _, _ = in_order(answers)
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     total: dict[str, int] = {}
     for one in ordered:
@@ -179,7 +177,7 @@ def _values(cause: Row) -> str:
     )
 
 
-def _recordings(said: Sequence[Row]) -> Table:
+def _recordings(answers: Sequence[Row]) -> Table:
     rows = [
         (
             one['machine'],
@@ -191,7 +189,7 @@ def _recordings(said: Sequence[Row]) -> Table:
             '; '.join(one['health']) or 'good',
             '-' if one.get('told') is None else f'{one["told"]} of {one["numbers"]}',
         )
-        for one in in_order(said)[0]
+        for one in in_order(answers)[0]
     ]
     head = ('machine', 'recording', 'time', 'duration [s]', 'verdict', 'causes', 'health', 'told')
     return Table(head, rows, _TOLD)

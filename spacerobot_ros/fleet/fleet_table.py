@@ -60,19 +60,19 @@ class Course:
     std: Array
 
 
-def table_rows(said: Sequence[Row]) -> list[dict[str, Any]]:
+def table_rows(answers: Sequence[Row]) -> list[dict[str, Any]]:
     """The table's rows, one a recording."""
-    return [_row(one) for one in said]
+    return [_row(one) for one in answers]
 
 
-def in_order(said: Sequence[Row]) -> tuple[list[Row], Array, str]:
+def in_order(answers: Sequence[Row]) -> tuple[list[Row], Array, str]:
     """Recordings by time.
 
     Returns:
         Them; (N,) their times, and what those are: days where all recordings have a date, else
         numbers in the order of their names.
     """
-    usable = [one for one in said if not one['error']]
+    usable = [one for one in answers if not one['error']]
     if usable and all(one['time'] for one in usable):
         usable.sort(key=lambda one: (one['time'], one['name']))
         seconds = np.array([_seconds(one['time']) for one in usable])
@@ -80,9 +80,9 @@ def in_order(said: Sequence[Row]) -> tuple[list[Row], Array, str]:
     return usable, np.arange(1.0, 1.0 + len(usable)), 'number of the recording, by name'
 
 
-def courses(said: Sequence[Row]) -> list[Course]:
+def courses(answers: Sequence[Row]) -> list[Course]:
     """Every quantity of every machine that several recordings give, in the order of time."""
-    ordered, time, _ = in_order(said)
+    ordered, time, _ = in_order(answers)
     found: dict[tuple[str, str, str], list[tuple[str, float, float, float]]] = {}
     for one, t in zip(ordered, time.tolist(), strict=True):
         for quantity, unit, value, std in _quantities(one):

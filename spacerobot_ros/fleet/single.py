@@ -191,14 +191,14 @@ def diagnose_one(key: str) -> dict[str, Any]:
     except SpaceRobotError as error:
         return {'error': ' '.join(str(error).split()), 'run_time': _since(started)}
     write_answer(answer, question.robot, Path(asked['out']))
-    return {**_said(answer), 'error': None, 'run_time': _since(started)}
+    return {**_answer_columns(answer), 'error': None, 'run_time': _since(started)}
 
 
 def _since(started: float) -> float:
     return round(time.perf_counter() - started, 3)
 
 
-def _said(answer: Findings) -> dict[str, Any]:
+def _answer_columns(answer: Findings) -> dict[str, Any]:
     record, diagnosis = answer.records[0], answer.diagnosis
     return {
         'time': _date(record.span_ns[0]),

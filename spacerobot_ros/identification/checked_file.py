@@ -78,8 +78,8 @@ def read_checked(
                 raise RecordingError(str(which), 'its check sum is wrong: it is damaged')
             content: dict[str, Any] = json.loads(text)
             if content['version'] != version:
-                said = f'is of version {content["version"]}, not {version}'
-                raise RecordingError(str(which), said)
+                fault = f'is of version {content["version"]}, not {version}'
+                raise RecordingError(str(which), fault)
             if content['robot'] != owner:
                 raise RecordingError(str(which), 'is of another robot, or of other parameters')
             return use(content, max(0.0, (now_ns - content['saved_ns']) * 1e-9))

@@ -117,8 +117,8 @@ def read_yaml(path: Path, what: str) -> Any:
         loader = _Loader(read_text(path, what, MOST_YAML))
         return loader.get_single_data()
     except yaml.YAMLError as error:
-        said = ' '.join(str(error).split()).replace('in "<unicode string>", ', 'at ')
-        why = f'not valid YAML: {said}'
+        problem = ' '.join(str(error).split()).replace('in "<unicode string>", ', 'at ')
+        why = f'not valid YAML: {problem}'
         raise ConfigurationError(str(path), why) from error
     finally:
         if loader is not None:

@@ -26,7 +26,7 @@ from ..ros.diagnostics import NodeHealth
 from ..ros.params import declare_settings, let_change, open_robot
 from ..ros.qos import best_effort
 
-_heard = lru_cache(maxsize=3)(decoded)  # as many as there are sensors
+_decoded_once = lru_cache(maxsize=3)(decoded)  # as many as there are sensors
 """Nodes of one process hear the same messages, and need decode them but once."""
 
 
@@ -152,7 +152,7 @@ class RobotNode(LifecycleNode):
 
         def on_message(cdr: bytes) -> None:
             try:
-                take(_heard(name, cdr))
+                take(_decoded_once(name, cdr))
             except MessageRejectedError as error:
                 self.health.reject(topic, error)
 
@@ -164,16 +164,16 @@ class RobotNode(LifecycleNode):
         self, topic: str, kind: Any, qos: QoSProfile, take: Callable[[Any], None]
     ) -> None:
         """Subscribe as `listen`, reliably; where a driver offers best effort alone, so."""
-        heard: list[Any] = []
+        subscriptions: list[Any] = []
 
         def on_mismatch(_: Any) -> None:
-            if len(heard) == 1:
+            if len(subscriptions) == 1:
                 self.get_logger().info(f'{topic} is offered with best effort: taken so')
-                heard.append(self.listen(topic, kind, best_effort(qos), take))
-                self.destroy_subscription(heard[0])
+                subscriptions.append(self.listen(topic, kind, best_effort(qos), take))
+                self.destroy_subscription(subscriptions[0])
 
         events = SubscriptionEventCallbacks(incompatible_qos=on_mismatch)
-        heard.append(self.listen(topic, kind, qos, take, events))
+        subscriptions.append(self.listen(topic, kind, qos, take, events))
 
     def offer(self, name: str, act: Callable[[], tuple[bool, str]]) -> None:
         """Offer a Trigger service that answers with success and a message."""

@@ -206,8 +206,8 @@ class ControllerNode(SensorNode):
 
     def _on_event(self, message: DiagnosticArray) -> None:
         acting = (WARN[0], ERROR[0])  # octets
-        said = [status.message for status in message.status if status.level in acting]
-        self.loop.event.hear('; '.join(said), self.loop.joints_ns)
+        reasons = [status.message for status in message.status if status.level in acting]
+        self.loop.event.hear('; '.join(reasons), self.loop.joints_ns)
 
     def _on_reference(self, message: JointTrajectory) -> None:
         start = self.loop.setpoint()

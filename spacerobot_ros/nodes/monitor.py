@@ -112,7 +112,7 @@ class MonitorNode(SensorNode):
             'joints': monitor.add_joints,
         }
         add[sensor](stamp_ns, *content)
-        self._say(monitor.step(self.wall_ns()))
+        self._publish_alarm(monitor.step(self.wall_ns()))
 
     def _on_commands(self, message: JointState) -> None:
         names = [thruster.name for thruster in self.monitor.robot.thrusters]
@@ -134,9 +134,9 @@ class MonitorNode(SensorNode):
         self.reset('as asked for')
         return True, 'the flight is forgotten'
 
-    def _say(self, state: MonitorState) -> None:
+    def _publish_alarm(self, state: MonitorState) -> None:
         if state.event is not self._event:
-            self._say_event(state)
+            self._publish_event(state)
         if state.raised_ns == self._raised_ns:
             return
         self._raised_ns = state.raised_ns
@@ -148,7 +148,7 @@ class MonitorNode(SensorNode):
                 self.recorder.trigger(state.raised_ns)
         self.health.publish()
 
-    def _say_event(self, state: MonitorState) -> None:
+    def _publish_event(self, state: MonitorState) -> None:
         """Say each part of an event on /events; its begin and end in the log, too."""
         was, event = self._event, state.event
         self._event = event
@@ -169,8 +169,8 @@ class MonitorNode(SensorNode):
         event = state.event
         values: dict[str, object] = {'events': state.events, 'limit [std]': NAMED}
         if event is None:
-            said = 'nothing acts from outside'
-            return Status('events', STALE if state.judged_ns is None else OK, said, values)
+            words = 'nothing acts from outside'
+            return Status('events', STALE if state.judged_ns is None else OK, words, values)
         values |= {
             'effect': event.effect,
             'where': event.where or 'the whole system',

@@ -67,7 +67,9 @@ class Stream:
         self.stamps: list[int] = []
         self.values: list[Array] = []
         self.newest_ns: int | None = None
-        self._heard: tuple[int | None, int] | None = None  # newest stamp, and when it was so first
+        self._newest_seen: tuple[int | None, int] | None = (
+            None  # newest stamp, and when it was so first
+        )
 
     def add(self, stamp_ns: int, value: Array) -> None:
         """Put a sample (m,) in its place.
@@ -93,9 +95,9 @@ class Stream:
 
     def silent_ns(self, now_ns: int) -> int:
         """Time since its newest stamp was first seen here [ns], on a clock that never jumps."""
-        if self._heard is None or self._heard[0] != self.newest_ns:
-            self._heard = self.newest_ns, now_ns
-        return now_ns - self._heard[1]
+        if self._newest_seen is None or self._newest_seen[0] != self.newest_ns:
+            self._newest_seen = self.newest_ns, now_ns
+        return now_ns - self._newest_seen[1]
 
     def after(self, stamp_ns: int) -> int | None:
         """The first stamp after one [ns]; None where there is none."""

@@ -73,10 +73,10 @@ def joint_columns(
         # what other joints say is of no concern
         values = values.copy() if order is None else values[order]
         if not is_optional:
-            out.append(_heard(values, name))
+            out.append(_bounded(values, name))
             continue
         absent = np.isnan(values)
-        _heard(values[~absent] if partly else values, name)
+        _bounded(values[~absent] if partly else values, name)
         out.append(None if len(absent) and absent.all() else values)
     return tuple(out)
 
@@ -221,7 +221,7 @@ def finite(values: Array, what: str) -> Array:
     return values
 
 
-def _heard(values: Array, what: str) -> Array:
+def _bounded(values: Array, what: str) -> Array:
     """As `finite`; nor may one be beyond all machines."""
     numbers = finite(values, what).tolist()
     if numbers and not -LARGEST <= min(numbers) <= max(numbers) <= LARGEST:
@@ -231,7 +231,7 @@ def _heard(values: Array, what: str) -> Array:
 
 
 def _vector(message: Any, what: str, axes: str = 'xyz') -> Array:
-    return _heard(np.array([getattr(message, axis) for axis in axes], dtype=float), what)
+    return _bounded(np.array([getattr(message, axis) for axis in axes], dtype=float), what)
 
 
 def _check_frame(frame: str, expected: str) -> None:

@@ -84,8 +84,8 @@ def ignored_wheels(robot: Robot, record: Record) -> tuple[str, ...]:
     if not own:
         return (f'rates of {", ".join(wheels.names)} are left out: {LACKS_WHEELS}',)
     lacking = ', '.join(name for name in own if name not in wheels.names)
-    said = f'rates of wheels are left out: they lack {lacking} of robot.servicer_wheels.joints'
-    return (said,) if lacking else ()
+    note = f'rates of wheels are left out: they lack {lacking} of robot.servicer_wheels.joints'
+    return (note,) if lacking else ()
 
 
 EXTRA = 'extra/'

@@ -292,5 +292,5 @@ def _data_in_words(answer: Findings) -> str:
         for name, samples in zip(counts, series, strict=True):
             counts[name] += 0 if samples is None else len(samples)
     several = f' in {len(answer.records)} recordings' if len(answer.records) > 1 else ''
-    said = ', '.join(f'{count} {name}' for name, count in counts.items() if count)
-    return f'{seconds:.1f} s of data{several}: {said}'
+    what = ', '.join(f'{count} {name}' for name, count in counts.items() if count)
+    return f'{seconds:.1f} s of data{several}: {what}'

@@ -57,7 +57,7 @@ def quality_sections(quality: Quality, *, is_whole: bool = True) -> Iterator[Sec
 
 def _key_figures(quality: Quality) -> KeyFigures:
     found = quality.excitation
-    told = '-' if found is None else f'{count_told(found)} of {len(found)}'
+    count = '-' if found is None else f'{count_told(found)} of {len(found)}'
     joints = next((s for s in quality.sensors if s.sensor == 'joints'), quality.sensors[0])
     return KeyFigures(
         [
@@ -67,7 +67,7 @@ def _key_figures(quality: Quality) -> KeyFigures:
                 str(len(quality.findings)),
                 status='bad' if quality.findings else 'good',
             ),
-            KeyFigure('unknowns told', told, remark=quality.why_not),
+            KeyFigure('unknowns told', count, remark=quality.why_not),
         ]
     )
 

@@ -199,7 +199,7 @@ def test_a_patient_is_given_what_it_hears(servicer):
         assert patient.hears('/joint_commands')
         assert not patient.hears('/imu/data')
         patient.node.step()
-        assert patient.said['/joint_states'] == 2  # of the start, and of the step
+        assert patient.published['/joint_states'] == 2  # of the start, and of the step
         assert patient.not_finite == []
 
 

@@ -162,10 +162,10 @@ def run(key: str) -> Record:
         hidden, strength = _hide(case, rng)
         record, robot = _simulated(case, hidden)
         failure, started = REFUSED, time.perf_counter()
-        said = _said(diagnose(record, robot, catalogue=_known(case)))
+        answer = _answer_row(diagnose(record, robot, catalogue=_known(case)))
         wall = time.perf_counter() - started
     except SpaceRobotError as error:
-        said = {'verdict': failure, 'causes': [], 'minor': [], 'error': str(error)}
+        answer = {'verdict': failure, 'causes': [], 'minor': [], 'error': str(error)}
     return {
         **{
             name: getattr(case, name)
@@ -174,7 +174,7 @@ def run(key: str) -> Record:
         'strength': strength,
         'hidden': [{'effect': h.id, 'where': h.where, 'values': dict(h.values)} for h in hidden],
         'wall_s': wall,
-        **said,
+        **answer,
     }
 
 
@@ -225,7 +225,7 @@ def _leaves_traces(case: HiddenCase, effect: Effect) -> bool:
     return not all(np.array_equal(getattr(one, c), getattr(other, c)) for c in channels)
 
 
-def _said(diagnosis: Diagnosis) -> dict[str, Any]:
+def _answer_row(diagnosis: Diagnosis) -> dict[str, Any]:
     """What is scored of a diagnosis."""
     return {
         'verdict': diagnosis.verdict,

@@ -97,7 +97,7 @@ def _limits(s: Scores) -> Table:
 
 def _confusion(s: Scores) -> Table:
     rows = [
-        [name, ', '.join(f'{said} {n}' for said, n in Counter(counts).most_common())]
+        [name, ', '.join(f'{outcome} {n}' for outcome, n in Counter(counts).most_common())]
         for name, counts in s['confusion'].items()
     ]
     caption = 'at three times the detection limit'

@@ -148,8 +148,8 @@ def run(key: str) -> Record:
         'kind': kind,
         'machine': machine.words,
         'seconds': machine.seconds,
-        'false': [_said(e) for e in quiet.named],
-        'beside': [_said(e) for e in found.named if not any(e is m for m in matched)],
+        'false': [_event_row(e) for e in quiet.named],
+        'beside': [_event_row(e) for e in found.named if not any(e is m for m in matched)],
         'pulses': [_judged(p, m, found) for p, m in zip(pulses, matched, strict=True)],
     }
 
@@ -186,7 +186,7 @@ def _off(p: HiddenPulse, e: Event) -> float:
     return 0.5 * (e.start + e.end) - p.start - 0.5 * p.duration
 
 
-def _said(e: Event) -> Record:
+def _event_row(e: Event) -> Record:
     return {'start': e.start, 'end': e.end, 'joints': list(e.joints), 'z': e.z}
 
 

@@ -76,18 +76,18 @@ def sections(ranges: Ranges, rows: Sequence[Row], replay: Sequence[str]) -> list
         for row in worst(rows)
     ]  # fmt: skip
     matters = correlations(ranges, rows)
-    said = [Section('percentiles over the runs', [shares])]
+    out = [Section('percentiles over the runs', [shares])]
     if matters:
         cells = '{key} | {rho:+.2f} | {p:.2g}'
         title = 'what the largest joint error goes with (Spearman)'
-        said.append(
+        out.append(
             Section(title, [table_of('', '', matters, 'drawn | rank correlation | p', cells)])
         )
     heads = 'run | largest joint error [rad] | why it ended | replay'
     table = table_of('', '', commands, heads, '{run} | {error:.4g} | {why} | {command}')
-    said.append(Section('worst runs', [table]))
-    said.append(Section('', [f'{counted(len(rows), "run")}, {len(failed)} of them did not end']))
-    return said
+    out.append(Section('worst runs', [table]))
+    out.append(Section('', [f'{counted(len(rows), "run")}, {len(failed)} of them did not end']))
+    return out
 
 
 def montecarlo_page(ranges: Ranges, rows: Sequence[Row], replay: Sequence[str]) -> Report:

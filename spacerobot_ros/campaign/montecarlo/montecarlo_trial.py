@@ -89,7 +89,7 @@ def _measured(loop: ClosedLoop, steps: int) -> Row:
         squares, count = squares + last**2, count + 1
         is_limited |= bool(command.saturated.any() or command.base_saturated)
         attitude = _larger(attitude, command)
-    found = _said(largest, np.sqrt(squares / max(count, 1)), last, torque)
+    found = _outcome(largest, np.sqrt(squares / max(count, 1)), last, torque)
     rest = {'base_rotation_max [rad]': turned, 'torque_limited [1]': float(is_limited)}
     drift = {'momentum_drift [1]': loop.plant.ledger().momentum_drift}
     return {**found, **rest, 'attitude_error_max [rad]': attitude, **drift}
@@ -101,7 +101,7 @@ def _larger(attitude: float | None, command: Command) -> float | None:
     return max(attitude or 0.0, float(np.linalg.norm(command.attitude_error)))
 
 
-def _said(largest: Array, rms: Array, last: Array, torque: Array) -> Row:
+def _outcome(largest: Array, rms: Array, last: Array, torque: Array) -> Row:
     return {
         LARGEST: float(np.max(largest)),
         'joint_error_rms [rad]': float(np.max(rms)),
@@ -134,7 +134,7 @@ def dynamics_rows(ranges: Ranges, runs: Sequence[int]) -> list[Row]:
         if not np.isfinite(found.states[i]).all():
             row['error'] = 'the simulation diverged'
             continue
-        row |= _said(found.largest[i], found.rms[i], found.last[i], found.torque[i])
+        row |= _outcome(found.largest[i], found.rms[i], found.last[i], found.torque[i])
         row |= {'base_rotation_max [rad]': float(found.turned[i])}
         row |= {'torque_limited [1]': float(found.is_limited[i])}
     return rows

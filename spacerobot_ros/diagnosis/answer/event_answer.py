@@ -25,12 +25,12 @@ def with_events(diagnosis: Diagnosis, events: Events) -> Diagnosis:
 def _in_words(events: Events) -> str:
     named = events.named
     count = 'one event' if len(named) == 1 else f'{len(named)} events'
-    said = first_few([_event(event, events.place_of(event)) for event in named])
-    return f'Something from outside acts, {count}: {said}.'
+    listed = first_few([_event(event, events.place_of(event)) for event in named])
+    return f'Something from outside acts, {count}: {listed}.'
 
 
 def _event(event: Event, place: str) -> str:
     name, peak = max(event.peak.items(), key=lambda item: abs(item[1]))
-    said = f'{name} {peak:.3g} +- {event.peak_std[name]:.2g} {event.units[name]}'
+    size = f'{name} {peak:.3g} +- {event.peak_std[name]:.2g} {event.units[name]}'
     times = f'from {event.start:.2f} to {event.end:.2f} s'
-    return f'{event.effect}{at(event.where)}{place} {times} ({said})'
+    return f'{event.effect}{at(event.where)}{place} {times} ({size})'

@@ -45,9 +45,9 @@ def telling(parameters: Mapping[str, Estimated]) -> dict[str, Estimated]:
     """
     clear = {name: found for name, found in parameters.items() if _is_clear(found)}
     first = next(iter(parameters.values()))
-    said = parameters if _is_clear(first) or not clear else clear
-    unit = next(iter(said.values())).unit
-    own = {name: found for name, found in said.items() if found.unit == unit}
+    shown = parameters if _is_clear(first) or not clear else clear
+    unit = next(iter(shown.values())).unit
+    own = {name: found for name, found in shown.items() if found.unit == unit}
     least = _NOTHING * max(abs(found.value) for found in own.values())
     return {name: found for name, found in own.items() if abs(found.value) >= least}
 
@@ -78,8 +78,8 @@ def first_few(names: Sequence[str]) -> str:
 
 def laws_in_words(laws: Sequence[Leftover], what: str = 'What is left of') -> str:
     """What the leftover goes with; laws that read alike are said once."""
-    said = (
+    shown = (
         f' {what} {law.channel} goes with {" and ".join(law.depends_on)} like {law.resembles}.'
         for law in laws
     )
-    return ''.join(dict.fromkeys(said))
+    return ''.join(dict.fromkeys(shown))

@@ -113,10 +113,10 @@ def conclude_changes(found: Changes) -> Comparison:
     # of no cause in either group: what changed may be of none, either
     is_poor = left**2 > (1.0 - EXPLAINED) * usual**2
     unjudged = tuple(np.array(found.robot.joints)[is_poor].tolist())
-    is_told = 2 * len(unjudged) < np.sum(np.isfinite(left))
+    is_conclusive = 2 * len(unjudged) < np.sum(np.isfinite(left))
     return Comparison(
         verdict='changed' if changes else 'unchanged',
-        sentence=_sentence(changes, unjudged, is_told=is_told),
+        sentence=_sentence(changes, unjudged, is_conclusive=is_conclusive),
         changes=changes,
         detectable=tuple(_detectable(found, i) for i in selection.live),
         left=dict(zip(found.robot.joints, left.tolist(), strict=True)),
@@ -226,8 +226,8 @@ def _detectable(found: Changes, i: int) -> Detectable:
     limit = selection.limit(i, direction, 0.5 * found.unexplained)
     deviation = deviation_along(selection.posterior(()).group(own), direction)
     if found.moments:
-        told = found.moments.judge(i, direction)
-        limit, deviation = max(limit, told.limit), told.wider * deviation
+        judged = found.moments.judge(i, direction)
+        limit, deviation = max(limit, judged.limit), judged.wider * deviation
     limit += deviation
     if not selection.chosen and limit < _UNSEEN * first.size:
         limit = named_from(selection, i, limit * direction, found.unexplained)
@@ -243,11 +243,13 @@ def _detectable(found: Changes, i: int) -> Detectable:
     )
 
 
-def _sentence(changes: tuple[Change, ...], unjudged: tuple[str, ...], *, is_told: bool) -> str:
+def _sentence(
+    changes: tuple[Change, ...], unjudged: tuple[str, ...], *, is_conclusive: bool
+) -> str:
     words = 'Nothing changed by more than would have been seen (detectable).'
     if changes:
         words = f'What changed: {first_few([_in_words(change) for change in changes])}.'
-    elif not is_told:
+    elif not is_conclusive:
         words = 'No change is named, and none is ruled out.'
     if not unjudged:
         return words

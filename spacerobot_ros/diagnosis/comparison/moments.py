@@ -30,26 +30,26 @@ class ByMoments:
 
     Args:
         square: Of the direction by the rows' own covariance.
-        told: Number of coefficients that the data tell.
+        well_determined: Number of coefficients that the data determine (MacKay's gamma).
         wider: Times by which the change is less certain than its rows say, 1 or more.
         freedom: Of that scatter (Satterthwaite, Biometrics Bulletin 2 (1946)): the moments that
             count, 1 where a single one decides.
     """
 
     square: float
-    told: float
+    well_determined: float
     wider: float
     freedom: float
 
     @property
     def chance(self) -> float:
         """Probability that a change is so far from nothing where there is none."""
-        return fisher_tail(self.square / self.wider**2, self.told, self.freedom)
+        return fisher_tail(self.square / self.wider**2, self.well_determined, self.freedom)
 
     @property
     def limit(self) -> float:
         """Multiple of the direction from which a change is no chance."""
-        square = fisher_limit(CHANCE, self.told, self.freedom)
+        square = fisher_limit(CHANCE, self.well_determined, self.freedom)
         return self.wider * math.sqrt(square / self.square)
 
 
@@ -116,7 +116,7 @@ def _judged(covariance: Array, direction: Array, steps: Array, sizes: Array) -> 
     total = float(np.sum(scatter))
     return ByMoments(
         square=square,
-        told=max(1.0, float(np.sum(1.0 - np.diag(covariance) / sizes**2))),
+        well_determined=max(1.0, float(np.sum(1.0 - np.diag(covariance) / sizes**2))),
         wider=math.sqrt(max(1.0, total / square)),
         freedom=total**2 / max(float(np.sum(scatter**2)), 1e-300) if total else math.inf,
     )

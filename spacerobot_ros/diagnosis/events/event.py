@@ -57,8 +57,8 @@ class Event:
         """One line of an event that goes on."""
         place = f' at {self.where}' if self.where else ''
         name, size = max(self.peak.items(), key=lambda item: abs(item[1]))
-        said = f'{name} {size:.3g} {self.units[name]}'
-        return f'{self.effect}{place} since {self.start:.2f} s ({said})'
+        largest = f'{name} {size:.3g} {self.units[name]}'
+        return f'{self.effect}{place} since {self.start:.2f} s ({largest})'
 
     @property
     def unit(self) -> str:

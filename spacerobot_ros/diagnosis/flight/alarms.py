@@ -86,9 +86,9 @@ class Alarms:
         elif not is_alarmed:
             self._trusted = None
             suspects = [c.reason for c in channels if c.level == 'warn']
-            said = '; '.join(suspects) or 'the model explains the data'
+            reason = '; '.join(suspects) or 'the model explains the data'
             level = 'warn' if suspects else 'ok'
-            state = replace(state, level=level, reason=said, raised_ns=None)
+            state = replace(state, level=level, reason=reason, raised_ns=None)
         return self._with_momentum(state, flight)
 
     def _unlearn(self, flight: FlightFilter, known: Momentum, is_alarmed: bool) -> None:

@@ -188,7 +188,7 @@ class EventWatch:
         start, end = self._parts[age].start, self._parts[0].end
         effect, where = place_of(self._robot, joints) if joints else (AngularImpulse.id, None)
         scale = 1.0 if joints else end - start
-        said = [i for i, k in enumerate(best) if k >= b or not joints]
+        reported = [i for i, k in enumerate(best) if k >= b or not joints]
         names = tuple(self._robot.joints[j] for j in joints)
         units = {name: self._robot.unit_of('N m', name) for name in names}
         return Event(
@@ -198,9 +198,9 @@ class EventWatch:
             start=start,
             end=end,
             ongoing=True,
-            peak={self._names[best[i]]: float(torque[i]) * scale for i in said},
-            peak_std={self._names[best[i]]: float(std[i]) * scale for i in said},
-            units=units or {self._names[best[i]]: 'N m s' for i in said},
+            peak={self._names[best[i]]: float(torque[i]) * scale for i in reported},
+            peak_std={self._names[best[i]]: float(std[i]) * scale for i in reported},
+            units=units or {self._names[best[i]]: 'N m s' for i in reported},
             z=z,
         )
 

@@ -67,7 +67,7 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
     named = tuple(c for c in causes if c.relevant)
     channels = _series(means, null, best)
     before, after = (math.sqrt(means.held_out(k) / rows) for k in ((), best.kinds))
-    said = () if tilt is None else (tilt.in_words,)
+    tilted = () if tilt is None else (tilt.in_words,)
     count = len({w.recording for w in windows})
     spans = f'{counted(len(windows), "window")} of up to {LONGEST:g} s of '
     spans += counted(count, 'recording')
@@ -81,7 +81,7 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
         gain=Gain(before=before, after=after),
         ranking=tuple(_cause(means, means.fit((kind,)), kind).ranked for kind in KINDS),
         next_motion=(_NEXT,) if tilt is not None and tilt.is_tilted else (),
-        notes=(*notes, f'judged by the spin that the magnetometer sees: {spans}', *said),
+        notes=(*notes, f'judged by the spin that the magnetometer sees: {spans}', *tilted),
     )
 
 
@@ -174,5 +174,5 @@ def _sentence(named: Sequence[Cause], tilt: Tilt | None) -> str:
     what = ' and '.join(map(_with_rivals, gyro))
     parts = [f'The data differ from the model by {what}' * bool(gyro)]
     parts += [tilt.likely] if tilt is not None else []
-    said = '; '.join(part.removesuffix(',') for part in parts if part)
-    return f'{said}.' if said else 'The model explains the mean rates of the gyro.'
+    sentence = '; '.join(part.removesuffix(',') for part in parts if part)
+    return f'{sentence}.' if sentence else 'The model explains the mean rates of the gyro.'

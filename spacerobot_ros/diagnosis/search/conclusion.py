@@ -61,7 +61,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     )
 
 
-def said_with_laws(answer: Diagnosis, fit: Fit) -> Diagnosis:
+def worded_with_laws(answer: Diagnosis, fit: Fit) -> Diagnosis:
     """An answer whose sentence has its laws, and no causes that these have as terms of their own.
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...types import Array, IntArray
 from ..inference.constrained import NEXT_TO_NOTHING, ConstrainedProblem, PhysicalBody
-from ..inference.evidence import Gram, chi_square_tail
+from ..inference.evidence import Gram, chi_square_tail, inverse_of_positive
 from .arm_candidates import ZEROS
 from .arm_rows import ArmRows
 
@@ -40,7 +40,7 @@ class Posterior:
         precision = deviations**-2.0
         scale = 1.0 / np.sqrt(np.diag(gram.matrix) + precision)
         scaled = scale[:, None] * gram.matrix * scale + np.diag(precision * scale**2)
-        covariance = scale[:, None] * np.linalg.inv(scaled) * scale
+        covariance = scale[:, None] * inverse_of_positive(scaled) * scale
         return cls(covariance, covariance @ gram.vector, precision, gram.rows)
 
     def under(self, own: IntArray, deviations: Array) -> Posterior:
@@ -162,9 +162,9 @@ class ArmFit:
         scale = self.deviations[own]
         values = self.values[own] / scale
         covariance = self.covariance(i, wider)[which][:, which] / np.outer(scale, scale)
-        told = np.diag(self.posterior.covariance)[own] / scale**2
+        prior_share = np.diag(self.posterior.covariance)[own] / scale**2
         square = float(values @ np.linalg.solve(covariance, values))
-        return chi_square_tail(square, max(1.0, float(np.sum(1.0 - told))))
+        return chi_square_tail(square, max(1.0, float(np.sum(1.0 - prior_share))))
 
     def share(self, i: int, which: Sequence[int] | slice = slice(None)) -> float:
         """Rms of a candidate's torques by `ArmRows.judged_by`, at the joint where it is most.

@@ -21,7 +21,7 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, lapack
 from scipy.optimize import lsq_linear
 from scipy.special import chdtrc, fdtrc, fdtri
 
@@ -240,6 +240,18 @@ def _solved(matrix: Array, right: Array) -> Array:
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
     return np.asarray(scale[:, None] * cho_solve(factor, scale[:, None] * right))
+
+
+def inverse_of_positive(matrix: Array) -> Array:
+    """(K, K) inverse of a symmetric positive matrix, in half of the time of a general one.
+
+    Where rounding has left it no factor of Cholesky's, as of any other matrix.
+    """
+    factor, failed = lapack.dpotrf(matrix, lower=1)
+    if failed:
+        return np.asarray(np.linalg.inv(matrix))
+    lower = np.tril(lapack.dpotri(factor, lower=1)[0])
+    return np.asarray(lower + np.tril(lower, -1).T)
 
 
 def price(values: Array, rows: int) -> float:

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.fft import dct, idct
 
 from ...types import Array, BoolArray, IntArray
+from .evidence import inverse_of_positive
 
 _FIRST, _WIDER = 7, 1.25
 """Terms of the first bin of frequency, and the next one's by it: a line of noise half a tenth of a
@@ -219,7 +220,7 @@ class Whitening:
 def _posterior(columns: Array, data: Array, scale: Array) -> tuple[Array, Array]:
     """Mean and covariance of all coefficients."""
     scaled = columns / scale[:, None]
-    covariance = np.asarray(np.linalg.inv(scaled.T @ scaled + np.eye(columns.shape[1])))
+    covariance = inverse_of_positive(scaled.T @ scaled + np.eye(columns.shape[1]))
     return covariance @ (scaled.T @ (data / scale)), covariance
 
 

@@ -110,7 +110,7 @@ class Patient:
         self, session: Session, kind: Callable[..., Any], settings: Settings, urdf: str
     ) -> None:
         self.node = session.add(kind, settings, urdf)
-        self.said: dict[str, int] = {}  # messages by topic
+        self.published: dict[str, int] = {}  # messages by topic
         self.not_finite: list[str] = []
         self._inputs = {s.topic_name: s for s in self.node.subscriptions}
         for publisher in self.node.publishers:
@@ -125,14 +125,14 @@ class Patient:
         if is_good and topic in _CLOCKED:
             stamp = Time.from_msg(message.header.stamp, clock_type=ClockType.ROS_TIME)
             self.node.get_clock().set_ros_time_override(stamp)
-        heard = self._inputs[topic]
-        heard.callback(serialize_message(message) if heard.raw else message)
+        subscription = self._inputs[topic]
+        subscription.callback(serialize_message(message) if subscription.raw else message)
 
     def _watching(self, topic: str, kind: str) -> Callable[[Any], None]:
         def publish(message: Any) -> None:
             if isinstance(message, bytes):
                 message = decoded(kind, message)
-            self.said[topic] = self.said.get(topic, 0) + 1
+            self.published[topic] = self.published.get(topic, 0) + 1
             # a condition number is infinite where nothing is known
             if not is_finite(message) and not getattr(message, 'reason', ''):
                 self.not_finite.append(topic)

@@ -140,9 +140,9 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
 
 def _described(stored: StoredMessages) -> str:
     """Take the robot's description out of the messages; empty where there is none."""
-    said = [m for m in stored.messages if m[0] == _DESCRIPTION]
+    descriptions = [m for m in stored.messages if m[0] == _DESCRIPTION]
     stored.messages[:] = [m for m in stored.messages if m[0] != _DESCRIPTION]
-    texts = [data for _, msgtype, data in said if msgtype == 'std_msgs/msg/String']
+    texts = [data for _, msgtype, data in descriptions if msgtype == 'std_msgs/msg/String']
     try:
         return str(decoded('std_msgs/msg/String', texts[-1]).data) if texts else ''
     except MessageRejectedError:

@@ -89,14 +89,14 @@ def longest_pause(time: Array) -> float:
 
 def _own(part: Record, name: str, also: tuple[str, ...]) -> Record:
     """A stretch as a record of its own; a sensor that was silent in it is absent."""
-    heard: dict[str, Any] = {key: getattr(part, key) for key in SENSORS}
-    heard = {
+    sensors: dict[str, Any] = {key: getattr(part, key) for key in SENSORS}
+    sensors = {
         key: series if series is not None and len(series) else None
-        for key, series in heard.items()
+        for key, series in sensors.items()
     }
     begins = f'{name}, {shown(float(part.joint_time[0]))} after the first sample'
     inputs = {key: series for key, series in part.inputs.items() if len(series)}
-    own = replace(part, **heard, inputs=inputs, zero_ns=None, source=f'{part.source} ({name})')
+    own = replace(part, **sensors, inputs=inputs, zero_ns=None, source=f'{part.source} ({name})')
     return replace(own, notes=(begins, *part.notes, *also))
 
 

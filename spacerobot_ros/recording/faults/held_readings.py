@@ -44,8 +44,8 @@ def without_repeats(record: Record) -> Record:
 def _readings(record: Record) -> dict[str, Array]:
     """All that a sensor says at once (N, m), by its name."""
     joints = record.joints
-    said = [] if joints is None else [joints.position, joints.velocity, joints.effort]
-    columns = [x for x in said if x is not None]
+    channels = [] if joints is None else [joints.position, joints.velocity, joints.effort]
+    columns = [x for x in channels if x is not None]
     return {
         'joints': np.hstack(columns) if columns else np.zeros((0, 0)),
         'rates': record.omega,

@@ -120,8 +120,8 @@ def _beyond_noise(record: Record, pair: Pair) -> NDArray[np.bool_]:
     """
     time, q, qd = record.joint_time, record.q, np.asarray(record.qd)
     steps = _steps(q)
-    said = np.abs(qd[:, np.ptp(qd, axis=0) > 0.0])
-    least = np.maximum(_steps(qd), _smallest(said[said > 0.0]))
+    moving = np.abs(qd[:, np.ptp(qd, axis=0) > 0.0])
+    least = np.maximum(_steps(qd), _smallest(moving[moving > 0.0]))
     # fourth differences of a smooth motion are noise: variance 1 + 16 + 36 + 16 + 1 times its own
     s_q, s_v = (np.std(np.diff(x, n=4, axis=0), axis=0) / np.sqrt(70.0) for x in (q, qd))
     T = time[pair.windows[:, 1]] - time[pair.windows[:, 0]]

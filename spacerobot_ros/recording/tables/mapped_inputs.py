@@ -40,12 +40,12 @@ def check_kinds(place: str, robot: Robot | None, columns: Iterable[tuple[str, st
     if robot is None:
         return
     believed = dict(zip(robot.arm, robot.effort_kinds, strict=True))
-    for name, said, unit in columns:
+    for name, stated_kind, unit in columns:
         kind = believed.get(name, 'motor')
-        if said not in ('', kind):
+        if stated_kind not in ('', kind):
             raise RecordingError(
                 f'{place}.kind',
-                f'{name}: {said}, but robot.effort_kind of the robot file says {kind}',
+                f'{name}: {stated_kind}, but robot.effort_kind of the robot file says {kind}',
             )
         if is_current(unit) and kind != 'current':
             raise RecordingError(
@@ -110,7 +110,7 @@ def read_efforts(
     k, place = len(names), columns.place
     given = spread(columns.columns, k, place)
     units = spread(columns.unit, k, f'{place}.unit')
-    said = spread(columns.kind or ('',), k, f'{place}.kind')
+    stated_kind = spread(columns.kind or ('',), k, f'{place}.kind')
     currents = np.array([is_current(unit) for unit in units])
     passive = np.array([not column for column in given])
     for name in robot.passive_joints if robot else ():
@@ -119,7 +119,7 @@ def read_efforts(
                 f'{place}.columns',
                 f'{name} has an effort, but is one of robot.passive_joints: give null',
             )
-    stated = zip(names, said, units, passive, strict=True)
+    stated = zip(names, stated_kind, units, passive, strict=True)
     check_kinds(place, robot, [(name, kind, unit) for name, kind, unit, off in stated if not off])
     parts = {}
     if not passive.all():

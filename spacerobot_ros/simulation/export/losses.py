@@ -22,12 +22,12 @@ class Exported:
 
     Args:
         text: The file.
-        said: What of the model is in it beyond geometry and inertia, a line each.
+        included: What of the model is in it beyond geometry and inertia, a line each.
         lost: What is not, a line each.
     """
 
     text: str
-    said: tuple[str, ...]
+    included: tuple[str, ...]
     lost: tuple[str, ...]
 
 
@@ -47,9 +47,9 @@ def only_changes_robot(effect: Effect) -> bool:
     return not any(effect.acts(action) for action in _BESIDE)
 
 
-def without(effects: Iterable[Effect], said: Iterable[Effect]) -> Iterator[str]:
+def without(effects: Iterable[Effect], included: Iterable[Effect]) -> Iterator[str]:
     """Effects that are not in a file, in words."""
-    names = {effect.name for effect in said}
+    names = {effect.name for effect in included}
     return (in_words(effect) for effect in effects if effect.name not in names)
 
 

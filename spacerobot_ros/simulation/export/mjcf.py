@@ -89,7 +89,7 @@ def to_mjcf(file: RobotFile) -> Exported:
     believed, changed = with_rigid_bodies(file.believed)
     robot = believed.with_free_rotors(np.array([rotor.rate for rotor in believed.rotors]))
     written = _Written(robot)
-    said = [effect for effect in file.effects if written.add(effect)]
+    included = [effect for effect in file.effects if written.add(effect)]
     step = file.settings.simulator.period / math.ceil(file.settings.simulator.period / _STEP)
     root = ElementTree.Element('mujoco', model=robot.name)
     ElementTree.SubElement(root, 'compiler', angle='radian')
@@ -107,8 +107,8 @@ def to_mjcf(file: RobotFile) -> Exported:
     _add_start(root, robot, balls, file)
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding='unicode') + '\n'
-    lost = (*changed, *sensor_limits(believed, '_std'), *without(file.effects, said))
-    return Exported(text, tuple(map(in_words, said)), lost)
+    lost = (*changed, *sensor_limits(believed, '_std'), *without(file.effects, included))
+    return Exported(text, tuple(map(in_words, included)), lost)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -35,12 +35,12 @@ def to_urdf(file: RobotFile) -> Exported:
     """Write the robot that a robot file's effects make, as far as URDF goes."""
     robot, changed = with_rigid_bodies(file.believed)
     root = ElementTree.fromstring(urdf_text(robot).encode())
-    said = [effect for effect in file.effects if _add(root, effect)]
+    included = [effect for effect in file.effects if _add(root, effect)]
     ElementTree.indent(root)
     text = '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding='unicode') + '\n'
     others = (effect for effect in file.effects if effect.id not in _IN_ROBOT)
-    lost = (*changed, *_of_robot(robot), *without(others, said))
-    return Exported(text, tuple(map(in_words, said)), lost)
+    lost = (*changed, *_of_robot(robot), *without(others, included))
+    return Exported(text, tuple(map(in_words, included)), lost)
 
 
 def _add(root: ElementTree.Element, effect: Effect) -> bool:
