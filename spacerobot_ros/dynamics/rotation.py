@@ -12,6 +12,7 @@ import numpy as np
 from ..types import Array, Matrix3, Quaternion, Vector3
 
 _AHEAD, _BEHIND = np.array([1, 2, 0]), np.array([2, 0, 1])  # of the axes
+_FEW = 300  # numbers, of 100 rows: where both ways of `cross_rows` take as long
 
 
 def skew(v: Array) -> Array:
@@ -29,8 +30,17 @@ def cross(a: Vector3, b: Vector3) -> Vector3:
 
 
 def cross_rows(a: Array, b: Array) -> Array:
-    """(N, 3) cross products row by row of (N, 3) or (3,); many times faster than `np.cross`."""
-    return a.take(_AHEAD, -1) * b.take(_BEHIND, -1) - a.take(_BEHIND, -1) * b.take(_AHEAD, -1)
+    """(N, 3) cross products row by row of (N, 3) or (3,).
+
+    Few rows cost what calls cost, 5 us by this way of taking them and 15 us by columns; of 2000
+    columns take 24 us, this way 230 us and `np.cross` 100 us.
+    """
+    if max(a.size, b.size) < _FEW:
+        return a.take(_AHEAD, -1) * b.take(_BEHIND, -1) - a.take(_BEHIND, -1) * b.take(_AHEAD, -1)
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k, i, j in zip(range(3), _AHEAD, _BEHIND, strict=True):
+        out[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
+    return out
 
 
 def rotation_matrix(q_xyzw: Quaternion) -> Matrix3:
