@@ -15,7 +15,7 @@ from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import _places, discover_in_flight
 from spacerobot_ros.diagnosis.discovery.flight_channels import FlightRows
 from spacerobot_ros.diagnosis.discovery.in_place import _is_part, instead_of
-from spacerobot_ros.diagnosis.search.conclusion import said_with_laws
+from spacerobot_ros.diagnosis.search.conclusion import worded_with_laws
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.fit import Fit
@@ -116,7 +116,7 @@ def test_a_cause_that_fits_gives_way_to_the_law_that_it_stands_for(hidden, joint
     assert (entry.form, entry.applied.kind) == ('x |x|', 'dissipative')
     assert (answer.causes, answer.minor) == ((), ())
     assert answer.verdict == ('partly_explained' if relevant else 'consistent')
-    sentence = said_with_laws(answer, plain).sentence
+    sentence = worded_with_laws(answer, plain).sentence
     assert ('too small to matter' in sentence.lower()) != relevant
 
 
