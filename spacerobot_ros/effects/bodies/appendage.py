@@ -23,6 +23,7 @@ acceleration.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 
@@ -134,22 +135,29 @@ class Appendage(Sprung):
 
     def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
         """[eta', eta'']; of a motion that coasts, with the recoil of the whole."""
+        return self._rate_along(motion)(hidden)
+
+    def _rate_along(self, motion: Motion) -> Callable[[Array], Array]:
+        """`hidden_rate` along a motion: what does not depend on the mode is computed once."""
         turn = motion.link_acceleration(self.where)[:, 3:] @ self.axis
         if not self.follows_acceleration:
-            return np.column_stack([hidden[:, 1], -turn - self.spring(hidden)[:, 0]])
+            return lambda own: np.column_stack([own[:, 1], -turn - self.spring(own)[:, 0]])
         frame, whole = self._frame(motion), self._recoiling(motion)
         w = motion.twist(self.where)[:, 3:]
-        sway = self._sway(frame, w, hidden)
         centrifugal = 0.5 * np.sum(w @ self.growth * w, axis=1)
-        drive = (frame[:, :3] - sway / whole) @ self.translation + turn
         share = self['inertia'] * self.translation @ self.translation / whole
-        bent = (centrifugal - drive - self.spring(hidden)[:, 0]) / (1.0 - share)
-        return np.column_stack([hidden[:, 1], bent])
+
+        def rate(own: Array) -> Array:
+            drive = (frame[:, :3] - self._sway(frame, w, own) / whole) @ self.translation + turn
+            bent = (centrifugal - drive - self.spring(own)[:, 0]) / (1.0 - share)
+            return np.column_stack([own[:, 1], bent])
+
+        return rate
 
     def driven(self, motion: Motion) -> Array:
         """An oscillator along the motion; the sway matters to it where there is a translation."""
         if self.follows_acceleration:
-            return driven_states(lambda own: self.hidden_rate(motion, own), motion.time, 2)
+            return driven_states(self._rate_along(motion), motion.time, 2)
         return self.swing(self.hidden_rate(motion, np.zeros((len(motion), 2)))[:, 1], motion.time)
 
     def momentum(self, motion: Motion, hidden: Array) -> Array:
