@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.effects.joint import STICTION_RATE
 from spacerobot_ros.effects.laws.grammar import FORMS, unit_of
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.model.machine import machine_of
 from spacerobot_ros.simulation.plant import Plant
 
 JOINT, CARRIER = 'j_link_2', 'j_link_1'
@@ -359,6 +361,24 @@ def test_a_component_that_the_base_has_not_is_refused(name, robot):
     given = entry('x', [RATE], [1.0]) | {'inputs': [name], 'range': {name: [-1.0, 1.0]}}
     with pytest.raises(ConfigurationError, match=r'no such component|the base is fixed'):
         bound(robot, **given)
+
+
+def test_a_law_of_another_machine_is_refused_whose_joints_have_the_same_names(robot, rng):
+    """A URDF of other masses, or written otherwise, is of the same machine."""
+    given = entry('x |x|', [RATE], [1.0])
+    own = {**given, 'machine': machine_of(robot.urdf)}
+    assert bound(robot, **own).entry()['machine'] == own['machine']
+    same = replace(robot, urdf=robot.urdf.replace('mass value="', 'mass   value="1'))
+    assert same.urdf != robot.urdf
+    bound(same, **own)
+    other = robot_of(random_tree(rng, [0, 1]))
+    assert other.joints == robot.joints[: other.n_joints]
+    bound(other, **given)  # nobody says of which it is: as before
+    with pytest.raises(
+        ConfigurationError, match='learned on another robot does not hold'
+    ) as caught:
+        bound(other, **own)
+    assert '\n' not in str(caught.value)
 
 
 def test_coefficients_have_the_units_of_a_data_sheet():

@@ -17,6 +17,7 @@ from ...estimation.fit import Fit
 from ...estimation.inference.evidence import Gram, chi_square_tail
 from ...estimation.refit import refine
 from ...estimation.scaling import PROPORTIONAL
+from ...model.machine import machine_of
 from ...model.robot import Robot
 from ...types import Array
 from ..answer.cause import Cause
@@ -287,4 +288,5 @@ def _torque_law(channel: FlightChannel, it: HeldLaw, values: Array) -> LearnedTo
         limit=max(LARGEST_LAW * float(np.max(np.abs(torque))), math.ulp(1.0)),
         kind=it.law.kind,
         options=dict(it.law.options),
+        machine=machine_of(channel.flight.motion.robot.urdf),
     )

@@ -15,6 +15,7 @@ from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_loads
 from ...estimation.columns import Candidate
+from ...model.machine import machine_of
 from ...types import Array, BoolArray
 from ..arms.applicable import plain_of
 from ..arms.arm_found import ArmFound
@@ -69,6 +70,7 @@ def candidate_of(law: Law, j: int, motions: ArmMotions, react: str = '') -> LawC
         kind='external',
         react=react,
         options=dict(law.options),
+        machine=machine_of(rows.robot.urdf),
     )
     missed = float(np.sqrt(np.mean(rows.joints[j].torque ** 2)))
     values = [law.form(motions.inputs(law, run), law.options) for run in range(len(rows.balances))]

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ...model.machine import machine_of
 from ...model.robot import Robot
 from ...types import Array
 from ..effect import Effect
@@ -32,7 +33,11 @@ KINDS = ('dissipative', 'potential', 'coupled', 'gain', 'external')
 torque, or brings it from outside."""
 
 _BEYOND = 0.1  # of the width of an input's range
-_OWN = ('effect', 'where', 'form', 'inputs', 'coefficients', 'range', 'limit', 'kind', 'react')
+_OWN = (
+    *('effect', 'where', 'form', 'inputs', 'coefficients'),
+    *('range', 'limit', 'kind', 'react', 'machine'),
+)
+_ELSEWHERE = 'a law that was learned on another robot does not hold here'
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +57,7 @@ class LearnedTorque(Effect):
         kind: One of `KINDS`.
         react: The joint that the same friction of a sum of rates acts on, too; empty: none.
         options: What the form is not linear in.
+        machine: On which it was learned, see `machine_of`; empty: nobody says.
     """
 
     id = 'learned_torque'
@@ -69,6 +75,7 @@ class LearnedTorque(Effect):
     kind: str
     react: str = ''
     options: Mapping[str, float] = field(default_factory=dict)
+    machine: str = ''
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
@@ -94,6 +101,7 @@ class LearnedTorque(Effect):
             'kind': str(given.get('kind', '')),
             'react': entry.one('react'),
             'options': {option: entry.number(option) for option in form.parameters},
+            'machine': str(given.get('machine', '')),
         }
         entry.refuse_others((*_OWN, *form.parameters, *form.keys))
         return law_at(**out)
@@ -111,10 +119,14 @@ class LearnedTorque(Effect):
             'limit': float(self.limit),
             'kind': self.kind,
             **({'react': [self.react]} if self.react else {}),
+            **({'machine': self.machine} if self.machine else {}),
         }
 
     def check(self, robot: Robot) -> None:
         """Inputs of this robot, numbers that fit the form, friction that does not push."""
+        if self.machine and self.machine != machine_of(robot.urdf):
+            why = f'{_ELSEWHERE}: the joints of this URDF are others (delete `machine` if not)'
+            raise self.refusal(why, 'machine')
         if self.kind not in KINDS:
             raise self.refusal(f'expected one of {", ".join(KINDS)}, got {self.kind!r}', 'kind')
         if len(self.inputs) != self.form.inputs:
@@ -151,14 +163,13 @@ class LearnedTorque(Effect):
 
     def _check_input(self, name: str, robot: Robot) -> None:
         what, whose = quantity(name)
-        learned = 'a law that was learned on another robot does not hold here'
         if what not in (*QUANTITIES, 'extra'):
             known = ', '.join((*QUANTITIES, 'extra'))
             raise self.refusal(f'{name!r}: no such quantity (known: {known})', 'inputs')
         if what in ('rate', 'angle', 'load', 'acceleration') and whose not in robot.arm:
-            raise self.refusal(f'{name!r}: this robot has no such joint; {learned}', 'inputs')
+            raise self.refusal(f'{name!r}: this robot has no such joint; {_ELSEWHERE}', 'inputs')
         if what in ('attitude', 'base_rate') and not robot.is_free:
-            raise self.refusal(f'{name!r}: the base is fixed; {learned}', 'inputs')
+            raise self.refusal(f'{name!r}: the base is fixed; {_ELSEWHERE}', 'inputs')
         if not is_component(what, whose):
             raise self.refusal(f'{name!r}: no such component', 'inputs')
         low, high = self.range.get(name, (math.nan, math.nan))
