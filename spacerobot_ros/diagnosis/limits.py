@@ -59,6 +59,11 @@ MOST_TURNS = 2
 """Times `MOST_MODELS` where causes proved unsound and the model does not fit without them: what
 stood in their place has to be chosen, compared and fitted afresh."""
 
+MOST_FALLS = 2
+"""Turns in a row, each of which ends with less evidence than the one before, after which there is
+none: a slow torque of the base that follows the attitude had five, each cause in the place of the
+last as unsound and telling less, and none was named."""
+
 OBVIOUS = 0.1
 """Share of the largest cause's evidence from which another one is taken together with it, before
 either is fitted: twice what columns of effects at ten times their limit are wrong by."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from ..limits import (
     MISFIT,
     MOST,
     MOST_CAUSES,
+    MOST_FALLS,
     MOST_MODELS,
     MOST_TURNS,
     OBVIOUS,
@@ -74,6 +76,7 @@ class Search:
         self._growth = math.sqrt(max(1.0, length / BUDGETED))
         self._most_models = math.inf  # of the timing that is looked at
         self._unsound: Found | None = None
+        self._turns: list[float] = []  # evidence of what each turn ended with
 
     def find(self) -> Found:
         """Select until nothing more is wanted, and nothing that was selected is unsound."""
@@ -145,7 +148,7 @@ class Search:
         most = MOST_TURNS * MOST_MODELS * self._growth  # whatever the timings: this loop ends
         if not unsound or self.run.models >= most:
             return None
-        if (found.sound.rows.whiteness()[0] or 0.0) >= MISFIT:
+        if (found.sound.rows.whiteness()[0] or 0.0) >= MISFIT or self._goes_down(found):
             return None
         self._most_models = max(self._most_models, most)
         self._tried = {self.run.timing, *self._excluded}
@@ -158,6 +161,15 @@ class Search:
             return trial, [choices[i] for i in kept]
         self._bar([choices[largest]])
         return found.only(larger), [choices[i] for i in larger]
+
+    def _goes_down(self, found: Found) -> bool:
+        """Whether every turn ends with less than the one before, `MOST_FALLS` times in a row.
+
+        What stands in the place of an unsound cause then is as unsound, and tells less.
+        """
+        self._turns.append(found.fit.evidence)
+        latest = self._turns[-MOST_FALLS - 1 :]
+        return len(latest) > MOST_FALLS and all(b < a for a, b in pairwise(latest))
 
     def _bar(self, choices: Iterable[Choice]) -> None:
         self._barred |= {(self.run.timing, *choice.key) for choice in choices}
