@@ -82,6 +82,7 @@ class Search:
         """Select until nothing more is wanted, and nothing that was selected is unsound."""
         self.report('judging every effect at every place', 0.1)
         self._most_models = self.run.models + MOST_MODELS * self._growth
+        self._turns.clear()
         null = fit = Fit(self.run, ())
         ranking = first = self.judge(null)
         choices: list[Choice] = []
