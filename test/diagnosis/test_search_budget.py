@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from unittest.mock import Mock
+
+import numpy as np
 import pytest
 
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
@@ -65,3 +69,17 @@ def test_late_clocks_are_no_steps_of_the_momentum(effect, where, delay):
     assert (cause.applied.id, cause.applied.where) == (effect, where)
     found = cause.parameters['delay']
     assert abs(found.value - delay) <= 4.0 * found.std
+
+
+def test_turns_that_tell_ever_less_end_a_search():
+    """Three ends, each with less evidence than the one before; one that tells more starts anew."""
+
+    def ends_at(*evidences):
+        fits = [SimpleNamespace(fit=SimpleNamespace(evidence=value)) for value in evidences]
+        record = SimpleNamespace(joint_time=np.array([0.0, 20.0]))
+        turns = search.Search(Mock(record=record), (), Mock())
+        return [turns._goes_down(found) for found in fits]
+
+    assert ends_at(-366.0, -380.0, -447.0) == [False, False, True]
+    assert ends_at(-366.0, -380.0, -370.0, -375.0, -376.0) == [False, False, False, False, True]
+    assert not any(ends_at(-5.0, -4.0, -3.0, -2.0))
