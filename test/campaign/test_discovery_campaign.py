@@ -33,7 +33,7 @@ def record(*claims, law='drag', ratio=3.0, named=(), r2=0.99, colour='white', **
         'colour': colour,
         'where': 'joint_1',
         'variables': ['rate/joint_1'],
-        'said': list(claims),
+        'claims': list(claims),
         'named': [list(name) for name in named],
         'r2': r2,
         'wall_s': 1.0,

@@ -69,7 +69,7 @@ def run(key: str) -> Record:
     wall = time.perf_counter() - started
     learned = [e.applied for e in answer.leftover or () if e.applied is not None]
     added = [*(c.applied for c in answer.causes), *answer.calibration, *learned]
-    said = [
+    claims = [
         {
             'channel': e.channel.rpartition('/')[2],
             'depends_on': list(e.depends_on),
@@ -88,7 +88,7 @@ def run(key: str) -> Record:
         'colour': colour,
         'where': machine.where if law else None,
         'variables': machine.variables if law else [],
-        'said': said,
+        'claims': claims,
         'named': [[c.applied.id, c.applied.where] for c in answer.causes],
         'r2': machine.transferred(added) if law else None,
         'removed': machine.removed(added) if law and isinstance(machine, LawFlight) else None,

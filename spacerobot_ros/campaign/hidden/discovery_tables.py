@@ -59,12 +59,14 @@ def results(records: Sequence[Record]) -> Results:
                 {'machines': machines, **_applied(own)}
                 for machines, own in grouped(hidden, _machine).items()
             ],
-            'false': share_of(any(s['form'] is not None for s in r['said']) for r in clean),
-            'timed': share_of(any(s['depends_on'] == ['time'] for s in r['said']) for r in clean),
+            'false': share_of(any(s['form'] is not None for s in r['claims']) for r in clean),
+            'timed': share_of(
+                any(s['depends_on'] == ['time'] for s in r['claims']) for r in clean
+            ),
             'false_claims': [
                 [r['colour'], s['channel'], s['form'], *s['depends_on']]
                 for r in clean
-                for s in r['said']
+                for s in r['claims']
                 if s['form'] is not None
             ],
             'beside': share_of(_has_other(r) for r in hidden),
@@ -101,18 +103,18 @@ def _applied(records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _is_claimed(said: Record) -> bool:
-    return said['form'] is not None or said['depends_on'] == ['time']
+def _is_claimed(claim: Record) -> bool:
+    return claim['form'] is not None or claim['depends_on'] == ['time']
 
 
 def _own(record: Record) -> list[Record]:
-    claims = (s for s in record['said'] if s['channel'] == record['where'])
+    claims = (s for s in record['claims'] if s['channel'] == record['where'])
     return [s for s in claims if _is_claimed(s)]
 
 
-def _is_open(said: Record, variables: Sequence[str]) -> bool:
+def _is_open(claim: Record, variables: Sequence[str]) -> bool:
     """Whether a function of the time is said to be one of the law's variables as well."""
-    return any(set(own) == set(variables) for own in said['rivals'])
+    return any(set(own) == set(variables) for own in claim['rivals'])
 
 
 def _is_right(record: Record) -> bool:
@@ -147,7 +149,7 @@ def _outcome(record: Record) -> str:
 
 
 def _has_other(record: Record) -> bool:
-    claims = (s for s in record['said'] if s['channel'] != record['where'])
+    claims = (s for s in record['claims'] if s['channel'] != record['where'])
     return any(map(_is_claimed, claims))
 
 

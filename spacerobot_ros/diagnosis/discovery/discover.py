@@ -41,33 +41,33 @@ def discover(
     """
     motions = ArmMotions(found.fit.rows, found.extended)
     accepted: list[HeldLaw] = []
-    said: list[Leftover] = []
+    entries: list[Leftover] = []
     replaced: dict[str, tuple[int, ...]] = {}
     rows = found.fit.rows
     driven = ~np.isin(rows.robot.joints, rows.robot.passive_joints)
     moving = [j for j in np.flatnonzero(driven).tolist() if len(rows.joints[j].torque)]
     for count, j in enumerate(moving):
         report('asking what the leftover depends on', 0.85 + 0.05 * count / len(moving))
-        channel, laws, rest, instead = _asked(found, motions, j, CHANCE / len(moving))
+        channel, laws, rest, instead = _laws_of_joint(found, motions, j, CHANCE / len(moving))
         accepted += laws
         replaced[channel.place] = instead
         if not laws:
             step = rest[-1] if rest else None
-            said.append(leftover_without(channel.place, step, rows.robot.joints))
+            entries.append(leftover_without(channel.place, step, rows.robot.joints))
     extended = found
     if accepted:
         extended, held = _applied(found, accepted, motions, replaced)
-        said += held
-    done = {entry.channel for entry in said}
-    said += [
+        entries += held
+    done = {entry.channel for entry in entries}
+    entries += [
         leftover_without(place, None, ()) for place in replaced if channel_name(place) not in done
     ]
     slow = {channel_name(rows.robot.joints[j]) for j in moving if motions.has_one_speed(j)}
-    said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
-    return extended, tuple(sorted(said, key=lambda entry: entry.channel))
+    entries = [replace(entry, one_speed=entry.channel in slow) for entry in entries]
+    return extended, tuple(sorted(entries, key=lambda entry: entry.channel))
 
 
-def _asked(
+def _laws_of_joint(
     found: ArmFound, motions: ArmMotions, j: int, chance: float
 ) -> tuple[JointChannel, list[HeldLaw], list[Winner], tuple[int, ...]]:
     """Laws of a joint, what else won there, and the causes in whose place these laws stand.
@@ -78,11 +78,11 @@ def _asked(
     all prices, they are none.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
-    channel, held, rest = _heard(JointChannel(motions, j, chosen), chance)
+    channel, held, rest = _in_likeliest_noise(JointChannel(motions, j, chosen), chance)
     instead = tuple(i for i in chosen if _is_replaceable(found, i, j))
     if instead:
         kept = tuple(i for i in chosen if i not in instead)
-        other, laws, left = _heard(JointChannel(motions, j, kept), chance)
+        other, laws, left = _in_likeliest_noise(JointChannel(motions, j, kept), chance)
         own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
         beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
         is_better = 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN
@@ -116,7 +116,7 @@ def _is_replaceable(found: ArmFound, i: int, j: int) -> bool:
     return i in found.clear and is_here and kind in REPLACEABLE
 
 
-def _heard(
+def _in_likeliest_noise(
     channel: JointChannel, chance: float
 ) -> tuple[JointChannel, list[HeldLaw], list[Winner]]:
     """A channel under the noise that is likeliest beside its laws, these, and what else won.
@@ -179,7 +179,7 @@ def _applied(
             or i not in clear
             for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]
-        said = [
+        entries = [
             leftover_of(
                 it,
                 free.coefficients,
@@ -191,10 +191,10 @@ def _applied(
             for (it, _), free, law, i, out in zip(pairs, frees, laws, numbers, is_out, strict=True)
         ]
         if not any(is_out):
-            return fitted, [*said, *refused]
+            return fitted, [*entries, *refused]
         # of a law that is not applied causes are not said to have given way
-        entries = zip(said, pairs, is_out, strict=True)
-        refused += [entry for entry, (it, _), out in entries if out and not replaced[it.place]]
+        judged = zip(entries, pairs, is_out, strict=True)
+        refused += [entry for entry, (it, _), out in judged if out and not replaced[it.place]]
         pairs = [pair for pair, out in zip(pairs, is_out, strict=True) if not out]
 
 

@@ -69,12 +69,12 @@ def _discovered(answer: Diagnosis, fit: Fit) -> Diagnosis:
     if instead:
         spots = {place: it for some in instead.values() for place, it in some.items()}
         flight, gone = FlightRows(fit, tuple(instead)), _names(fit.causes[i] for i in instead)
-        found = _asked(_without(answer, gone), flight, places if is_refused else spots)
+        found = _with_discoveries(_without(answer, gone), flight, places if is_refused else spots)
         learned = {entry.applied.where for entry in found.leftover or () if entry.applied}
         if all(learned.intersection(some) for some in instead.values()):
             is_small = not (is_refused or gone & _names(c.applied for c in answer.causes))
             return replace(found, verdict=answer.verdict) if is_small else found
-    return _asked(answer, FlightRows(fit), places) if is_refused else answer
+    return _with_discoveries(answer, FlightRows(fit), places) if is_refused else answer
 
 
 def _names(effects: Iterable[Effect]) -> set[tuple[str, str | None]]:
@@ -90,7 +90,9 @@ def _without(answer: Diagnosis, gone: Collection[tuple[str, str | None]]) -> Dia
     return replace(answer, causes=causes, minor=minor)
 
 
-def _asked(answer: Diagnosis, flight: FlightRows, places: Mapping[str, Component]) -> Diagnosis:
+def _with_discoveries(
+    answer: Diagnosis, flight: FlightRows, places: Mapping[str, Component]
+) -> Diagnosis:
     """The answer with laws of what is left at some places.
 
     Coefficients are those beside errors of masses and inertias. Where these take most of a law,
@@ -105,12 +107,12 @@ def _asked(answer: Diagnosis, flight: FlightRows, places: Mapping[str, Component
     found = answer
     for is_tolerant in (True, False):
         fitted = _fitted(channel, held, rest, is_tolerant=is_tolerant)
-        said, laws = _said(answer, channel, fitted)
-        said += _nothing_said(channel, said, rest)
+        entries, laws = _entries(answer, channel, fitted)
+        entries += _without_laws(channel, entries, rest)
         slow = {channel_name(j) for j in robot.arm if flight.has_one_speed(j)}
-        said = [replace(entry, one_speed=entry.channel in slow) for entry in said]
-        found = replace(answer, leftover=tuple(sorted(said, key=lambda entry: entry.channel)))
-        if not any(entry.form for entry in said):
+        entries = [replace(entry, one_speed=entry.channel in slow) for entry in entries]
+        found = replace(answer, leftover=tuple(sorted(entries, key=lambda entry: entry.channel)))
+        if not any(entry.form for entry in entries):
             return found
         if not laws:
             return replace(found, verdict='partly_explained')
@@ -120,26 +122,26 @@ def _asked(answer: Diagnosis, flight: FlightRows, places: Mapping[str, Component
     return found
 
 
-def _said(
+def _entries(
     answer: Diagnosis, channel: FlightChannel, fitted: Sequence[tuple[HeldLaw, Array, Array]]
 ) -> tuple[list[Leftover], list[LearnedTorque]]:
     """Entries of laws with coefficients and deviations, and the torques among them."""
-    said, laws, motion = [], [], channel.flight.motion
+    entries, laws, motion = [], [], channel.flight.motion
     for it, values, spread in fitted:
         law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
         if law is not None and pushes(law, [motion]):
             law = replace(law, kind='external') if corrected_by(law, _known(answer)) else None
         entry = leftover_of(it, values, spread, motion.robot, applied=law, is_of_several=False)
-        said.append(entry)
+        entries.append(entry)
         laws += [] if law is None else [law]
-    return said, laws
+    return entries, laws
 
 
-def _nothing_said(
-    channel: FlightChannel, said: Sequence[Leftover], rest: Sequence[Winner]
+def _without_laws(
+    channel: FlightChannel, entries: Sequence[Leftover], rest: Sequence[Winner]
 ) -> list[Leftover]:
     """Entries of joints and axes without a law."""
-    done, joints = {entry.channel for entry in said}, channel.flight.motion.robot.joints
+    done, joints = {entry.channel for entry in entries}, channel.flight.motion.robot.joints
     out = []
     for place in (p for p, component in channel.components.items() if isinstance(component, int)):
         if channel_name(place) not in done:
