@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 from ..dynamics.compiling import compiled, inner
 from ..dynamics.equations import Dynamics
@@ -175,5 +175,5 @@ def _nearest(M: Array, u: Array, change: Array, limits: Array) -> Array:
     weights = np.diag(_FIRST * np.sqrt(np.diag(M)))[first]
     rows = np.vstack([np.linalg.cholesky(M).T, weights])
     bounds = -limits - u - _ROOM, limits - u + _ROOM
-    du = lsq_linear(rows @ np.linalg.inv(M), rows @ wanted, bounds, method='bvls').x
+    du = scipy.optimize.lsq_linear(rows @ np.linalg.inv(M), rows @ wanted, bounds, method='bvls').x
     return np.clip(u + du, -limits, limits)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import BPoly, CubicSpline, PPoly
+import scipy
 
 from ..errors import ConfigurationError, MessageRejectedError
 from ..types import Array
@@ -82,11 +82,13 @@ class Waypoints:
         return q, qd
 
 
-def _curves(times: Array, columns: list[Array]) -> tuple[PPoly | BPoly, ...]:
+def _curves(
+    times: Array, columns: list[Array]
+) -> tuple[scipy.interpolate.PPoly | scipy.interpolate.BPoly, ...]:
     if len(columns) == 1:
-        curve = CubicSpline(times, columns[0], bc_type='clamped')
+        curve = scipy.interpolate.CubicSpline(times, columns[0], bc_type='clamped')
     else:
-        curve = BPoly.from_derivatives(times, np.stack(columns, axis=1))
+        curve = scipy.interpolate.BPoly.from_derivatives(times, np.stack(columns, axis=1))
     return (curve, curve.derivative(1), curve.derivative(2))
 
 

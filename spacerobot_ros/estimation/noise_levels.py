@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from ..model.robot import Robot
@@ -161,7 +161,9 @@ def unseen_turns(record: Record) -> Array | None:
         grid = np.unique(np.concatenate([times, record.rate_time]))
         # more than half a turn between samples is no rate, and would overflow
         most = np.pi / np.median(np.diff(record.rate_time))
-        curve = make_interp_spline(record.rate_time, np.clip(record.omega, -most, most), k=3)
+        curve = scipy.interpolate.make_interp_spline(
+            record.rate_time, np.clip(record.omega, -most, most), k=3
+        )
         seen = integrated_rotation(
             lambda t: np.asarray(curve(np.clip(t, *record.rate_time[[0, -1]]))),
             grid,

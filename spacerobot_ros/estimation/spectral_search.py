@@ -11,7 +11,7 @@ from __future__ import annotations
 import cmath
 
 import numpy as np
-from scipy.ndimage import median_filter
+import scipy
 
 from ..dynamics.compiling import compiled
 from ..effects.effect import Effect
@@ -53,7 +53,7 @@ def propose(
     values = _values(parameter, argument)
     signals = _signals(effect, where, motion, wanted, parameter.name)
     power = _power(values, np.ascontiguousarray(argument), signals)
-    background = median_filter(power, _NEIGHBOURHOOD, mode='nearest')
+    background = scipy.ndimage.median_filter(power, _NEIGHBOURHOOD, mode='nearest')
     ratio = power / np.maximum(background, 1e-300)
     chosen: list[float] = []
     apart = 2.0 * _OVERSAMPLING * float(values[1] - values[0])

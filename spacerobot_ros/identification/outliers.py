@@ -13,14 +13,14 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.ndimage import median_filter
+import scipy
 from scipy.spatial.transform import Rotation
 
 from ..estimation.trajectory.reference import NoiseLevels, integrated_rotation
 from ..formats import counted
 from ..recording.faults.gaps import SPLIT_PERIODS
 from ..recording.faults.neighbours import NORMAL, STENCILS, bridged, off_neighbours
+from ..recording.integral import integral
 from ..recording.record import Record
 from ..types import Array
 
@@ -96,7 +96,7 @@ def _outlying_joints(record: Record, noise: NoiseLevels) -> np.ndarray:
         return _outlying_rates(time, q, noise.joint_position)
     bad = _outlying_rates(time, qd, noise.joint_velocity) | _stuck(time, q, qd, noise)
     rates = bridged(time, qd, bad)
-    drift = q - cumulative_trapezoid(rates, time, axis=0, initial=0.0)
+    drift = q - integral(time, rates)
     return bad | _off_median(time, drift, noise.joint_position)
 
 
@@ -160,7 +160,10 @@ def _off_median(time: Array, drift: Array, std: float) -> np.ndarray:
     level = drift - slope * (time - time[0])[:, None]
     width = 2 * min(_HALF_WINDOW, (len(time) - 1) // 2) + 1
     # column by column SciPy takes a tenth of the time
-    usual = [median_filter(column, width, mode='reflect') for column in np.nan_to_num(level).T]
+    usual = [
+        scipy.ndimage.median_filter(column, width, mode='reflect')
+        for column in np.nan_to_num(level).T
+    ]
     errors = level - np.column_stack(usual)
     far, jumps = _far(errors, std), _far(np.diff(level, axis=0), std)
     return np.any([_burst(*each) for each in zip(far.T, jumps.T, strict=True)], axis=0)

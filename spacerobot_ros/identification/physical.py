@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import scipy
 from scipy.linalg import orth, solve_triangular
-from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from ..estimation.filters.momentum_process import MomentumModel
@@ -148,7 +148,7 @@ class _Fit:
     def solve(self, start: Array, evaluations: int) -> tuple[Array, bool]:
         """Coordinates of the least misfit, and whether the search has settled."""
         slope = partial(central_differences, self.residual)
-        solution = least_squares(
+        solution = scipy.optimize.least_squares(
             self.residual, start, jac=slope, method='trf', max_nfev=evaluations
         )
         return solution.x, bool(solution.status > 0)

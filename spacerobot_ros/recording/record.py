@@ -14,11 +14,11 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from ..errors import RecordingError
 from ..types import Array, BoolArray, IntArray
+from .integral import integral
 from .series import InputSeries, SampleSeries
 
 UNIT_TOLERANCE = 1e-6  # of a quaternion's norm; single precision is within it
@@ -80,7 +80,7 @@ class JointSeries(SampleSeries):
                     f'joints.position ({self.names[j]})', 'is missing, and so is its rate'
                 )
             seconds = (self.stamp_ns - self.stamp_ns[0]) / 1e9
-            position[:, j] = cumulative_trapezoid(rate[:, j], seconds, initial=0.0)
+            position[:, j] = integral(seconds, rate[:, j])
         own = tuple(name for name, lacks in zip(self.names, lacking, strict=True) if lacks)
         object.__setattr__(self, 'position', position)
         object.__setattr__(self, 'rate_only', (*self.rate_only, *own))

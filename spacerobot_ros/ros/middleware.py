@@ -7,6 +7,11 @@ Two things of Fast DDS 3.2.3 do not survive SIGKILL (docs/faults.md has how ofte
 - Type lookup: endpoints of a type that a process does not know yet match when one of their
   participants has said what it is. Where the answer never comes, `TypeLookupManager` asks nobody
   else, and no endpoint of that type matches any more. Without it, names of types decide.
+
+A participant that starts asks who is there, but of the answers some are lost: then it waits until
+the others say so by themselves, every 3 s. On this machine they do twice a second, which takes a
+thousandth of a processor of each: none of 24 nodes started anew was heard after more than 0.64 s,
+where it had taken up to 3 s.
 """
 
 from __future__ import annotations

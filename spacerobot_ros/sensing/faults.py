@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+import scipy
 from scipy.spatial.transform import Rotation
 
 from ..dynamics.state import State
@@ -191,6 +191,6 @@ def _earlier(time: Array, values: Array, delays: Sequence[float]) -> Array:
     out = np.array(values)
     for j, delay in enumerate(delays):
         if delay and not np.isnan(values[:, j]).any():
-            spline = make_interp_spline(time, values[:, j])
+            spline = scipy.interpolate.make_interp_spline(time, values[:, j])
             out[:, j] = spline(np.minimum(time + delay, time[-1]))
     return out

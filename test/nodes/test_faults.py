@@ -279,10 +279,10 @@ def test_what_came_does_not_fill_the_log(rig, servicer):
 
 _STARTS_ONE = """
 import multiprocessing, time
-from spacerobot_ros.nodes.fault_trials.process_loop import _begin
+from spacerobot_ros.nodes.fault_trials.own_process import begin
 if __name__ == '__main__':
     context = multiprocessing.get_context('forkserver')
-    process = context.Process(target=_begin, args=(99, time.sleep, (600,)), daemon=True)
+    process = context.Process(target=begin, args=(99, time.sleep, (600,)), daemon=True)
     process.start()
     print(process.pid, flush=True)
     time.sleep(600)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from ...dynamics.blocks import BlockTree
 from ...dynamics.rotation import skew
@@ -113,7 +113,9 @@ class MomentumModel:
         pi = self.minimal.expansion @ constants[self.x]
         return self.tree.inertia(rotations, self.tree.rate_maps(rotations), pi)
 
-    def held_jerk(self, trajectory: ReferenceTrajectory, constants: Array) -> CubicSpline:
+    def held_jerk(
+        self, trajectory: ReferenceTrajectory, constants: Array
+    ) -> scipy.interpolate.CubicSpline:
         """(3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
         aam = constants[self.aam].reshape(-1, 3)
         wheels = [(b, R @ h) for (b, R), h in zip(self._wheels, aam, strict=True)]

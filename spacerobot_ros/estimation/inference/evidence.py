@@ -21,8 +21,8 @@ from functools import reduce
 from operator import add
 
 import numpy as np
+import scipy
 from scipy.linalg import cho_factor, cho_solve, lapack
-from scipy.optimize import lsq_linear
 from scipy.special import chdtrc, fdtrc, fdtri
 
 from ...types import Array, IntArray
@@ -282,6 +282,6 @@ def _bounded(
     if len(vector) == 1:
         z = np.clip(target / root[0], low, high)
     else:
-        z = lsq_linear(root.T, target, bounds=(low, high), method='bvls').x
+        z = scipy.optimize.lsq_linear(root.T, target, bounds=(low, high), method='bvls').x
     gain = float(target @ target - np.sum((target - root.T @ z) ** 2))
     return np.clip(sizes * z, bounds[0], bounds[1]), gain

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from ...errors import IdentificationError
 from ...types import Array
@@ -53,8 +53,8 @@ class SplineFit:
         chi2_per_dof: Weighted residual a degree of freedom.
     """
 
-    curve: BSpline
-    error: BSpline
+    curve: scipy.interpolate.BSpline
+    error: scipy.interpolate.BSpline
     spacing: float
     chi2_per_dof: float
 
@@ -70,7 +70,7 @@ class SplineFit:
     def with_error(self) -> SplineFit:
         """With the draw of its error added."""
         curve, error = self.curve, self.error
-        return replace(self, curve=BSpline(curve.t, curve.c + error.c, curve.k))
+        return replace(self, curve=scipy.interpolate.BSpline(curve.t, curve.c + error.c, curve.k))
 
 
 def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
@@ -139,7 +139,9 @@ class _Rows:
         start, end = self._ends
         knots, found = self._found(intervals, self._noise)
         dof = max(self._values.size - found.values.size, 1)
-        curve, error = (BSpline(knots, c, DEGREE) for c in (found.values, found.noise))
+        curve, error = (
+            scipy.interpolate.BSpline(knots, c, DEGREE) for c in (found.values, found.noise)
+        )
         return SplineFit(curve, error, (end - start) / intervals, found.chi2 / dof)
 
     def _found(self, intervals: int, noise: Array) -> tuple[Array, Coefficients]:

@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from ...dynamics.blocks import BlockTree
 from ...recording.record import Record
@@ -93,7 +93,7 @@ def held_jerk(
     pi: Array,
     wheels: list[tuple[int, Array]],
     trajectory: ReferenceTrajectory,
-) -> CubicSpline:
+) -> scipy.interpolate.CubicSpline:
     """(3 + n) jerk M^-1 [0; tau'] that held torques make of [omega_WB_B; q'], over time.
 
     Args:
@@ -114,6 +114,6 @@ def held_jerk(
     inertia, bias = equation[..., :-1], equation[..., -1]
     tau = (np.einsum('nab,nb->na', inertia, u_dot) + bias)[:, 3:]
     slope = np.zeros_like(u)
-    slope[:, 3:] = CubicSpline(dense, tau)(dense, 1)
+    slope[:, 3:] = scipy.interpolate.CubicSpline(dense, tau)(dense, 1)
     jerk = np.linalg.solve(inertia, slope[..., None])[..., 0]
-    return CubicSpline(dense, jerk)
+    return scipy.interpolate.CubicSpline(dense, jerk)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import fcntl
 import multiprocessing
 import os
@@ -10,7 +9,6 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from multiprocessing import forkserver
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
@@ -23,8 +21,8 @@ from ...campaign.hidden.diagnosis_scenario import packaged
 from ...model.loader import package_folder
 from ...ros.qos import LATCHED, SAMPLES
 from ...ros.session import Session, SessionError
-from ..entry import start
 from ..program import NODES
+from .own_process import alone, begin, run
 
 _SETTINGS = {
     'reference.repeat': 'true',
@@ -42,24 +40,7 @@ _PATIENCE = 240.0
 LONGEST = 300.0
 """s of stamps, after which what is waited for does not come; an estimate takes 10, and more where
 a busy machine has no time for the identifier, which lockstep does not wait for."""
-_ENDS_WITH_PARENT = 1  # PR_SET_PDEATHSIG of sys/prctl.h
 _DOMAINS = range(60, 100)  # of ROS, for loops that run side by side
-
-
-def _begin(domain: int, work: Callable[..., object], arguments: tuple[Any, ...]) -> None:
-    """What a process does; it ends with the one that started it (Linux).
-
-    Its parent is the fork server, which ends when nobody holds its pipe any more: as it shall with
-    the campaign, however that ends, children let go of it.
-    """
-    ctypes.CDLL(None).prctl(_ENDS_WITH_PARENT, signal.SIGKILL)
-    os.close(forkserver._forkserver._forkserver_alive_fd)  # type: ignore[attr-defined]
-    os.environ.update(_alone(domain))
-    work(*arguments)
-
-
-def _run(node: str, arguments: list[str]) -> None:
-    raise SystemExit(start(node, arguments))
 
 
 def resident(process: int | str) -> float:
@@ -114,7 +95,7 @@ class Loop:
     def start(self, node: str) -> None:
         """Start a process."""
         clock = ['-p', 'use_sim_time:=true'] if node != 'simulator' else []
-        self._processes[node] = self.run_beside(_run, node, self._arguments + clock)
+        self._processes[node] = self.run_beside(run, node, self._arguments + clock)
 
     def start_all(self) -> None:
         """Start all, and wait until they are at work."""
@@ -125,7 +106,7 @@ class Loop:
     def run_beside(self, work: Callable[..., object], *arguments: Any) -> Any:
         """Do something in a process that hears the nodes."""
         process = self._context.Process(
-            target=_begin, args=(self._domain, work, arguments), daemon=True
+            target=begin, args=(self._domain, work, arguments), daemon=True
         )
         process.start()
         return process
@@ -220,11 +201,6 @@ class Loop:
         self.estimate = message
 
 
-def _alone(domain: int) -> dict[str, str]:
-    """Environment of processes that hear each other and nobody else."""
-    return {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-
-
 @contextmanager
 def loop_of_processes(*, is_lockstep: bool) -> Iterator[Loop]:
     """A loop that ends with the block; a SessionError there ends the block, and is counted."""
@@ -252,7 +228,7 @@ def _own_domain() -> Iterator[int]:
                 break
         else:
             raise SessionError('all domains of ROS for loops of processes are taken')
-        os.environ.update(_alone(domain))
+        os.environ.update(alone(domain))
         try:
             yield domain
         finally:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...types import Array, BoolArray, IntArray
+from ..integral import integral
 from ..record import Record, shown
 from . import thresholds
 from .gaps import longest_pause
@@ -116,8 +117,7 @@ def _windows(seconds: Array, rates: Array) -> IntArray:
 
 def _integrals(seconds: Array, rates: Array, spans: Array) -> Array:
     """(K, n) integrals of the rates over time spans (K, 2), by trapezoids."""
-    steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(seconds)[:, None]
-    sums = np.vstack([np.zeros((1, rates.shape[1])), np.cumsum(steps, axis=0)])
+    sums = integral(seconds, rates)
     ends = [
         np.column_stack([np.interp(spans[:, side], seconds, column) for column in sums.T])
         for side in (0, 1)

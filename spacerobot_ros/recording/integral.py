@@ -1,0 +1,24 @@
+"""The integral of samples over time, by the trapezoidal rule.
+
+SciPy's `cumulative_trapezoid` comes with its solvers and optimizers: a node would start 0.15 s of
+the processor later.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..types import Array
+
+
+def integral(time: Array, rates: Array) -> Array:
+    """(N, ...) integral of rates from the first time on.
+
+    Args:
+        time: (N,) [s].
+        rates: (N, ...) in units a second.
+    """
+    out = np.zeros_like(rates, dtype=float)
+    steps = np.diff(time).reshape(-1, *(1,) * (rates.ndim - 1))
+    np.cumsum(0.5 * steps * (rates[1:] + rates[:-1]), axis=0, out=out[1:])
+    return out
