@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.spatial.transform import Rotation
 
 from ..model.robot import Robot
 from ..model.robot_settings import SensorSettings
@@ -167,7 +166,7 @@ def unseen_turns(record: Record) -> Array | None:
         seen = integrated_rotation(
             lambda t: np.asarray(curve(np.clip(t, *record.rate_time[[0, -1]]))),
             grid,
-            Rotation.identity(),
+            scipy.spatial.transform.Rotation.identity(),
         )
         start = attitude * seen[np.searchsorted(grid, times)].inv()  # the same at all times
         return np.asarray((start[0].inv() * start).as_rotvec())

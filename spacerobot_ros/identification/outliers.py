@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
-from scipy.spatial.transform import Rotation
 
 from ..estimation.trajectory.reference import NoiseLevels, integrated_rotation
 from ..formats import counted
@@ -124,7 +123,7 @@ def _outlying_attitudes(record: Record, bad_rates: np.ndarray, noise: NoiseLevel
     def rate(t: Array) -> Array:
         return np.column_stack([np.interp(t, time, column) for column in omega.T])
 
-    turned = integrated_rotation(rate, times, Rotation.identity())
+    turned = integrated_rotation(rate, times, scipy.spatial.transform.Rotation.identity())
     start = attitude[inside] * turned[np.searchsorted(times, at[inside])].inv()
     drift = (start * start.mean().inv()).as_rotvec()
     bad[inside] = _off_median(at[inside], drift, noise.attitude)

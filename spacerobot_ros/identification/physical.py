@@ -21,8 +21,6 @@ from functools import partial
 
 import numpy as np
 import scipy
-from scipy.linalg import orth, solve_triangular
-from scipy.special import chdtrc
 
 from ..estimation.filters.momentum_process import MomentumModel
 from ..model.robot import Body, Robot
@@ -155,7 +153,7 @@ class _Fit:
 
     def without(self, directions: Array) -> _Fit:
         """The same where the parameters may leave the bodies by directions (k, m)."""
-        basis = orth(self.root @ directions)
+        basis = scipy.linalg.orth(self.root @ directions)
         return replace(self, root=self.root - basis @ (basis.T @ self.root))
 
 
@@ -190,12 +188,14 @@ def project(
     found, is_settled = fit.solve(first, _EVALUATIONS)
     J, manifold = (central_differences(f, found) for f in (fit.residual, values))
     spread = np.zeros((model.size, head + bodies.size))
-    spread[model.x, head:] = solve_triangular(np.linalg.qr(J, mode='r'), manifold.T, trans='T').T
+    spread[model.x, head:] = scipy.linalg.solve_triangular(
+        np.linalg.qr(J, mode='r'), manifold.T, trans='T'
+    ).T
     ahead = np.hstack([np.eye(head), -across @ spread[model.x, head:]])
-    spread[others] = solve_triangular(own, ahead)
+    spread[others] = scipy.linalg.solve_triangular(own, ahead)
     projected = constants.copy()
     projected[model.x] = values(found)
-    projected[others] -= solve_triangular(own, across @ (projected[model.x] - wanted))
+    projected[others] -= scipy.linalg.solve_triangular(own, across @ (projected[model.x] - wanted))
     misfit, rank = fit.misfit(found), column_rank(fit.root @ manifold)
     dof = len(wanted) - rank
     return PhysicalEstimate(
@@ -244,7 +244,7 @@ def _contradiction(
 
 
 def _is_unlikely(misfit: float, dof: int) -> bool:
-    return dof > 0 and bool(chdtrc(dof, misfit) < MISFIT_P)
+    return dof > 0 and bool(scipy.special.chdtrc(dof, misfit) < MISFIT_P)
 
 
 def _second_moment_factor(body: Body) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from ..estimation.filters.momentum_filter import SquareRootInformation
 from ..estimation.filters.momentum_process import MomentumModel

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import pinocchio as pin
 
 from ..errors import ModelError
 from ..types import Matrix3, Vector3
@@ -274,7 +274,7 @@ def _parse_origin(element: ElementTree.Element | None, where: str) -> tuple[Vect
     translation = np.array(_parse_numbers(element.get('xyz', '0 0 0'), 3, f'{where} origin xyz'))
     rpy = _parse_numbers(element.get('rpy', '0 0 0'), 3, f'{where} origin rpy')
     # URDF: fixed-axis roll, pitch, yaw.
-    return translation, Rotation.from_euler('xyz', rpy).as_matrix() if any(rpy) else np.eye(3)
+    return translation, pin.rpy.rpyToMatrix(*rpy) if any(rpy) else np.eye(3)
 
 
 def _parse_numbers(text: str, count: int, where: str) -> list[float]:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ..errors import ConfigurationError
 from ..types import Matrix3, Vector3
@@ -60,7 +60,10 @@ class Joint:
         if self.slides:
             translation = translation + position * (rotation @ self.axis)
         else:
-            rotation = rotation @ Rotation.from_rotvec(position * self.axis).as_matrix()
+            rotation = (
+                rotation
+                @ scipy.spatial.transform.Rotation.from_rotvec(position * self.axis).as_matrix()
+            )
         moved = replace(self, rotation=rotation, translation=translation)
         return replace(moved, kind='fixed', mimic=None, held=position)
 

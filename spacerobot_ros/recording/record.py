@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ..errors import RecordingError
 from ..types import Array, BoolArray, IntArray
@@ -270,9 +270,13 @@ class Record:
         return np.zeros((0, 4)) if self.attitudes is None else self.attitudes.q_xyzw
 
     @cached_property
-    def attitude(self) -> Rotation | None:
+    def attitude(self) -> scipy.spatial.transform.Rotation | None:
         """Na rotations R_WB; None where there are none."""
-        return Rotation.from_quat(self.attitude_xyzw) if len(self.attitude_xyzw) else None
+        return (
+            scipy.spatial.transform.Rotation.from_quat(self.attitude_xyzw)
+            if len(self.attitude_xyzw)
+            else None
+        )
 
     def between(self, start: float, end: float) -> Record:
         """The samples with start < t <= end [s], counted from the same origin.

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from scipy.spatial.transform import Rotation
 
 from ..dynamics.state import State
 from ..effects.effect import CLOCKS, Effect, own_states
@@ -113,7 +112,10 @@ class SensorFaults:
         measured = np.atleast_2d(q_WB_xyzw)
         zeros = np.zeros((len(measured), 3))
         error = self.sensed('attitude', zeros, self._turning(zeros, time))
-        true = Rotation.from_quat(measured) * Rotation.from_rotvec(error).inv()
+        true = (
+            scipy.spatial.transform.Rotation.from_quat(measured)
+            * scipy.spatial.transform.Rotation.from_rotvec(error).inv()
+        )
         return np.asarray(true.as_quat().reshape(np.shape(q_WB_xyzw)))
 
     def _turning(self, omega: Array, time: Array | None) -> Motion:

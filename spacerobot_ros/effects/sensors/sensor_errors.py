@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...types import Array
 from ..effect import Effect
@@ -116,7 +116,9 @@ class GyroMisalignment(GyroFault):
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Rates turned."""
-        return np.asarray(value @ Rotation.from_rotvec(self.vector()).as_matrix().T)
+        return np.asarray(
+            value @ scipy.spatial.transform.Rotation.from_rotvec(self.vector()).as_matrix().T
+        )
 
 
 class AttitudeMisalignment(SensorFault):
@@ -138,7 +140,9 @@ class AttitudeMisalignment(SensorFault):
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Small rotations (N, 3) of the attitude, the fault's behind what was there."""
-        turned = Rotation.from_rotvec(value) * Rotation.from_rotvec(self.vector())
+        turned = scipy.spatial.transform.Rotation.from_rotvec(
+            value
+        ) * scipy.spatial.transform.Rotation.from_rotvec(self.vector())
         return np.asarray(turned.as_rotvec())
 
 

@@ -13,8 +13,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...dynamics.rotation import skew
 from ...recording.record import Record
@@ -118,7 +117,7 @@ class SquareRootInformation:
             stacked = np.empty((size + 1 + len(values[part]), size + 1), order='F')
             stacked[: size + 1] = triangle
             stacked[size + 1 :, :size], stacked[size + 1 :, size] = columns[part], values[part]
-            triangle = np.triu(dgeqrf(stacked, overwrite_a=1)[0][: size + 1])
+            triangle = np.triu(scipy.linalg.lapack.dgeqrf(stacked, overwrite_a=1)[0][: size + 1])
         self.factor = triangle[:size]
         self.residual += float(triangle[size, size] ** 2)
         self.rows += len(values)
@@ -158,7 +157,7 @@ class MomentumFilter:
         self._model = model
         self.information = SquareRootInformation(model.size)
         self.placebo = SquareRootInformation(model.size)
-        self._last: tuple[float, Rotation] | None = None
+        self._last: tuple[float, scipy.spatial.transform.Rotation] | None = None
         self._covariance = np.zeros((0, 0))
         # Mean by 1, placebo and constants; joints count from zero between stretches.
         self._mean = np.zeros((3 + 4 * model.n, 1 + 2 * model.size))
@@ -207,7 +206,7 @@ class MomentumFilter:
         """What a pass over a stretch needs whatever the constants."""
         return self._model.regressed(stretch.kinematics, stretch.reference.disturbed)
 
-    def take_end(self) -> tuple[float, Rotation]:
+    def take_end(self) -> tuple[float, scipy.spatial.transform.Rotation]:
         """Time at which the last stretch ended, and the attitude from which the next one starts.
 
         That is the best known: what was known of the deviation is taken into the reference.
@@ -215,7 +214,10 @@ class MomentumFilter:
         if self._last is None:
             raise ValueError('no stretch was run yet')
         time, rotation = self._last
-        correction, self._mean[:3, 0] = Rotation.from_rotvec(self._mean[:3, 0].copy()), 0.0
+        correction, self._mean[:3, 0] = (
+            scipy.spatial.transform.Rotation.from_rotvec(self._mean[:3, 0].copy()),
+            0.0,
+        )
         return time, rotation * correction
 
     def shift_constants(self, change: Array) -> None:

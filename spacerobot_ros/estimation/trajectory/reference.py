@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+import scipy
 
 from ...dynamics.compiling import compiled
 from ...recording.record import Record
@@ -53,7 +53,7 @@ class Kinematics:
     q: Array
     qd: Array
     omega: Array
-    rotation: Rotation
+    rotation: scipy.spatial.transform.Rotation
     qdd: Array = field(default_factory=lambda: np.zeros(0))
     alpha: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -84,7 +84,7 @@ class ReferenceTrajectory:
         record: Record,
         noise: NoiseLevels,
         times: Array,
-        start: Rotation | None = None,
+        start: scipy.spatial.transform.Rotation | None = None,
         span: tuple[float, float] | None = None,
     ) -> None:
         ends = (float(times[0]), float(times[-1])) if span is None else span
@@ -101,7 +101,10 @@ class ReferenceTrajectory:
             if start is not None
             else _attitude(self.rate, record, times)
         )
-        self._start, self._rotations = rotations[0], Slerp(times, rotations)
+        self._start, self._rotations = (
+            rotations[0],
+            scipy.spatial.transform.Slerp(times, rotations),
+        )
         self._efforts = (record.effort_time, record.effort, noise.joint_effort, ends)
 
     def at(self, times: Array) -> Kinematics:
@@ -196,18 +199,20 @@ def _drawn_to_tracker(
     return rate
 
 
-def _attitude(rate: BaseRate, record: Record, times: Array) -> Rotation:
+def _attitude(rate: BaseRate, record: Record, times: Array) -> scipy.spatial.transform.Rotation:
     """Attitudes whose rate is given, turned as a whole to agree with the tracker."""
-    integrated = integrated_rotation(rate, times, Rotation.identity())
+    integrated = integrated_rotation(rate, times, scipy.spatial.transform.Rotation.identity())
     at = record.attitude_time
     inside = (at >= times[0]) & (at <= times[-1])
     if record.attitude is None or not np.any(inside):
         return integrated
-    here = Slerp(times, integrated)(at[inside])
+    here = scipy.spatial.transform.Slerp(times, integrated)(at[inside])
     return (record.attitude[inside] * here.inv()).mean() * integrated
 
 
-def integrated_rotation(rate: Callable[[Array], Array], times: Array, start: Rotation) -> Rotation:
+def integrated_rotation(
+    rate: Callable[[Array], Array], times: Array, start: scipy.spatial.transform.Rotation
+) -> scipy.spatial.transform.Rotation:
     """Attitudes at increasing times whose body rate is given, `start` at the first.
 
     Fourth-order Magnus steps: dt/6 (w0 + 4 wm + w1) + dt^2/12 w0 x w1 with w in body axes.
@@ -228,13 +233,15 @@ def integrated_rotation(rate: Callable[[Array], Array], times: Array, start: Rot
     return accumulated_rotation(start, turns)
 
 
-def accumulated_rotation(start: Rotation, turns: Array) -> Rotation:
+def accumulated_rotation(
+    start: scipy.spatial.transform.Rotation, turns: Array
+) -> scipy.spatial.transform.Rotation:
     """start, start exp(turns[0]), start exp(turns[0]) exp(turns[1]), ..."""
-    steps = Rotation.from_rotvec(turns).as_quat()
+    steps = scipy.spatial.transform.Rotation.from_rotvec(turns).as_quat()
     out = np.empty((len(steps) + 1, 4))
     out[0] = start.as_quat()
     _multiply(steps, out)
-    return Rotation.from_quat(out)
+    return scipy.spatial.transform.Rotation.from_quat(out)
 
 
 @compiled  # type: ignore[untyped-decorator]

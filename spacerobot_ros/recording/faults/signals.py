@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...types import Array, BoolArray, IntArray
 from ..integral import integral
@@ -66,7 +66,7 @@ def base_pair(record: Record) -> Pair | None:
 
 def turned(q_xyzw: Array, windows: IntArray, *, in_base: bool = True) -> Array:
     """(K, 3) rotation vectors from the first to the last attitude of each window [rad]."""
-    rotation = Rotation.from_quat(q_xyzw)
+    rotation = scipy.spatial.transform.Rotation.from_quat(q_xyzw)
     first, last = rotation[windows[:, 0]], rotation[windows[:, 1]]
     turn = first.inv() * last if in_base else last * first.inv()
     return np.asarray(turn.as_rotvec())
