@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -10,6 +11,7 @@ from support.attitudes import quaternion_rate
 
 from spacerobot_ros.dynamics.rotation import (
     cross,
+    cross_rows,
     rotation_matrix,
     skew,
 )
@@ -52,6 +54,15 @@ def test_cross_and_skew(a, b):
         cross(a, b), np.cross(a, b), rtol=0, atol=1e-13
     )  # products up to 100
     np.testing.assert_allclose(skew(a) @ b, np.cross(a, b), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize('count', [1, 99, 100, 500])
+def test_cross_products_of_few_rows_and_of_many(rng, count):
+    a, b, one = rng.normal(size=(count, 6))[:, 3:], rng.normal(size=(count, 3)), rng.normal(size=3)
+    for left, right in ((a, b), (one, b), (a, one)):
+        np.testing.assert_allclose(
+            cross_rows(left, right), np.cross(left, right), rtol=0, atol=1e-13
+        )
 
 
 @given(quaternions())

@@ -10,6 +10,7 @@ from spacerobot_ros.estimation.inference.evidence import (
     Gram,
     cross_validated,
     folds,
+    inverse_of_positive,
     log_evidence,
     score,
     sum_of,
@@ -130,3 +131,17 @@ def test_few_moves_are_not_their_own_placebo() -> None:
         halves = [slice(0, 90), slice(90, 180)]
         shares.append(held_out_gain(sign, data, np.ones(1), halves, times) / (180 * 1.5**2))
     assert np.max(shares) < 0.3  # 0.15 to 0.95 in pieces of a second
+
+
+@pytest.mark.parametrize('size', [1, 7, 60])
+def test_the_inverse_of_a_positive_matrix(rng, size):
+    root = rng.normal(size=(size, 2 * size))
+    positive = root @ root.T / size + np.eye(size)
+    inverse = inverse_of_positive(positive)
+    np.testing.assert_allclose(positive @ inverse, np.eye(size), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(inverse, inverse.T)
+
+
+def test_a_matrix_that_rounding_left_not_positive_has_an_inverse_still():
+    almost = np.array([[1.0, 1.0 + 1e-9], [1.0 + 1e-9, 1.0]])
+    np.testing.assert_allclose(almost @ inverse_of_positive(almost), np.eye(2), rtol=0, atol=1e-6)
