@@ -17,6 +17,7 @@ import scipy
 
 from ..estimation.trajectory.reference import NoiseLevels, integrated_rotation
 from ..formats import counted
+from ..recording.faults.bursts import bursts
 from ..recording.faults.gaps import SPLIT_PERIODS
 from ..recording.faults.neighbours import NORMAL, STENCILS, bridged, off_neighbours
 from ..recording.integral import integral
@@ -131,10 +132,18 @@ def _outlying_attitudes(record: Record, bad_rates: np.ndarray, noise: NoiseLevel
 
 
 def _outlying_rates(time: Array, values: Array, std: float) -> np.ndarray:
+    """(N,) where values (N, m) are far from what their neighbours predict, alone or in a row."""
+    values = np.clip(values, -_HUGE, _HUGE)
+    good = np.ones(len(time), dtype=bool)
+    for test in (_lone, bursts, _lone):  # a lone one and a good one would pass for a burst
+        good[good] = ~test(time[good], values[good], std)
+    return ~good
+
+
+def _lone(time: Array, values: Array, std: float) -> np.ndarray:
     """(N,) where values (N, m) are far from what their neighbours predict."""
     if len(time) < 2 * len(STENCILS):
         return np.zeros(len(time), dtype=bool)
-    values = np.clip(values, -_HUGE, _HUGE)
     suspected = np.any(_far(off_neighbours(time, values, values)[0], std), axis=1)
     found = suspected
     for _ in range(_PASSES):

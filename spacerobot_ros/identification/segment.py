@@ -141,15 +141,16 @@ class Segment:
         return '; '.join(self.source.faults) or earlier.doubt(*self.likelihood.misfit)
 
     def _run_all(self, record: Record, end: float) -> None:
-        record = record.between(-np.inf, end)
-        self._noise, notes = noise_levels(self._model.robot.sensors, record, is_checked=False)
-        record, count = self.screened(record)
+        used = record.between(-np.inf, end)
+        self._noise, notes = noise_levels(self._model.robot.sensors, used, is_checked=False)
+        record, count = self.screened(record)  # what comes later tells what the last samples are
+        faults, record = contradictions(record), record.between(-np.inf, end)
         stretch = prepare(record, self._noise, self._holds(record))
         self.likelihood.solve(stretch)
         self._rerun_constants, self._rerun_std = self.likelihood.constants, self.likelihood.std
         samples = self._past.source.samples + len(record.joint_time)
-        self.source = Source(samples, 0, notes, contradictions(record))
-        self.left_out = self._past.left_out + count()
+        self.source = Source(samples, 0, notes, faults)
+        self.left_out = self._past.left_out + count(until=end)
         self.done = float(stretch.reference.times[-1])
         begun = max(self.start, 0.0)
         self._next_rerun = begun + 2.0 * (end - begun)

@@ -208,6 +208,24 @@ def test_one_outlier_in_a_hundred_costs_little(seed):
     assert np.max(np.abs(estimates[-1].aam - best.aam) / best.std[:3]) < 1.5
 
 
+@pytest.mark.parametrize('sensor', ['omega', 'qd'])
+@pytest.mark.parametrize(
+    ('length', 'size'), [(2, 30.0), (5, 30.0), (5, 100.0), (10, 1e4), (20, 12.0)]
+)
+def test_bursts_that_are_off_alike_cost_little(sensor, length, size):
+    # before bursts were sought, five samples 30 deviations off left no valid estimate in 20 s
+    run, data, best = clean(20.0, 12)
+    std, begin = {'omega': 2e-5, 'qd': 2e-4}[sensor], 37 * length
+    starts = range(begin, len(getattr(data, sensor)) - length, 100 * length)
+    rows = np.concatenate([np.arange(start, start + length) for start in starts])
+    off = size * std * np.array([0.6, 0.0, -0.8])
+    estimates = feed(identifier(), with_value(data, sensor, rows, lambda v: v + off), period=2.0)
+    assert_never_confidently_wrong(estimates, run)
+    assert estimates[-1].valid
+    assert np.max(estimates[-1].std / best.std) < 1.2
+    assert np.max(np.abs(estimates[-1].aam - best.aam) / best.std[:3]) < 1.0
+
+
 def test_rates_ten_deviations_off_are_found_and_hardly_another():
     _, data, _ = clean(20.0, 12)
     rng = np.random.default_rng(3)
