@@ -74,7 +74,7 @@ def bursts(time: Array, values: Array, std: float) -> np.ndarray:
 
 def _windows(time: Array, values: Array, std: float) -> Iterator[_Window]:
     """Windows between jumps that undo each other, the shortest first, whose flanks are enough."""
-    if len(values) < 2 * _FLANK:
+    if len(values) < 2 * _FLANK or not values.size:
         return
     jumps = _jumps(time, values, std)
     (at,) = np.nonzero(np.sum(jumps**2, axis=1) > scipy.special.chdtri(values.shape[1], _JUMP))
@@ -98,17 +98,16 @@ def _jumps(time: Array, values: Array, std: float) -> Array:
 
 def _is_burst(time: Array, values: Array, is_flank: np.ndarray, std: float) -> bool:
     """Whether samples (k, m) that are no flank are off, and not by a jump and a kink."""
+    inside, count = int(np.sum(~is_flank)), values.shape[1]
+    degree = min(_DEGREE, len(time) - inside - _SPARE - 1)
     place = (2.0 * time - time[0] - time[-1]) / (time[-1] - time[0])
-    degree = min(_DEGREE, np.count_nonzero(is_flank) - _SPARE - 1)
-    basis = np.polynomial.legendre.legvander(place, degree)
-    flanks = basis[is_flank]
+    basis = np.asarray(np.polynomial.legendre.legvander(place, degree), dtype=float)
+    flanks, middle = basis[is_flank], basis[~is_flank].mean(axis=0)
     errors = values - basis @ np.linalg.lstsq(flanks, values[is_flank], rcond=None)[0]
     squares = np.sum(errors[is_flank] ** 2, axis=0)
     scale = np.maximum(std, np.sqrt(squares / (len(flanks) - degree - 1)))
-    middle, inside = basis[~is_flank].mean(axis=0), np.count_nonzero(~is_flank)
-    variance = 1.0 / inside + middle @ np.linalg.solve(flanks.T @ flanks, middle)
     mean = errors[~is_flank].mean(axis=0) / scale
-    count = values.shape[1]
+    variance = 1.0 / inside + middle @ np.linalg.solve(flanks.T @ flanks, middle)
     if not mean @ mean > variance * scipy.special.chdtri(count, _CHANCE):
         return False
     left = _beside_a_kink(basis, place, values / scale) - np.sum(squares / scale**2)
@@ -120,11 +119,11 @@ def _beside_a_kink(basis: Array, place: Array, values: Array) -> float:
     orthonormal, _ = np.linalg.qr(basis)
     later = place[:, None] - place[1:-1]
 
-    def beside(columns: Array) -> Array:
+    def beside(columns: np.ndarray) -> Array:
         rest = columns - orthonormal @ (orthonormal.T @ columns)
         return np.asarray(rest)
 
-    jump, kink, left = beside((later >= 0.0) * 1.0), beside(np.maximum(later, 0.0)), beside(values)
+    jump, kink, left = beside((later >= 0.0) * 1.0), beside(later * (later > 0.0)), beside(values)
     jump /= np.linalg.norm(jump, axis=0)
     kink -= jump * np.sum(jump * kink, axis=0)
     kink /= np.maximum(np.linalg.norm(kink, axis=0), np.finfo(float).tiny)
