@@ -69,7 +69,7 @@ def without_outliers(record: Record, noise: NoiseLevels) -> tuple[Record, Outlie
     """
     with np.errstate(over='ignore', invalid='ignore'):  # numbers near the largest there are
         joints = _outlying_joints(record, noise)
-        imu = _outlying_rates(record.rate_time, record.omega, noise.gyro)
+        imu = _outlying_gyro(record.rate_time, record.omega, noise.gyro)
         attitude = _outlying_attitudes(record, imu, noise)
     found = Outliers(joints, imu, attitude)
     kept: dict[str, Any] = {
@@ -106,6 +106,20 @@ def _stuck(time: Array, q: Array, qd: Array, noise: NoiseLevels) -> np.ndarray:
     begun = np.maximum.accumulate(np.where(same, 0, np.arange(len(time))[:, None]), axis=0)
     moved = np.abs(qd) * (time[:, None] - time[begun])
     return np.asarray(np.any(same & (moved > FURTHEST * noise.joint_position), axis=1))
+
+
+def _outlying_gyro(time: Array, omega: Array, std: float) -> np.ndarray:
+    """Readings that repeat the last one on all axes while the base turned on, and outliers.
+
+    That it did shows in the next other reading: noise differs by more once in 5e8.
+    """
+    changes = np.any(np.diff(omega, axis=0, prepend=np.inf) != 0.0, axis=1)
+    runs = np.cumsum(changes) - 1
+    firsts = omega[changes]
+    jumps = np.any(np.abs(np.diff(firsts, axis=0)) > FURTHEST * np.sqrt(2.0) * std, axis=1)
+    good = changes | ~np.append(jumps, False)[runs]
+    good[good] = ~_outlying_rates(time[good], omega[good], std)
+    return np.asarray(~good)
 
 
 def _outlying_attitudes(record: Record, bad_rates: np.ndarray, noise: NoiseLevels) -> np.ndarray:
