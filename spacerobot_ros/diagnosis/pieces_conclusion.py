@@ -75,6 +75,7 @@ def combined(
         notes=(*notes, *where, *others),
         recordings=tuple(_misfits(answers, spans)),
         events=events,
+        method=next((a.method for a in answers if a.fit_p is not None), answers[0].method),
     )
 
 
@@ -188,7 +189,7 @@ def _evidence(each: Sequence[Evidence]) -> Evidence:
     return Evidence(
         log_likelihood_gain=sum(e.log_likelihood_gain for e in each),
         bic_gain=sum(e.bic_gain for e in each),
-        p_value=min(e.p_value for e in each),
+        p_value=_least(e.p_value for e in each),
         held_out_gain=float(np.mean([e.held_out_gain for e in each])),
         placebo_gain=float(np.max([e.placebo_gain for e in each])),
     )
@@ -207,16 +208,13 @@ def _residual(same: Sequence[Residual]) -> Residual:
     def rms(name: str) -> float:
         return float(np.sqrt(np.mean([getattr(r, name) ** 2 for r in same])))
 
-    def smallest(name: str) -> float:
-        return _smallest([getattr(r, name) for r in same]) or math.nan
-
     return replace(
         same[0],
         rms_before=rms('rms_before'),
         rms_after=rms('rms_after'),
         noise_floor=rms('noise_floor'),
-        whiteness_p=smallest('whiteness_p'),
-        whiteness_p_before=smallest('whiteness_p_before'),
+        whiteness_p=_least(r.whiteness_p for r in same),
+        whiteness_p_before=_least(r.whiteness_p_before for r in same),
     )
 
 
@@ -224,6 +222,12 @@ def _smallest(values: Iterable[float | None]) -> float | None:
     """Probability of the least of independent ones (Sidak); None where none was computed."""
     known = [p for p in values if p is not None and not math.isnan(p)]
     return -math.expm1(len(known) * math.log1p(-min(*known, 1.0 - 1e-16))) if known else None
+
+
+def _least(values: Iterable[float]) -> float:
+    """The same, nan where none was computed."""
+    p = _smallest(values)
+    return math.nan if p is None else p
 
 
 def _common(answers: Sequence[Diagnosis], name: str) -> Iterator[tuple[Any, ...]]:
@@ -264,7 +268,7 @@ def _ranking(answers: Sequence[Diagnosis]) -> tuple[Ranked, ...]:
             same[0],
             evidence=sum(r.evidence for r in same),
             log_likelihood_gain=sum(r.log_likelihood_gain for r in same),
-            p_value=min(r.p_value for r in same),
+            p_value=_least(r.p_value for r in same),
         )
         for same in whole
     ]

@@ -71,8 +71,9 @@ _METHOD = (
     'Torques of both groups are balanced along the motion; every effect of the catalogue has '
     'coefficients that both share, with the size of a machine that nobody knows, and what was '
     'added before the second group, within the tolerance of a machine that nobody touched. A '
-    'change is named where its evidence exceeds the price of looking at all of them and every '
-    'part of the second group is predicted with it from the others. '
+    'change is named where its evidence exceeds the price of looking at all of them, where parts '
+    'of the second group are better predicted with it from each other, none of them alone '
+    'deciding, and where it explains more than what no named change does. '
 )
 _REPEATS = (
     'The recordings repeat one motion: the mean of the runs before is taken off each, sample by '

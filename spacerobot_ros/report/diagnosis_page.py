@@ -9,47 +9,20 @@ from itertools import groupby
 
 from .. import __version__
 from ..diagnosis.findings import Findings
-from ..diagnosis.score_on import BAND
 from ..display import Item, KeyFigure, KeyFigures, Plot, Replay, Report, Section, Table
 from ..formats import number, probability
 from ..simulation.replay.scene import scene_of
+from ..simulation.replay.tracks import RESTART
 from . import diagnosis_plots as curves
 from . import diagnosis_tables as tables
-from .diagnosis_tables import is_balance
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_items
+from .method_words import WORDS
 
 _SHORT = 20  # characters of a cell that stays on one line
 _SIGNALS, _SPECTRA = 3, 3
 _FEWEST = 128  # samples, of the same
 
-_PREDICTION = (
-    'An error-state filter predicts every sample of every sensor from the model and the measured '
-    'joint torques, one step ahead, with the noise of the sensors taken through. Every effect '
-    'of the catalogue at every place is one column of such predictions; which columns the errors '
-    'want is asked of the whole record by evidence, and each fifth of it must agree with what the '
-    'other four say. '
-)
-_BALANCE = (
-    'The torques that the model needs along the smoothed motion are compared with the measured '
-    f'ones below {BAND:g} Hz, joint by joint where it moves; a joint at rest says nothing, since '
-    'its friction holds any torque. Every effect of the catalogue at every place adds its own '
-    'torques to the balance. What no cause explains has a level against frequency, estimated '
-    'along, and a tolerance stands for what the file of any machine misses. A cause is named '
-    'where its evidence exceeds the price of looking at all of them, where the parts of the data '
-    '(recordings, or quarters of the only one) are better predicted with it from each other, by '
-    'more than with columns without meaning, and where it lowers the rms error, too. Standard '
-    'deviations are widened as far as the parts scatter. No fit was tested against sensor noise: '
-    'explained is where no joint is left with more than tolerances alone make. '
-)
-_HELD_OUT = (
-    'Held-out errors are those of each fifth of the record with the values that the other four '
-    'give. A placebo is the same column with its seconds shuffled: what it explains, any '
-    'extension of that size would. A cause counts when it beats chance over the whole catalogue '
-    'and its price in parameters, improves what is held out by more than its placebos, and stays '
-    'the same along the record as far as the errors let that be seen; it is named when it is '
-    'also large enough to matter. '
-)
 _KINDS = {
     'joint_torque': 'Torque on each joint that the model does not explain, half second by half '
     'second.',
@@ -97,20 +70,21 @@ def _replay(answer: Findings) -> Iterator[Item]:
     yield Replay(
         scene,
         'The first recording, causes where they are. The orange ghost is what the model as it '
-        'stands makes of the measured efforts, beginning again from the measured state every two '
-        'seconds or where it has gone astray.',
+        'stands makes of the measured efforts, beginning again from the measured state every '
+        f'{RESTART:g} s or where it has gone astray.',
     )
 
 
 def _verdict(answer: Findings) -> Iterator[Item]:
     diagnosis, gain, closed = answer.diagnosis, answer.diagnosis.gain, answer.closed_loop
     yield diagnosis.sentence
+    unit = f'std of {WORDS[diagnosis.method].unit}'
     figures = [
-        KeyFigure('held-out error, model as it stands', number(gain.before, 3), 'noise std'),
+        KeyFigure('held-out error, model as it stands', number(gain.before, 3), unit),
         KeyFigure(
             'held-out error, extended model',
             number(gain.after, 3),
-            'noise std',
+            unit,
             f'1 is perfect; {tables.placebo_words(gain.placebo)}',
             'good' if gain.after < tables.ABOVE_NOISE else 'bad',
         ),
@@ -187,29 +161,23 @@ def _tied(shown: Table) -> Table:
 
 
 def _signals(answer: Findings) -> Iterator[Item]:
+    words = WORDS[answer.diagnosis.method]
+    yield words.signals
     worst = curves.worst([s for s in answer.diagnosis.series if len(s.measured)], _SIGNALS)
-    if not worst:
-        yield 'No sensor was predicted: torques were balanced along the measured motion.'
-        return
-    yield (
-        'The channels whose errors stand out most. Simulated means predicted one step ahead; '
-        'the errors below each show on their own scale what the curves hide. Before: the model as '
-        'it stands; after: the extended one.'
-    )
+    if worst:
+        yield (
+            'The channels whose errors stand out most; the errors below each show on their own '
+            'scale what the curves hide. Before: the model as it stands; after: the extended one.'
+        )
     for series in worst:
-        yield Plot(partial(curves.signal_panels, series))
+        yield Plot(partial(curves.signal_panels, series), abscissa=words.time)
 
 
 def _errors(answer: Findings) -> Iterator[Item]:
-    diagnosis = answer.diagnosis
-    floor = (
-        'the level of what no cause explains'
-        if is_balance(diagnosis)
-        else 'what a right model has'
-    )
+    diagnosis, words = answer.diagnosis, WORDS[answer.diagnosis.method]
     yield tables.residual_table(
         diagnosis,
-        f'Noise floor: {floor}; white p: probability of as much structure in white noise.',
+        f'Noise floor: {words.floor}; white p: probability of as much structure in white noise.',
     )
     if answer.appearances:
         yield tables.appearance_table(
@@ -217,23 +185,18 @@ def _errors(answer: Findings) -> Iterator[Item]:
             'Where the errors of the model as it stands appear: a hint for people, no evidence.',
         )
     for kind, group in groupby(diagnosis.series, key=lambda s: s.channel.split('/')[0]):
-        caption = _KINDS.get(kind, kind)
-        if is_balance(diagnosis):
-            caption = f'Torque on each joint that the model does not explain, below {BAND:g} Hz.'
         panels = partial(curves.error_panels, list(group), curves.spans(diagnosis))
-        yield Plot(panels, caption, height=1.5)
+        yield Plot(panels, words.errors or _KINDS.get(kind, kind), words.time, height=1.5)
     sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
-    if sampled:
+    if sampled and diagnosis.method == 'prediction':
         caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'
         spectra = partial(curves.spectra, curves.worst(sampled, _SPECTRA))
         yield Plot(spectra, caption, 'frequency [Hz]', 1.9)
 
 
 def _ranking(answer: Findings) -> Iterator[Item]:
-    yield (
-        'Every effect at every place alone against the model as it stands. The second best is '
-        'often the shadow of the best: what counts is what the data still want once a cause is in.'
-    )
+    words = WORDS[answer.diagnosis.method]
+    yield f'Effects at their places, {words.ranked}. {words.remark}'.rstrip()
     if any(r.log_likelihood_gain > 0.0 for r in answer.diagnosis.ranking[: curves.RANKED]):
         caption = 'Twice the gain in log likelihood; dark: named causes.'
         yield Plot(partial(curves.ranking_bars, answer.diagnosis), caption)
@@ -246,7 +209,7 @@ def _closed_loop(answer: Findings) -> Iterator[Item]:
         yield f'Not simulated: {answer.why_open}.'
         return
     yield (
-        f'The plant is simulated with the named causes; it follows {closed.task} for '
+        f'The plant is simulated as the extended model; it follows {closed.task} for '
         f'{closed.duration:g} s under a controller that knows the old model, then the extended '
         'one. Same start, same noise.'
     )
@@ -254,12 +217,7 @@ def _closed_loop(answer: Findings) -> Iterator[Item]:
 
 
 def _remains(answer: Findings) -> Iterator[Item]:
-    lines = tables.remaining(answer.diagnosis)
-    if not lines and is_balance(answer.diagnosis):
-        yield 'Not tested: the level of what no cause explains comes from the data.'
-    elif not lines:
-        yield 'Nothing: every channel is down to its noise floor and white.'
-    yield from lines
+    yield from tables.remaining(answer.diagnosis) or (WORDS[answer.diagnosis.method].nothing_left,)
     if answer.score:
         yield f'Also: {tables.score_line(answer.score)}.'
     for one in (*answer.diagnosis.free_motion, *(s.free for s in answer.score if s.free)):
@@ -276,8 +234,7 @@ def _next(answer: Findings) -> Iterator[Item]:
 
 def _how(answer: Findings) -> Iterator[Item]:
     yield f'{answer.command}   (spacerobot {__version__})'
-    way = _BALANCE if is_balance(answer.diagnosis) else _PREDICTION + _HELD_OUT
-    yield f'{way}See docs/diagnosis.md.'
+    yield f'{WORDS[answer.diagnosis.method].how} See docs/diagnosis.md.'
     for note in answer.diagnosis.notes:
         yield f'Note: {note}.'
 

@@ -20,6 +20,7 @@ from ..formats import counted, number, percent, probability, value_with
 from ..model.robot import Robot
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_lines
+from .method_words import WORDS
 
 RATIOS = 'ratios, which hold for any scale of the torques'
 _RANKED = 10  # rows
@@ -47,7 +48,7 @@ def summary(answer: Findings) -> Iterator[Section]:
     yield Section('found, but too small to matter:', minor_lines(diagnosis.minor))
     yield Section('in the extended model without a name:', unnamed_lines(answer))
     if diagnosis.verdict != 'consistent' and diagnosis.ranking:
-        title = 'best single effects, each against the model as it stands'
+        title = f'best single effects, {WORDS[diagnosis.method].ranked}'
         yield Section(title, [ranking_table(diagnosis)])
     title = 'residuals before and after (white p: probability of as much structure in white noise)'
     worth = []
@@ -75,11 +76,6 @@ def event_sections(events: Events | None) -> Iterator[Section]:
     if any(events.limits.values()):
         title = 'events that are named 19 times of 20, by their duration'
         yield Section(title, [limit_table(events)])
-
-
-def is_balance(diagnosis: Diagnosis) -> bool:
-    """Whether torques were balanced (noise unknown), so that no fit was tested."""
-    return diagnosis.fit_p is None or math.isnan(diagnosis.fit_p)
 
 
 def parameter_table(causes: Sequence[Cause], caption: str = '') -> Table:
@@ -251,9 +247,9 @@ def score_line(scores: Sequence[JointScore]) -> str:
 
 def gain_line(diagnosis: Diagnosis) -> str:
     """Held-out error before and after, beside the best placebo's."""
-    gain = diagnosis.gain
+    gain, unit = diagnosis.gain, WORDS[diagnosis.method].unit
     return (
-        f'held-out prediction error, in standard deviations of the noise: {number(gain.before)} '
+        f'held-out prediction error, in standard deviations of {unit}: {number(gain.before)} '
         f'before, {number(gain.after)} after ({placebo_words(gain.placebo)})'
     )
 

@@ -170,6 +170,28 @@ def test_what_is_applied_without_a_name_is_said_and_no_worth_of_it(tmp_path, mon
     assert f'In the extended model without a name: {lines[0]}.' in causes.items
 
 
+@pytest.mark.parametrize(
+    ('method', 'told', 'not_told'),
+    [
+        ('prediction', 'one step ahead', 'balance'),
+        ('balance', 'adds its own torques to the balance', 'one step ahead'),
+        ('pose', 'fitted window by window', 'torque'),
+        ('spin', 'spin that the magnetometer sees', 'torque'),
+    ],
+)
+def test_the_page_tells_of_the_method_that_was_used(tmp_path, method, told, not_told):
+    found = answer(tmp_path)
+    tested = {} if method == 'prediction' else {'fit_p': None, 'null_p': None}
+    used = replace(found.diagnosis, method=method, residuals=(), series=(), **tested)
+    page = diagnosis_page(replace(found, diagnosis=used))
+    (how,) = (s.items for s in page.sections if s.title == 'How it was done')
+    assert told in how[1]
+    said = [item for s in page.sections for item in s.items if isinstance(item, str)]
+    assert not [text for text in said if not_told in text]
+    (left,) = (s.items for s in page.sections if s.title == 'What remains')
+    assert ('ot tested' in left[0]) == (method != 'prediction')
+
+
 GOLDEN = """\
 verdict: explained
 The data differ from the model by friction; nothing else is left.

@@ -125,6 +125,15 @@ def test_one_bad_piece_is_told_and_one_that_can_not_be_read_is_left_out():
         diagnose_pieces([two_hours(1, 20.0)] * 2, (), refuse, silent)
 
 
+def test_a_probability_of_nothing_stays_one():
+    worst = said(3.0)
+    residuals = tuple(replace(r, whiteness_p=0.0) for r in worst.residuals)
+    found = joined([said(3.0), replace(worst, residuals=residuals)])
+    assert [r.whiteness_p for r in found.residuals] == [0.0] * len(residuals)
+    (cause,) = found.causes
+    assert cause.evidence.p_value == 0.0
+
+
 def test_what_swings_is_asked_where_there_is_a_sign_of_it():
     kinds = [CATALOGUE[name] for name in (KEY, 'torque_sensor_bias', 'fuel_slosh')]
     asked, fits = [], iter([0.5, 0.5, 0.01, 0.5, 0.01, 0.5])

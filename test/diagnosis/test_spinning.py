@@ -76,6 +76,7 @@ def test_bias_scale_and_tilt_are_told_apart_by_spins_of_both_senses(box, rng):
 
     causes = {cause.applied.id: cause for cause in found.causes}
     assert found.verdict == 'partly_explained'
+    assert (found.method, found.fit_p) == ('spin', None)
     for axis, true in zip('xyz', BIAS, strict=True):
         value = causes['gyro_bias'].parameters[axis]
         assert abs(value.value - true) < max(4.0 * value.std, 3e-4)

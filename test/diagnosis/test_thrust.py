@@ -88,6 +88,7 @@ def test_a_right_platform_has_no_cause(platform, rng):
 
     assert found.verdict == 'consistent', found.sentence
     assert found.causes == ()
+    assert (found.method, found.fit_p) == ('pose', None)
 
 
 def test_dead_thruster_delay_and_a_table_that_is_not_level(platform, rng):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from ...effects.effect import Effect
 from ...types import Array
@@ -12,6 +13,9 @@ from ..events.event import Events
 from .cause import Cause, Estimated, Ranked
 
 VERDICTS = ('consistent', 'explained', 'partly_explained', 'unexplained')
+Method = Literal['prediction', 'balance', 'pose', 'spin']
+"""How data were held against the model: every sensor predicted sample by sample, torques balanced
+along the motion, or a lone body's windows of pose or of spin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +147,8 @@ class RecordingMisfit:
 class Gain:
     """Held-out prediction error, in standard deviations of the noise: 1 is perfect.
 
+    Where nobody knows the noise (methods `balance` and `pose`), in those of what is left.
+
     Args:
         before: Of the model as it stands. after: Of the extended model, fitted to the rest.
         placebo: Of the best placebo extension of the same size.
@@ -253,6 +259,7 @@ class Diagnosis:
         ratios: There, what holds for any scale of the torques, where none is measured.
         free_motion: There, how far joints without a motor are predicted (before, after).
         events: What came from outside once; None where that was not looked for.
+        method: How it was judged.
     """
 
     verdict: str
@@ -275,3 +282,4 @@ class Diagnosis:
     ratios: tuple[Ratio, ...] = ()
     free_motion: tuple[FreeMotion, ...] = ()
     events: Events | None = None
+    method: Method = 'prediction'

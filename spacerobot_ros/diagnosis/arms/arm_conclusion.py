@@ -101,6 +101,7 @@ def conclude_arm(
         orders=None if leftover is None else _orders(found),
         ratios=ratios(found, usual),
         free_motion=free_motion(found.fit.rows.balances, found.extended),
+        method='balance',
     )
     return with_events(diagnosis, found.events.events)
 
@@ -117,6 +118,7 @@ def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
         verdict='consistent' if events.named else 'unexplained',
         sentence=f'{still_words(balances)}, and nothing else is told.',
         series=series(channels, channels),
+        method='balance',
     )
     return with_events(answer, events)
 

@@ -117,7 +117,7 @@ def find_changes(
     kinds: Sequence[type[Effect]],
     report: Callable[[str, float], None],
 ) -> Changes:
-    """Changes that every part of the second group wants.
+    """Changes that parts of the second group want, none of them alone.
 
     Raises:
         RecordingError: recordings in which no joint moves.

@@ -82,6 +82,7 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
         ranking=tuple(_cause(means, means.fit((kind,)), kind).ranked for kind in KINDS),
         next_motion=(_NEXT,) if tilt is not None and tilt.is_tilted else (),
         notes=(*notes, f'judged by the spin that the magnetometer sees: {spans}', *tilted),
+        method='spin',
     )
 
 

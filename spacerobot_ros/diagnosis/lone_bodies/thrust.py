@@ -181,6 +181,7 @@ def diagnose_thrust(records: Sequence[Record], robot: Robot, notes: Sequence[str
             'thrust is told by mass and inertia of the file, of which only ratios to it are seen',
             _gains_in_words(names, best),
         ),
+        method='pose',
     )
 
 

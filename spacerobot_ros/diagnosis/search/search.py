@@ -1,11 +1,11 @@
 """Which effects the data want: forward selection over the whole catalogue, with second thoughts.
 
-Each round scores every candidate beside the causes chosen so far, and asks each fifth of the
-record whether it agrees with the estimate from the other four. Columns hold for small effects
-only: the best few are fitted as they really are before one is chosen; a chosen cause is dropped
-when later ones make it superfluous, and exchanged when another one now does better in its place.
-Several that are obvious, each as large as the errors of the others' columns, are taken together.
-What is no cause by its own tests gives way to its rivals, where the model does not fit without.
+Each round scores every candidate beside the causes chosen so far, also on fifths of the record by
+estimates from the other four. Columns hold for small effects only: the best few are fitted as
+they really are before one is chosen; a chosen cause is dropped when later ones make it
+superfluous, and exchanged when another one now does better in its place. Several that are
+obvious, each as large as the errors of the others' columns, are taken together. What is no cause
+by its own tests gives way to its rivals, where the model does not fit without.
 """
 
 from __future__ import annotations
