@@ -13,7 +13,7 @@ from ..effects.effect import Effect
 from ..errors import RecordingError
 from ..recording.record import Record
 from .answer.result import Diagnosis, Series
-from .limits import SUSPICIOUS
+from .limits import BUDGETED, SUSPICIOUS
 from .pieces_conclusion import combined
 
 _PER_SAMPLE = 2500.0
@@ -23,7 +23,6 @@ MOST_MEMORY = 4e9  # bytes; a record that needs more is taken in pieces
 PIECE_MEMORY = 7e8
 """Of each, so that all of it stays below 2 GB: of two hours of seven joints the record alone, and
 what is loaded, are 0.8 GB, and a piece may need 0.9."""
-_SHORTEST = 20.0  # s, `limits.BUDGETED`: a shorter one tells too little
 _SHOWN = 20_000  # samples of a channel that plots keep
 
 
@@ -32,14 +31,17 @@ Judge = Callable[[Record, Sequence[type[Effect]]], Diagnosis]
 
 
 def pieces_of(record: Record) -> list[Record]:
-    """A record in parts of equal length; itself where that fits into memory."""
+    """A record in parts of equal length; itself where that fits into memory.
+
+    None is shorter than `BUDGETED`, which would tell too little.
+    """
     if record.joints is None:
         return [record]
     need = _PER_SAMPLE * len(record.joint_time) * record.q.shape[1] ** 2
     if need <= MOST_MEMORY:
         return [record]
     start, end = record.span
-    count = max(1, min(math.ceil(need / PIECE_MEMORY), math.floor((end - start) / _SHORTEST)))
+    count = max(1, min(math.ceil(need / PIECE_MEMORY), math.floor((end - start) / BUDGETED)))
     if count == 1:
         return [record]
     edges = np.linspace(start, end, count + 1)

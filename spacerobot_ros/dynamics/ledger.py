@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from ..types import Vector3
 
+LEDGER_PERIOD = 0.1  # s between two looks at it
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MomentumLedger:

@@ -24,7 +24,7 @@ _FLOOR = {
 }
 _UNIFORM = float(np.sqrt(12.0))  # step of a scale by standard deviation of its rounding
 _WHOLE = 0.05  # of a step, off a whole number: steps that were rounded again, for a file
-_DISAGREEMENT = 1.5  # factor between statement and data from which on the data count
+DISAGREEMENT = 1.5  # factor between statement and data from which on the data count
 
 
 def noise_levels(
@@ -59,7 +59,7 @@ def noise_levels(
         level = max((seen if stated is None else stated) or 0.0, _least(name, values))
         if stated is None and values is not None and values.size:
             notes.append(f'{name}_std is not stated; estimated from the data: {level:.3g}')
-        elif name != 'joint_effort' and stated and seen > _DISAGREEMENT * stated:
+        elif name != 'joint_effort' and stated and seen > DISAGREEMENT * stated:
             level = max(level, seen)
             notes.append(
                 f'{name}: the data are noisier than stated, {seen:.3g} against {stated:.3g}; '

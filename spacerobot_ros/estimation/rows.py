@@ -19,7 +19,8 @@ from ..model.robot import Robot
 from ..types import Array, IntArray
 from .trajectory.reference import Kinematics
 
-_FOLDS = 5
+BLOCKS = 5
+"""Equal parts of a record, each of which is predicted from the others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,6 +135,6 @@ class Rows(MotionModel, Protocol):
 
 def blocks(row_times: Array) -> list[slice]:
     """Rows of equal parts of the record, each of which is predicted from the others."""
-    inner = np.linspace(row_times[0], row_times[-1], _FOLDS + 1)[1:-1]
+    inner = np.linspace(row_times[0], row_times[-1], BLOCKS + 1)[1:-1]
     ends: Sequence[int] = np.searchsorted(row_times, inner).tolist()
     return [slice(a, b) for a, b in pairwise([0, *ends, len(row_times)])]

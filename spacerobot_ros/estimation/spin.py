@@ -22,7 +22,7 @@ from ..recording.record import Record
 from ..types import Array, Vector3
 
 LONGEST = 180.0  # s; in a low orbit the field turns by 20 deg meanwhile
-_TURNS, _SAMPLES = 1.5, 30  # at least, in a window
+TURNS, _SAMPLES = 1.5, 30  # at least, in a window
 _PAUSE = 4.0  # periods of the gyro
 _RANGE = (0.6, 1.6)  # of the rate that the gyro says: bias and scale may be that wrong
 _SEEN = 0.5  # share of the field's variation that the spin must explain
@@ -69,7 +69,7 @@ def _windows(number: int, record: Record) -> list[SpinWindow]:
             rate: float = float(np.linalg.norm(np.mean(omega[piece], axis=0)))
             turns = rate * (end - start) / (2.0 * math.pi)
             fewest = min(len(piece), int(np.sum(inside)))
-            if fewest < _SAMPLES or turns < _TURNS:
+            if fewest < _SAMPLES or turns < TURNS:
                 continue
             spin = _spin(at[inside], field[inside], rate)
             if spin is not None:
@@ -104,15 +104,25 @@ def _fit(t: Array, field: Array, w: float) -> tuple[Array, Array]:
     return design @ coefficients, coefficients
 
 
-def nutation(windows: Sequence[SpinWindow], least: float = 0.02) -> tuple[float, float, float]:
-    """Line of the gyro at a share of the spin that all windows have in common.
+@dataclass(frozen=True, slots=True)
+class Nutation:
+    """A line of the gyro at a share of the spin that all windows have in common.
 
-    kappa |w| is the rate at which the axis nutates in the body; amplitude and phase are each
-    window's own.
-
-    Returns:
-        kappa, its standard deviation, and the gain in log likelihood; kappa is looked for up to 1.
+    Args:
+        share: kappa; kappa |w| is the rate at which the axis nutates in the body.
+        std: Its standard deviation.
+        gain: In log likelihood.
+        trials: Shares that were tried.
     """
+
+    share: float
+    std: float
+    gain: float
+    trials: int
+
+
+def nutation(windows: Sequence[SpinWindow], least: float = 0.02) -> Nutation:
+    """The clearest line, from the least share to 1; amplitude and phase are each window's own."""
     signals = []
     for window in windows:
         across = window.gyro - window.mean
@@ -139,4 +149,4 @@ def nutation(windows: Sequence[SpinWindow], least: float = 0.02) -> tuple[float,
     kappa = float(minimize_scalar(lambda k: -gain(k), bounds=ends, method='bounded').x)
     d = 0.2 * step
     bend = (2.0 * gain(kappa) - gain(kappa + d) - gain(kappa - d)) / d**2
-    return kappa, 1.0 / math.sqrt(max(bend, 1e-300)), gain(kappa)
+    return Nutation(kappa, 1.0 / math.sqrt(max(bend, 1e-300)), gain(kappa), len(grid))

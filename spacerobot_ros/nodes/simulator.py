@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
+from ..dynamics.ledger import LEDGER_PERIOD
 from ..errors import SimulationDivergedError
 from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
@@ -31,7 +32,6 @@ from .commands import Answer, HeldCommands
 from .pace import Pace
 from .simulator_topics import SimulatorTopics
 
-LEDGER_PERIOD = 0.1
 POLL_PERIOD = 0.05
 RESEND_PERIOD_NS = 1_000_000_000
 NEWS_DELAY_NS = 200_000_000

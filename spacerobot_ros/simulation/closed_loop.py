@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from ..control.loop import Command, ControlLoop
+from ..dynamics.ledger import LEDGER_PERIOD
 from ..dynamics.state import State
 from ..errors import ConfigurationError
 from ..identification.estimate import Estimate
@@ -134,9 +135,6 @@ class ClosedLoop:
             if command.base is not None:
                 self._wrench = np.concatenate([np.zeros(3), command.base])
         return Step(stamp, state, measured, command)
-
-
-LEDGER_PERIOD = 0.1  # s
 
 
 @dataclass(frozen=True, slots=True)

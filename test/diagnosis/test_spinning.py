@@ -63,10 +63,10 @@ def test_the_magnetometer_tells_rate_axis_and_sense(rng):
 
 
 def test_nutation_is_found_as_a_share_of_the_spin(rng):
-    kappa, std, gain = nutation(spin_windows([spun(rng, 0.6), spun(rng, -0.45)]))
+    line = nutation(spin_windows([spun(rng, 0.6), spun(rng, -0.45)]))
 
-    assert abs(kappa - KAPPA) < max(4.0 * std, 1e-3)
-    assert gain > 500.0
+    assert abs(line.share - KAPPA) < max(4.0 * line.std, 1e-3)
+    assert line.gain > 500.0
 
 
 def test_bias_scale_and_tilt_are_told_apart_by_spins_of_both_senses(box, rng):

@@ -15,12 +15,12 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance
 from ...estimation.balance.leftover import JointRows, KalmanGains
 from ...estimation.inference.spectral_terms import SpectralTerms, cosines
+from ...estimation.rows import BLOCKS
 from ...types import Array, IntArray
 from .discovery_limits import ONE_SPEED
 from .possible_laws import Extent, Law, joint_laws
 from .time_sines import SWEEPS, time_sines
 
-FIFTHS = 5
 _HIGHEST = 2.0  # Hz, of sines of the time: half the band
 _SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
 PARTLY_SEEN = 'joint_torque_ripple'
@@ -135,7 +135,7 @@ class JointChannel:
         recording = self.motions.rows.recording[self.rows.block]
         if len(np.unique(recording)) > 1:
             return np.unique(recording, return_inverse=True)[1]
-        return np.arange(len(recording)) * FIFTHS // len(recording)
+        return np.arange(len(recording)) * BLOCKS // len(recording)
 
     @cached_property
     def laws(self) -> Sequence[Law]:

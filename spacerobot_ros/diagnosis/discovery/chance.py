@@ -20,9 +20,9 @@ import numpy as np
 from ...estimation.inference.spectral_terms import cosines, rows_of
 from ...types import Array
 
-FLIPS = 500
-_BLOCKS = 40
-_SEED = 13
+FLIPS = 500  # of which the rarest tenth tells its slope to 1/sqrt(50), 14 %
+_BLOCKS = 40  # in time: of 40 s a second each, over which noise that grows with the rate varies
+_SEED = 13  # any serves
 _RARE = 0.1
 
 Statistic = Callable[[Array], Array]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ..limits import EQUIVALENT
+
 CHANCE = 0.01
 """Probability below which a law is no chance, of one search or of those of all joints together:
 one machine of 100 may have one that is (asked)."""
@@ -14,7 +16,7 @@ at most (docs/discovery.md)."""
 LEFT = 0.05
 """Share of a column's square that free causes and chosen laws must leave of it: less is theirs."""
 
-DEAD_HEAT = 6.0
+DEAD_HEAT = EQUIVALENT
 """Gap in nats within which two laws are not told apart, as between causes (`EQUIVALENT`)."""
 
 UNSETTLED = 0.05

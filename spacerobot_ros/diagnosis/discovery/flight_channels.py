@@ -26,9 +26,10 @@ from ...estimation.columns import candidate_at
 from ...estimation.filters.prediction_rows import LABELS
 from ...estimation.fit import Fit
 from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
+from ...estimation.rows import BLOCKS
 from ...estimation.unknowns.response import Response
 from ...types import Array, IntArray
-from .arm_channels import FIFTHS, is_one_speed
+from .arm_channels import is_one_speed
 from .possible_laws import (
     Extent,
     Law,
@@ -241,7 +242,7 @@ class FlightChannel:
     def part(self) -> IntArray:
         """(R,) fifth of each row."""
         count = len(self.times)
-        return np.arange(count) * FIFTHS // count
+        return np.arange(count) * BLOCKS // count
 
     @cached_property
     def terms(self) -> SpectralTerms:

@@ -11,12 +11,12 @@ import numpy as np
 from ...effects.effect import Effect
 from ...estimation.balance.balance import Balance, balance_of
 from ...estimation.inference.placebo import held_out_gain
+from ...estimation.rows import BLOCKS
 from ...estimation.trajectory.observations import observed
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
 from ..answer.result import Leftover
-from .arm_channels import FIFTHS
 from .discovery_limits import BEYOND_PLACEBO
 
 _WIDE = 1e3  # times a law that its placebos may be
@@ -59,7 +59,7 @@ def _judged(entry: Leftover, left: Array, own: Array, times: Array) -> Leftover:
         return entry
     square = float(left @ left)
     share = 1.0 - float(np.sum((left - own) ** 2)) / square
-    ends = np.linspace(0, len(left), FIFTHS + 1).astype(int).tolist()
+    ends = np.linspace(0, len(left), BLOCKS + 1).astype(int).tolist()
     blocks = [slice(a, b) for a, b in pairwise(ends)]
     placebo = held_out_gain(own[:, None], left, np.array([_WIDE]), blocks, times) / square
     holds = share > placebo + BEYOND_PLACEBO

@@ -11,6 +11,10 @@ FALSE_PER_HOUR = 1.0
 LISTED = 5.0
 """z from which something is listed: white noise on seven joints exceeds it once in four hours."""
 
+QUIET, QUIET_SIZE = 0.3, 0.385
+"""A quantile of |z| of all times that events on 40 % of a record leave alone, and its value in
+white noise."""
+
 SUSPECTED = 3.5
 """z from which something is left out until the level of the rest is known. Four pushes in five
 seconds of motion reach 3 to 8 beside a level that has them, 7 to 15 beside one without; of white

@@ -15,13 +15,12 @@ import numpy as np
 
 from ...estimation.fit import Fit
 from ...types import Array
-from .event_limits import KEPT_STEP, LISTED_STEP, STEADY
+from .event_limits import KEPT_STEP, LISTED_STEP, QUIET, STEADY
 from .impulse_fit import LONGEST, Impulse, ImpulseFit
 from .impulse_sizes import DURATIONS, ImpulseSizes
 from .impulse_split import apart, split, times_of
 
 _MOST = 20  # impulses of a record
-_QUANTILE = 0.3  # of z of all times, which few events leave alone
 _CLEAR = 4.0  # deviations of draws of white noise, beyond which a scatter is none of it
 _ROUNDS = 4
 _SHARE = 0.3  # of a record that events may take, as their level is that of all other times
@@ -134,7 +133,7 @@ class ImpulseScan:
         """
         for duration, sizes in self._sizes.beside(best, with_noise=True).items():
             if np.any(sizes[0]):
-                own, *white = (np.log(np.quantile(z[z > 0.0], _QUANTILE)) for z in sizes)
+                own, *white = (np.log(np.quantile(z[z > 0.0], QUIET)) for z in sizes)
                 beyond = float(own - np.mean(white))
                 is_clear = beyond > _CLEAR * np.std(white)
                 self.colours[duration] = float(np.exp(max(0.0, beyond) * is_clear))

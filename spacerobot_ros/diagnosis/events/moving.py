@@ -17,7 +17,7 @@ import numpy as np
 from ...estimation.balance.arm_rows import ArmRows
 from ...types import Array, BoolArray
 from .contact import Pulse, overlap
-from .event_limits import LISTED, NAMED, ROOM, SNR, SUSPECTED
+from .event_limits import LISTED, NAMED, QUIET, QUIET_SIZE, ROOM, SNR, SUSPECTED
 from .joint_scan import SPREAD, Pulses, bells
 from .scan import Filtered, PulseScan
 from .scatter import scales as scatter_scales
@@ -25,8 +25,6 @@ from .scatter import scales as scatter_scales
 DURATIONS = (0.3, 0.6, 1.2, 2.4, 4.8)
 """Of the templates of a scan [s]; a bell half or twice as long still gives 94 % of its z."""
 _PASSES = 3
-_QUANTILE, _OF_NOISE = 0.3, 0.385
-"""A quantile of |z| that events on 40 % of a record leave alone, and its value in white noise."""
 _GUESS = 0.03  # of a joint's torque, for a first look
 _EDGES = (0.5, 0.25, 0.1)
 _SHORTEST, _LONGEST = 0.25, 10.0  # s
@@ -160,7 +158,7 @@ def _usual(stds: Array) -> float:
 def _colour(z: Sequence[Array]) -> float:
     seen = np.abs(np.concatenate(z))
     seen = seen[seen > 0.0]
-    return max(1.0, float(np.quantile(seen, _QUANTILE)) / _OF_NOISE) if len(seen) else 1.0
+    return max(1.0, float(np.quantile(seen, QUIET)) / QUIET_SIZE) if len(seen) else 1.0
 
 
 def _pulse(j: int, run: int, shapes: Pulses, found: Filtered, k: int, colour: float) -> Pulse:

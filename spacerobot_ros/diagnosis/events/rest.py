@@ -24,6 +24,7 @@ from ...types import Array, BoolArray
 from .contact import Pulse, are_in_line, event_of, overlap
 from .event import EventLimit, Events, PossibleEvent
 from .event_limits import FRICTION_SHARE, LISTED, REST_SHARE, SNR
+from .moving import DURATIONS
 from .scan import PulseScan
 
 _SHORTEST = 0.15  # s beyond the bound
@@ -36,7 +37,6 @@ _FELT = 1.0  # Coulomb torques that a joint must change by to feel it
 _EDGE = 0.25  # of its duration: a push that is held
 _LAG = 0.1  # s between samples whose differences are noise
 _LARGE = 0.4  # of the largest deviation: what is listed where nobody knows the friction
-_DURATIONS = (0.3, 0.6, 1.2, 2.4, 4.8)  # s, of which limits tell
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -260,11 +260,11 @@ def _felt(robot: Robot, first: Pulse, stretches: Sequence[Rest]) -> list[Pulse]:
 def _limit(rest: Rest, unit: str) -> EventLimit:
     """From where on friction, which may turn from -T to T, leaves enough of a push long enough."""
     needed = (2.0 + REST_SHARE) * float(np.median(rest.bound))
-    shares = np.cos(0.5 * np.pi * _SHORTEST / np.array(_DURATIONS)) ** 2
+    shares = np.cos(0.5 * np.pi * _SHORTEST / np.array(DURATIONS)) ** 2
     peaks = tuple((needed / shares).tolist())
     return EventLimit(
-        duration=_DURATIONS[0],
-        durations=_DURATIONS,
+        duration=DURATIONS[0],
+        durations=DURATIONS,
         peaks=peaks,
         unit=unit,
         snr=peaks[0] / float(np.median(rest.bound)),

@@ -22,13 +22,12 @@ from ...model.robot import Robot
 from ...types import Array
 from ..events.contact import place_of
 from ..events.event import Event
-from ..events.event_limits import LISTED, NAMED
+from ..events.event_limits import LISTED, NAMED, QUIET, QUIET_SIZE
 from .block_innovations import Block
 from .probes import Probe
 
 _HISTORY, _FEWEST = 300, 20  # parts by which the usual scatter is known
-_QUANTILE, _OF_JOINT, _OF_BASE = 0.3, 0.385, 1.19
-"""A quantile of the size of one axis, and of three together, and its values in white noise."""
+_QUIET_BASE = 1.19  # as `QUIET_SIZE`, of three axes together
 _NOW, _QUIET = 2, 0.5  # newest parts without a torque, for as long [s]: an event is over
 _SHAPE = 1.0 / 3.0  # of a bell's square that a constant torque leaves: no sign of other torques
 _LEAST = 1e-6  # of a sensor's square, below which its error is not seen
@@ -151,9 +150,9 @@ class EventWatch:
         """(W, 1 + n) by how much sizes scatter more than in white noise; None: not known yet."""
         if len(self._usual) < _FEWEST:
             return None
-        low = np.nanquantile(np.stack(self._usual), _QUANTILE, axis=0)
-        low[:, :1] /= _OF_BASE
-        low[:, 1:] /= _OF_JOINT
+        low = np.nanquantile(np.stack(self._usual), QUIET, axis=0)
+        low[:, :1] /= _QUIET_BASE
+        low[:, 1:] /= QUIET_SIZE
         return np.asarray(np.fmax(low, 1.0))
 
     def _sensor_gain(self) -> float:

@@ -19,6 +19,7 @@ from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...model.settings import MonitorSettings
 from ...recording.buffer import WHEELS, SampleBuffer
+from ...recording.faults.thresholds import FEWEST_SAMPLES
 from ...recording.messages import vector
 from ...recording.record import Record
 from ...recording.robot_inputs import own_wheels
@@ -36,7 +37,6 @@ from .wheel_momentum import Momentum
 
 _LATENESS_NS = 100_000_000  # by which a sample may come behind newer ones
 _GAP_NS = 2_000_000_000  # without joints, after which the state is found anew
-_FEWEST_TO_LEARN = 50
 _NO_TORQUE = 10.0  # effort limits; neither a collision nor a current at its peak goes so far
 _UNUSABLE = (SpaceRobotError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 _PART, _WATCHED = 0.25, 5  # s between looks for events, and newest parts in which one may begin
@@ -247,7 +247,7 @@ class Monitor:
             return False
         self._tried_ns = end_ns
         record = self._observe(first_ns, end_ns)
-        if record is None or len(record.joint_time) < _FEWEST_TO_LEARN:
+        if record is None or len(record.joint_time) < FEWEST_SAMPLES:
             begun_ns = self.samples.streams['joints'].after(end_ns)
             if begun_ns is not None:
                 self._skip(begun_ns, 'too few samples of the sensors to learn from')

@@ -21,6 +21,7 @@ from ...types import Array
 CONTEXT_NS = 300_000_000
 """On either side of what is judged, for the reference [ns]."""
 _FEWEST_JOINTS, _FEWEST_RATES, _FEWEST_ATTITUDES = 12, 8, 4
+"""Samples of a stretch below which it is not judged, or a sensor says nothing of it."""
 _LONGEST_GAP, _LOST_IN_A_ROW = 0.1, 4.0
 """Time [s], and usual intervals, without joints or gyro that the reference bridges: its knots are
 0.05 s apart or more, and over two of them nothing holds it. Nonsense there is no fault."""

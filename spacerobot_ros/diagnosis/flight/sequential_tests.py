@@ -24,7 +24,7 @@ from ...types import Array
 from .block_innovations import Block
 from .probes import Probe
 
-_SHIFT, _WIDE, _LOUD = 1.0, 3.0, 1.5
+_SHIFT, _WIDE, _LOUD = 1.0, 3.0, 1.5  # alternatives, see above; whichever, no false alarm more
 _LARGEST = 25.0  # of a squared innovation in the test of a channel's noise: one glitch is no alarm
 _SEEN = 1e-6  # (sigma per SI unit)^2 below which a probe's error is not seen at all
 _CLEARED = 0.5  # of the threshold, below which an alarm may end

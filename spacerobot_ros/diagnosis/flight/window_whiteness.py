@@ -16,8 +16,8 @@ from ...types import Array
 from .block_innovations import Block
 from .probes import Probe
 
-_FEWEST = 100
-_SMALLEST = 1e-300
+_FEWEST = 100  # samples of a window in which structure is looked for
+_SMALLEST = 1e-300  # p-value whose logarithm is finite
 
 
 @dataclass(frozen=True, slots=True, eq=False)

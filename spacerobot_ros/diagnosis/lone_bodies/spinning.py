@@ -16,7 +16,7 @@ import numpy as np
 from ...effects.catalogue import CATALOGUE
 from ...errors import RecordingError
 from ...estimation.inference.evidence import chi_square_tail
-from ...estimation.spin import LONGEST, SpinWindow, nutation, spin_windows
+from ...estimation.spin import LONGEST, TURNS, SpinWindow, nutation, spin_windows
 from ...formats import counted
 from ...model.robot import Robot
 from ...recording.record import Record
@@ -55,7 +55,8 @@ def diagnose_spin(records: Sequence[Record], robot: Robot, notes: Sequence[str])
         raise RecordingError(
             records[0].source,
             f'{counted(len(windows), "window")} in which the magnetometer sees the body spin, at '
-            f'least {_FEWEST} of 1.5 turns are needed: without an attitude nothing else is judged',
+            f'least {_FEWEST} of {TURNS:g} turns are needed: without an attitude nothing else is '
+            'judged',
         )
     means = SpinMeans(windows, robot)
     rows = 3 * len(windows)
@@ -120,10 +121,9 @@ def _tilt(
         if kind == 'gyro_bias':
             bias['xyz'.index(name)] = value
     gyro = np.array([w.mean for w in windows]) - bias
-    trials, windows_count = 1.0 / 0.01, len(windows)
-    kappa, std, gain = nutation(windows)
-    is_line = chi_square_tail(2.0 * gain, 2 * windows_count) * trials < FALSE_ALARMS
-    return tilt_of(means.seen, gyro, (kappa, std) if is_line else None, robot)
+    line = nutation(windows)
+    is_line = chi_square_tail(2.0 * line.gain, 2 * len(windows)) * line.trials < FALSE_ALARMS
+    return tilt_of(means.seen, gyro, (line.share, line.std) if is_line else None, robot)
 
 
 def _cause(means: SpinMeans, fit: MeanFit, kind: str) -> Cause:

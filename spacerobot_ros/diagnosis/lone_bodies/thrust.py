@@ -28,7 +28,7 @@ from ..limits import FALSE_ALARMS
 from .lone_causes import cause_of, evidence_of
 
 _DELAYS = np.linspace(0.0, 0.5, 26)  # s; tried
-_PARTS = 10
+_PARTS = 10  # of the windows, each left out once
 _FEWEST = 20  # windows: two a part
 
 

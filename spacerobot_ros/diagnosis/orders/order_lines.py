@@ -18,6 +18,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from ...types import Array, BoolArray
+from ..limits import EQUIVALENT
 from .order_spectrum import OrderSpectrum, fitted, power
 
 BAND = (6.0, 0.45)  # Hz; of the rate of the samples
@@ -29,7 +30,6 @@ _MOST, _LESSER = 3, 0.2  # lines against an angle; of the highest
 _SKIRT, _SKIRT_SHARE = 2.0, 0.02  # of the resolution; of the order: lines that are one
 _SLOW = 0.3  # of the usual speed, which has the Nyquist order
 _SMOOTH = 31  # lines of a spectrum, over which its level is taken
-_TIMED = 6.0  # nats ahead of the best sine of the time, as two causes are told apart
 _PADDED = 4  # times the samples: frequencies of these sines
 _TRIED = np.linspace(-1.0, 1.0, 11)  # of the spacing of orders, about the best one
 
@@ -113,7 +113,10 @@ class FastSignal:
 
 
 def lines_of(signal: FastSignal, turning: Turning) -> Iterator[Line]:
-    """The highest lines of a signal against an angle, where they are no chance and no hump."""
+    """The highest lines of a signal against an angle, where they are no chance and no hump.
+
+    Nor may a sine of the time explain as much: the two are told apart as two causes are.
+    """
     spectrum = turning.spectrum
     if spectrum is None or not len(spectrum.orders):
         return
@@ -129,7 +132,7 @@ def lines_of(signal: FastSignal, turning: Turning) -> Iterator[Line]:
         if line.p_value > _CHANCE or not is_sharp:
             return
         at = spectrum.seen(line.order)
-        if line.power > _power_by_time(np.where(at, white, 0.0)) + _TIMED:
+        if line.power > _power_by_time(np.where(at, white, 0.0)) + EQUIVALENT:
             yield line
         white[at] -= _of_phase(white[at], line.order * spectrum.angle[at])
         skirt = max(_SKIRT / turning.reach, _SKIRT_SHARE * line.order)

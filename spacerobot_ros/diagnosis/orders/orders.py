@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from ...recording.record import Record
 from ...types import Array, BoolArray
 from ..answer.result import Order
+from ..limits import EQUIVALENT
 from .order_lines import BAND, FEWEST, FastSignal, Line, Turning, lines_of, told_within
 
 _HIGHEST = 1000.0  # periods a turn
@@ -24,7 +25,6 @@ _HIGHEST_SLIDING = 2.0 * math.pi / 1e-3  # rad/m: threads of a millimetre
 _LEAST = 8.0  # periods a turn of a joint: fewer are slow enough for the balance
 _HOLE = 3.0  # times the usual step between samples
 _MOST = 3  # lines of a wheel
-_AHEAD = 6.0  # nats, of the same line against another wheel: as two causes are told apart
 _NEARLY = 0.8  # of what a line explains: two wheels that turn alike, but for noise of their rates
 _ONE = 0.02  # of its order: lines that are one
 
@@ -132,13 +132,13 @@ def _signals(
 
 
 def _told_apart(signal: FastSignal, turning: Mapping[str, Turning]) -> Iterator[tuple[str, Line]]:
-    """Lines of a signal with their wheels, but those that another wheel tells as well."""
+    """Lines of a signal with their wheels, but those that another wheel tells as two causes do."""
     for wheel, own in turning.items():
         others = [other for name, other in turning.items() if name != wheel]
         for line in lines_of(signal, own):
             rivals = [told_within(signal, own, line.order, other, _ONE) for other in others]
             most = max(rivals, default=0.0)
-            if line.power > most + _AHEAD and most < _NEARLY * line.power:
+            if line.power > most + EQUIVALENT and most < _NEARLY * line.power:
                 yield wheel, line
 
 

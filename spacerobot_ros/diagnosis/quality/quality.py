@@ -8,6 +8,7 @@ from typing import Any
 
 from ...effects.robot_file import RobotFile
 from ...errors import SpaceRobotError
+from ...estimation.noise_levels import DISAGREEMENT
 from ...formats import counted
 from ...recording.faults.check import data_faults
 from ...recording.record import Record
@@ -28,7 +29,6 @@ from .sampling import (
 _LOST = 0.01
 """Share of lost samples worth a word: as many as a filter of 100 samples' memory always holds."""
 _SATURATED = 1e-3  # share of samples; fewer are a spike
-_NOISIER = 1.5  # as `estimation.noise_levels`: from there on the data count
 _QUIETER = 3.0  # filtered before it was logged, or a data sheet that is too careful
 _LATE = 3.0  # standard deviations that a delay is from none
 _WALK = 2.0  # of the stated random walk
@@ -178,11 +178,11 @@ def _of_channels(channels: tuple[Reading, ...]) -> Iterator[str]:
         seen = f'{one.noise:.3g} {one.unit}, the robot file states {one.stated:.3g}'
         rounding = one.step / ROUNDING
         is_effort = one.channel.startswith('joint_effort')  # a controller makes it rough
-        if one.noise > _NOISIER * one.stated and not is_effort:
+        if one.noise > DISAGREEMENT * one.stated and not is_effort:
             yield f'{one.channel}: noise of {seen}'
         if one.noise < one.stated / _QUIETER:
             yield f'{one.channel}: noise of only {seen}: was it filtered?'
-        if rounding > _NOISIER * one.stated:
+        if rounding > DISAGREEMENT * one.stated:
             yield f'{one.channel}: its steps of {one.step:.3g} are coarser than the stated noise'
 
 

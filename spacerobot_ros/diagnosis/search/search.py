@@ -20,7 +20,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...estimation.columns import Candidate, candidates
 from ...estimation.fit import Fit
-from ...estimation.inference.evidence import Gram
+from ...estimation.inference.evidence import LEAST_PRECISION, Gram
 from ...estimation.inference.whiteness import spectral_lines
 from ...estimation.refit import refine
 from ...estimation.rows import blocks
@@ -46,7 +46,6 @@ from .soundness import soundness
 from .timing import better_timing, is_simple
 
 _BATCH = 32  # candidates whose columns are made at once: as many as fit into a processor's cache
-_TINY = 1e-12  # keeps a column without any effect from making the elimination singular
 
 
 class Search:
@@ -215,7 +214,7 @@ class Search:
         columns = fit.signatures.whitened([step for c in pool for step in c.small_steps])
         both = np.concatenate([fit.tangents, columns], axis=1)
         parts = [Gram.of(both[rows], fit.data[rows]) for rows in blocks(fit.rows.row_times)]
-        return Pool(tuple(pool), tuple(parts), len(fit.free), fit.precision + _TINY)
+        return Pool(tuple(pool), tuple(parts), len(fit.free), fit.precision + LEAST_PRECISION)
 
     def _more(
         self, fit: Fit, choices: Sequence[Choice], wanted: Sequence[Judged]

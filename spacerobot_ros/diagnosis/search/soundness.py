@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...estimation.fit import Fit
-from ...estimation.inference.evidence import Gram, Score, chi_square_tail, score
+from ...estimation.inference.evidence import LEAST_PRECISION, Gram, Score, chi_square_tail, score
 from ...estimation.inference.placebo import held_out_gain
 from ...estimation.rows import blocks
 from ...estimation.scaling import size_of
@@ -15,7 +15,6 @@ from ...types import Array
 from ..limits import EXACT, INCONSTANT
 
 _DRIFTS = 2  # cosines of the record's length: what changes faster is left to the test of fit
-_TINY = 1e-12  # keeps a column without any effect from making the elimination singular
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,7 @@ def drift_p(fit: Fit) -> float:
     phase = np.pi * (times - times[0]) / (times[-1] - times[0])
     columns = [fit.tangents * np.cos(k * phase)[:, None] for k in range(_DRIFTS + 1)]
     gram = Gram.of(np.concatenate(columns, axis=1), fit.data)
-    alone = gram.without(len(fit.free), fit.precision + _TINY)
+    alone = gram.without(len(fit.free), fit.precision + LEAST_PRECISION)
     found = _score(alone, np.tile(_sizes(fit), _DRIFTS))
     together = np.sum([fit.changed(i) for i in range(len(fit.causes))], axis=0)
     return found.p_value if found.gain > EXACT**2 * float(together @ together) else 1.0
@@ -76,7 +75,7 @@ def _constant_p(fit: Fit, index: int) -> float:
     total, dof = 0.0, 0.0
     for part in blocks(fit.rows.row_times):
         gram = Gram.of(fit.tangents[part][:, order], fit.data[part])
-        alone = gram.without(len(others), fit.precision[others] + _TINY)
+        alone = gram.without(len(others), fit.precision[others] + LEAST_PRECISION)
         found = _score(alone, _sizes(fit)[own])
         total, dof = total + found.gain, dof + found.dof
     return chi_square_tail(total, max(dof - len(own), 1.0))

@@ -22,14 +22,11 @@ from ...dynamics.compiling import compiled
 from ...model.robot import Robot
 from ...types import Array
 from ..joint import JointEffect
+from ..laws.hysteresis import SLIDING_ACCELERATION
 from ..motion import Motion
 from ..parameter import amount, searched
 
 _ELASTIC = 0.7  # b, as in Dupont et al.: no load below this share makes a joint creep
-_ACCELERATION = 5.0
-"""Acceleration [rad/s^2] with which a joint that starts from rest has the rate sqrt(2 * this * d)
-after the displacement d. Faster joints slide already, and z, which is stiff there, need not follow
-more than that rate to stay at 1."""
 
 
 class PreslidingFriction(JointEffect):
@@ -68,7 +65,7 @@ class PreslidingFriction(JointEffect):
     def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
         """Of the share z."""
         rate = motion.qd[:, [motion.column(self.where)]]
-        most = math.sqrt(2.0 * _ACCELERATION * self['displacement'])
+        most = math.sqrt(2.0 * SLIDING_ACCELERATION * self['displacement'])
         sliding = np.clip(rate, -most, most) * (1.0 - np.abs(hidden)) / (1.0 - _ELASTIC)
         is_elastic = (np.abs(hidden) <= _ELASTIC) | (hidden * rate <= 0.0)
         return np.asarray(np.where(is_elastic, rate, sliding) / self['displacement'])
@@ -80,7 +77,7 @@ class PreslidingFriction(JointEffect):
 
     def fastest(self, robot: Robot) -> float:
         """Of the joint on its contacts, or of contacts that begin to slide."""
-        sliding = math.sqrt(2.0 * _ACCELERATION / self['displacement']) / (1.0 - _ELASTIC)
+        sliding = math.sqrt(2.0 * SLIDING_ACCELERATION / self['displacement']) / (1.0 - _ELASTIC)
         return max(
             math.sqrt(self['torque'] * self.mobility(robot) / self['displacement']), sliding
         )

@@ -16,9 +16,10 @@ import numpy as np
 from ...dynamics.compiling import compiled
 from ...types import Array
 
-_ACCELERATION = 5.0
+SLIDING_ACCELERATION = 5.0
 """Acceleration [rad/s^2] with which a joint that starts from rest has the rate sqrt(2 * this * d)
-after the displacement d: faster ones slide already, and z need not follow more than that."""
+after the displacement d. Faster ones slide already, and a share, which is stiff there, need not
+follow more than that rate to stay at 1."""
 
 
 def followed(q: Array, displacement: float, *, is_dahl: bool, start: float = 0.0) -> Array:
@@ -43,11 +44,11 @@ def share_rate(rate: Array, share: Array, displacement: float, *, is_dahl: bool)
     if not is_dahl:
         slides = (np.abs(share) >= 1.0) & (share * rate > 0.0)
         return np.where(slides, 0.0, rate) / displacement
-    most = math.sqrt(2.0 * _ACCELERATION * displacement)
+    most = math.sqrt(2.0 * SLIDING_ACCELERATION * displacement)
     rate = np.clip(rate, -most, most)
     return (rate - share * np.abs(rate)) / displacement
 
 
 def fastest_share(displacement: float) -> float:
     """Fastest decay rate of the share [1/s]."""
-    return math.sqrt(2.0 * _ACCELERATION / displacement)
+    return math.sqrt(2.0 * SLIDING_ACCELERATION / displacement)

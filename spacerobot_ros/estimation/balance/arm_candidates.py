@@ -12,6 +12,7 @@ from ...effects.effect import Effect
 from ...model.robot import Robot
 from ...types import Array
 from ..columns import Candidate, candidate_at
+from .arm_priors import BODY_SIZE
 from .balance import Balance
 
 _PER_TURN = (1.0, 2.0)
@@ -26,8 +27,7 @@ _TOGETHER = 0.05  # of a recording, in which two joints must show what couples t
 _CLEARLY = 0.1  # of a rate, which the sum of two exceeds where its sign counts
 ZEROS = ('torque_sensor_bias', 'current_offset')
 """Of sensors, which may be set anew before each recording."""
-_MASS_SIZE, _LEAST_MASS, _STEP = 0.5, -0.95, 1e-4
-"""Of a link's mass: by how much a file may be wrong, as in `arm_priors`; the least there is."""
+_LEAST_MASS, _STEP = -0.95, 1e-4  # of a link's mass, added to it: the least there is
 _REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back
 
 
@@ -96,7 +96,7 @@ def wrong_masses(shared: Sequence[Candidate], balances: Sequence[Balance]) -> It
         body = robot.inertial_parameters[k]
         if body[0] > 0.0 and robot.joints[k - 1] not in robot.rate_only:
             for along in (body, _as_point(body)):
-                yield c.all_along(along, _MASS_SIZE, _LEAST_MASS, _STEP)
+                yield c.all_along(along, BODY_SIZE, _LEAST_MASS, _STEP)
 
 
 def _as_point(body: Array) -> Array:

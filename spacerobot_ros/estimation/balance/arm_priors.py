@@ -50,7 +50,9 @@ SHAPES = (
 """Laws of friction that are finer than a straight one."""
 FRICTION = (DRY, VISCOUS, *SHAPES)
 """Laws of the rates alone."""
-_BODY_TOLERANCE, _BODY_SIZE = 0.1, 0.5
+_BODY_TOLERANCE, BODY_SIZE = 0.1, 0.5
+"""Of a body's mass, and of that times its size: what any file is off by (docs/real_machines.md),
+and what one that is wrong may be off by."""
 RUN_TO_RUN = 0.05
 """Of a friction: by so much it differs from run to run of one machine, which a single recording
 can not show (docs/real_machines.md)."""
@@ -201,12 +203,12 @@ class Machine:
         gyration = float(np.sqrt(max(row[4] + row[6] + row[9], 0.0) / mass))
         own = _scales(mass, max(com, gyration, 0.2 * self.length))
         if where not in self.robot.last_links:
-            return _BODY_SIZE * own, _BODY_TOLERANCE * own
+            return BODY_SIZE * own, _BODY_TOLERANCE * own
         sizes = _scales(0.1 * self.mass, 0.3 * self.length)
         if self.robot.n_joints > 1:
-            sizes = np.maximum(sizes, _BODY_SIZE * own)
+            sizes = np.maximum(sizes, BODY_SIZE * own)
         elif self.robot.passive_joints:
-            sizes = np.maximum(sizes, _BODY_SIZE * own * _along(row[1:4]))
+            sizes = np.maximum(sizes, BODY_SIZE * own * _along(row[1:4]))
         # of a lone motor's it is a rotor's inertia, an encoder's zero, a scale of torques
         return sizes, NOTHING * sizes  # a load is there or not
 

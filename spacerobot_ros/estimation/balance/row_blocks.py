@@ -12,7 +12,7 @@ import numpy as np
 from ...types import IntArray
 from .balance import Balance
 
-_BLOCKS, _FEW = 4, 2
+_BLOCKS, _FEW = 4, 2  # of a recording, and of one too short for so many
 _LEAST_BLOCK = 4.0  # s of motion
 _MOMENT, _MOST = 4.0, 100  # periods of the band; of all recordings: more say the same
 

@@ -27,6 +27,7 @@ from scipy.special import chdtrc, fdtrc, fdtri
 
 from ...types import Array, IntArray
 
+LEAST_PRECISION = 1e-12  # added, so that a column without any effect can be eliminated
 _ROUNDING = 1e-9  # of a size: less is a zero, whose digits are of the file's units
 
 

@@ -18,10 +18,12 @@ from ..trajectory.time_base import CHANNELS, TimeBase
 from .evidence import chi_square_tail
 
 LOWEST_TERMS = (10, 40, 120)
+"""Cosine terms whose energy is asked, for errors of three kinds of slowness: that of few terms
+drowns in the energy of many."""
 _SKIPPED = 5  # first samples of each channel, where the state is still found
-_FEWEST = 40
+_FEWEST = 40  # samples of a channel that is asked
 _LINE = 1e-2  # p-value below which a line is worth a guess
-_APART, _MOST_LINES = 0.1, 3
+_APART, _MOST_LINES = 0.1, 3  # of its frequency; guesses, of which each costs a fit
 
 
 def whiteness(base: TimeBase, data: Array) -> tuple[float, tuple[ChannelFit, ...]]:

@@ -8,9 +8,8 @@ from dataclasses import replace
 from ...errors import RecordingError
 from ...formats import counted
 from ...model.robot import Robot
+from ...recording.faults.thresholds import FEWEST_SAMPLES
 from ...recording.record import Record
-
-_FEWEST_SAMPLES = 50
 
 
 def observed(record: Record, robot: Robot) -> Record:
@@ -22,10 +21,10 @@ def observed(record: Record, robot: Robot) -> Record:
     joints = record.joints
     if joints is None:
         raise RecordingError('/joint_states', 'is missing: without joints there is no motion')
-    if len(joints) < _FEWEST_SAMPLES:
+    if len(joints) < FEWEST_SAMPLES:
         raise RecordingError(
             '/joint_states',
-            f'has {counted(len(joints), "sample")}; a diagnosis needs {_FEWEST_SAMPLES} or more',
+            f'has {counted(len(joints), "sample")}; a diagnosis needs {FEWEST_SAMPLES} or more',
         )
     if not robot.is_free:
         return replace(record, zero_ns=record.origin_ns, rates=None, attitudes=None)
