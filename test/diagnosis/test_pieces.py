@@ -155,7 +155,7 @@ def test_an_arm_in_pieces_says_what_the_whole_says(tmp_path, monkeypatch):
     whole = diagnose(record, file.robot, file.effects, kinds)
     monkeypatch.setattr(long_records, 'MOST_MEMORY', 1e6)
     monkeypatch.setattr(long_records, 'PIECE_MEMORY', 8e6)
-    monkeypatch.setattr(long_records, '_SHORTEST', 8.0)
+    monkeypatch.setattr(long_records, 'BUDGETED', 8.0)
     found = diagnose(record, file.robot, file.effects, kinds)
     assert 'diagnosed in 3 pieces of 8 s each' in found.notes
     assert found.verdict == whole.verdict == 'explained'
