@@ -91,6 +91,10 @@ class Controller(ABC):
     def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay; none on the base (`ComputedTorque.damp`)."""
 
+    def expected(self, stamp_ns: int) -> Feedback | None:
+        """What the sample of a stamp will be by the equations of motion; None: nobody asked."""
+        return self._barrier.expected(stamp_ns)
+
     def _slowed(
         self, stamp_ns: int, sample: Feedback, u: Array, limits: Array, hold_ns: int
     ) -> tuple[Array, np.ndarray]:

@@ -190,7 +190,7 @@ class ControlLoop:
             MessageRejectedError: stamp not after the last one.
         """
         check_later(stamp_ns, self.rate_ns)
-        if self.screen.takes_rate(stamp_ns, omega_WB_B):
+        if self.screen.takes_rate(stamp_ns, omega_WB_B, self.controller.expected(stamp_ns)):
             self._base.rates.add(stamp_ns, self._faults.undo_rate(omega_WB_B))
 
     def add_attitude(self, stamp_ns: int, q_WB_xyzw: Quaternion) -> None:
@@ -218,7 +218,7 @@ class ControlLoop:
         self._is_new_time = False
         check_later(stamp_ns, self.joints_ns)
         self._limits.check_measured(q, qd)
-        q, qd = self.screen.joints(stamp_ns, q, qd)
+        q, qd = self.screen.joints(stamp_ns, q, qd, self.controller.expected(stamp_ns))
         q, qd, _ = self._faults.undo_joints(q, qd, np.zeros(self.n))
         if self._believed is None or self.screen.believes(stamp_ns):
             self._believed = stamp_ns, q, qd

@@ -7,7 +7,9 @@ come: what is left out of good samples makes a law swing with what stands in for
 that is doubted is believed once the next agrees with it: a blow or a turn of a tracker costs two
 samples. What wanders without sense passes once a machine could have come as far meanwhile (a rate
 that scatters by 0.3 rad/s after 16 samples at 100 Hz, median of 40 seeds), or at last, after 26,
-as the sensor's own noise: it is most of what is remembered.
+as the sensor's own noise: it is most of what is remembered. Where axes of an arm come into line
+rates turn within a period: a sample is believed that is at most half as far from what the
+equations of motion foretold as from the line, and faults no larger than that turn pass with it.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from ..model.control_settings import ControllerSettings
 from ..model.robot_settings import SensorSettings
 from ..recording.faults.neighbours import NORMAL
 from ..types import Array, Quaternion, Vector3
-from .command import NS
+from .command import NS, Feedback
 
 _REMEMBERED = 50  # errors, by whose median magnitude noise is known where it is more than stated
 _CHANGES = 5
@@ -42,7 +44,7 @@ class ErrorScale:
     """
 
     def __init__(self, std: float) -> None:
-        self._std = std
+        self.stated = FURTHEST * std
         self._errors: deque[Array] = deque(maxlen=_REMEMBERED)
 
     def limit(self, error: Array, spread: float) -> Array | float:
@@ -54,14 +56,20 @@ class ErrorScale:
         """
         error = np.abs(error) / spread
         self._errors.append(error)
-        stated = FURTHEST * self._std
-        if not (error > stated).any():
-            return stated * spread
+        if not (error > self.stated).any():
+            return self.stated * spread
         with np.errstate(invalid='ignore', over='ignore'):
             usual = NORMAL * np.median(np.array(self._errors), axis=0)
-            limit = np.maximum(stated, FURTHEST * usual)
+            limit = np.maximum(self.stated, FURTHEST * usual)
         limit[limit == 0.0] = np.inf  # nothing stated, nothing seen
         return np.asarray(limit * spread)
+
+    def is_nearer(self, value: Array, foretold: Array | None, error: Array) -> bool:
+        """Whether values (m,) are as foretold, rather than off by an error (m,)."""
+        if foretold is None:
+            return False
+        near, far = (np.max(np.abs(x), initial=0.0) for x in (value - foretold, error))
+        return bool(near <= max(0.5 * far, self.stated))
 
 
 class Doubt(NamedTuple):
@@ -97,12 +105,12 @@ class RateGate:
         (t0, x0), (t1, x1) = self._last
         return np.asarray(x1 + (x1 - x0) * ((time - t1) / (t1 - t0)))
 
-    def is_doubtful(self, time: float, rate: Array) -> bool:
+    def is_doubtful(self, time: float, rate: Array, foretold: Array | None = None) -> bool:
         """Whether a rate at a time [s], later than all before, contradicts them."""
-        off, is_repeated = self.look(time, rate)
+        off, is_repeated = self.look(time, rate, foretold)
         return off is not None and not is_repeated
 
-    def look(self, time: float, rate: Array) -> Doubt:
+    def look(self, time: float, rate: Array, foretold: Array | None = None) -> Doubt:
         """Compare a rate at a time [s], later than all before, with them."""
         doubted, self._doubted = self._doubted, None
         if len(self._last) < 2:
@@ -117,6 +125,8 @@ class RateGate:
             return Doubt()
         off = np.where(is_within, 0.0, error)
         self._doubted = rate, error
+        if self._scale.is_nearer(rate, foretold, error):
+            return Doubt()
         if doubted is None:
             return Doubt(off)
         half = 0.5 * doubted[1]  # a jump stays as it is, a slope that sets in adds as much again
@@ -180,16 +190,17 @@ class JointGate:
         """Time since the last sample that was believed [s]."""
         return 0.0 if self._last is None else time - self._last[0]
 
-    def is_doubtful(self, time: float, q: Array, qd: Array) -> bool:
+    def is_doubtful(self, time: float, q: Array, qd: Array, foretold: Feedback | None) -> bool:
         """Whether a sample q (n,), qd (n,) at a time [s] contradicts those before."""
         last, doubted = self._last, self._doubted
         is_far = self._is_stuck(time, q, qd)
-        off, is_repeated = self._rates.look(time, qd)
+        soon = (None, None) if foretold is None else (foretold.q, foretold.qd)
+        off, is_repeated = self._rates.look(time, qd, soon[1])
         if last is not None:
             error = _position_error(last, time, q, qd)
             noise, half = self._scale.limit(error, math.sqrt(2.0)), 0.5 * (time - last[0])
             x, limit = np.abs(error), noise + half * self._rates.largest_change(time, qd)
-            goes_on = (x <= limit).all()
+            goes_on = (x <= limit).all() or self._scale.is_nearer(q, soon[0], error)
             if goes_on and off is not None:
                 y = np.abs(error + half * off)
                 is_real = y - x > _SURE * (noise / FURTHEST) ** 2 / (y + x + np.finfo(float).tiny)
@@ -283,12 +294,14 @@ class SampleScreen:
         self._joints = JointGate(std['joint_position'], std['joint_velocity'])
         self._rates, self._attitudes = RateGate(std['gyro']), AttitudeGate(std['attitude'])
 
-    def joints(self, stamp_ns: int, q: Array, qd: Array) -> tuple[Array, Array]:
+    def joints(
+        self, stamp_ns: int, q: Array, qd: Array, foretold: Feedback | None = None
+    ) -> tuple[Array, Array]:
         """Position and rate at a stamp: the measured ones, or what stands in for them."""
         time = stamp_ns * NS
         if self._is_after_pause('joints', time, self._timeout):
             self._joints = JointGate(self._std['joint_position'], self._std['joint_velocity'])
-        if not self._joints.is_doubtful(time, q, qd):
+        if not self._joints.is_doubtful(time, q, qd, foretold):
             return q, qd
         self.left_out['joints'] += 1
         return self._joints.stand_in(time, self._timeout)
@@ -301,12 +314,15 @@ class SampleScreen:
         """Whether no joint sample was believed for so long that nothing can stand in."""
         return self._joints.silence(stamp_ns * NS) > self._timeout
 
-    def takes_rate(self, stamp_ns: int, omega_WB_B: Vector3) -> bool:
+    def takes_rate(
+        self, stamp_ns: int, omega_WB_B: Vector3, foretold: Feedback | None = None
+    ) -> bool:
         """Whether a gyro sample is to be used."""
         time = stamp_ns * NS
         if self._is_after_pause('imu', time, self._timeout):
             self._rates = RateGate(self._std['gyro'])
-        if self._rates.is_doubtful(time, omega_WB_B):
+        soon = None if foretold is None else foretold.omega_WB_B
+        if self._rates.is_doubtful(time, omega_WB_B, soon):
             self.left_out['imu'] += 1
             return False
         self._rates.take(time, omega_WB_B)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from spacerobot_ros.control.command import Feedback
 from spacerobot_ros.control.sample_screen import ErrorScale, SampleScreen
 from spacerobot_ros.model.control_settings import ControllerSettings
 from spacerobot_ros.model.robot_settings import SensorSettings
@@ -87,6 +88,22 @@ def test_seldom_and_unsteady_samples_are_good_ones(rng, rate, lost):
             (q if k % 2 else qd)[k % 3] += 50.0
         gate.joints(round(1e9 + t * 1e9), q, qd)
     assert bad <= gate.left_out['joints'] <= bad + 2
+
+
+def test_what_was_foretold_is_believed_and_no_fault_is():
+    still, taken = np.zeros(2), []
+    for turn, fault in ((0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
+        gate = screen()
+        for k in range(20):
+            gate.joints(k * 10 * MS, still + 1e-7 * k, still)
+            gate.takes_rate(k * 10 * MS, np.zeros(3))
+        # the rate turns within the period, so that positions don't tell
+        rate, omega = np.array([turn, 0.0]), np.array([0.0, turn, 0.0])
+        foretold = Feedback(still, 1.1 * rate, 1.1 * omega, np.zeros(3))
+        measured = rate + np.array([0.0, fault])
+        taken.append(gate.joints(200 * MS, still, measured, foretold)[1] is measured)
+        taken.append(gate.takes_rate(200 * MS, omega + np.array([0.0, 0.0, fault]), foretold))
+    assert taken == [True, True, False, False, False, False]
 
 
 def test_an_encoder_that_stands_still_while_its_rate_moves_is_lost(rng):
