@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..dynamics.pseudo_inertia import pseudo_inertia
 from ..effects.catalogue import changed_robot
 from ..effects.effect import Effect
 from ..errors import ConfigurationError
 from ..model.robot import Robot
-from .inference.constrained import pseudo_inertia
 
 
 def is_possible(applied: Effect | Sequence[Effect], robot: Robot) -> bool:

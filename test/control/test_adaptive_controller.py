@@ -19,15 +19,14 @@ from spacerobot_ros.campaign.papers.adaptive_run import (
 )
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import LIMIT, AdaptiveSettings, Measured
-from spacerobot_ros.control.adaptive.pseudo_inertia import (
+from spacerobot_ros.control.adaptive.physical_consistency import (
     body_scales,
     is_physical,
     natural_step,
-    parameters_of,
     project,
-    pseudo_inertia,
 )
 from spacerobot_ros.dynamics.equations import Dynamics, without_translation
+from spacerobot_ros.dynamics.pseudo_inertia import parameters_of, pseudo_inertia
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError
 
 PERIOD = 0.05

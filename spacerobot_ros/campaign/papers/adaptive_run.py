@@ -14,10 +14,10 @@ import numpy as np
 
 from ...control.adaptive.controller import AdaptiveController
 from ...control.adaptive.law_signals import AdaptiveSettings, Measured, Target
-from ...control.adaptive.pseudo_inertia import parameters_of, pseudo_inertia
 from ...control.adaptive.regressors import Regressors, parameter_values
 from ...dynamics.equations import Dynamics
 from ...dynamics.integrate import hold_step
+from ...dynamics.pseudo_inertia import parameters_of, pseudo_inertia
 from ...dynamics.state import State
 from ...errors import SimulationDivergedError
 from ...model.robot import Robot

@@ -14,13 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...dynamics.blocks import BlockTree
+from ...dynamics.pseudo_inertia import INVERSE, pseudo_inertia
 from ...errors import IdentificationError
 from ...estimation.unknowns.minimal import minimal_set
 from ...identification.checked_file import digest, read_checked, run_down, write_checked
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...types import Array
-from .pseudo_inertia import INVERSE, body_scales, pseudo_inertia
+from .physical_consistency import body_scales
 from .regressors import parameter_names, parameter_values, wheel_links, with_parameters
 
 _SAMPLING_ERROR = 1e-4  # acceleration whose torque is taken as error of discretisation

@@ -4,7 +4,7 @@ r"""Most probable coefficients of several effects together, all within their bou
 
 for mu falling to nothing: an interior-point method on a convex problem, since a body's 4x4
 pseudo-inertia J is linear in its inertial parameters and they are those of a body where J is
-positive definite (Wensing, Kim and Slotine, IEEE RA-L 3 (2018)). Estimates that are clipped after
+positive definite (`dynamics/pseudo_inertia.py`, where it is P). Estimates that are clipped after
 an unbounded solve are no longer the most probable ones of anything.
 
 The least cost of a barrier mu is within mu times the number of bounds, a body's J being four, of
@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from ...dynamics.pseudo_inertia import BASIS, pseudo_inertia
 from ...types import Array, IntArray
 
 NEXT_TO_NOTHING = np.array([1e-6, 0.0, 0.0, 0.0, 1e-9, 0.0, 1e-9, 0.0, 0.0, 1e-9])
@@ -53,7 +54,7 @@ class PhysicalBody:
     @property
     def basis(self) -> Array:
         """(k, 4, 4) derivatives of the pseudo-inertia by the unknowns."""
-        return _BASIS[self.which]
+        return BASIS[self.which]
 
     @property
     def is_body(self) -> bool:
@@ -63,27 +64,6 @@ class PhysicalBody:
         except np.linalg.LinAlgError:
             return False
         return True
-
-
-def _basis() -> Array:
-    """(10, 4, 4) derivatives of J = [tr(I)/2 - I, m c; (m c)^T, m] by the parameters."""
-    out = np.zeros((10, 4, 4))
-    out[0, 3, 3] = 1.0
-    for k in range(3):
-        out[1 + k, k, 3] = out[1 + k, 3, k] = 1.0
-    for k, (a, b) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
-        out[4 + k, a, b] = out[4 + k, b, a] = -1.0
-        if a == b:
-            out[4 + k, :3, :3] += 0.5 * np.eye(3)
-    return out
-
-
-_BASIS = _basis()
-
-
-def pseudo_inertia(parameters: Array) -> Array:
-    """(..., 4, 4) of inertial parameters (..., 10); positive definite where they are a body's."""
-    return np.tensordot(parameters, _BASIS, 1)
 
 
 def _least(matrix: Array, right: Array) -> Array:
