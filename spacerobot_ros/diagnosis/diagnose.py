@@ -84,7 +84,7 @@ def diagnose(
         answer = diagnose_pieces(pieces, kinds, judge, report)
     else:
         answer = _diagnosed(every, robot, believed, kinds, report, loaded)
-    named = [(c.applied.id, c.applied.where) for c in (*answer.causes, *answer.minor)]
+    named = [c.applied.key for c in (*answer.causes, *answer.minor)]
     alike = unasked(robot, named, {kind.id for kind in kinds})
     lacking = (*unmeasured_inputs(believed, every), *unshared_extras(every))
     return replace(answer, notes=(*answer.notes, *alike, *lacking))

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.special import bdtrc
 
+from ..effects.effect import Key
 from ..estimation.inference.evidence import chi_square_tail
 from ..formats import counted
 from ..types import Array
@@ -30,8 +31,6 @@ from .events.event import Events
 from .limits import FALSE_ALARMS, MISFIT
 
 _GOOD = ('consistent', 'explained')
-Key = tuple[str, str | None]
-"""An effect and its place."""
 
 
 def combined(
@@ -58,7 +57,7 @@ def combined(
     if events is not None and events.named:
         words.append(counted(len(events.named), 'event'))
     verdict = _verdict(answers, bool(words))
-    where = [_place(_key(c), at, spans) for c, at in named if len(at) < len(answers)]
+    where = [_place(c.applied.key, at, spans) for c, at in named if len(at) < len(answers)]
     where += [f'{_place(key, at, spans)}: as many as by chance, not named' for key, at in rare]
     others = dict.fromkeys(note for answer in answers for note in answer.notes)
     return Diagnosis(
@@ -114,23 +113,19 @@ def _left_over(answers: Sequence[Diagnosis], spans: Sequence[tuple[float, float]
     return ''
 
 
-def _key(cause: Cause) -> Key:
-    return cause.applied.id, cause.applied.where
-
-
 def _by_count(causes: Iterable[Cause]) -> list[Key]:
     """Causes, those of most pieces first, then those of most evidence."""
     count: dict[Key, int] = {}
     gain: dict[Key, float] = {}
     for cause in causes:
-        key = _key(cause)
+        key = cause.applied.key
         count[key] = count.get(key, 0) + 1
         gain[key] = gain.get(key, 0.0) + float(np.nan_to_num(cause.evidence.bic_gain))
     return sorted(count, key=lambda key: (-count[key], -gain[key], str(key)))
 
 
 def _find(causes: Iterable[Cause], key: Key) -> list[Cause]:
-    return [cause for cause in causes if _key(cause) == key]
+    return [cause for cause in causes if cause.applied.key == key]
 
 
 def _found(causes: Iterable[Cause], key: Key) -> Cause:
@@ -197,7 +192,7 @@ def _evidence(each: Sequence[Evidence]) -> Evidence:
 
 def _rivals(same: Sequence[Cause]) -> tuple[Rival, ...]:
     """What no piece can tell from the cause, by how much worse it fits all of them."""
-    each = [{(r.effect, r.where): r for r in cause.rivals} for cause in same]
+    each = [{r.key: r for r in cause.rivals} for cause in same]
     common = [key for key in each[0] if all(key in one for one in each)]
     return tuple(
         replace(each[0][key], bic_gap=sum(one[key].bic_gap for one in each)) for key in common
@@ -261,7 +256,7 @@ def _ranking(answers: Sequence[Diagnosis]) -> tuple[Ranked, ...]:
     found: dict[Key, list[Ranked]] = {}
     for answer in answers:
         for ranked in answer.ranking:
-            found.setdefault((ranked.effect, ranked.where), []).append(ranked)
+            found.setdefault(ranked.key, []).append(ranked)
     whole = [same for same in found.values() if len(same) == len(answers)]
     out = [
         replace(

@@ -35,6 +35,9 @@ _HEAVY = 100.0  # kg, of all that moves
 Values = Mapping[str, float]
 """Parameter values by name."""
 
+Key = tuple[str, str | None]
+"""Id and place of an effect."""
+
 CHANNELS = ('joint_position', 'joint_velocity', 'joint_effort', 'gyro', 'attitude')
 """Sensor channels. Attitude values are small rotations of the true attitude on the base's side."""
 
@@ -104,6 +107,11 @@ class Effect:
     def __getitem__(self, parameter: str) -> float:
         """Value of a parameter."""
         return self.values[parameter]
+
+    @property
+    def key(self) -> Key:
+        """Its id and place."""
+        return self.id, self.where
 
     def is_of(self, recording: int) -> bool:
         """Whether it acts in a recording."""

@@ -8,9 +8,7 @@ import numpy as np
 
 from ..model.robot import Robot
 from .catalogue import CATALOGUE
-
-Key = tuple[str, str | None]
-"""An effect and its place."""
+from .effect import Key
 
 EQUIVALENTS: tuple[tuple[str, str, str], ...] = (
     ('torque_sensor_bias', 'joint_stiffness', 'a spring of no stiffness, k q0 kept'),

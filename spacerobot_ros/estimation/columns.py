@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects.effect import Effect
+from ..effects.effect import Effect, Key
 from ..effects.parameter import Parameter
 from ..model.robot import Robot
 from ..types import Array
@@ -55,7 +55,7 @@ class Candidate:
     along: Array | None = None
 
     @property
-    def key(self) -> tuple[str, str | None]:
+    def key(self) -> Key:
         """Effect and place."""
         return self.kind.id, self.where
 

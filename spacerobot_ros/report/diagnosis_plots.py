@@ -81,12 +81,12 @@ def _spectrum_panel(series: Series) -> Panel:
 
 def ranking_bars(diagnosis: Diagnosis) -> Bars:
     """Gains of the best single effects."""
-    named = {(c.applied.id, c.applied.where) for c in diagnosis.causes}
+    named = {c.applied.key for c in diagnosis.causes}
     ranked = [r for r in diagnosis.ranking[:RANKED] if r.log_likelihood_gain > 0.0]
     return Bars(
         [f'{r.effect}{at(r.where)}' for r in ranked],
         [2.0 * r.log_likelihood_gain for r in ranked],
-        [(r.effect, r.where) in named for r in ranked],
+        [r.key in named for r in ranked],
         'twice the gain in log likelihood',
     )
 

@@ -208,8 +208,8 @@ def minor_lines(causes: Sequence[Cause]) -> list[str]:
 
 def unnamed_lines(answer: Findings) -> list[str]:
     """What predicts without being clear, and corrections of the file within its tolerance."""
-    minor = [(c.applied.id, c.applied.where) for c in answer.diagnosis.minor]
-    rest = [e for e in answer.calibration if (e.id, e.where) not in minor]
+    minor = [c.applied.key for c in answer.diagnosis.minor]
+    rest = [e for e in answer.calibration if e.key not in minor]
     bodies = [str(e.where) for e in rest if e.id == 'inertial_parameters']
     lines = [
         f'{e.id}{at(e.where)}: {_applied(e, answer.file.robot)}'

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...effects.catalogue import CATALOGUE
-from ...effects.effect import Effect
+from ...effects.effect import Effect, Key
 from ...errors import ConfigurationError
 from ...estimation.fit import Fit
 from ...estimation.possible import is_physical
@@ -73,7 +73,7 @@ class Direction:
         )
 
 
-def places(robot: Robot) -> list[tuple[str, str | None]]:
+def places(robot: Robot) -> list[Key]:
     """Every effect that the diagnosis looks for, at every place."""
     return [
         (effect.id, where)

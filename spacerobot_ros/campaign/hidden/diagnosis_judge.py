@@ -10,8 +10,8 @@ import numpy as np
 
 from ...diagnosis.answer.cause import Estimated, Rival
 from ...effects.catalogue import CATALOGUE
-from ...effects.effect import Effect
-from ...effects.equivalents import EQUIVALENTS, Key, made_of
+from ...effects.effect import Effect, Key
+from ...effects.equivalents import EQUIVALENTS, made_of
 from ...effects.parameter import Parameter
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_of
 from ..description import grouped
@@ -43,7 +43,7 @@ def cause_record(
     }
 
 
-def is_equivalent(one: tuple[str, str | None], other: tuple[str, str | None]) -> bool:
+def is_equivalent(one: Key, other: Key) -> bool:
     """Whether two effects with their places are the same, or declared equivalents there."""
     return one[1] == other[1] and (one[0] == other[0] or {one[0], other[0]} in _PAIRS)
 

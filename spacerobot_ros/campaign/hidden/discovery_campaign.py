@@ -89,7 +89,7 @@ def run(key: str) -> Record:
         'where': machine.where if law else None,
         'variables': machine.variables if law else [],
         'claims': claims,
-        'named': [[c.applied.id, c.applied.where] for c in answer.causes],
+        'named': [[*c.applied.key] for c in answer.causes],
         'r2': machine.transferred(added) if law else None,
         'removed': machine.removed(added) if law and isinstance(machine, LawFlight) else None,
         'beyond': beyond(learned, machine.motion) if law else None,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...effects.effect import Effect
+from ...effects.effect import Effect, Key
 from ...effects.parameter import Parameter
 
 
@@ -51,6 +51,11 @@ class Rival:
     where: str | None
     bic_gap: float
     motion: str = ''
+
+    @property
+    def key(self) -> Key:
+        """Its id and place."""
+        return self.effect, self.where
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,3 +108,8 @@ class Ranked:
     evidence: float
     log_likelihood_gain: float
     p_value: float
+
+    @property
+    def key(self) -> Key:
+        """Its id and place."""
+        return self.effect, self.where

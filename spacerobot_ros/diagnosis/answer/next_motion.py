@@ -26,13 +26,13 @@ def effect_at(effect: str, where: str | None) -> str:
 
 
 def _with_motions(cause: Cause, robot_file: str) -> Cause:
-    own = effect_at(cause.applied.id, cause.applied.where)
+    own = effect_at(*cause.applied.key)
     rivals = (replace(rival, motion=_command(own, rival, robot_file)) for rival in cause.rivals)
     return replace(cause, rivals=tuple(rivals))
 
 
 def _command(own: str, rival: Rival, robot_file: str) -> str:
-    return _separating(own, effect_at(rival.effect, rival.where), robot_file)
+    return _separating(own, effect_at(*rival.key), robot_file)
 
 
 def _separating(own: str, other: str, robot_file: str) -> str:
@@ -43,8 +43,8 @@ def _separating(own: str, other: str, robot_file: str) -> str:
 def _advice(diagnosis: Diagnosis, causes: tuple[Cause, ...], robot_file: str) -> tuple[str, ...]:
     """What would say more, most useful first."""
     lines = [
-        f'To tell {effect_at(cause.applied.id, cause.applied.where)} from '
-        f'{effect_at(rival.effect, rival.where)}, fly the motion that this designs: {rival.motion}'
+        f'To tell {effect_at(*cause.applied.key)} from '
+        f'{effect_at(*rival.key)}, fly the motion that this designs: {rival.motion}'
         for cause in causes
         for rival in cause.rivals
     ]

@@ -57,9 +57,5 @@ def _moved(spring: Cause, offset: Cause) -> Cause:
         spring,
         applied=replace(spring.applied, values=values),
         parameters={**spring.parameters, 'rest_angle': Estimated(value=rest, std=std, unit=unit)},
-        rivals=tuple(r for r in spring.rivals if (r.effect, r.where) != _place(offset)),
+        rivals=tuple(r for r in spring.rivals if r.key != offset.applied.key),
     )
-
-
-def _place(cause: Cause) -> tuple[str, str | None]:
-    return cause.applied.id, cause.applied.where

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...effects.effect import Effect
+from ...effects.effect import Effect, Key
 from ...effects.laws.grammar import FORMS
 from ...effects.laws.law_inputs import AXES, base_axes
 from ...effects.laws.learned_torque import LearnedTorque, law_at
@@ -77,14 +77,14 @@ def _discovered(answer: Diagnosis, fit: Fit) -> Diagnosis:
     return _with_discoveries(answer, FlightRows(fit), places) if is_refused else answer
 
 
-def _names(effects: Iterable[Effect]) -> set[tuple[str, str | None]]:
-    return {(e.id, e.where) for e in effects}
+def _names(effects: Iterable[Effect]) -> set[Key]:
+    return {e.key for e in effects}
 
 
-def _without(answer: Diagnosis, gone: Collection[tuple[str, str | None]]) -> Diagnosis:
+def _without(answer: Diagnosis, gone: Collection[Key]) -> Diagnosis:
     """The answer without some causes."""
     causes, minor = (
-        tuple(c for c in every if (c.applied.id, c.applied.where) not in gone)
+        tuple(c for c in every if c.applied.key not in gone)
         for every in (answer.causes, answer.minor)
     )
     return replace(answer, causes=causes, minor=minor)
@@ -155,7 +155,7 @@ def _with_laws(answer: Diagnosis, flight: FlightRows, laws: list[LearnedTorque])
     fit = flight.fit
     beside = [e for i, e in enumerate(fit.causes) if i not in flight.gone]
     extended = refine(fit.run, [*beside, *laws])
-    moved = {(e.id, e.where): e for e in extended.causes}
+    moved = {e.key: e for e in extended.causes}
     causes = tuple(
         replace(
             cause,
@@ -165,7 +165,7 @@ def _with_laws(answer: Diagnosis, flight: FlightRows, laws: list[LearnedTorque])
             },
         )
         for cause in _known(answer)
-        for now in [moved.get((cause.applied.id, cause.applied.where), cause.applied)]
+        for now in [moved.get(cause.applied.key, cause.applied)]
     )
     entries, gone = [], []
     for entry in answer.leftover or ():

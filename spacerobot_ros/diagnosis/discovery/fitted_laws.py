@@ -173,4 +173,4 @@ def _refined(rows: ArmRows, causes: Sequence[int]) -> list[int]:
     kinds = [
         (law, rows.candidates[i].where) for i in causes for law in rows.candidates[i].kind.refines
     ]
-    return [i for i, c in enumerate(rows.candidates) if (c.kind.id, c.where) in kinds]
+    return [i for i, c in enumerate(rows.candidates) if c.key in kinds]

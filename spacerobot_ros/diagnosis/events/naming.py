@@ -163,7 +163,7 @@ class Naming:
     def _places(self, j: int, law: str) -> IntArray:
         """Columns of a law at a joint."""
         every = zip(self._rows.candidates, self._rows.places, strict=True)
-        own = [at for c, at in every if (c.kind.id, c.where) == (law, self._joints[j])]
+        own = [at for c, at in every if c.key == (law, self._joints[j])]
         return np.concatenate([*own, np.zeros(0, dtype=int)])
 
     def _event(self, own: Sequence[Pulse]) -> Event:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...effects.effect import Key
 from ...estimation.fit import Fit
 from ...estimation.inference.evidence import Score
 from ...estimation.refit import refine
@@ -26,7 +27,7 @@ class Choice:
         rivals: (effect, place, gap in log evidence) that fit nearly as well.
     """
 
-    key: tuple[str, str | None]
+    key: Key
     score: Score
     rivals: tuple[tuple[str, str | None, float], ...]
 

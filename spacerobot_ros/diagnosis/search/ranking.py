@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ...effects.effect import Key
 from ...estimation.fit import Fit
 from ..limits import (
     ALIKE_SHARE,
@@ -22,7 +23,7 @@ from .pool import Judged
 
 def ranked(judged: Iterable[Judged]) -> list[Judged]:
     """Best evidence first; of each effect at each place only one variant."""
-    variants: dict[tuple[str, str | None], list[Judged]] = {}
+    variants: dict[Key, list[Judged]] = {}
     for j in sorted(judged, key=lambda j: -j.score.evidence):
         variants.setdefault(j.candidate.key, []).append(j)
     return sorted(

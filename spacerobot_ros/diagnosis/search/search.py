@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...effects.effect import Effect
+from ...effects.effect import Effect, Key
 from ...estimation.columns import Candidate, candidates
 from ...estimation.fit import Fit
 from ...estimation.inference.evidence import LEAST_PRECISION, Gram
@@ -312,9 +312,7 @@ class Search:
                     choices = [*choices[:i], *chosen, *choices[i + 1 :]]
         return fit, choices
 
-    def _is_challenged(
-        self, rest: Fit, wanted: Sequence[Judged], key: tuple[str, str | None]
-    ) -> bool:
+    def _is_challenged(self, rest: Fit, wanted: Sequence[Judged], key: Key) -> bool:
         """Whether something does better in a cause's place, or is as good and simpler."""
         top = wanted[0]
         return top.candidate.key != key or bool(self._simpler(rest, wanted, top))

@@ -124,7 +124,7 @@ class Response:
         known = self.motion.swung
         if known is None or not effect.hidden:
             return self._force(effect)
-        key = (effect.id, effect.where, *effect.values.values())
+        key = (*effect.key, *effect.values.values())
         if key in known:
             return known[key].astype(float)
         force = self._force(effect)
