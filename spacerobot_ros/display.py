@@ -17,7 +17,7 @@ from .formats import UNTESTED, number, percent, probability
 if TYPE_CHECKING:
     from .types import Array
 
-Status = Literal['', 'good', 'bad']
+GoodOrBad = Literal['', 'good', 'bad']
 
 
 class PageLink(str):
@@ -142,7 +142,7 @@ class KeyFigure:
     value: str
     unit: str = ''
     remark: str = ''
-    status: Status = ''
+    status: GoodOrBad = ''
 
 
 @dataclass(frozen=True, slots=True)

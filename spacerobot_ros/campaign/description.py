@@ -19,7 +19,7 @@ from ..model.files import read_yaml
 
 _T = TypeVar('_T')
 
-Record = dict[str, Any]
+TrialRecord = dict[str, Any]
 """Plain JSON data of one trial, its key as `case`."""
 Results = dict[str, Any]
 """What all records come to: plain data, as in the command's JSON."""
@@ -58,10 +58,10 @@ class Experiment(Protocol):
     def trials(self, runs: int, is_quick: bool) -> list[str]:
         """Keys of all trials; the longest first keeps all processes busy to the end."""
 
-    def run(self, key: str) -> Record:
+    def run(self, key: str) -> TrialRecord:
         """The record of a trial, without its key."""
 
-    def results(self, records: Sequence[Record]) -> Results:
+    def results(self, records: Sequence[TrialRecord]) -> Results:
         """What the finished trials come to; not all need be there."""
 
     def judge(self, results: Results) -> list[Check]:
@@ -112,7 +112,7 @@ class Campaign:
         """The campaign's functions; imports what is heavy."""
         return cast(Experiment, import_module(f'.{self.module}', __package__))
 
-    def drawings(self, records: Sequence[Record], results: Results) -> list[Section]:
+    def drawings(self, records: Sequence[TrialRecord], results: Results) -> list[Section]:
         """What is drawn, in order; a module that draws has a function of this name."""
         draw = getattr(self.load(), 'drawings', None)
         return draw(records, results) if draw else []
@@ -131,12 +131,12 @@ def grouped(records: Iterable[_T], of: Callable[[_T], Any]) -> dict[Any, list[_T
     return out
 
 
-def kinds(records: Iterable[Record]) -> dict[str, list[Record]]:
+def kinds(records: Iterable[TrialRecord]) -> dict[str, list[TrialRecord]]:
     """Records by the first part of their key."""
     return grouped(records, lambda record: json.loads(record['case'])[0])
 
 
-def without(record: Record, *names: str) -> Record:
+def without(record: TrialRecord, *names: str) -> TrialRecord:
     """A record without some of its entries."""
     return {name: value for name, value in record.items() if name not in names}
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from ..errors import ConfigurationError, RecordingError
 from ..json_values import json_value
-from .description import Campaign, Record
+from .description import Campaign, TrialRecord
 from .workers import ATTEMPTS, Outcome, Workers, attempt
 
 _HERE = Workers()
@@ -35,7 +35,7 @@ class Kept:
 
     path: Path | None
 
-    def read(self) -> list[Record]:
+    def read(self) -> list[TrialRecord]:
         """Finished tasks, none where nothing has begun; a line that was cut off is none.
 
         Raises:
@@ -79,10 +79,10 @@ class Kept:
         why = f'can not be written: {error.strerror}; what was finished before stays'
         return ConfigurationError(str(self.path), why)
 
-    def _record(self, line: str) -> Record | None:
+    def _record(self, line: str) -> TrialRecord | None:
         """The record that a line holds, None where it holds none."""
         try:
-            record: Record = json.loads(line)
+            record: TrialRecord = json.loads(line)
             str(record['case'])
         except (ValueError, TypeError, KeyError):
             return None
@@ -98,7 +98,7 @@ class Finished:
         failures: Why the others gave none, by key; the next run tries them anew.
     """
 
-    records: list[Record]
+    records: list[TrialRecord]
     failures: Mapping[str, str]
 
 
@@ -115,7 +115,7 @@ class Tasks:
 
     run: Callable[[str], Any]
     kept: Kept
-    record_of: Callable[[str, Any], Record] = lambda key, result: {'case': key, **result}
+    record_of: Callable[[str, Any], TrialRecord] = lambda key, result: {'case': key, **result}
     alone: tuple[str, ...] = ()
 
 

@@ -35,7 +35,7 @@ from .terminal import Stage, print_sections, progress
 
 if TYPE_CHECKING:
     from ..demo.page import RunPictures
-    from ..demo.results import DemoRun, Results
+    from ..demo.results import DemoResults, DemoRun
     from ..effects.robot_file import RobotFile
     from ..types import Array
 
@@ -68,9 +68,9 @@ def run(args: argparse.Namespace) -> int:
     return 0 if results.reached else 1
 
 
-def _results(args: argparse.Namespace, work: Path) -> tuple[Results, RunPictures]:
+def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPictures]:
     """All runs, and pictures of the first, which are drawn while another goes on."""
-    from ..demo.results import Results, truth_of
+    from ..demo.results import DemoResults, truth_of
     from ..demo.run import check_file, get_ready, identify, track
     from ..simulation.truth import true_robot
 
@@ -90,7 +90,7 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[Results, RunPictures
         tracking = _stage(bars, 'tracking with them', length)
         identified = submit(track, file, found.estimates[-1], bags[2])
         pictures = _pictures(file, found, truth, bags[0])
-        results = Results(
+        results = DemoResults(
             robot=file.robot.name,
             seed=settings.simulator.seed,
             identification=found,

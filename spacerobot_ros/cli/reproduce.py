@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..campaign.description import COVERAGE, EXPERIMENTS, Campaign, Check
-from ..display import KeyFigure, KeyFigures, Plot, Report, Section, Status, Table, table_of
+from ..display import GoodOrBad, KeyFigure, KeyFigures, Plot, Report, Section, Table, table_of
 from ..errors import ConfigurationError
 from .options import (
     check_folder,
@@ -138,7 +138,7 @@ def _key_figures(campaign: Campaign, checks: Sequence[Check]) -> KeyFigures:
     return KeyFigures(figures)
 
 
-def _status(is_good: bool) -> Status:
+def _status(is_good: bool) -> GoodOrBad:
     return 'good' if is_good else 'bad'
 
 

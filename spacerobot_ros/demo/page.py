@@ -12,6 +12,7 @@ import numpy as np
 from ..display import (
     Curve,
     Figure,
+    GoodOrBad,
     Item,
     KeyFigure,
     KeyFigures,
@@ -20,12 +21,11 @@ from ..display import (
     Replay,
     Report,
     Section,
-    Status,
     Table,
 )
 from ..identification.estimate import Estimate
 from ..types import Array
-from .results import AIM_AAM_PERCENT, AIM_DRIFT, AIM_RATIO, DemoRun, Results
+from .results import AIM_AAM_PERCENT, AIM_DRIFT, AIM_RATIO, DemoResults, DemoRun
 
 AXES = 'xyz'
 RunPictures = Mapping[str, Figure]
@@ -37,7 +37,7 @@ def pictures_of(run: DemoRun, truth: Array, scene: Callable[[], Any]) -> RunPict
 
     Args:
         run: The run.
-        truth: As of `Results`.
+        truth: As of `DemoResults`.
         scene: Makes its `simulation.replay.scene.Scene`.
     """
     replay = Replay(
@@ -54,7 +54,7 @@ def pictures_of(run: DemoRun, truth: Array, scene: Callable[[], Any]) -> RunPict
     }
 
 
-def demo_report(results: Results, pictures: RunPictures) -> Report:
+def demo_report(results: DemoResults, pictures: RunPictures) -> Report:
     """The page.
 
     Args:
@@ -76,7 +76,7 @@ def demo_report(results: Results, pictures: RunPictures) -> Report:
     )
 
 
-def demo_summary(results: Results, out: Path) -> list[Section]:
+def demo_summary(results: DemoResults, out: Path) -> list[Section]:
     """What is printed: what was found, and where the rest lies."""
     estimate = results.estimate
     rows = []
@@ -105,7 +105,7 @@ def _places(estimate: Estimate) -> list[str]:
     return [f'{link}, {axis}' for link in estimate.aam_links for axis in AXES]
 
 
-def _figures(results: Results) -> list[Item]:
+def _figures(results: DemoResults) -> list[Item]:
     aam, ratio, drift = results.aam_error_percent, results.ratio, results.momentum_drift
     without, with_it = results.no_aam.max_error_deg, results.identified.max_error_deg
     rows = (
@@ -120,7 +120,7 @@ def _figures(results: Results) -> list[Item]:
         ('drift of the angular momentum', f'{drift:.1e}', '', f'aim: below {AIM_DRIFT:g}'),
     )
     reached = (aam < AIM_AAM_PERCENT, None, ratio > AIM_RATIO, drift < AIM_DRIFT)
-    marks: dict[bool | None, Status] = {True: 'good', False: 'bad', None: ''}
+    marks: dict[bool | None, GoodOrBad] = {True: 'good', False: 'bad', None: ''}
     return [
         KeyFigures(
             [KeyFigure(*row, marks[is_so]) for row, is_so in zip(rows, reached, strict=True)]
@@ -134,7 +134,7 @@ def _figures(results: Results) -> list[Item]:
     ]
 
 
-def _tracking(results: Results) -> list[Panel]:
+def _tracking(results: DemoResults) -> list[Panel]:
     runs = {'wheels unknown': results.no_aam, 'wheels identified': results.identified}
 
     def panel(title: str, joints: slice, log: bool = False) -> Panel:
@@ -187,7 +187,7 @@ def _convergence(run: DemoRun, truth: Array) -> RunPictures:
     }
 
 
-def _parameters(results: Results) -> Table:
+def _parameters(results: DemoResults) -> Table:
     estimate = results.estimate
     momenta = [f'momentum {axis} of {link}' for link in estimate.aam_links for axis in AXES]
     names = [*momenta, *estimate.parameter_names]

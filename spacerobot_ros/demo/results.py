@@ -59,7 +59,7 @@ class DemoRun:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Results:
+class DemoResults:
     """All runs of the demonstration.
 
     Args:

@@ -27,7 +27,7 @@ from ..simulation.plant import Plant
 from ..types import Array
 from .results import DemoRun
 
-Progress = Callable[[float], None]
+OnProgress = Callable[[float], None]
 """Called with the simulated time done [s]."""
 
 
@@ -100,7 +100,7 @@ def check_file(file: RobotFile) -> None:
         raise ConfigurationError('simulator.joint_rate', 'must be the control rate here')
 
 
-def identify(file: RobotFile, passes: int, bags: Sequence[Path], progress: Progress) -> DemoRun:
+def identify(file: RobotFile, passes: int, bags: Sequence[Path], progress: OnProgress) -> DemoRun:
     """Excite the robot with a controller that knows nothing of the wheels, and identify it.
 
     Args:
@@ -153,7 +153,7 @@ def _run(
     settings: Settings,
     passes: int,
     bags: Sequence[Path],
-    progress: Progress | None,
+    progress: OnProgress | None,
     estimate: Estimate | None = None,
     identifies: bool = False,
 ) -> DemoRun:

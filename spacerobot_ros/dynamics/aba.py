@@ -31,22 +31,22 @@ from .rnea import inertia_times
 from .spatial import add, add6, cross, dot, get, get6, plus, power, put, put6, rotate, times, turn
 from .tree import FREE, LINK, Records, tree_of
 
-Machine = tuple[Records, Records, bool]
+RobotRecords = tuple[Records, Records, bool]
 """Records `BODY` and `LINK` (overwritten), and whether the wheels' torques load the joints, as
 they do in every machine. A plain tuple: one with names costs a microsecond a call."""
 
 
-def machine_of(robot: Robot, joint_reaction: bool = True) -> Machine:
+def robot_records(robot: Robot, joint_reaction: bool = True) -> RobotRecords:
     """What `aba` takes of a robot."""
     return tree_of(robot), np.zeros(len(robot.bodies), LINK), joint_reaction
 
 
 @compiled  # type: ignore[untyped-decorator]
-def aba(machine: Machine, x: Array, tau: Array, wrench: Array, out: Array) -> None:
+def aba(machine: RobotRecords, x: Array, tau: Array, wrench: Array, out: Array) -> None:
     """Write the time derivatives of N state vectors.
 
     Args:
-        machine: From `machine_of`.
+        machine: From `robot_records`.
         x: (N, 13 + 2 n) states as `State.to_vector`; the quaternions may have any length.
         tau: (N, n) joint torques [N m].
         wrench: (N, 6) [force; torque] on the base in base coordinates [N, N m].

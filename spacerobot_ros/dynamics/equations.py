@@ -21,7 +21,7 @@ import numpy as np
 
 from ..model.robot import Robot
 from ..types import Array, Matrix3, Vector3, Vector6
-from .aba import aba, machine_of
+from .aba import aba, robot_records
 from .crba import crba
 from .forward_kinematics import BodyKinematics, body_accelerations, forward_kinematics
 from .reduction import ReducedEquation, equation_of_motion, reduced
@@ -48,7 +48,7 @@ class Dynamics:
 
     def __init__(self, robot: Robot, *, joint_reaction: bool = True) -> None:
         self.robot, n = robot, robot.n_joints
-        self.machine = machine_of(robot, joint_reaction)
+        self.machine = robot_records(robot, joint_reaction)
         self._tree, self._n, self._joint_reaction = tree_of(robot), n, joint_reaction
         self._first = 0 if robot.is_free else 6
         self._still = self._tree.copy()  # with its wheels stopped

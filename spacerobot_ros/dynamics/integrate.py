@@ -19,11 +19,11 @@ from scipy.integrate import DOP853 as SCIPY
 
 from ..errors import SimulationDivergedError
 from ..types import Array, Vector6
-from .aba import Machine, aba
+from .aba import RobotRecords, aba
 from .compiling import compiled
 from .equations import Dynamics
 
-Torque = Callable[[float, Array], Array]
+TorqueOf = Callable[[float, Array], Array]
 Tableau = tuple[tuple[float, ...], Array]
 """Times of the stages and of the end; (s + 1, s) weights of the slopes for their states."""
 
@@ -44,7 +44,7 @@ _ORDER = 8
 
 @compiled  # type: ignore[untyped-decorator]
 def stages(
-    machine: Machine,
+    machine: RobotRecords,
     inputs: tuple[Array, Array],
     weights: Array,
     slopes: Array,
@@ -58,7 +58,7 @@ def stages(
     normalized. (An array returned costs a third of a microsecond.)
 
     Args:
-        machine: From `machine_of`.
+        machine: From `robot_records`.
         inputs: (1, n) joint torques [N m] and (1, 6) wrench on the base.
         weights: Of a `Tableau`.
         slopes: (s + 1 or more, 13 + 2 n) slopes; those before the first stage are given.
@@ -162,7 +162,7 @@ def hold_step(
 def simulate_smooth(
     dynamics: Dynamics,
     x: Array,
-    torque: Torque,
+    torque: TorqueOf,
     times: Array,
     rtol: float = 1e-13,
     atol: float = 1e-15,
@@ -213,7 +213,7 @@ class SmoothMotion:
     def __init__(
         self,
         dynamics: Dynamics,
-        torque: Torque,
+        torque: TorqueOf,
         t: float,
         x: Array,
         tolerance: tuple[float, float],

@@ -20,7 +20,7 @@ from ..types import Array
 from .motions import SAFE
 from .problem import Objective, Problem
 
-Progress = Callable[[int, float], None]
+OnIteration = Callable[[int, float], None]
 """Called after every step with the number of steps done and the best cost so far."""
 
 _STEP = 3e-5  # rad; of the forward differences: the cost is good to some 1e-10
@@ -62,7 +62,7 @@ class Design:
     interrupted: bool
 
 
-def search(problem: Problem, progress: Progress = lambda *_: None) -> Design:
+def search(problem: Problem, progress: OnIteration = lambda *_: None) -> Design:
     """Search from every starting point; an interrupt (Ctrl-C) ends it with the best so far.
 
     Raises:

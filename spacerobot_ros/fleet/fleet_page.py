@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..campaign.description import Record as Row
+from ..campaign.description import TrialRecord as Row
 from ..display import (
     Curve,
     Item,

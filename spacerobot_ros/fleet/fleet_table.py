@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-from ..campaign.description import Record as Row
+from ..campaign.description import TrialRecord as Row
 from ..errors import ConfigurationError
 from ..model.files import write_text
 from ..types import Array
@@ -202,10 +202,10 @@ def _line(course: Course) -> Trend:
     return Trend(course, float(level), float(slope), std, p_value)
 
 
-Rows = Sequence[Mapping[str, Any]]
+TableRows = Sequence[Mapping[str, Any]]
 
 
-def write_table(rows: Rows, stem: Path, columns: Sequence[str] = ()) -> list[Path]:
+def write_table(rows: TableRows, stem: Path, columns: Sequence[str] = ()) -> list[Path]:
     """Write `STEM.csv` and, where pyarrow is installed, `STEM.parquet`.
 
     Args:
@@ -235,7 +235,7 @@ def _cell(value: Any) -> Any:
     return '' if value is None else repr(value) if isinstance(value, float) else value
 
 
-def _write_parquet(rows: Rows, names: Sequence[str], path: Path) -> Path:
+def _write_parquet(rows: TableRows, names: Sequence[str], path: Path) -> Path:
     import pyarrow as pa
     from pyarrow import parquet
 

@@ -6,6 +6,7 @@ Read from the source text, so that imports inside functions and for type checker
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter, defaultdict
 from functools import cache
 from pathlib import Path
@@ -221,13 +222,18 @@ def test_no_file_of_the_product_looks_like_a_test():
     assert not looks
 
 
-def test_no_two_classes_have_one_name():
-    names = Counter(
-        node.name
-        for nodes in sources().values()
-        for node in nodes
-        if isinstance(node, ast.ClassDef)
-    )
+def types_of(nodes):
+    """Names of classes, and of types that are written as `Spans = tuple[...]`."""
+    for node in nodes:
+        if isinstance(node, ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.Assign):
+            names = (target.id for target in node.targets if isinstance(target, ast.Name))
+            yield from (name for name in names if re.match('_?[A-Z]+[a-z]', name))
+
+
+def test_no_two_types_have_one_name():
+    names = Counter(name for nodes in sources().values() for name in types_of(nodes))
     assert not {name for name, count in names.items() if count > 1}
 
 

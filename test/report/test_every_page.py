@@ -17,7 +17,7 @@ from support.diagnosis import hand_made
 from spacerobot_ros.campaign import workers
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.demo.page import demo_report, pictures_of
-from spacerobot_ros.demo.results import DemoRun, Results
+from spacerobot_ros.demo.results import DemoResults, DemoRun
 from spacerobot_ros.diagnosis.findings import Findings
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.fleet import single
@@ -108,7 +108,7 @@ def demonstration(folder, robot, recording):
     drift = np.full(50, 1e-14)
     run = DemoRun(time, wave, time, wave, drift, drift, estimates)
     truth = np.array([40.0, 40.0, 41.0, 1.0])
-    results = Results(HOSTILE, 1, run, run, run, truth, ('bag',), 1.0)
+    results = DemoResults(HOSTILE, 1, run, run, run, truth, ('bag',), 1.0)
     file = load_robot_file(robot)
     (record,) = read_records([recording], file.robot)
     pictures = pictures_of(run, truth, lambda: scene_of(record, file, [(JOINT, HOSTILE)]))

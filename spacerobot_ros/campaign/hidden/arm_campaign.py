@@ -30,7 +30,7 @@ from ...estimation.columns import Candidate
 from ...estimation.scaling import PROPORTIONAL
 from ...estimation.trajectory.observations import observed
 from ...types import Array
-from ..description import Check, Record, Results, grouped, key
+from ..description import Check, Results, TrialRecord, grouped, key
 from ..shares import share_of
 from .diagnosis_judge import cause_record
 from .real_arm import HIDDEN, RealArm, arm_file
@@ -47,7 +47,7 @@ _WORDS = {
 }
 
 
-def results(records: Sequence[Record]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """As `arms`, by what was asked: shares and counts of names, errors of values."""
     return {'arms': {kind: _score(own) for kind, own in grouped(records, _KIND).items()}}
 
@@ -55,7 +55,7 @@ def results(records: Sequence[Record]) -> Results:
 _KIND = itemgetter('kind')
 
 
-def _score(records: Sequence[Record]) -> dict[str, Any]:
+def _score(records: Sequence[TrialRecord]) -> dict[str, Any]:
     hidden = [r for r in records if r['hidden']]
     errors = [z for r in hidden for z in _errors(r)]
     return {
@@ -75,7 +75,7 @@ def _score(records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _of_cause(records: Sequence[Record]) -> dict[str, Any]:
+def _of_cause(records: Sequence[TrialRecord]) -> dict[str, Any]:
     kind = CATALOGUE[records[0]['hidden']['effect']]
     first = next(p for p in kind.parameters if p.role in PROPORTIONAL)
     sizes = [abs(r['hidden']['values'][first.name] - first.nominal) for r in records]
@@ -93,21 +93,21 @@ def _of_cause(records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _counted(causes: Iterable[Record]) -> dict[str, int]:
+def _counted(causes: Iterable[TrialRecord]) -> dict[str, int]:
     return dict(Counter(c['effect'] for c in causes).most_common())
 
 
-def _is_hidden(cause: Record, hidden: Record) -> bool:
+def _is_hidden(cause: TrialRecord, hidden: TrialRecord) -> bool:
     names = [(cause['effect'], cause['where']), *map(tuple, cause['rivals'])]
     return (hidden['effect'], hidden['where']) in names
 
 
-def _is_first(record: Record) -> bool:
+def _is_first(record: TrialRecord) -> bool:
     """Whether the first name is the right one, or says that it can not be told from it."""
     return bool(record['single']) and _is_hidden(record['single'][0], record['hidden'])
 
 
-def _errors(record: Record) -> Iterator[float]:
+def _errors(record: TrialRecord) -> Iterator[float]:
     """Error by standard deviation of every value of what is rightly named; of a body its mass."""
     hidden = record['hidden']
     for cause in record['single']:
@@ -118,7 +118,7 @@ def _errors(record: Record) -> Iterator[float]:
                     yield _error(record['kind'], hidden['values'][p.name], p.nominal, value) / std
 
 
-def _is_single(hidden: Record) -> bool:
+def _is_single(hidden: TrialRecord) -> bool:
     return hidden['effect'] not in ('inertial_parameters', 'gravity_error')
 
 
@@ -191,7 +191,7 @@ def trials(runs: int, is_quick: bool) -> list[str]:
     return [key(kind, seed, CAUSES[seed % len(CAUSES)]) for seed in range(runs) for kind in _ASKED]
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """Ask about the machine as it should be, hide a cause, ask again."""
     kind, seed, cause = json.loads(key)
     started = time.perf_counter()
@@ -209,7 +209,7 @@ def run(key: str) -> Record:
     }
 
 
-def _diagnosed(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[Record], Selection]:
+def _diagnosed(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[TrialRecord], Selection]:
     """What is named in one recording, and the choice."""
     file = arm_file()
     record = observed(RealArm(seed, hidden).record(0), file.robot)
@@ -221,7 +221,7 @@ def _diagnosed(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[Record], Sel
     ], found.selection
 
 
-def _compared(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[Record], Selection]:
+def _compared(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[TrialRecord], Selection]:
     """What is said to have changed between two recordings, and the choice."""
     file = arm_file()
     before, after = [RealArm(seed).record(0)], [RealArm(seed, hidden).record(1)]

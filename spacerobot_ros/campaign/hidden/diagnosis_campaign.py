@@ -25,8 +25,8 @@ from ...estimation.noise_levels import noise_levels
 from ...estimation.runs import Run
 from ...estimation.trajectory.observations import observed
 from ...model.robot import Robot
-from ...recording.record import Record as Measured
-from ..description import Record, grouped
+from ...recording.record import Record
+from ..description import TrialRecord, grouped
 from .diagnosis_campaign_tables import drawings as drawings
 from .diagnosis_campaign_tables import tables as tables
 from .diagnosis_draw import drawn, places
@@ -151,7 +151,7 @@ def _case(
     )
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """Hide, simulate, diagnose."""
     case = HiddenCase(**json.loads(key))
     rng = np.random.default_rng([case.seed, 11])
@@ -178,7 +178,7 @@ def run(key: str) -> Record:
     }
 
 
-def _simulated(case: HiddenCase, hidden: Sequence[Effect]) -> tuple[Measured, Robot]:
+def _simulated(case: HiddenCase, hidden: Sequence[Effect]) -> tuple[Record, Robot]:
     """The record of a case, and the robot that its user has."""
     module = truth_of(case.truth)
     record = module.simulated(case.robot, case.excitation, case.seed, hidden, case.duration)
@@ -238,6 +238,6 @@ def _answer_row(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _named(cause: Cause) -> Record:
+def _named(cause: Cause) -> TrialRecord:
     a = cause.applied
     return cause_record(a.id, a.where, cause.parameters, cause.rivals)

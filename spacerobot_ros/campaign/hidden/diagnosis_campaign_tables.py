@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...display import Curve, Matrix, Panel, Plot, Section, Table, table_of
-from ..description import Record, Results
+from ..description import Results, TrialRecord
 from ..shares import Share
 from .diagnosis_score import Scores
 
@@ -119,7 +119,7 @@ def _times(s: Scores) -> Table:
     return Table(['median [s]', 'longest [s]'], [cells], title='Time of a diagnosis')
 
 
-def drawings(records: Sequence[Record], results: Results) -> list[Section]:
+def drawings(records: Sequence[TrialRecord], results: Results) -> list[Section]:
     """False alarms against detection, and who is taken for whom."""
     s = results['diagnosis']
     alarms = np.asarray(s['roc']['false_alarm'])

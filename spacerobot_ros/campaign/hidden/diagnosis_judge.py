@@ -14,10 +14,8 @@ from ...effects.effect import Effect, Key
 from ...effects.equivalents import EQUIVALENTS, made_of
 from ...effects.parameter import Parameter
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, value_of
-from ..description import grouped
+from ..description import TrialRecord, grouped
 from .diagnosis_scenario import truth_of
-
-Line = dict[str, Any]
 
 REFUSED = 'refused'
 """Verdict of a record that the diagnosis took for unusable: never right."""
@@ -33,7 +31,7 @@ _PAIRS = {frozenset(entry[:2]) for entry in EQUIVALENTS}
 
 def cause_record(
     effect: str, where: str | None, parameters: Mapping[str, Estimated], rivals: Iterable[Rival]
-) -> Line:
+) -> TrialRecord:
     """A cause as records have it: its rivals, its values with their standard deviations."""
     return {
         'effect': effect,
@@ -48,33 +46,33 @@ def is_equivalent(one: Key, other: Key) -> bool:
     return one[1] == other[1] and (one[0] == other[0] or {one[0], other[0]} in _PAIRS)
 
 
-def hidden(line: Line) -> list[Key]:
+def hidden(line: TrialRecord) -> list[Key]:
     """Effects and places that were hidden."""
     return [(h['effect'], h['where']) for h in line['hidden']]
 
 
-def found(line: Line) -> list[set[Key]]:
+def found(line: TrialRecord) -> list[set[Key]]:
     """Everything fitted, named or too small to matter, with what it can't be told from."""
     return [_with_rivals(c) for c in [*line['causes'], *line['minor']]]
 
 
-def _with_rivals(cause: Line) -> set[Key]:
+def _with_rivals(cause: TrialRecord) -> set[Key]:
     return {(cause['effect'], cause['where']), *((e, w) for e, w in cause['rivals'])}
 
 
-def is_top(line: Line) -> bool:
+def is_top(line: TrialRecord) -> bool:
     """Whether the first of all found is one that was hidden."""
     groups, names = found(line), hidden(line)
     return bool(groups) and any(name in groups[0] for name in names)
 
 
-def is_exact(line: Line) -> bool:
+def is_exact(line: TrialRecord) -> bool:
     """Whether everything hidden was found, and nothing else."""
     groups, names = found(line), hidden(line)
     return len(groups) == len(names) and all(any(n in g for g in groups) for n in names)
 
 
-def outcome(line: Line) -> str:
+def outcome(line: TrialRecord) -> str:
     """A case in two words.
 
     Returns:
@@ -94,22 +92,22 @@ def outcome(line: Line) -> str:
     return _OF[line['kind']](line)
 
 
-def is_trial(line: Line) -> bool:
+def is_trial(line: TrialRecord) -> bool:
     """Whether a case can count as right or wrong."""
     return outcome(line) not in NO_TRIAL
 
 
-def _clean(line: Line) -> str:
+def _clean(line: TrialRecord) -> str:
     return 'named' if line['causes'] else str(line['verdict'])
 
 
-def _single(line: Line) -> str:
+def _single(line: TrialRecord) -> str:
     if is_top(line):
         return 'right'
     return 'wrong name' if found(line) else str(line['verdict'])
 
 
-def _several(line: Line) -> str:
+def _several(line: TrialRecord) -> str:
     if is_exact(line):
         return 'right'
     groups, names = found(line), hidden(line)
@@ -118,7 +116,7 @@ def _several(line: Line) -> str:
     return 'wrong name' if groups else str(line['verdict'])
 
 
-def _left_out(line: Line) -> str:
+def _left_out(line: TrialRecord) -> str:
     if line['verdict'] != 'explained':
         return str(line['verdict'])
     (truth,) = hidden(line)
@@ -140,7 +138,7 @@ _OF = {
 }
 
 
-def physical_limits(lines: Sequence[Line]) -> dict[str, dict[str, Any]]:
+def physical_limits(lines: Sequence[TrialRecord]) -> dict[str, dict[str, Any]]:
     """Size of every effect at its detection limit, over robots, motions and places, by its id.
 
     The coordinate of a hidden value is in proportion to its strength, so one case at any strength
@@ -168,14 +166,14 @@ def main_parameters(effect: type[Effect]) -> tuple[Parameter, ...]:
     return vector if len(vector) == 3 else (first,)
 
 
-def _size(effect: type[Effect], line: Line) -> float:
+def _size(effect: type[Effect], line: TrialRecord) -> float:
     """Length of the main coordinates about no effect, at the detection limit."""
     values = line['hidden'][0]['values']
     found = [coordinate_of(p, values[p.name]) - origin_of(p) for p in main_parameters(effect)]
     return math.hypot(*found) / float(line['strength'])
 
 
-def _relevant(effect: type[Effect], line: Line) -> float:
+def _relevant(effect: type[Effect], line: TrialRecord) -> float:
     """From where on the first main parameter matters at its place."""
     robot = truth_of(line['truth']).robot_file(line['robot']).robot
     where = line['hidden'][0]['where']
@@ -183,7 +181,7 @@ def _relevant(effect: type[Effect], line: Line) -> float:
     return effect.parameters_at(robot, where)[first].relevant
 
 
-def _limit(effect: type[Effect], lines: Sequence[Line]) -> dict[str, Any]:
+def _limit(effect: type[Effect], lines: Sequence[TrialRecord]) -> dict[str, Any]:
     first, *others = main_parameters(effect)
     shown = [_shown(first, _size(effect, line)) for line in lines]
     relevant = [_shown(first, _relevant(effect, line)) for line in lines]

@@ -13,11 +13,10 @@ import numpy as np
 from ...effects.catalogue import CATALOGUE
 from ...estimation.scaling import PROPORTIONAL
 from ...types import Array
-from ..description import Check, Results, grouped
+from ..description import Check, Results, TrialRecord, grouped
 from ..shares import Share, share_of
 from .diagnosis_judge import (
     REFUSED,
-    Line,
     hidden,
     is_exact,
     is_top,
@@ -65,7 +64,7 @@ wall: median and largest time of a diagnosis [s].
 """
 
 
-def score(lines: Sequence[Line]) -> Scores:
+def score(lines: Sequence[TrialRecord]) -> Scores:
     """All scores of finished cases.
 
     Args:
@@ -109,33 +108,33 @@ def score(lines: Sequence[Line]) -> Scores:
 
 
 def _by(
-    lines: Sequence[Line], of: Callable[[Line], Any] = itemgetter('multiple')
-) -> list[tuple[Any, list[Line]]]:
+    lines: Sequence[TrialRecord], of: Callable[[TrialRecord], Any] = itemgetter('multiple')
+) -> list[tuple[Any, list[TrialRecord]]]:
     """Cases in groups, sorted; by strength if nothing else is said."""
     return sorted(grouped(lines, of).items())
 
 
-def _became(lines: Sequence[Line], what: str) -> Share:
+def _became(lines: Sequence[TrialRecord], what: str) -> Share:
     return share_of(outcome(x) == what for x in lines)
 
 
-def _outcomes(lines: Sequence[Line]) -> dict[str, dict[str, int]]:
+def _outcomes(lines: Sequence[TrialRecord]) -> dict[str, dict[str, int]]:
     return {
         f'{kind} {multiple}': dict(Counter(map(outcome, some)).most_common())
         for (kind, multiple), some in _by(lines, itemgetter('kind', 'multiple'))
     }
 
 
-def _reason(line: Line) -> tuple[str, str, str]:
+def _reason(line: TrialRecord) -> tuple[str, str, str]:
     names = ', '.join(e if w is None else f'{e} at {w}' for e, w in hidden(line))
     return line['kind'], names, line['error']
 
 
-def _confusion(lines: Sequence[Line]) -> dict[str, dict[str, int]]:
+def _confusion(lines: Sequence[TrialRecord]) -> dict[str, dict[str, int]]:
     return {name: dict(Counter(map(_named_first, some))) for name, some in _by(lines, _hidden_id)}
 
 
-def _named_first(line: Line) -> str:
+def _named_first(line: TrialRecord) -> str:
     """What was found first, or the verdict; a right effect at a wrong place is `elsewhere`."""
     name, first = _hidden_id(line), next(iter([*line['causes'], *line['minor']]), None)
     if is_top(line) or first is None:
@@ -143,18 +142,18 @@ def _named_first(line: Line) -> str:
     return f'{name} elsewhere' if first['effect'] == name else str(first['effect'])
 
 
-def _found(lines: Sequence[Line]) -> dict[str, dict[float, Share]]:
+def _found(lines: Sequence[TrialRecord]) -> dict[str, dict[float, Share]]:
     return {
         name: {m: share_of(map(is_top, some)) for m, some in _by(own)}
         for name, own in _by(lines, _hidden_id)
     }
 
 
-def _hidden_id(line: Line) -> str:
+def _hidden_id(line: TrialRecord) -> str:
     return hidden(line)[0][0]
 
 
-def _roc(clean: Sequence[Line], singles: Sequence[Line]) -> dict[str, list[float]]:
+def _roc(clean: Sequence[TrialRecord], singles: Sequence[TrialRecord]) -> dict[str, list[float]]:
     """Shares above every threshold that a record's best evidence gives."""
     quiet = _evidence(clean)
     loud = {m: _evidence(some) for m, some in _by(singles)}
@@ -163,7 +162,7 @@ def _roc(clean: Sequence[Line], singles: Sequence[Line]) -> dict[str, list[float
     return out | {f'found_{m:g}': _above(values, thresholds) for m, values in loud.items()}
 
 
-def _evidence(lines: Sequence[Line]) -> Array:
+def _evidence(lines: Sequence[TrialRecord]) -> Array:
     """What is refused has none."""
     return np.array([x.get('evidence', 0.0) for x in lines], dtype=float)
 
@@ -173,7 +172,7 @@ def _above(values: Array, thresholds: Array) -> list[float]:
     return list((above / max(len(values), 1)).tolist())
 
 
-def _compared(line: Line) -> Iterator[tuple[str, str, float | None, float | None, float]]:
+def _compared(line: TrialRecord) -> Iterator[tuple[str, str, float | None, float | None, float]]:
     """Effect, parameter, value and standard deviation of what is rightly named, and the truth."""
     truth = {(h['effect'], h['where']): h['values'] for h in line['hidden']}
     for cause in [*line['causes'], *line['minor']]:
@@ -183,7 +182,7 @@ def _compared(line: Line) -> Iterator[tuple[str, str, float | None, float | None
                 yield cause['effect'], name, value, std, known[name]
 
 
-def _pulls(line: Line) -> Iterator[float]:
+def _pulls(line: TrialRecord) -> Iterator[float]:
     """Error of every value in proportion by its standard deviation; infinite without one."""
     for effect, name, value, std, truth in _compared(line):
         role = next(p.role for p in CATALOGUE[effect].parameters if p.name == name)
@@ -194,14 +193,14 @@ def _pulls(line: Line) -> Iterator[float]:
                 yield abs(value - truth) / std
 
 
-def _detunings(line: Line) -> Iterator[float]:
+def _detunings(line: TrialRecord) -> Iterator[float]:
     """Relative error of every frequency that is rightly named and known well."""
     for _, name, value, std, truth in _compared(line):
         if name in _FREQUENCIES and value and std is not None and std <= _SURE * abs(value):
             yield abs(value / truth - 1.0)
 
 
-def results(records: Sequence[Line]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """All scores, as `diagnosis`."""
     return {'diagnosis': score(records)}
 

@@ -18,9 +18,9 @@ from ...effects.effect import Effect
 from ...effects.motion import Motion
 from ...estimation.balance.balance import Balance, balance_of
 from ...estimation.trajectory.observations import observed
-from ...recording.record import Record as Recording
+from ...recording.record import Record
 from ...types import Array
-from ..description import Record, key
+from ..description import TrialRecord, key
 from .discovery_tables import judge as judge
 from .discovery_tables import results as results
 from .discovery_tables import tables as tables
@@ -57,7 +57,7 @@ def trials(runs: int, is_quick: bool) -> list[str]:
     return out
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """Hide a law, ask, and compare what was learned along another motion."""
     kind, seed, law, ratio, colour = json.loads(key)
     is_flown = colour in (FREE, FIXED)
@@ -115,7 +115,7 @@ class HeldArm:
             self._arm = self._arm.sized(ratio, self._names, _DURATION)
         self.where = JOINTS[self._j]
 
-    def record(self) -> Recording:
+    def record(self) -> Record:
         """With the law."""
         return self._arm.record(0, self._names, _DURATION)
 
@@ -129,7 +129,7 @@ class HeldArm:
         """That of the record."""
         return self._balance(self.record()).motion
 
-    def _balance(self, record: Recording) -> Balance:
+    def _balance(self, record: Record) -> Balance:
         return balance_of(observed(record, self.file.robot), self.file.robot, self.file.effects)
 
     def transferred(self, added: Sequence[Effect]) -> float:

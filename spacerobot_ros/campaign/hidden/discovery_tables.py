@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...display import Table, table_of
-from ..description import Check, Record, Results, grouped
+from ..description import Check, Results, TrialRecord, grouped
 from ..shares import share_of
 from .hidden_laws import INSIDE
 
@@ -44,7 +44,7 @@ _BEYOND = (0.0, 1.5)  # of the largest trained torque, at three times the speed
 _FED = (0.0, 1e-6)  # of what friction exchanges
 
 
-def results(records: Sequence[Record]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """As `discovery`: shares by machine, ratio and law, and of machines without a law."""
     hidden = [r for r in records if r['kind'] == 'law']
     clean = [r for r in records if r['kind'] == 'clean']
@@ -75,20 +75,20 @@ def results(records: Sequence[Record]) -> Results:
     }
 
 
-def _machine(record: Record) -> str:
+def _machine(record: TrialRecord) -> str:
     return f'{record["colour"]}, closed loop' if record['colour'] in LOOPS else 'arms'
 
 
-def _group(record: Record) -> str:
+def _group(record: TrialRecord) -> str:
     where = 'inside' if record['law'] in (*INSIDE, 'field') else 'outside'
     return f'{_machine(record)}, {where}, ratio {record["ratio"]:g}'
 
 
-def _law(record: Record) -> tuple[float, str, str]:
+def _law(record: TrialRecord) -> tuple[float, str, str]:
     return record['ratio'], record['law'], _machine(record)
 
 
-def _applied(records: Sequence[Record]) -> dict[str, Any]:
+def _applied(records: Sequence[TrialRecord]) -> dict[str, Any]:
     """What learned laws do for a controller, and beyond their data."""
     removed = [r['removed'] for r in records if r['removed'] is not None and _is_right(r)]
     beyond = [r['beyond'] for r in records if r['beyond']]
@@ -103,26 +103,26 @@ def _applied(records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _is_claimed(claim: Record) -> bool:
+def _is_claimed(claim: TrialRecord) -> bool:
     return claim['form'] is not None or claim['depends_on'] == ['time']
 
 
-def _own(record: Record) -> list[Record]:
+def _own(record: TrialRecord) -> list[TrialRecord]:
     claims = (s for s in record['claims'] if s['channel'] == record['where'])
     return [s for s in claims if _is_claimed(s)]
 
 
-def _is_open(claim: Record, variables: Sequence[str]) -> bool:
+def _is_open(claim: TrialRecord, variables: Sequence[str]) -> bool:
     """Whether a function of the time is said to be one of the law's variables as well."""
     return any(set(own) == set(variables) for own in claim['rivals'])
 
 
-def _is_right(record: Record) -> bool:
+def _is_right(record: TrialRecord) -> bool:
     """Whether any claim of the law's joint has its variables, all of them and no others."""
     return any(set(s['depends_on']) == set(record['variables']) for s in _own(record))
 
 
-def _is_explained(record: Record) -> bool:
+def _is_explained(record: TrialRecord) -> bool:
     """Whether causes that are named at the joint have its variables, and hold elsewhere.
 
     What the catalogue has, or comes close to, has its best answer there.
@@ -133,7 +133,7 @@ def _is_explained(record: Record) -> bool:
     return named == set(record['variables']) and record['r2'] > _TRANSFER_OUTSIDE[0]
 
 
-def _outcome(record: Record) -> str:
+def _outcome(record: TrialRecord) -> str:
     """What the answer says of the law's joint, see `_OUTCOMES`."""
     own, has_line = _own(record), record['colour'] == 'line'
     if _is_right(record):
@@ -148,12 +148,12 @@ def _outcome(record: Record) -> str:
     return 'line' if own else 'missed'
 
 
-def _has_other(record: Record) -> bool:
+def _has_other(record: TrialRecord) -> bool:
     claims = (s for s in record['claims'] if s['channel'] != record['where'])
     return any(map(_is_claimed, claims))
 
 
-def _score(records: Sequence[Record]) -> dict[str, Any]:
+def _score(records: Sequence[TrialRecord]) -> dict[str, Any]:
     found = [r['r2'] for r in records if _is_right(r) and r['variables'] != ['time']]
     outcomes = [_outcome(r) for r in records]
     return {

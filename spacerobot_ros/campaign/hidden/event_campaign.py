@@ -18,7 +18,7 @@ import numpy as np
 
 from ...diagnosis.events.event import Event, Events, PossibleEvent
 from ...display import Table, table_of
-from ..description import Check, Record, Results, grouped, key
+from ..description import Check, Results, TrialRecord, grouped, key
 from ..shares import share_of
 from .event_machines import AXES, MACHINES, DrawnMachine, HiddenPulse
 
@@ -38,7 +38,7 @@ _WORDS = {
 }
 
 
-def results(records: Sequence[Record]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """As `events`: names, times and sizes by machine and size of the pulse, and false events."""
     groups, quiet = [], []
     for kind, own in grouped(records, itemgetter('kind')).items():
@@ -52,7 +52,7 @@ def results(records: Sequence[Record]) -> Results:
     return {'events': {'groups': groups, 'quiet': quiet}}
 
 
-def _score(pulses: Sequence[Record]) -> dict[str, Any]:
+def _score(pulses: Sequence[TrialRecord]) -> dict[str, Any]:
     reasons = Counter(p['reason'] for p in pulses if not p['is_named'])
     out = {
         'named': share_of(p['is_named'] for p in pulses),
@@ -67,7 +67,7 @@ def _score(pulses: Sequence[Record]) -> dict[str, Any]:
     return out
 
 
-def _quiet(records: Sequence[Record]) -> dict[str, Any]:
+def _quiet(records: Sequence[TrialRecord]) -> dict[str, Any]:
     hours = sum(r['seconds'] for r in records) / 3600.0
     false = [e['z'] for r in records for e in r['false']]
     return {
@@ -136,7 +136,7 @@ def trials(runs: int, is_quick: bool) -> list[str]:
     return [key(kind, 10 * s + n) for s in range(runs) for n, kind in enumerate(_KINDS)]
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """Ask about a quiet recording, hide pulses, ask again."""
     kind, seed = json.loads(key)
     machine: DrawnMachine = MACHINES[kind](seed)
@@ -186,11 +186,11 @@ def _off(p: HiddenPulse, e: Event) -> float:
     return 0.5 * (e.start + e.end) - p.start - 0.5 * p.duration
 
 
-def _event_row(e: Event) -> Record:
+def _event_row(e: Event) -> TrialRecord:
     return {'start': e.start, 'end': e.end, 'joints': list(e.joints), 'z': e.z}
 
 
-def _judged(p: HiddenPulse, e: Event | None, found: Events) -> Record:
+def _judged(p: HiddenPulse, e: Event | None, found: Events) -> TrialRecord:
     """A pulse and what was said of it; without a name the reason with which it was listed."""
     listed = (o.reason for o in found.possible if _is_meant(p, o))
     size, names = np.atleast_1d(p.size), AXES if p.where is None else (p.where,)

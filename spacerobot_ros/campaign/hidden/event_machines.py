@@ -72,11 +72,11 @@ class HiddenPulse:
         return AngularImpulse(name=name, where=None, values=ends | sizes)
 
 
-Found = Callable[[Sequence[HiddenPulse]], Events]
-Spans = Sequence[tuple[float, float]]
+Finder = Callable[[Sequence[HiddenPulse]], Events]
+Windows = Sequence[tuple[float, float]]
 """Starts and durations [s]."""
-Drawn = list[tuple[str | None, Array, float]] | None
-Units = Callable[[np.random.Generator, Events, Spans], Drawn]
+Draw = list[tuple[str | None, Array, float]] | None
+Units = Callable[[np.random.Generator, Events, Windows], Draw]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ class DrawnMachine:
 
     words: str
     seconds: float
-    found: Found
+    found: Finder
     units: Units
     ratios: tuple[float, ...] = SNRS
 
@@ -119,7 +119,7 @@ def _still(seed: int) -> DrawnMachine:
     return DrawnMachine(f'{len(moves)} move', 30.0, found, _torques(stand, is_limit=True), _LIMITS)
 
 
-def _held(quiet: Record, moves: Sequence[str], rng: np.random.Generator) -> Found:
+def _held(quiet: Record, moves: Sequence[str], rng: np.random.Generator) -> Finder:
     """Events of the recording with pushes, whose motors hold against them.
 
     Where a joint stands its friction takes the load's changes as far as it goes, a share of its
@@ -154,7 +154,7 @@ def _of_arm(record: Record) -> Events:
 def _torques(names: Sequence[str], *, is_limit: bool = False) -> Units:
     """Torques on any of some joints of the size of their deviation, or of their limit."""
 
-    def units(rng: np.random.Generator, events: Events, spans: Spans) -> Drawn:
+    def units(rng: np.random.Generator, events: Events, spans: Windows) -> Draw:
         out: list[tuple[str | None, Array, float]] = []
         for _, duration in spans:
             name, sign = str(rng.choice(names)), rng.choice([-1.0, 1.0])
@@ -243,7 +243,7 @@ def _impulse_units(run: Callable[[Sequence[HiddenPulse]], Run]) -> Units:
     A step is seen by what follows until the next: alone in a record it has half the deviation.
     """
 
-    def units(rng: np.random.Generator, events: Events, spans: Spans) -> Drawn:
+    def units(rng: np.random.Generator, events: Events, spans: Windows) -> Draw:
         if not events.is_judged:
             return None
         times = np.array([[start + 0.5 * length, math.log(length)] for start, length in spans])

@@ -20,7 +20,7 @@ NOISE = 0.1  # rms of what is left, of a joint's Coulomb torque
 _SHARE = 0.3  # of what real arms have beside it: masses, friction of the run, ripple, gains
 _BAND = 4.0  # Hz
 
-Law = Callable[[Array, Array, Array, Array, int, int], Array]
+LawFunction = Callable[[Array, Array, Array, Array, int, int], Array]
 """(N,) torque of any size by (N, n) angles, rates, motor torques; times; own and other joint."""
 
 
@@ -41,7 +41,7 @@ def _play(q: Array, radius: float) -> Array:
     return z
 
 
-INSIDE: Mapping[str, tuple[Law, str]] = {
+INSIDE: Mapping[str, tuple[LawFunction, str]] = {
     'drag': (lambda q, v, T, t, j, k: v[:, j] * np.abs(v[:, j]), 'v'),
     'square root': (lambda q, v, T, t, j, k: np.sign(v[:, j]) * np.abs(v[:, j]) ** 0.5, 'v'),
     'asymmetric': (lambda q, v, T, t, j, k: np.maximum(v[:, j], 0.0), 'v'),
@@ -63,7 +63,7 @@ INSIDE: Mapping[str, tuple[Law, str]] = {
 """Laws of the grammar, and their variables: rates v, w of the own and the other joint, angles q
 and p, load T, time t."""
 
-OUTSIDE: Mapping[str, tuple[Law, str]] = {
+OUTSIDE: Mapping[str, tuple[LawFunction, str]] = {
     'exp of angle': (lambda q, v, T, t, j, k: np.exp(q[:, j]) * np.sign(v[:, j]), 'vq'),
     'load to 0.6': (lambda q, v, T, t, j, k: np.abs(T[:, j]) ** 0.6 * np.sign(v[:, j]), 'vT'),
     'falling': (lambda q, v, T, t, j, k: np.sign(v[:, j]) / (1.0 + (4.0 * v[:, j]) ** 2), 'v'),

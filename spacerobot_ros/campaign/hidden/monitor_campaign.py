@@ -11,7 +11,7 @@ from operator import itemgetter
 import numpy as np
 
 from ...display import Table, table_of
-from ..description import Check, Record, Results, grouped, key
+from ..description import Check, Results, TrialRecord, grouped, key
 from .monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
 
 ROBOTS = ('servicer', 'minisat')
@@ -43,13 +43,13 @@ def _flights(runs: int, robots: Sequence[str], length: float, sizes: int) -> Ite
                 yield key('faulty', robot, 1, name, size)
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """One flight."""
     kind, *arguments = json.loads(key)
     return (nominal if kind == 'nominal' else faulty)(*arguments)
 
 
-def nominal(robot: str, seed: int, length: float) -> Record:
+def nominal(robot: str, seed: int, length: float) -> TrialRecord:
     """One flight without a fault: alarms, largest evidence, share of a core."""
     flight = Flight(robot=robot, seed=seed)
     monitor, largest = monitor_of(flight), 0.0
@@ -78,7 +78,7 @@ def _processor_time(flight: Flight) -> float:
     return time.process_time() - start
 
 
-def faulty(robot: str, seed: int, name: str, size: float) -> Record:
+def faulty(robot: str, seed: int, name: str, size: float) -> TrialRecord:
     """One flight with a fault: when it was raised, what spoke first, when it was cleared [s]."""
     flight = in_flight(name, size, Flight(robot=robot, seed=seed, onset=ONSET, end=END))
     raised, early, cleared, first = None, 0, None, ''
@@ -100,7 +100,7 @@ def faulty(robot: str, seed: int, name: str, size: float) -> Record:
     }
 
 
-def results(records: Sequence[Record]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """As `monitor`, by robot what its flights without a fault came to, and of each fault."""
     quiet = grouped((x for x in records if 'fault' not in x), itemgetter('robot'))
     loud = grouped((x for x in records if 'fault' in x), itemgetter('robot', 'fault', 'size'))
@@ -113,7 +113,7 @@ def results(records: Sequence[Record]) -> Results:
     return {'monitor': {'nominal': nominal, 'faults': faults}}
 
 
-def _nominal_score(flights: Sequence[Record]) -> Record:
+def _nominal_score(flights: Sequence[TrialRecord]) -> TrialRecord:
     return {
         'flights': len(flights),
         'hours': sum(x['length'] for x in flights) / 3600.0,
@@ -124,7 +124,7 @@ def _nominal_score(flights: Sequence[Record]) -> Record:
     }
 
 
-def _fault_score(flights: Sequence[Record]) -> Record:
+def _fault_score(flights: Sequence[TrialRecord]) -> TrialRecord:
     """Delays are medians, infinite where most flights have none."""
     return {
         'flights': len(flights),
@@ -136,11 +136,11 @@ def _fault_score(flights: Sequence[Record]) -> Record:
     }
 
 
-def _first(flights: Sequence[Record]) -> list[str]:
+def _first(flights: Sequence[TrialRecord]) -> list[str]:
     return sorted({x['first'] for x in flights if x['first']})
 
 
-def _median(flights: Sequence[Record], name: str) -> float:
+def _median(flights: Sequence[TrialRecord], name: str) -> float:
     return float(np.median([math.inf if x[name] is None else x[name] for x in flights]))
 
 

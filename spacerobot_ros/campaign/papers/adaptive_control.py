@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any
 
 from ...control.adaptive.law_signals import AdaptiveSettings
-from ..description import Record, Results, key, kinds, without
+from ..description import Results, TrialRecord, key, kinds, without
 from .adaptive_judge import identities
 from .adaptive_judge import judge as judge
 from .adaptive_run import TIMED, LoopCase, cycle_time, run_case
@@ -67,7 +67,7 @@ def trials(runs: int, is_quick: bool) -> list[str]:
     return [key(*parts) for parts in keys]
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """Time, measure or simulate."""
     kind, *of = json.loads(key)
     if kind == 'cycle':
@@ -117,7 +117,7 @@ def _set_point(prior: str, eta: float, seed: int, **values: Any) -> LoopCase:
     return LoopCase(task=still, settings=settings, prior=prior, eta=eta, seed=seed, duration=30.0)
 
 
-def results(records: Sequence[Record]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """All runs, cycle times [us] and identities."""
     of = kinds(records)
     (found,) = of['identities']

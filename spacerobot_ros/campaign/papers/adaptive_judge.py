@@ -14,7 +14,7 @@ import pinocchio as pin
 from ...control.adaptive.regressors import Regressors, parameter_values
 from ...identification.physical import column_rank
 from ...types import Array
-from ..description import Check, Record, Results
+from ..description import Check, Results, TrialRecord
 from ..pinocchio_peer import peer
 from .adaptive_run import minisat
 
@@ -138,24 +138,24 @@ def judge(results: Results) -> list[Check]:
     ]
 
 
-def select(results: Results, *key: object) -> list[Record]:
+def select(results: Results, *key: object) -> list[TrialRecord]:
     """Runs whose key starts with this."""
     return [run for run in results['runs'] if run['key'][: len(key)] == list(key)]
 
 
-def worst(runs: Sequence[Record]) -> tuple[float, float]:
+def worst(runs: Sequence[TrialRecord]) -> tuple[float, float]:
     """Largest root mean squares of attitude and joints [deg]; infinite where a run diverged."""
     attitude, joints = np.max(_errors(runs), axis=0)
     return float(attitude), float(joints)
 
 
-def median(runs: Sequence[Record]) -> tuple[float, float]:
+def median(runs: Sequence[TrialRecord]) -> tuple[float, float]:
     """Median root mean squares of attitude and joints [deg]; a diverged run's are infinite."""
     attitude, joints = np.median(_errors(runs), axis=0)
     return float(attitude), float(joints)
 
 
-def _errors(runs: Sequence[Record]) -> list[tuple[float, float]]:
+def _errors(runs: Sequence[TrialRecord]) -> list[tuple[float, float]]:
     gone = (np.inf, np.inf)
     return [gone if r['diverged'] else (r['attitude_rms_deg'], r['joint_rms_deg']) for r in runs]
 
@@ -165,7 +165,7 @@ def or_infinite(value: float | None) -> float:
     return float('inf') if value is None else value
 
 
-def mean_base_errors(runs: Sequence[Record]) -> dict[str, np.ndarray]:
+def mean_base_errors(runs: Sequence[TrialRecord]) -> dict[str, np.ndarray]:
     """Mean relative errors of the base's parameters before and after [%], by name."""
     mean = 100.0 * np.mean([run['base_errors'] for run in runs], axis=0)
     return dict(zip(('Ixx', 'Iyy', 'Izz', 'mass'), mean.T, strict=True))

@@ -23,7 +23,7 @@ from ...errors import SimulationDivergedError
 from ...model.robot import Robot
 from ...model.robot_settings import SensorSettings
 from ...types import Array
-from ..description import Record
+from ..description import TrialRecord
 from ..hidden.diagnosis_scenario import packaged
 
 START = np.deg2rad([90.0, 45.0, 45.0, 0.0])
@@ -155,7 +155,7 @@ class LoopCase:
     measures_velocity: bool = True
 
 
-def run_case(case: LoopCase, is_drawn: bool = False) -> Record:
+def run_case(case: LoopCase, is_drawn: bool = False) -> TrialRecord:
     """Simulate a case.
 
     Returns:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...display import Curve, Panel, Plot, Section, Table, table_of
-from ..description import Record, Results, grouped
+from ..description import Results, TrialRecord, grouped
 from .adaptive_judge import mean_base_errors, median, or_infinite, select, worst
 
 _PLOTTED = (
@@ -40,7 +40,7 @@ def _pair(values: tuple[float, float]) -> str:
     return f'{values[0]:.4f} / {values[1]:.4f}'
 
 
-def _groups(results: Results, kind: str, parts: slice) -> ItemsView[Any, list[Record]]:
+def _groups(results: Results, kind: str, parts: slice) -> ItemsView[Any, list[TrialRecord]]:
     """Runs of an experiment by some parts of their keys, in the order of the trials."""
     return grouped(select(results, kind), lambda run: tuple(run['key'][parts])).items()
 
@@ -146,7 +146,7 @@ def _sampling(results: Results) -> Table:
     )
 
 
-def _last(runs: Sequence[Record]) -> str:
+def _last(runs: Sequence[TrialRecord]) -> str:
     last = [run['last_deg'] for run in runs if not run['diverged']]
     text, gone = f'{max(last):.2g}' if last else '-', len(runs) - len(last)
     return f'{text}, {gone} of {len(runs)} diverged' if gone else text
@@ -170,7 +170,7 @@ def _periods_and_times(results: Results) -> list[Table]:
     return [periods, times]
 
 
-def drawings(records: Sequence[Record], results: Results) -> list[Section]:
+def drawings(records: Sequence[TrialRecord], results: Results) -> list[Section]:
     """Figures 10 to 13 and the base's inertia over time, first prior at the largest error."""
     kept = {tuple(r['key']): r['history'] for r in records if 'history' in r}
     first = {key[3:5]: history for key, history in kept.items() if key[0] == 'harmonic'}
@@ -182,7 +182,7 @@ def drawings(records: Sequence[Record], results: Results) -> list[Section]:
     eta = next(key[2] for key in kept if key[0] == 'harmonic')
     name = f'{100 * eta:.0f} % element-wise prior, first draw'
 
-    def panel(title: str, unit: str, what: str, of: dict[str, Record]) -> Panel:
+    def panel(title: str, unit: str, what: str, of: dict[str, TrialRecord]) -> Panel:
         curves = [Curve(n, np.array(h['time']), np.array(h[what])) for n, h in of.items()]
         return Panel(title, unit, curves, log=unit == 'deg')
 

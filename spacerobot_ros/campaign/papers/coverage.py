@@ -14,7 +14,7 @@ import numpy as np
 
 from ...display import Table, table_of
 from ...types import Array
-from ..description import Check, Record, Results, key
+from ..description import Check, Results, TrialRecord, key
 from ..shares import QUANTILE
 from .estimators import bound_of, error_figures, estimate, rms, true_values
 from .paper import momentum_motion, noisy_record, scenario
@@ -38,7 +38,7 @@ def trials(runs: int, is_quick: bool) -> list[str]:
     return [key('coverage', AXES[seed % len(AXES)], seed) for seed in range(runs)]
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """Identify one noisy record by every method."""
     _, axes, seed = json.loads(key)
     case = scenario(axes)
@@ -57,7 +57,7 @@ def run(key: str) -> Record:
     return {'seed': seed, 'axes': axes, 'methods': methods}
 
 
-def results(records: Sequence[Record]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """Every method on every robot.
 
     Returns:
@@ -77,7 +77,7 @@ def results(records: Sequence[Record]) -> Results:
     return {'coverage': out}
 
 
-def _score(runs: Sequence[Record], truth: Array, bound: Array) -> Record:
+def _score(runs: Sequence[TrialRecord], truth: Array, bound: Array) -> TrialRecord:
     values, std = (np.array([run[name] for run in runs]) for name in ('value', 'std'))
     _, over_bound, bias = error_figures(values, truth, bound)
     return {

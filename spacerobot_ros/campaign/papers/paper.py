@@ -25,7 +25,7 @@ from ...control.joint_reference import Reference as JointReference
 from ...control.joint_reference import build_reference
 from ...control.laws import ComputedTorque, Model, robot_model
 from ...dynamics.equations import Dynamics
-from ...dynamics.integrate import Torque, simulate_smooth
+from ...dynamics.integrate import TorqueOf, simulate_smooth
 from ...dynamics.state import State, initial_state
 from ...errors import ConfigurationError
 from ...estimation.trajectory.reference import Kinematics, NoiseLevels
@@ -215,7 +215,7 @@ def forward_motion(case: Scenario, start: str = 'moving', rtol: float = 1e-13) -
     )
 
 
-def continuous_torque(case: Scenario, model: Model, bandwidth: float) -> Torque:
+def continuous_torque(case: Scenario, model: Model, bandwidth: float) -> TorqueOf:
     """Computed torque without limits, for an integrator to call at every stage.
 
     Args:

@@ -33,8 +33,7 @@ _END_EFFECTOR = np.array([2.0, 0.0, 0.0])  # in the last body's frame, Table I
 _DURATION = 20.0
 _FINE, _COARSE = 0.02, 0.05  # s; the coarse one is right to 1e-4 deg
 
-
-Run = dict[str, Any]
+TrackedRun = dict[str, Any]
 """A closed-loop run: `axes`, `plant`, `law` (or where its model comes from), `bandwidth` (double
 pole of the error dynamics [rad/s]); largest error of any joint `max_joint_error_deg` and of the
 end effector in the base frame `max_end_effector_error_m`; the `reference` of both; as `history`
@@ -42,7 +41,7 @@ time (N,) [s], joint_error (N, 3) [rad], end_effector_error (N,) [m], torque (N,
 omega_WB_B (N, 3) [rad/s]."""
 
 
-def track(axes: str, plant: str, law: str, bandwidth: float) -> Run:
+def track(axes: str, plant: str, law: str, bandwidth: float) -> TrackedRun:
     """Follow Table II's motion with a law that knows the robot's parameters.
 
     Args:
@@ -60,7 +59,7 @@ def track(axes: str, plant: str, law: str, bandwidth: float) -> Run:
 
 def track_identified(
     axes: str, name: str, estimate: Estimate, bandwidth: float = 1.0
-) -> Run | None:
+) -> TrackedRun | None:
     """The corrected law with identified parameters, correct plant; None where unusable."""
     case = scenario(axes)
     model = estimated_model(case.believed, 'symmetric', estimate)
@@ -70,7 +69,7 @@ def track_identified(
         return None
 
 
-def soft_bandwidth(axes: str, plant: str, error_deg: float) -> Run:
+def soft_bandwidth(axes: str, plant: str, error_deg: float) -> TrackedRun:
     """The run without the wheels' knowledge that errs by so much: how soft must the gains be?"""
 
     def excess(logarithm: float) -> float:
@@ -83,7 +82,7 @@ def soft_bandwidth(axes: str, plant: str, error_deg: float) -> Run:
 
 def _simulate(
     case: Scenario, plant: str, law: str, model: Model, bandwidth: float, step: float
-) -> Run:
+) -> TrackedRun:
     dynamics = Dynamics(case.robot, joint_reaction=plant == 'correct')
     torque = continuous_torque(case, model, bandwidth)
     times = np.array([step * k for k in range(round(_DURATION / step) + 1)])

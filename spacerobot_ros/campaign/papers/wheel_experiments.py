@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from ..description import Check, Record, Results, key, kinds, without
+from ..description import Check, Results, TrialRecord, key, kinds, without
 from . import paper
 from .estimators import bound_of, noise_free, noisy_run, relative_errors, score, true_values
 from .paper import SCALES, STARTS
@@ -57,13 +57,13 @@ def trials(runs: int, is_quick: bool) -> list[str]:
     ]
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """One of the experiments."""
     kind, *arguments = json.loads(key)
     return _RUN[kind](*arguments)
 
 
-def _bound(axes: str, scale: float) -> Record:
+def _bound(axes: str, scale: float) -> TrialRecord:
     return {'axes': axes, 'noise_scale': scale, 'std': bound_of(axes, scale)}
 
 
@@ -76,7 +76,7 @@ _RUN: dict[str, Any] = {
 }
 
 
-def results(records: Sequence[Record]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """Every figure beside the paper's or our reference."""
     of = kinds(records)
     exact = [r for record in of.get('noise_free', ()) for r in record['structures']]
@@ -101,7 +101,9 @@ def results(records: Sequence[Record]) -> Results:
     }
 
 
-def _table_iii(axes: str, exact: Sequence[Record], noisy: Sequence[Record]) -> list[Record]:
+def _table_iii(
+    axes: str, exact: Sequence[TrialRecord], noisy: Sequence[TrialRecord]
+) -> list[TrialRecord]:
     """Rows of Table III; with noise, the first record at the paper's level."""
     wanted = (axes, 'symmetric', 'moving')
     ours = next(r for r in exact if (r['axes'], r['structure'], r['start']) == wanted)['unknowns']
@@ -135,7 +137,7 @@ def judge(results: Results) -> list[Check]:
     return out
 
 
-def _exact_checks(result: Record) -> list[Check]:
+def _exact_checks(result: TrialRecord) -> list[Check]:
     name = '{axes} {structure} {start}'.format(**result)
     error, reference = result['max_error_percent'], result['reference']
     exact, forward = error['momentum_integrated'], error['forward_integrated']
@@ -151,7 +153,7 @@ def _exact_checks(result: Record) -> list[Check]:
     return out
 
 
-def _tracking_checks(run: Record) -> list[Check]:
+def _tracking_checks(run: TrialRecord) -> list[Check]:
     name = 'largest joint error, {axes}, {law}, {plant} plant, {bandwidth:g} rad/s'.format(**run)
     error, reference = run['max_joint_error_deg'], run['reference']
     if run['law'] == 'corrected':

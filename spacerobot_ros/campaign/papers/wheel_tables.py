@@ -9,7 +9,7 @@ import numpy as np
 
 from ...display import Curve, Panel, Plot, Section, Table, table_of
 from ...types import Array
-from ..description import Record, Results, kinds
+from ..description import Results, TrialRecord, kinds
 from . import paper
 from .estimators import true_values
 
@@ -36,7 +36,7 @@ def tables(results: Results) -> list[Table]:
     ]
 
 
-def _without_noise(rows: Sequence[Record]) -> list[Table]:
+def _without_noise(rows: Sequence[TrialRecord]) -> list[Table]:
     conditions = table_of(
         'Minimal sets and condition numbers',
         f'the paper prints {paper.UNKNOWNS} unknowns (k = {paper.UNKNOWNS - 3}), neither axes nor '
@@ -67,7 +67,7 @@ def _without_noise(rows: Sequence[Record]) -> list[Table]:
     return [conditions, errors]
 
 
-def _table_iii(axes: str, rows: Sequence[Record]) -> Table:
+def _table_iii(axes: str, rows: Sequence[TrialRecord]) -> Table:
     return table_of(
         f'Table III, axes {axes}',
         'relative errors [%]: the paper\'s "no noise" and "noise", ours beside; noise '
@@ -82,7 +82,7 @@ def _table_iii(axes: str, rows: Sequence[Record]) -> Table:
     )
 
 
-def _estimators(scores: Sequence[Record]) -> Table:
+def _estimators(scores: Sequence[TrialRecord]) -> Table:
     runs = scores[0]['runs'] if scores else 0
     return table_of(
         'Estimators against the Cramer-Rao bound',
@@ -97,7 +97,7 @@ def _estimators(scores: Sequence[Record]) -> Table:
     )
 
 
-def _bounds(bounds: Sequence[Record]) -> Table:
+def _bounds(bounds: Sequence[TrialRecord]) -> Table:
     rows = []
     for bound in bounds:
         axes, scale = bound['axes'], bound['noise_scale']
@@ -158,7 +158,7 @@ def _tracking(results: Results) -> list[Table]:
     return [known, soft, identified]
 
 
-def drawings(records: Sequence[Record], results: Results) -> list[Section]:
+def drawings(records: Sequence[TrialRecord], results: Results) -> list[Section]:
     """Figures 4 to 7 of the robots of the experiments with noise."""
     out, of = [], kinds(records)
     for axes in results['table_iii']:
@@ -195,7 +195,7 @@ def _errors(run: Mapping[str, Array], what: str) -> Panel:
     return Panel(f'joint errors, {what}', 'deg', _curves(run['time'], degrees, _JOINTS), log=True)
 
 
-def _end_effector(runs: Mapping[str, Mapping[str, Array]], soft: Sequence[Record]) -> Panel:
+def _end_effector(runs: Mapping[str, Mapping[str, Array]], soft: Sequence[TrialRecord]) -> Panel:
     laws = {'no_aam': 'wheels unknown (37)', 'paper': "paper's law (35)", 'corrected': 'corrected'}
     named = {label: runs[law] for law, label in laws.items()}
     named |= {f'wheels unknown, {r["bandwidth"]:.2f} rad/s': r['history'] for r in soft}

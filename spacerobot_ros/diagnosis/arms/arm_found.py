@@ -18,7 +18,8 @@ from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
 from ..answer.cause import Evidence
-from ..events.arm_events import ArmEvents, Spans
+from ..events.arm_events import ArmEvents
+from ..events.event import Spans
 from ..limits import CHANCE, ENOUGH_ROWS, FEWEST_ROWS
 from .selection import Selection
 

@@ -20,7 +20,8 @@ from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
 from ..answer.cause import Evidence
-from ..events.arm_events import Spans, arm_events
+from ..events.arm_events import arm_events
+from ..events.event import Spans
 from .applicable import applicable, plain_of
 from .arm_evidence import evidence_of
 from .arm_found import ArmFound, balances_of, refuse_rest, refuse_short

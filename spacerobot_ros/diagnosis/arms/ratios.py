@@ -32,7 +32,7 @@ _UNITS = {
     'viscous_by_motor_constant': 'A s/rad',
 }
 _FRICTIONS = {'coulomb': DRY, 'viscous': VISCOUS}
-Key = tuple[str, str, str | None]  # joint, ratio, the other joint
+RatioKey = tuple[str, str, str | None]  # joint, ratio, the other joint
 
 
 def scale_notes(found: ArmFound) -> tuple[str, ...]:
@@ -68,7 +68,7 @@ def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
     every = [i for i in (*fit.chosen, *fit.calibration) if not fit.is_gain(i)]
     which = [i for i in every if rows.candidates[i].recordings is None]
 
-    def at(change: Array) -> dict[Key, float]:
+    def at(change: Array) -> dict[RatioKey, float]:
         """Ratios where coefficients (K,) are that much larger than found."""
         values = fit.values + change
         effects = [
@@ -83,7 +83,7 @@ def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
 
     own = at(np.zeros(len(fit.values)))
     columns = [*(k for i in which for k in rows.places[i]), *(gains[e] for e in _places(found))]
-    slopes: dict[Key, Array] = {key: np.zeros(len(columns)) for key in own}
+    slopes: dict[RatioKey, Array] = {key: np.zeros(len(columns)) for key in own}
     for n, k in enumerate(columns):
         step = _NUDGE * float(rows.sizes[k])
         moved = at(step * np.eye(len(fit.values))[k])
@@ -117,7 +117,7 @@ def _places(found: ArmFound) -> list[str]:
 
 def _ratios(
     robot: Robot, effects: Sequence[Effect], constants: Mapping[str, float], joints: Sequence[str]
-) -> Iterator[tuple[Key, float]]:
+) -> Iterator[tuple[RatioKey, float]]:
     """Every ratio that is not zero."""
     changed = changed_robot(robot, effects)
     n = changed.n_joints

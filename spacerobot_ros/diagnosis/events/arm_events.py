@@ -12,14 +12,11 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance
 from .break_away import break_away
 from .directed_gains import with_directed_gains
-from .event import Events
+from .event import Events, Spans
 from .joint_scan import SPREAD
 from .moving import PulseSearch
 from .naming import Naming
 from .rest import rest_events
-
-Spans = tuple[tuple[float, float], ...]
-"""Times [s] that nothing constant is estimated from."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

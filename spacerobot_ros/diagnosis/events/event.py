@@ -10,6 +10,9 @@ from ...effects.effect import Effect
 from ...formats import either
 from .event_limits import FALSE_PER_HOUR
 
+Spans = tuple[tuple[float, float], ...]
+"""Starts and ends of times that nothing constant is estimated from [s]."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:

@@ -13,14 +13,12 @@ from ...estimation.fit import Fit
 from ...estimation.refit import refine
 from ...estimation.runs import Run
 from ...types import Array
-from .event import Event, EventLimit, Events, PossibleEvent
+from .event import Event, EventLimit, Events, PossibleEvent, Spans
 from .event_limits import NAMED, SNR, chance, named_from
 from .impulse_fit import EDGE, Impulse, ImpulseFit
 from .impulse_scan import AXES, ImpulseScan
 from .impulse_sizes import TAIL
 
-Spans = tuple[tuple[float, float], ...]
-"""Starts and ends of times [s]."""
 _USUAL = ('target_wheel_momentum', 'thruster_gain', 'command_delay')
 _ROUNDS = 4  # of steps that are left out
 _SHOWN = 0.3  # s, the duration whose limit stands for all

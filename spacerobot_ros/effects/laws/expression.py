@@ -20,7 +20,7 @@ from ...errors import ConfigurationError
 from ...types import Array
 from .dimensions import PURE, Dimension, dimension, in_words
 
-Values = Mapping[str, Any]
+QuantityValues = Mapping[str, Any]
 FUNCTIONS: Mapping[str, tuple[Callable[..., Any], int, str]] = MappingProxyType(
     {
         **{
@@ -58,7 +58,7 @@ class Expression:
     text: str
     names: frozenset[str]
     _node: ast.expr
-    _compute: Callable[[Values], Any]
+    _compute: Callable[[QuantityValues], Any]
 
     @classmethod
     def parse(cls, text: object, place: str) -> Expression:
@@ -79,7 +79,7 @@ class Expression:
         compute = _compiled(node, place, 0)
         return cls(text.strip(), frozenset(_names(node)), node, compute)
 
-    def __call__(self, values: Values) -> Array:
+    def __call__(self, values: QuantityValues) -> Array:
         """What it is for values of its names; not finite where it divides by zero."""
         with np.errstate(all='ignore'):
             return np.asarray(self._compute(values), dtype=float)
@@ -140,7 +140,7 @@ def _refusal(node: ast.AST, place: str) -> ConfigurationError:
     return ConfigurationError(place, f'{shown!r} is not part of a formula')
 
 
-def _compiled(node: ast.AST, place: str, depth: int) -> Callable[[Values], Any]:
+def _compiled(node: ast.AST, place: str, depth: int) -> Callable[[QuantityValues], Any]:
     """What computes a node; refuses all that is not in the grammar."""
     if depth > _DEEPEST:
         raise ConfigurationError(place, f'is nested deeper than {_DEEPEST} levels')

@@ -12,7 +12,7 @@ from ...errors import ConfigurationError
 from ...model.schema import FloatList, param, parse_section
 from ..parameter import Parameter
 
-Section = TypeVar('Section')
+Kind = TypeVar('Kind')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +60,8 @@ class DeclaredExtra:
 
 
 def sections(
-    kind: type[Section], given: Mapping[str, Any], key: str, place: str
-) -> tuple[tuple[str, Section], ...]:
+    kind: type[Kind], given: Mapping[str, Any], key: str, place: str
+) -> tuple[tuple[str, Kind], ...]:
     """Sections of a map under free names."""
     found, at = given.get(key, {}), f'{place}.{key}'
     if not isinstance(found, Mapping):

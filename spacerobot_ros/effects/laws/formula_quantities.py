@@ -29,7 +29,7 @@ MEASURED = dict(zip(CHANNELS, OF_JOINTS, strict=False))
 _OF_FORCES = (*OF_JOINTS, *OF_BASE)
 _TRIALS = 16  # random states at which a formula is tried
 
-Known = Mapping[str, tuple[str | None, ...]]
+Quantities = Mapping[str, tuple[str | None, ...]]
 """Quantities, and what may be in brackets behind each: '' nothing, None any joint."""
 
 
@@ -44,7 +44,7 @@ def is_axis(where: str | None) -> bool:
     return where is not None and where[-2:] in {f'/{axis}' for axis in AXES}
 
 
-def known_quantities(channel: str, is_at_joint: bool, extra: Sequence[str]) -> Known:
+def known_quantities(channel: str, is_at_joint: bool, extra: Sequence[str]) -> Quantities:
     """What a formula may take.
 
     Args:
@@ -59,14 +59,14 @@ def known_quantities(channel: str, is_at_joint: bool, extra: Sequence[str]) -> K
     return {**out, 'time': ('',), **({'extra': tuple(extra)} if extra else {})}
 
 
-def is_known(name: str, known: Known) -> bool:
+def is_known(name: str, known: Quantities) -> bool:
     """Whether a quantity is among some."""
     what, whose = parts(name)
     forms = known.get(what, ())
     return whose in forms or bool(whose and None in forms)
 
 
-def listed(known: Known) -> Iterator[str]:
+def listed(known: Quantities) -> Iterator[str]:
     """For messages."""
     for what, forms in known.items():
         if '' in forms:

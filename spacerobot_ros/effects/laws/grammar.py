@@ -20,7 +20,7 @@ from ..joint import direction
 from .dimensions import powers_of, unit_text
 from .hysteresis import followed
 
-Columns = Callable[..., tuple[Array, ...]]
+ColumnsOf = Callable[..., tuple[Array, ...]]
 
 DAHL, PLAY = 'dahl(x)', 'play(x)'
 
@@ -39,7 +39,7 @@ class Form:
     """
 
     name: str
-    columns: Columns
+    columns: ColumnsOf
     powers: tuple[tuple[float, ...], ...]
     parameters: tuple[str, ...] = ()
     ratio: float = 0.0

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ...campaign.damage import damaged_bag, malformed_file
-from ...campaign.description import Check, Record, Results, grouped, key, kinds
+from ...campaign.description import Check, Results, TrialRecord, grouped, key, kinds
 from ...display import Table, table_of
 from ...ros.convert import estimate_message
 from ...ros.session import Session
@@ -64,7 +64,7 @@ def _trials(runs: int, part: int) -> Iterator[str]:
             yield key('streams', what, seed)
 
 
-def run(key: str) -> Record:
+def run(key: str) -> TrialRecord:
     """One trial."""
     kind, what, *arguments = json.loads(key)
     if kind in _ENDS:
@@ -75,7 +75,7 @@ def run(key: str) -> Record:
     return {'what': what + few, **_HARM[kind](what, *arguments)}
 
 
-def odd_messages(node: str, seed: int, count: int) -> Record:
+def odd_messages(node: str, seed: int, count: int) -> TrialRecord:
     """Odd messages among good ones: what they end or spoil."""
     rng = np.random.default_rng(seed)
     stream = [*flight()]
@@ -94,7 +94,7 @@ def odd_messages(node: str, seed: int, count: int) -> Record:
                 patient.node.step()
             if k % 500 == 0:
                 patient.node.health.publish()
-        record: Record = {
+        record: TrialRecord = {
             'odd': count,
             'raised': dict(raised),
             'not_finite': dict(Counter(patient.not_finite)),
@@ -108,7 +108,7 @@ def odd_messages(node: str, seed: int, count: int) -> Record:
 
 
 _ENDS = {'bags': damaged_bag, 'files': malformed_file}
-_HARM: dict[str, Callable[..., Record]] = {
+_HARM: dict[str, Callable[..., TrialRecord]] = {
     'messages': odd_messages,
     'floods': flooded,
     'streams': wrong_stream,
@@ -117,7 +117,7 @@ _HARM: dict[str, Callable[..., Record]] = {
 }
 
 
-def results(records: Sequence[Record]) -> Results:
+def results(records: Sequence[TrialRecord]) -> Results:
     """By kind of fault and what it was done to."""
     rows = []
     for kind, own in kinds(records).items():
@@ -126,7 +126,7 @@ def results(records: Sequence[Record]) -> Results:
     return {'faults': rows}
 
 
-def _score(records: Sequence[Record]) -> Record:
+def _score(records: Sequence[TrialRecord]) -> TrialRecord:
     ends: Counter[str] = Counter()
     raised: Counter[str] = Counter()
     for r in records:

@@ -17,7 +17,7 @@ import numpy as np
 import rclpy
 from rclpy.serialization import serialize_message
 
-from ...campaign.description import Record
+from ...campaign.description import TrialRecord
 from ...ros.middleware import set_up_middleware
 from ...ros.qos import SAMPLES
 from .message_fuzz import spoilt
@@ -30,7 +30,7 @@ RELEASED = 0.5 + 0.1  # s: command_timeout, and stamps on their way
 _STARVED = 0.2, 3.0  # s
 
 
-def broken_in_the_loop(kind: str, what: str, seed: int, count: int) -> Record:
+def broken_in_the_loop(kind: str, what: str, seed: int, count: int) -> TrialRecord:
     """Kill or starve a node of a closed loop again and again.
 
     Args:
@@ -119,7 +119,7 @@ def send_flood(kind: Any, topic: str, messages: list[bytes], count: int) -> None
             time.sleep(0.001)
 
 
-def flooded(topic: str, seed: int, seconds: float) -> Record:
+def flooded(topic: str, seed: int, seconds: float) -> TrialRecord:
     """Flood nodes of a closed loop in real time.
 
     Args:
@@ -134,7 +134,7 @@ def flooded(topic: str, seed: int, seconds: float) -> Record:
     """
     nodes, count = FLOODED[topic], round(seconds * _RATE)
     kind, messages = _messages(topic, seed)
-    record: Record = {'odd': count, 'grown': None, 'valid': False}
+    record: TrialRecord = {'odd': count, 'grown': None, 'valid': False}
     with loop_of_processes(is_lockstep=False) as loop:
         loop.start_all()
         flood = loop.run_beside(send_flood, kind, topic, messages, count)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from ...campaign.description import Record
+from ...campaign.description import TrialRecord
 from ...campaign.hidden.diagnosis_scenario import packaged
 from ...identification.estimate import Estimate
 from ...ros.convert import compose
@@ -90,7 +90,7 @@ def give(
         raised[f'{type(error).__name__}: {error}'[:200]] += 1
 
 
-def compared(found: Estimate | None) -> Record:
+def compared(found: Estimate | None) -> TrialRecord:
     """An estimate beside the undisturbed one: its error and its spread by that one's."""
     if found is None or not found.valid:
         return {'valid': False, 'reason': '' if found is None else found.reason}
@@ -103,11 +103,11 @@ def compared(found: Estimate | None) -> Record:
     }
 
 
-def wrong_stream(what: str, seed: int) -> Record:
+def wrong_stream(what: str, seed: int) -> TrialRecord:
     """A flight whose messages go astray, for the identifier and the monitor."""
     rng = np.random.default_rng(seed)
     raised: Counter[str] = Counter()
-    record: Record = {}
+    record: TrialRecord = {}
     with Session() as session:
         patients = {name: patient_of(session, name) for name in ('identifier', 'monitor')}
         for topic, message, is_good in _astray(what, flight(), rng):
