@@ -19,7 +19,7 @@ from ..estimation.runs import Run
 from ..estimation.trajectory.observations import observed, refuse_unbalanced
 from ..identification.outliers import screened
 from ..model.robot import Robot
-from ..recording.faults.check import check_data
+from ..recording.faults.data_faults import check_data
 from ..recording.record import Record
 from .answer.event_answer import with_events
 from .answer.result import Diagnosis

@@ -17,7 +17,7 @@ from ..estimation.balance.motor_constants import as_recorded
 from ..estimation.trajectory.observations import observed
 from ..formats import either
 from ..model.robot import Robot
-from ..recording.faults.check import check_data
+from ..recording.faults.data_faults import check_data
 from ..recording.record import Record
 from .answer.free_motion import free_motion
 from .answer.result import FreeMotion

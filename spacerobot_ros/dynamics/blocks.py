@@ -150,11 +150,11 @@ class BlockTree:
             joint_reaction: False omits the wheels' torque on the joints, as the paper prints it.
         """
         q, u, pi = (np.ascontiguousarray(x, dtype=float) for x in (q, u, pi))
-        carried = np.zeros((self.n + 1, 3))
+        wheel_momentum = np.zeros((self.n + 1, 3))
         for body, momentum in wheels:
-            carried[body] += momentum
+            wheel_momentum[body] += momentum
         geometry = self._tree, self._axes, self._moves, self._pair_indices
-        return np.asarray(equation_of_rates(geometry, q, u, pi, carried, joint_reaction))
+        return np.asarray(equation_of_rates(geometry, q, u, pi, wheel_momentum, joint_reaction))
 
     def parameters(self, robot: Robot | None = None) -> Array:
         """(K,) block parameters of a robot with this tree (default: the one it was made from)."""

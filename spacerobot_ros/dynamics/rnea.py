@@ -39,16 +39,16 @@ def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: A
     rotations, origins, twists, _ = kinematics
     bodies, is_free = len(tree), tree[0].kind == FREE
     out, total = np.zeros((len(qdd), 5 + bodies)), np.zeros((bodies, 6))
-    has_load, carries = loads(tree)
+    has_inertia, supports = inertia_supports(tree)
     for s in range(len(qdd)):
         for i in range(bodies - 1, -1, -1):
             body, k = tree[i], tree[i].number
-            if not carries[k]:  # of a difference of two robots most bodies do not
+            if not supports[k]:  # of a difference of two robots most bodies do not
                 if i > 0:
                     out[s, 5 + k] = body.motor * qdd[s, k - 1]
                 continue
             R = rotations[s, k]
-            if has_load[i]:
+            if has_inertia[i]:
                 g = rotate_back(R, get(tree[0].gravity, 0))
                 f, n = body_wrench(body, twists[s, k], accelerations[s, k], g)
                 add6(total[k], rotate(R, f), rotate(R, n))
@@ -64,16 +64,16 @@ def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: A
 
 
 @inner  # type: ignore[untyped-decorator]
-def loads(tree: Records) -> tuple[BoolArray, BoolArray]:
-    """Which records have inertia or wheels, and which bodies, by number, carry any."""
-    has_load, carries = np.zeros(len(tree), np.bool_), np.zeros(len(tree), np.bool_)
+def inertia_supports(tree: Records) -> tuple[BoolArray, BoolArray]:
+    """Which records have inertia or wheels, and which bodies, by number, support any."""
+    has_inertia, supports = np.zeros(len(tree), np.bool_), np.zeros(len(tree), np.bool_)
     for i in range(len(tree) - 1, -1, -1):
         body = tree[i]
-        has_load[i] = np.any(body.inertial != 0.0) or np.any(body.wheels != 0.0)
-        carries[body.number] |= has_load[i]
+        has_inertia[i] = np.any(body.inertial != 0.0) or np.any(body.wheels != 0.0)
+        supports[body.number] |= has_inertia[i]
         if i > 0:
-            carries[body.parent] |= carries[body.number]
-    return has_load, carries
+            supports[body.parent] |= supports[body.number]
+    return has_inertia, supports
 
 
 @inner  # type: ignore[untyped-decorator]

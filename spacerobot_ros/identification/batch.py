@@ -18,7 +18,7 @@ from ..estimation.unknowns.minimal import minimal_set
 from ..estimation.unknowns.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
-from ..recording.faults.kinematics import contradictions
+from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
 from .estimate import Estimate
 from .least_squares import sampled_motion, solve_least_squares

@@ -20,7 +20,7 @@ from ..estimation.trajectory.reference import NoiseLevels
 from ..estimation.unknowns.torque_hold import Holds, find_holds
 from ..model.settings import IdentifierSettings
 from ..recording.buffer import SampleBuffer
-from ..recording.faults.kinematics import contradictions
+from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
 from .maximum_likelihood import Known, MaximumLikelihood, prepare
 from .misfit import Misfit

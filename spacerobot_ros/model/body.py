@@ -115,7 +115,7 @@ class Gyrostat:
     """Wheels of one link as a momentum relative to it.
 
     Args:
-        link: The carrying link.
+        link: The host link.
         body: Index of the body that the link belongs to.
         rotation: (3, 3) takes coordinates of the link frame to the body frame.
         momentum: (3,) relative wheel momentum in the link frame [N m s].
@@ -134,13 +134,13 @@ class Gyrostat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rotor:
-    """A true wheel rotor: a balanced body that spins freely about its axis on a carrying body.
+    """A true wheel rotor: a balanced body that spins freely about its axis on a host body.
 
     Args:
         joint: Name of its joint.
         link: The link that carries it.
         is_target: Whether it belongs to the captured body (else to the servicer).
-        body: The rotor itself; `body.parent` is the carrying body.
+        body: The rotor itself; `body.parent` is the host body.
         rate: Relative rate at the start [rad/s].
     """
 
@@ -157,7 +157,7 @@ class Rotor:
 
     @property
     def body_momentum(self) -> Vector3:
-        """(3,) momentum relative to the carrier, in the carrying body's frame [N m s]."""
+        """(3,) momentum relative to the host, in its frame [N m s]."""
         return self.axial_inertia * self.rate * (self.body.rotation @ self.body.axis)
 
 
@@ -178,8 +178,8 @@ def tree_order(bodies: tuple[Body, ...]) -> list[int]:
 
 def last_bodies(bodies: tuple[Body, ...]) -> list[int]:
     """Indices of the moving bodies that carry no other: one at the end of every arm."""
-    carrying = {body.parent for body in bodies}
-    return [i for i in range(1, len(bodies)) if i not in carrying]
+    parents = {body.parent for body in bodies}
+    return [i for i in range(1, len(bodies)) if i not in parents]
 
 
 Frames = dict[str, tuple[int, Matrix3, Vector3]]

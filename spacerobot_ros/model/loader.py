@@ -174,7 +174,7 @@ def _faulty_joints(options: RobotSettings, tree: Tree) -> Iterator[tuple[str, st
 def _faulty_bodies(
     options: RobotSettings, bodies: tuple[Body, ...], rotors: tuple[Rotor, ...]
 ) -> Iterator[tuple[Body, str]]:
-    """What makes the mass matrix singular: a massless base or end, a carrier that is all rotor."""
+    """What makes the mass matrix singular: a massless base or end, a host that is all rotor."""
     base = bodies[0]
     if options.base == 'free' and (base.mass <= 0.0 or np.linalg.eigvalsh(base.inertia)[0] <= 0.0):
         yield base, 'a free base needs a mass and an inertia about every axis'
@@ -185,7 +185,7 @@ def _faulty_bodies(
                 bodies[index],
                 f'joint {joint!r} moves it, so it needs mass and inertia about its axis',
             )
-    for carrier in sorted({rotor.body.parent for rotor in rotors}):
-        rotor_mass = sum(rotor.body.mass for rotor in rotors if rotor.body.parent == carrier)
-        if bodies[carrier].mass <= rotor_mass * (1.0 + 1e-9):
-            yield bodies[carrier], 'carries rotors, so it needs a mass and an inertia of its own'
+    for host in sorted({rotor.body.parent for rotor in rotors}):
+        rotor_mass = sum(rotor.body.mass for rotor in rotors if rotor.body.parent == host)
+        if bodies[host].mass <= rotor_mass * (1.0 + 1e-9):
+            yield bodies[host], 'carries rotors, so it needs a mass and an inertia of its own'

@@ -259,7 +259,7 @@ class Robot:
         return replace(self, bodies=(*self.bodies[:index], body, *self.bodies[index + 1 :]))
 
     def with_free_rotors(self, rates: Array) -> Robot:
-        """The plant view: rotors become joints, and leave the carriers' inertia and gyrostats.
+        """The plant view: rotors become joints, and leave their hosts' inertia and gyrostats.
 
         Args:
             rates: (n_rotors,) relative rates at the start, in the order of `rotors` [rad/s].

@@ -19,7 +19,7 @@ from .faults.even_stamps import with_even_stamps
 from .faults.extras import bridged_extras, without_extra_spikes
 from .faults.gaps import split_at_gaps, with_gaps_noted
 from .faults.held_readings import without_repeats
-from .faults.kinematics import unlike_positions
+from .faults.motion_faults import unlike_positions
 from .faults.spikes import without_spikes
 from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
 from .faults.wrapped_angles import with_turns_counted

@@ -18,7 +18,7 @@ from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.identification.lone_body import identify_lone_body
-from spacerobot_ros.recording.faults.check import check_data
+from spacerobot_ros.recording.faults.data_faults import check_data
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record
 from spacerobot_ros.recording.robot_inputs import in_robot_order
 from spacerobot_ros.simulation.closed_loop import ClosedLoop

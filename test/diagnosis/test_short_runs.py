@@ -7,7 +7,7 @@ import pytest
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
-from spacerobot_ros.recording.faults.dynamics import find_torque_faults
+from spacerobot_ros.recording.faults.torque_faults import find_torque_faults
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
 URDF = """<robot name="swing"><link name="base_link"/>

@@ -10,7 +10,7 @@ from support.identification import changed, measure, servicer, simulate
 
 from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.model.settings import IdentifierSettings
-from spacerobot_ros.recording.faults.kinematics import contradictions
+from spacerobot_ros.recording.faults.motion_faults import contradictions
 
 DEGREE = np.pi / 180.0
 INVERSE = [-1.0, -1.0, -1.0, 1.0]

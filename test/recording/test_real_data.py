@@ -14,7 +14,7 @@ from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.faults.check import data_faults
+from spacerobot_ros.recording.faults.data_faults import data_faults
 from spacerobot_ros.recording.read import read_record, read_records
 
 ROOT = Path(__file__).resolve().parents[2]

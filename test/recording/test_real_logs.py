@@ -13,9 +13,9 @@ from support.models import robot_of, table_one
 
 from spacerobot_ros.errors import SpaceRobotError
 from spacerobot_ros.recording.bags.bag_writer import BagWriter
-from spacerobot_ros.recording.faults.check import data_faults
+from spacerobot_ros.recording.faults.data_faults import data_faults
 from spacerobot_ros.recording.faults.gaps import split_at_gaps
-from spacerobot_ros.recording.faults.kinematics import find_faults
+from spacerobot_ros.recording.faults.motion_faults import find_faults
 from spacerobot_ros.recording.npz import load_npz, save_npz
 from spacerobot_ros.recording.read import read_groups, read_record, read_records
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps

@@ -25,7 +25,7 @@ from ...estimation.balance.motor_constants import as_recorded, first_constants
 from ...estimation.inference.evidence import Gram, sum_of
 from ...estimation.trajectory.observations import observed, refuse_unbalanced
 from ...model.robot import Robot
-from ...recording.faults.check import check_data
+from ...recording.faults.data_faults import check_data
 from ...recording.record import Record
 from ...types import Array, IntArray
 from ..arms.arm_found import refuse_rest

@@ -249,15 +249,17 @@ def _sane(
 
     None where with all friction of its joint it feeds energy in.
     """
-    if not pushes(law, along):
+    if not feeds_energy(law, along):
         return law
     beside = friction.get(str(law.where), ())
-    if law.form.has_history or pushes(law, along, beside):
+    if law.form.has_history or feeds_energy(law, along, beside):
         return None
     return replace(law, kind='external')
 
 
-def pushes(law: LearnedTorque, motions: Iterable[Motion], beside: Sequence[Effect] = ()) -> bool:
+def feeds_energy(
+    law: LearnedTorque, motions: Iterable[Motion], beside: Sequence[Effect] = ()
+) -> bool:
     """Whether friction, as it was fitted, feeds in more power than fits may.
 
     Args:

@@ -25,7 +25,7 @@ from ..answer.result import Diagnosis, Leftover
 from ..limits import CHANCE, LARGEST_LAW, MISFIT, OBVIOUS
 from ..orders.orders import find_orders, wheel_orders
 from .channel_laws import HeldLaw, channel_name, laws_of, leftover_of, leftover_without
-from .discover import pushes
+from .discover import feeds_energy
 from .flight_channels import Component, FlightChannel, FlightRows
 from .in_place import instead_of
 from .law_search import Winner
@@ -129,7 +129,7 @@ def _entries(
     entries, laws, motion = [], [], channel.flight.motion
     for it, values, spread in fitted:
         law = None if it.law.kind == SENSOR else _torque_law(channel, it, values)
-        if law is not None and pushes(law, [motion]):
+        if law is not None and feeds_energy(law, [motion]):
             law = replace(law, kind='external') if corrected_by(law, _known(answer)) else None
         entry = leftover_of(it, values, spread, motion.robot, applied=law, is_of_several=False)
         entries.append(entry)

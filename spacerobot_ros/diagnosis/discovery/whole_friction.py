@@ -17,7 +17,7 @@ from ...effects.motion import Motion
 from ..answer.cause import Cause
 from ..answer.result import Leftover
 from ..limits import LARGEST_LAW
-from .discover import pushes
+from .discover import feeds_energy
 
 _TERMS = {'joint_coulomb_friction': 'sign(x)', 'joint_viscous_friction': 'x'}
 """Simple friction as terms of a law of the joint's rate."""
@@ -42,7 +42,7 @@ def with_friction(entry: Leftover, friction: Sequence[Cause], motion: Motion) ->
     free = replace(law, coefficients=tuple(whole.tolist()), limit=math.inf, kind='external')
     largest = float(np.max(np.abs(free.torque(motion, np.zeros((len(motion), 0))))))
     law = replace(free, limit=LARGEST_LAW * largest, kind='dissipative')
-    if pushes(law, [motion]):
+    if feeds_energy(law, [motion]):
         return replace(entry, applied=None)
     pairs = zip(entry.coefficients, law.coefficients, strict=True)
     values = tuple(replace(c, value=value) for c, value in pairs)

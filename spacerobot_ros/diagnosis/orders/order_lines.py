@@ -35,7 +35,7 @@ _TRIED = np.linspace(-1.0, 1.0, 11)  # of the spacing of orders, about the best 
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class OrderLine:
     """A line against an angle.
 
     Args:
@@ -112,7 +112,7 @@ class FastSignal:
         return np.fft.irfft(spectrum / level, len(self.fast))
 
 
-def lines_of(signal: FastSignal, turning: Turning) -> Iterator[Line]:
+def lines_of(signal: FastSignal, turning: Turning) -> Iterator[OrderLine]:
     """The highest lines of a signal against an angle, where they are no chance and no hump.
 
     Nor may a sine of the time explain as much: the two are told apart as two causes are.
@@ -139,7 +139,7 @@ def lines_of(signal: FastSignal, turning: Turning) -> Iterator[Line]:
         is_left &= np.abs(orders - line.order) >= skirt
 
 
-def told_within(
+def rival_power(
     signal: FastSignal, own: Turning, order: float, other: Turning, width: float
 ) -> float:
     """Half the squares of unit noise that the best order of another angle explains in its place.
@@ -163,7 +163,7 @@ def told_within(
     return max(power(white, k * angle) for k in _about(orders, best))
 
 
-def _line(signal: FastSignal, white: Array, spectrum: OrderSpectrum, i: int) -> Line:
+def _line(signal: FastSignal, white: Array, spectrum: OrderSpectrum, i: int) -> OrderLine:
     """The line about an order, at the order between its neighbours that explains most.
 
     Args:
@@ -177,7 +177,7 @@ def _line(signal: FastSignal, white: Array, spectrum: OrderSpectrum, i: int) -> 
     best, order = max((power(white[at], k * angle), k) for k in _about(orders, i))
     sine, cosine, _ = fitted(signal.fast[at], order * angle)
     p_value = min(1.0, len(orders) * math.exp(-min(best, 700.0)))
-    return Line(order, math.hypot(sine, cosine), math.atan2(cosine, sine), best, p_value)
+    return OrderLine(order, math.hypot(sine, cosine), math.atan2(cosine, sine), best, p_value)
 
 
 def _about(orders: Array, i: int) -> list[float]:

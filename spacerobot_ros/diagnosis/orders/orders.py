@@ -18,7 +18,7 @@ from ...recording.record import Record
 from ...types import Array, BoolArray
 from ..answer.result import Order
 from ..limits import EQUIVALENT
-from .order_lines import BAND, FEWEST, FastSignal, Line, Turning, lines_of, told_within
+from .order_lines import BAND, FEWEST, FastSignal, OrderLine, Turning, lines_of, rival_power
 
 _HIGHEST = 1000.0  # periods a turn
 _HIGHEST_SLIDING = 2.0 * math.pi / 1e-3  # rad/m: threads of a millimetre
@@ -112,7 +112,7 @@ def wheel_orders(record: Record, units: Mapping[str, str]) -> dict[str, list[Ord
         }
         for channel, unit, values in signals:
             signal = FastSignal(np.interp(grid.time, at, values), grid.step)
-            for wheel, line in _told_apart(signal, turning):
+            for wheel, line in _distinguished(signal, turning):
                 found[wheel].append(_order(wheel, unit, line, channel))
     return {wheel: _clearest(own) for wheel, own in found.items()}
 
@@ -131,12 +131,14 @@ def _signals(
         yield record.effort_time, [it for it in efforts if not np.isnan(it[2]).any()]
 
 
-def _told_apart(signal: FastSignal, turning: Mapping[str, Turning]) -> Iterator[tuple[str, Line]]:
+def _distinguished(
+    signal: FastSignal, turning: Mapping[str, Turning]
+) -> Iterator[tuple[str, OrderLine]]:
     """Lines of a signal with their wheels, but those that another wheel tells as two causes do."""
     for wheel, own in turning.items():
         others = [other for name, other in turning.items() if name != wheel]
         for line in lines_of(signal, own):
-            rivals = [told_within(signal, own, line.order, other, _ONE) for other in others]
+            rivals = [rival_power(signal, own, line.order, other, _ONE) for other in others]
             most = max(rivals, default=0.0)
             if line.power > most + EQUIVALENT and most < _NEARLY * line.power:
                 yield wheel, line
@@ -151,5 +153,5 @@ def _clearest(orders: Sequence[Order]) -> list[Order]:
     return out[:_MOST]
 
 
-def _order(place: str, unit: str, line: Line, channel: str = '') -> Order:
+def _order(place: str, unit: str, line: OrderLine, channel: str = '') -> Order:
     return Order(place, unit, line.order, line.amplitude, line.phase, line.p_value, channel)

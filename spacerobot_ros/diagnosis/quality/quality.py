@@ -10,7 +10,7 @@ from ...effects.robot_file import RobotFile
 from ...errors import SpaceRobotError
 from ...estimation.noise_levels import DISAGREEMENT
 from ...formats import counted
-from ...recording.faults.check import data_faults
+from ...recording.faults.data_faults import data_faults
 from ...recording.record import Record
 from .allan import Allan, allan
 from .excited import Excited, excited

@@ -141,7 +141,7 @@ class MotorInertia(JointEffect):
     """tau = -J q'': the motor's rotor, reflected by the gear's ratio squared.
 
     The rotor spins a gear ratio faster than the joint: of its energy 1/2 J (q' + w/ratio)^2 the
-    carrier's rate w is left out, and its momentum too, as in Pinocchio and MuJoCo.
+    host's rate w is left out, and its momentum too, as in Pinocchio and MuJoCo.
 
     Typical: 0.1 to 10 kg m^2 for gear ratios of 50 to 200.
     Signature: a torque residual in proportion to the joint's own acceleration.

@@ -71,9 +71,9 @@ def candidates_of_recordings(
     if count > 1 and count * len(zeros) <= sum(len(c.sizes) for c in shared):
         for run in range(count):
             yield from (replace(c, recordings=(run,)) for c in zeros)
-    loads = [('inertial_parameters', link) for link in robot.last_links]
+    payloads = [('inertial_parameters', link) for link in robot.last_links]
     if 0 < len(loaded) < count:
-        yield from (replace(c, recordings=tuple(loaded)) for c in shared if c.key in loads)
+        yield from (replace(c, recordings=tuple(loaded)) for c in shared if c.key in payloads)
 
 
 def wrong_masses(shared: Sequence[Candidate], balances: Sequence[Balance]) -> Iterable[Candidate]:

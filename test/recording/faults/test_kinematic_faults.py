@@ -11,7 +11,7 @@ mujoco = pytest.importorskip('mujoco')
 
 from support.mujoco_truth import generate  # noqa: E402
 
-from spacerobot_ros.recording.faults.kinematics import find_faults  # noqa: E402
+from spacerobot_ros.recording.faults.motion_faults import find_faults  # noqa: E402
 from spacerobot_ros.recording.record import (  # noqa: E402
     AttitudeSeries,
     JointSeries,

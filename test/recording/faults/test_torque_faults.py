@@ -12,7 +12,7 @@ mujoco = pytest.importorskip('mujoco')
 from support.mujoco_truth import ROBOTS, believing, generate  # noqa: E402
 
 from spacerobot_ros.effects.robot_file import load_robot_file  # noqa: E402
-from spacerobot_ros.recording.faults.dynamics import find_torque_faults  # noqa: E402
+from spacerobot_ros.recording.faults.torque_faults import find_torque_faults  # noqa: E402
 from spacerobot_ros.recording.record import JointSeries, Record  # noqa: E402
 
 DEGREES = 180.0 / np.pi

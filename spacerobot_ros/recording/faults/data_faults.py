@@ -1,7 +1,7 @@
 """All faults of a record: what is missing, dead, too short, badly timed, or contradicts itself.
 
-What one channel shows of another is compared in `kinematics` and, with the robot's dynamics, in
-`dynamics`. Small errors of scale, angle and time are physical causes, and no faults of the data.
+What one channel shows of another is compared in `motion_faults` and, with the robot's dynamics,
+in `torque_faults`. Small errors of scale, angle and time are physical causes, no faults of data.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from ...errors import RecordingError
 from ...formats import counted
 from ...model.robot import Robot
 from ..record import JointSeries, Record
-from .dynamics import find_torque_faults
 from .extras import extra_faults
-from .kinematics import dead_base, find_faults
+from .motion_faults import dead_base, find_faults
 from .signals import clock_faults, torn_positions
 from .thresholds import FEWEST_SAMPLES, DataFault, in_lines
+from .torque_faults import find_torque_faults
 
 
 def check_data(record: Record, robot: Robot) -> None:

@@ -23,7 +23,7 @@ from ...model.robot import Robot
 from ...model.robot_settings import COMPENSATED
 from ...types import Array, BoolArray
 from ..record import Record
-from .kinematics import DEGREES
+from .motion_faults import DEGREES
 from .thresholds import (
     ALIKE,
     BESIDE,
