@@ -13,8 +13,8 @@ with I a body's inertia, J_m its motor's and X the shift by d from the parent's 
     a' = X a(parent) + c,  q'' = (u - U . a') / D,  a = a' + S q''             (base to tips)
 
 Three joints and two gyrostats: a call through `Dynamics.rate` takes 2.5 us where one around
-Pinocchio's `aba`, with which the tests compare it, took 9; from compiled code, as in
-`runge_kutta`, it is 0.7 us.
+Pinocchio's `aba`, with which the tests compare it, took 9; from compiled code, as in the
+integrator, it is 0.7 us.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Samples that contradict their neighbours, left out before a fit, and pauses that end it.
 
-A rate is predicted by its neighbours (`recording.neighbours`). A position (or an
+A rate is predicted by its neighbours (`recording.faults.neighbours`). A position (or an
 attitude) less the integral of its rate moves slowly; it is compared with its running median, which
 a burst of up to half the window does not move. Both scales are the larger of the stated noise and
 the median absolute error, so that a motion rougher than thought is not taken for outliers

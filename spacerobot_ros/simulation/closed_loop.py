@@ -73,7 +73,7 @@ class ClosedLoop:
     """A simulated run, step by step.
 
     Args:
-        robot: What the controller believes (`model.loader.load_robot_file`).
+        robot: What the controller believes (`effects.robot_file.load_robot_file`).
         settings: All settings; the plant is the robot with their `truth` and `effects`.
         estimate: What the controller knows from an identification; None: the robot file alone.
 

@@ -30,7 +30,7 @@ class Plant:
     the step that ended at k (zero at k = 0). True rotors turn without torque on their axis.
 
     Args:
-        robot: What the machine really is, its effects' changes made (`model.loader.true_robot`).
+        robot: What the machine really is, its effects' changes made (`truth.true_robot`).
         initial: State at step 0.
         period: Control period [s], a whole number of nanoseconds after rounding.
         substeps: Runge-Kutta steps in one period; more are made where an effect is fast.

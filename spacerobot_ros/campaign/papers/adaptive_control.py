@@ -26,7 +26,7 @@ LAWS = (
     ('adaptive_composite', 'project'),
     ('adaptive_lyapunov', 'natural'),
 )
-"""Laws and their `adaptive.physical_consistency`."""
+"""Laws and their `controller.physical_consistency`."""
 _UNMEASURED = (('passivity', 'none'), ('adaptive_rls', 'none'), ('adaptive_composite', 'project'))
 _NOISY = (('adaptive_rls_paper', 'none'), *_UNMEASURED[1:])
 _FIXED: dict[str, Any] = {'law': 'passivity', 'physical_consistency': 'none'}

@@ -1,7 +1,7 @@
 """The wheel-momentum identification paper: what it prints, its experiment, and noisy records.
 
 The paper prints neither its joint axes nor its condition numbers nor its noise levels nor its
-gains; `REFERENCE` holds what an independent prototype found for the readings that fit. Its noise
+gains; the references below are of an independent prototype, for the readings that fit. Its noise
 models are in a reference that we do not have; nominal here is a realistic level, and scale 0.1 is
 where plain least squares makes the errors that the paper prints (docs/reproduction.md).
 

@@ -8,7 +8,7 @@ normal numbers, and so is z = c'r / |c|, their part along a probe's column c, bl
 Alternatives: z has mean +1, or -1 (a small error that stays); z has standard deviation 3 (one that
 comes, goes or changes its sign), for errors since long and for those that begin with the block;
 the noise of a channel is half as large again. Beside them a channel's window is searched for lines
-and slow errors (`monitor_whiteness`), whose p-value counts as exp(-S).
+and slow errors (`window_whiteness`), whose p-value counts as exp(-S).
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ class MomentumModel:
     Args:
         robot: Free-floating robot with revolute joints.
         minimal: Its minimal set.
-        nuisances: Ids of further unknowns (`nuisances.NUISANCES`).
+        nuisances: Ids of further unknowns (see `Nuisances`).
 
     Attributes:
         size: Number p of constants, in the order [h_W; AAM; x; nuisances].
