@@ -245,3 +245,30 @@ def test_no_two_files_have_one_name():
         if not is_package(name) and room_of(name) not in ('nodes', 'cli')
     )
     assert not {stem for stem, count in stems.items() if count > 1}
+
+
+def page():
+    return (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
+
+
+def test_the_picture_of_the_rooms_is_what_they_know():
+    lowest, outside = LAYERS[0], LAYERS[-1]
+    arrows = {tuple(ends) for ends in re.findall(r'^ +(\w+) --> (\w+)$', page(), re.MULTILINE)}
+    drawn = defaultdict(set)
+    for one, other in arrows:
+        drawn[one].add(other)
+    known = {
+        ('outside' if one in outside else one, 'outside' if other in outside else other)
+        for one, others in room_graph().items()
+        for other in others
+        if not {one, other} & set(lowest)
+    }
+    assert arrows <= known
+    assert not {(a, b) for a, b in known if a != b and b not in reached(drawn, a)}
+
+
+def test_the_page_names_files_that_exist():
+    names = set(re.findall(r'`([\w/]+\.py)`', page()))
+    folders = (ROOT / PACKAGE, Path(__file__).parent)
+    files = [str(path) for folder in folders for path in folder.rglob('*.py')]
+    assert not {name for name in names if sum(f.endswith(f'/{name}') for f in files) != 1}
