@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..campaign.description import TrialRecord as Row
+from ..diagnosis.quality.excited import TOLD
 from ..display import (
     Curve,
     Item,
@@ -34,8 +35,8 @@ _HOW = (
 )
 _TOLD = (
     'told: of the numbers of all causes, how many show in this recording were they of plausible '
-    'size (three standard deviations). A verdict says nothing of the others: a machine that held '
-    'still may be consistent and worn.'
+    f'size ({TOLD:g} standard deviations). A verdict says nothing of the others: a machine that '
+    'held still may be consistent and worn.'
 )
 
 
@@ -117,7 +118,9 @@ def _drifts(drifts: Sequence[Trend], abscissa: str) -> Iterator[Item]:
         return
     yield _trend_table(drifts)
     for line in drifts[:_DRAWN]:
-        yield Plot([_panel(line)], 'Values with 3 standard deviations, and the line.', abscissa)
+        yield Plot(
+            [_panel(line)], f'Values with {_BAND:g} standard deviations, and the line.', abscissa
+        )
 
 
 def _panel(line: Trend) -> Panel:

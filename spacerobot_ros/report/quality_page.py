@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..diagnosis.quality.allan import Allan
-from ..diagnosis.quality.excited import count_told
+from ..diagnosis.quality.excited import TOLD, count_told
 from ..diagnosis.quality.quality import Quality
 from ..diagnosis.quality.readings import Reading
 from ..display import (
@@ -148,8 +148,8 @@ def _excitation(quality: Quality, is_whole: bool) -> Iterator[Item]:
         yield f'not computed: {quality.why_not}'
         return
     yield (
-        f'{count_told(found)} of {len(found)} numbers are told: three standard deviations, beside '
-        'all other unknowns, are less than their plausible size'
+        f'{count_told(found)} of {len(found)} numbers are told: {TOLD:g} standard deviations, '
+        'beside all other unknowns, are less than their plausible size'
     )
     yield table_of(
         '',
