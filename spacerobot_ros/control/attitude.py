@@ -54,7 +54,7 @@ class Turn:
     """
 
     def __init__(self, start_xyzw: Quaternion, rotation: Vector3, profile: Reference) -> None:
-        self._start = turned(start_xyzw, np.zeros(3))  # normalised
+        self._start = turned(start_xyzw, np.zeros(3))  # normalized
         self._rotation = np.array(rotation, dtype=float)
         self._profile = profile
         self.duration = profile.duration

@@ -79,7 +79,7 @@ class FeedForward:
         return tau
 
     def _force(self, setpoint: Setpoint, omega_WB_B: Vector3, tau: Array) -> Array:
-        """(6 + n,) generalised force of all effects."""
+        """(6 + n,) generalized force of all effects."""
         state = np.zeros(1), setpoint.q[None], setpoint.qd[None], tau[None]
         motion = Motion(self._robot, *state, omega=omega_WB_B[None])
         pairs = zip(self._effects, self._own, strict=True)

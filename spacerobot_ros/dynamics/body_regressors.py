@@ -107,7 +107,7 @@ def add_uniform_acceleration(machine: Regression, a: Triple, Y: Array) -> None:
 def fill_momentum(machine: Regression, q: Array, V: Array, Yp: Array, Yc: Array) -> None:
     """Write the momentum regressors: Yp pi = M V, wheels included, and Yc pi = C^T V.
 
-    The generalised momentum obeys d/dt (Yp pi) - Yc pi = u. A joint's row of C^T V is dT/dq =
+    The generalized momentum obeys d/dt (Yp pi) - Yc pi = u. A joint's row of C^T V is dT/dq =
     (V x S) . H for the momentum H, the base's is -V x* H.
 
     Args:

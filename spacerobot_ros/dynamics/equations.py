@@ -66,7 +66,7 @@ class Dynamics:
         """Time derivative of the state vector.
 
         Args:
-            x: (13 + 2 n,) state as `State.to_vector`; the quaternion is normalised before use.
+            x: (13 + 2 n,) state as `State.to_vector`; the quaternion is normalized before use.
             tau: (n,) joint torques [N m].
             base_wrench: (6,) [force; torque] on the base in base coordinates [N, N m]; ignored for
                 a fixed base.

@@ -6,7 +6,7 @@ S,
 
     V = X V(parent) + S q',    c = V x S q',    A = X A(parent) + S q'' + c.
 
-A is the time derivative of V's components in the body's own frame. For a fixed base generalised
+A is the time derivative of V's components in the body's own frame. For a fixed base generalized
 vectors still have six entries for it, which count for nothing.
 """
 
@@ -30,7 +30,7 @@ class BodyKinematics(NamedTuple):
         rotations: (N, n + 1, 3, 3) body to base coordinates.
         origins: (N, n + 1, 3) in the base [m].
         twists: (N, n + 1, 6) [linear; angular] velocity of each body's frame, in it.
-        drifts: (N, n + 1, 6) acceleration at zero generalised acceleration, base coordinates.
+        drifts: (N, n + 1, 6) acceleration at zero generalized acceleration, base coordinates.
     """
 
     rotations: Array
@@ -46,7 +46,7 @@ def propagate(tree: Records, q: Array, rates: Array, qd: Array, links: Records) 
     Args:
         tree: `BODY` records.
         q: (n,) joint positions.
-        rates: (6 + n,) generalised rates, base [linear; angular] in base coordinates.
+        rates: (6 + n,) generalized rates, base [linear; angular] in base coordinates.
         qd: (n,) joint rates that turn the subspaces: of `rates`, but for a reference velocity.
         links: (n + 1,) records `LINK`, written.
     """
@@ -120,7 +120,7 @@ def forward_kinematics(tree: Records, q: Array, rates: Array, qd: Array) -> Body
     Args:
         tree: `BODY` records.
         q: (N, n) joint positions.
-        rates: (N, 6 + n) generalised rates, base [linear; angular] in base coordinates.
+        rates: (N, 6 + n) generalized rates, base [linear; angular] in base coordinates.
         qd: (N, n) joint rates that turn the subspaces, see `propagate`.
     """
     count, bodies = len(q), len(tree)
@@ -150,7 +150,7 @@ def body_accelerations(tree: Records, kinematics: BodyKinematics, acceleration: 
     Args:
         tree: `BODY` records.
         kinematics: From `forward_kinematics`.
-        acceleration: (N, 6 + n) time derivative of the generalised rates.
+        acceleration: (N, 6 + n) time derivative of the generalized rates.
 
     Returns:
         (N, n + 1, 6).
@@ -158,7 +158,7 @@ def body_accelerations(tree: Records, kinematics: BodyKinematics, acceleration: 
     rotations, origins, _, drifts = kinematics
     count, bodies = len(acceleration), len(tree)
     out = np.empty((count, bodies, 6))
-    forced = np.zeros((bodies, 6))  # what the generalised acceleration adds
+    forced = np.zeros((bodies, 6))  # what the generalized acceleration adds
     for s in range(count):
         for a in range(6):
             forced[0, a] = acceleration[s, a] if tree[0].kind == FREE else 0.0

@@ -178,7 +178,7 @@ def simulate_smooth(
         atol: Absolute tolerance a step.
 
     Returns:
-        (m, 13 + 2 n) states at `times`, quaternions normalised.
+        (m, 13 + 2 n) states at `times`, quaternions normalized.
 
     Raises:
         SimulationDivergedError: the integrator gave up.

@@ -40,7 +40,7 @@ def equation_of_motion(
     Args:
         trees: `BODY` records of the base's equations, and of the joints'.
         q: (1, n) joint positions.
-        rates: (1, 6 + n) generalised rates, base [linear; angular] in base coordinates.
+        rates: (1, 6 + n) generalized rates, base [linear; angular] in base coordinates.
         acceleration: (1, 6 + n) of the base, none of the joints.
     """
     n = q.shape[1]

@@ -25,7 +25,7 @@ from .tree import FREE, PRISMATIC, Records
 
 @compiled  # type: ignore[untyped-decorator]
 def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: Array) -> Array:
-    """Generalised forces that a motion needs.
+    """Generalized forces that a motion needs.
 
     Args:
         tree: `BODY` records; gravity in base coordinates.
@@ -103,7 +103,7 @@ def inertia_times(phi: Array, w: Triple) -> Triple:
 def generalized_force(
     tree: Records, body: int, kinematics: BodyKinematics, wrenches: Array
 ) -> Array:
-    """Generalised force of a wrench on one body.
+    """Generalized force of a wrench on one body.
 
     Args:
         tree: `BODY` records.

@@ -37,10 +37,10 @@ def acceleration_derivatives(
     Args:
         tree: `BODY` records; gravity in base coordinates.
         kinematics: From `forward_kinematics`.
-        forces: (N, 6 + n) generalised forces that act.
+        forces: (N, 6 + n) generalized forces that act.
 
     Returns:
-        By joint positions, by generalised rates, by generalised forces: each (N, 6 + n, 6 + n);
+        By joint positions, by generalized rates, by generalized forces: each (N, 6 + n, 6 + n);
         columns of the base's position, and all of a fixed base, are zero.
     """
     first = 0 if tree[0]['kind'] == FREE else 6
@@ -59,7 +59,7 @@ def acceleration_derivatives(
 def rnea_derivatives(
     tree: Records, kinematics: BodyKinematics, accelerations: Array
 ) -> tuple[Array, Array]:
-    """Derivatives of the generalised forces that a motion needs.
+    """Derivatives of the generalized forces that a motion needs.
 
     Args:
         tree: `BODY` records; gravity in base coordinates.
@@ -67,7 +67,7 @@ def rnea_derivatives(
         accelerations: (N, n + 1, 6) from `body_accelerations`.
 
     Returns:
-        By joint positions and by generalised rates, (N, 6 + n, 6 + n) each; columns of the base's
+        By joint positions and by generalized rates, (N, 6 + n, 6 + n) each; columns of the base's
         position are zero.
     """
     count, width = len(accelerations), 5 + len(tree)

@@ -44,7 +44,7 @@ def cross_rows(a: Array, b: Array) -> Array:
 
 
 def rotation_matrix(q_xyzw: Quaternion) -> Matrix3:
-    """Rotation matrix of a quaternion, which is normalised first.
+    """Rotation matrix of a quaternion, which is normalized first.
 
     Args:
         q_xyzw: (4,) quaternion, not zero.
@@ -64,7 +64,7 @@ def rotation_matrix(q_xyzw: Quaternion) -> Matrix3:
 
 
 def turned(q_WB_xyzw: Quaternion, rotation_vector_B: Vector3) -> Quaternion:
-    """Attitude turned about its own axes: q_WB * exp(rotation_vector_B), normalised.
+    """Attitude turned about its own axes: q_WB * exp(rotation_vector_B), normalized.
 
     Args:
         q_WB_xyzw: (4,) attitude.

@@ -53,7 +53,7 @@ def initial_state(robot: Robot, initial: InitialSettings) -> State:
     Rotors start at their own rates, the manipulator joints at `initial`.
 
     Raises:
-        ConfigurationError: wrong lengths, or a quaternion that is not normalised within 1e-3.
+        ConfigurationError: wrong lengths, or a quaternion that is not normalized within 1e-3.
     """
     n_arm = robot.n_joints - robot.rotor_count
     q = _joint_values(initial.joint_position, n_arm, 'initial.joint_position')

@@ -75,7 +75,7 @@ class MotionModel(Protocol):
 
     @property
     def motion(self) -> Motion:
-        """(N states) along which generalised forces are judged."""
+        """(N states) along which generalized forces are judged."""
         ...
 
     @property
@@ -96,7 +96,7 @@ class MotionModel(Protocol):
         """(R, K) what each column leaves in the data of a model without it.
 
         Args:
-            forces: (N, 6 + n, K) generalised forces that the truth has and the model has not.
+            forces: (N, 6 + n, K) generalized forces that the truth has and the model has not.
             measured: Channel to (samples, width, K) by which it reads more than the truth.
         """
         ...

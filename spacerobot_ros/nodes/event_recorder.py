@@ -19,7 +19,7 @@ from ..recording.bags.bag_writer import BagWriter
 from ..ros.session import Recorder
 from .beside import STOP, Beside
 
-_Message: TypeAlias = tuple[str, str, int, bytes]  # topic, type, stamp [ns], serialised
+_Message: TypeAlias = tuple[str, str, int, bytes]  # topic, type, stamp [ns], serialized
 _Coming: TypeAlias = 'SimpleQueue[_Message | None]'
 _SILENCE = 0.5  # s without a message, after which the disk has what came before
 _LATENESS_NS = 10_000_000_000  # by which an event may be noticed after it happened

@@ -143,12 +143,12 @@ class Session:
 
 
 class Recorder:
-    """Collects the serialised messages of topics; bytes that are no message are left out.
+    """Collects the serialized messages of topics; bytes that are no message are left out.
 
     Args:
         node: Node to listen with.
         topics: Message class of every topic; each message begins with its stamp.
-        sink: Called with topic, type name, stamp [ns] and serialised message.
+        sink: Called with topic, type name, stamp [ns] and serialized message.
     """
 
     def __init__(

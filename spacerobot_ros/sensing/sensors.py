@@ -40,7 +40,7 @@ class SensorSamples:
     Args:
         joints: Manipulator joints.
         omega: (3,) omega_WB_B of the gyro [rad/s].
-        attitude_xyzw: (4,) q_WB of the star tracker, normalised.
+        attitude_xyzw: (4,) q_WB of the star tracker, normalized.
         wheel_rates: (n_wheels,) relative rates of the servicer's true rotors [rad/s]; None where
             it has none.
     """

@@ -1,6 +1,6 @@
 r"""One control period of a robot under physical effects and a wrench on its base.
 
-The effects' generalised forces act in every stage of every integration step; their own states, the
+The effects' generalized forces act in every stage of every integration step; their own states, the
 impulses and the works are integrated beside the robot's state. For the ledger, with C the robot's
 centre of mass, P the momentum of the whole and f, m the external force and torque on C,
 

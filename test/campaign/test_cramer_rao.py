@@ -1,7 +1,7 @@
 """The bound against a brute-force Fisher information: every unknown moved, every sample predicted.
 
 The oracle predicts samples by integrating the attitude from the momentum equation, its inertia
-taken column by column from the regressor, and differentiates numerically: no linearisation, no
+taken column by column from the regressor, and differentiates numerically: no linearization, no
 filter.
 """
 

@@ -36,7 +36,7 @@ def test_the_loop_tracks_as_the_law_alone(law):
     file = file_with(free_flying_parameters(law, 0.05))
     got, steps = run(ClosedLoop(file.robot, file.settings), 400)
     want = core_errors(file, 400)
-    # stamps are whole nanoseconds and attitudes are normalised once more; errors are 1e-2 at first
+    # stamps are whole nanoseconds and attitudes are normalized once more; errors are 1e-2 at first
     assert_allclose(got, want, rtol=0, atol=1e-7)
     assert {s.command.mode for s in steps} == {'tracking'}
     assert rms_degrees(got)[0] < 0.3

@@ -118,7 +118,7 @@ def test_pulses_give_force_times_width_each():
 
 
 def one(effect, robot, time=0.0, **values):
-    """Generalised force of an effect at one state at rest."""
+    """Generalized force of an effect at one state at rest."""
     applied = bind_effect('it', effect, None, values, robot)
     n = robot.n_joints
     still = np.zeros((1, n))

@@ -38,7 +38,7 @@ def test_a_prior_far_too_wide_costs_no_more_than_one_datum(rng: np.random.Genera
     np.testing.assert_allclose(wide.evidence, 0.5 * wide.gain - np.log(51.0), rtol=1e-9)
 
 
-def test_marginalised_columns_leave_what_they_can_not_explain(rng: np.random.Generator) -> None:
+def test_marginalized_columns_leave_what_they_can_not_explain(rng: np.random.Generator) -> None:
     held, own, data = rng.normal(size=(40, 3)), rng.normal(size=(40, 2)), rng.normal(size=40)
     gram = Gram.of(np.concatenate([held, own], axis=1), data).without(3, np.zeros(3))
     rest = np.eye(40) - held @ np.linalg.pinv(held)

@@ -1,4 +1,4 @@
-"""The linearised momentum equation against finite differences of sums over the bodies."""
+"""The linearized momentum equation against finite differences of sums over the bodies."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def test_a_part_of_a_reference_is_linearized_as_within_the_whole(case):
     np.testing.assert_array_equal(part.constants, whole.constants[1:])
 
 
-def test_long_references_are_linearised_as_short_ones(case, rng):
+def test_long_references_are_linearized_as_short_ones(case, rng):
     # More times than are taken at once.
     _, model, constants, reference = case
     picks = rng.integers(0, len(reference.time), 700)

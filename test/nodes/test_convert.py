@@ -210,7 +210,7 @@ def test_trajectories_rejected(message, reason):
         convert.trajectory(message, NAMES, None)
 
 
-def test_messages_are_read_as_rclpy_serialises_them(rng):
+def test_messages_are_read_as_rclpy_serializes_them(rng):
     for joints in (1, 3):
         for columns in itertools.product((0, joints), repeat=3):
             position, velocity, effort = (rng.normal(size=size) for size in columns)

@@ -1,4 +1,4 @@
-"""Gaps of serialised messages are zeroed as by decoding and encoding each message anew."""
+"""Gaps of serialized messages are zeroed as by decoding and encoding each message anew."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ def make_ros(prefix):
     return str(prefix)
 
 
-def test_sourced_ros_is_recognised(tmp_path):
+def test_sourced_ros_is_recognized(tmp_path):
     ros = make_ros(tmp_path / 'ros')
     own = make_ros(tmp_path / 'checkout' / '.venv')
     overlay = str(tmp_path / 'overlay')

@@ -13,7 +13,7 @@ from spacerobot_ros.model.robot import Robot
 
 
 def pin_columns(robot: Robot) -> np.ndarray:
-    """(nv,) places of Pinocchio's velocities in a generalised vector [base; joints]."""
+    """(nv,) places of Pinocchio's velocities in a generalized vector [base; joints]."""
     order = np.empty(robot.n_joints, dtype=int)
     order[peer(robot).velocity_indices] = np.arange(robot.n_joints)
     base = np.arange(6) if robot.is_free else np.zeros(0, dtype=int)

@@ -67,7 +67,7 @@ class HiddenCase:
 
     @property
     def key(self) -> str:
-        """What a finished case is recognised by."""
+        """What a finished case is recognized by."""
         return json.dumps(asdict(self), sort_keys=True)
 
 

@@ -24,7 +24,7 @@ from ...types import Array
 from .physical_consistency import body_scales
 from .regressors import parameter_names, parameter_values, wheel_links, with_parameters
 
-_SAMPLING_ERROR = 1e-4  # acceleration whose torque is taken as error of discretisation
+_SAMPLING_ERROR = 1e-4  # acceleration whose torque is taken as error of discretization
 _NEAR_ZERO = 1e-3  # of mass, mass x size, mass x size squared: an element's smallest scale
 _TINY = 1e-3  # smallest relative eigenvalue of a pseudo-inertia that sets a scale
 

@@ -46,7 +46,7 @@ _HIGHEST = 1.0  # Hz, of sines of the time
 _RESTING = 0.1  # of a joint's fastest rate
 _FREE = 10.0  # times what is left: a named cause's prior deviation
 Component = int | slice | None
-"""Of the generalised force, where a law acts; None: on a sensor."""
+"""Of the generalized force, where a law acts; None: on a sensor."""
 _NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
@@ -96,7 +96,7 @@ class FlightRows:
         return np.asarray(self._windows[0] @ rows)
 
     def rows(self, forces: Array, measured: Mapping[str, Array] = _NOTHING) -> Array:
-        """(R, K) what generalised forces (N, 6 + n, K) and readings leave, see `Rows.whitened`."""
+        """(R, K) what generalized forces (N, 6 + n, K) and readings leave, see `Rows.whitened`."""
         return self.averaged(self.fit.rows.whitened(forces, measured))
 
     @cached_property
@@ -128,7 +128,7 @@ class FlightRows:
 
         Args:
             place: Of the law.
-            component: Of the generalised force.
+            component: Of the generalized force.
             values: Torques, or what the sensor reads too much; (N, K, 3) of a whole base.
         """
         width = 6 + self.motion.robot.n_joints

@@ -1,6 +1,6 @@
 """The diagnosis' filter, carried on from block to block in flight.
 
-Each block is linearised about its own reference; what the filter believes at its end is expressed
+Each block is linearized about its own reference; what the filter believes at its end is expressed
 about the next block's reference. Beside the data, columns run through the same filter: the unknown
 wheel momentum of the captured body (`wheel_momentum`), one for every channel in which the model
 may fail (`probes`), and torques from outside in the newest blocks (`event_watch`).

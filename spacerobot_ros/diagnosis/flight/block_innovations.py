@@ -126,7 +126,7 @@ class BlockInnovations(Innovations):
     def _unknown(self) -> Array:
         """A little torque on the base that nobody knows, so that the memory is finite.
 
-        Without it the whole's angular momentum is kept for ever, and what discretisation makes of
+        Without it the whole's angular momentum is kept for ever, and what discretization makes of
         it in minutes would pass for a torque.
         """
         unknown = super()._unknown()

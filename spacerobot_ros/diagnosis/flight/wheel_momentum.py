@@ -37,7 +37,7 @@ class Momentum:
 
 
 def momentum_forces(motion: Motion, robot: Robot) -> Array:
-    """(N, 6 + n, p) generalised force of a unit momentum more of every captured wheel axis."""
+    """(N, 6 + n, p) generalized force of a unit momentum more of every captured wheel axis."""
     response = Response(robot, motion)
     columns = [
         response.force(_KIND(name='', where=wheels.link, values={**_KIND.nominal(), axis: 1.0}))

@@ -29,7 +29,7 @@ from ..unknowns.nuisances import Nuisances
 from ..unknowns.torque_hold import held_jerk
 
 _CHUNK = (
-    512  # times linearised at once; the temporaries take about a kilobyte a time and joint squared
+    512  # times linearized at once; the temporaries take about a kilobyte a time and joint squared
 )
 
 
@@ -226,7 +226,7 @@ class MomentumModel:
 
 
 class _Moving:
-    """Kinematics of a reference: what its regressor and its linearisation share."""
+    """Kinematics of a reference: what its regressor and its linearization share."""
 
     def __init__(self, tree: BlockTree, reference: Kinematics) -> None:
         self.rotations = tree.rotations(reference.q)

@@ -187,7 +187,7 @@ class Innovations:
         return self._whiten(rates, np.zeros((0, 0)), measured)
 
     def force_correlation(self, weights: Array) -> Array:
-        """(N, 6 + n) correlation of a generalised force at each time with weights of the rows.
+        """(N, 6 + n) correlation of a generalized force at each time with weights of the rows.
 
         Its product with a column's force, summed over times and components, is `weights` times the
         column's whitened innovations: one pass backwards instead of one a column.
@@ -197,7 +197,7 @@ class Innovations:
         return np.asarray(np.einsum('nm,nmi->ni', impulses, self._linear.by_force))
 
     def accelerations(self, forces: Array) -> Array:
-        """(N, m, K) accelerations by generalised forces (N, 6 + n, K) at the filter's times."""
+        """(N, m, K) accelerations by generalized forces (N, 6 + n, K) at the filter's times."""
         return np.asarray(self._linear.by_force @ forces)
 
     def _whiten(

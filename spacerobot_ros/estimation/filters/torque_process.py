@@ -2,7 +2,7 @@
 
 Velocities of the filter are the m = 3 + n of base rate and joint rates (m = n for a fixed base).
 The base's position and linear velocity are no part of it: by Galileo's principle they do not
-matter to the rest. Generalised forces are (N, 6 + n) as in `effects.motion`.
+matter to the rest. Generalized forces are (N, 6 + n) as in `effects.motion`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Linearized:
     Args:
         by_position: (N, m, m) by [dphi; q]. The attitude itself does not matter.
         by_velocity: (N, m, m) by [omega; qd].
-        by_force: (N, m, 6 + n) by the generalised force: rows of the inverse mass matrix.
+        by_force: (N, m, 6 + n) by the generalized force: rows of the inverse mass matrix.
         by_effort: (N, m, n) by the measured torques, which effects may scale.
     """
 
@@ -88,7 +88,7 @@ class TorqueDriven:
         return self._inverse(motion)
 
     def forces(self, motion: Motion) -> Array:
-        """(N, 6 + n) generalised force of the believed effects, motor torques excluded."""
+        """(N, 6 + n) generalized force of the believed effects, motor torques excluded."""
         return self._sum(self.effects, motion)
 
     def force_error(self, motion: Motion) -> Array:

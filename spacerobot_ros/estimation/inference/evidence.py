@@ -85,7 +85,7 @@ class Gram:
         return Gram(matrix, self.vector[chosen], self.square, self.rows)
 
     def without(self, nuisance: int, precision: Array) -> Gram:
-        """The rest, the first `nuisance` columns of given prior precision marginalised."""
+        """The rest, the first `nuisance` columns of given prior precision marginalized."""
         if not nuisance:
             return self
         held = self.matrix[:nuisance, :nuisance] + np.diag(precision)
@@ -101,7 +101,7 @@ class Gram:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fold:
-    """Some rows and all others, for cross-validation; companions are marginalised in both.
+    """Some rows and all others, for cross-validation; companions are marginalized in both.
 
     Args:
         rest: Rows that an estimate may use. part: Rows that it is scored on.
@@ -181,7 +181,7 @@ def cross_validated(found: Sequence[Fold], sizes: Array, bounds: tuple[Array, Ar
 
 
 def score(gram: Gram, sizes: Array, bounds: tuple[Array, Array], test: Gram | None) -> Score:
-    """Judge a group whose companions are marginalised already.
+    """Judge a group whose companions are marginalized already.
 
     Args:
         gram: On the rows that the estimate may use.

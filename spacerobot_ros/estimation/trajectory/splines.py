@@ -76,7 +76,7 @@ class SplineFit:
 def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
     """Fit a quintic spline on [start, end], its knots as sparse as the noise allows.
 
-    The spacing minimises Akaike's criterion, chi2 + 2 (number of coefficients): a finer spline
+    The spacing minimizes Akaike's criterion, chi2 + 2 (number of coefficients): a finer spline
     must pay for its coefficients with a better fit. Where samples pause there are no knots: what
     is free there would be as large as noise makes it. So it is before the first sample and behind
     the last, where the curve goes on for one usual interval only.

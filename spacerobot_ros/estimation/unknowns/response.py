@@ -1,4 +1,4 @@
-"""What an effect does along a given motion, as a generalised force on the believed robot.
+"""What an effect does along a given motion, as a generalized force on the believed robot.
 
 An effect that changes the robot is the force by which the changed robot's inverse dynamics differ;
 an effect with hidden states (a sprung mass) is driven by the given motion. Both are exact for the
@@ -21,7 +21,7 @@ _REMEMBERED = 1e8  # bytes of a motion: all of 20 s with ten joints, of 60 s wit
 
 
 class InverseDynamics:
-    """Generalised force that a motion of one robot needs; wheels and gravity included.
+    """Generalized force that a motion of one robot needs; wheels and gravity included.
 
     Args:
         robot: The robot.
@@ -64,7 +64,7 @@ class InverseDynamics:
 
 
 def needed(tree: Records, motion: Motion) -> Array:
-    """(N, 6 + n) generalised force that a motion needs of a tree, or of a difference of two."""
+    """(N, 6 + n) generalized force that a motion needs of a tree, or of a difference of two."""
     if motion.acceleration is None:
         raise ValueError('inverse dynamics need accelerations')
     qdd = np.ascontiguousarray(motion.acceleration[:, 6:])
@@ -102,7 +102,7 @@ def excess_momentum(robot: Robot, times: Array) -> Array:
 
 
 class Response:
-    """Generalised forces of effects along one motion.
+    """Generalized forces of effects along one motion.
 
     Args:
         robot: The believed robot, its believed effects' changes made.

@@ -146,13 +146,13 @@ class BagWriter:
     def message(
         self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool = False
     ) -> None:
-        """Write a serialised message of any known type; its padding is zeroed.
+        """Write a serialized message of any known type; its padding is zeroed.
 
         Args:
             topic: Topic.
             msgtype: Such as `spacerobot_msgs/msg/Estimate`.
             stamp_ns: Log time [ns].
-            cdr: The message as the middleware serialised it.
+            cdr: The message as the middleware serialized it.
             latched: Whether `ros2 bag play` shall latch the topic.
 
         Raises:

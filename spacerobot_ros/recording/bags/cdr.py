@@ -1,4 +1,4 @@
-"""Serialised messages of which most have their numbers at the same places as the one before.
+"""Serialized messages of which most have their numbers at the same places as the one before.
 
 Common Data Representation (OMG DDS-XTypes 1.3, section 7.4.1): a number begins at a multiple of
 its size, and what stands in the gaps before it is whatever was in memory there.

@@ -76,11 +76,11 @@ def _doubles(values: Array) -> Array:
 
 
 def decoded(msgtype: str, cdr: bytes, *, with_package: bool = True) -> Any:
-    """A message from its serialised form.
+    """A message from its serialized form.
 
     Args:
         msgtype: Such as `sensor_msgs/msg/JointState`.
-        cdr: As a middleware serialised it: plain CDR of either endianness.
+        cdr: As a middleware serialized it: plain CDR of either endianness.
         with_package: As of `typestore`.
 
     Raises:
@@ -113,7 +113,7 @@ def _empty_vectors(value: Any) -> int:
 
 
 def encoded(message: Any) -> bytes:
-    """The serialised form of a message of `typestore()`."""
+    """The serialized form of a message of `typestore()`."""
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
 
 
@@ -129,7 +129,7 @@ class CanonicalMessages:
         self._layout: Layout | None = None
 
     def __call__(self, cdr: bytes) -> bytes:
-        """The same message, serialised as any other that says the same.
+        """The same message, serialized as any other that says the same.
 
         Raises:
             MessageRejectedError: bytes that are no such message.
