@@ -1,4 +1,4 @@
-"""Placebo extensions: as many columns of the same size and color, without any meaning.
+"""Placebo extensions: as many columns of the same size and colour, without any meaning.
 
 A candidate's whitened columns are cut into pieces of a second, or less where these would be few,
 which are shuffled, and half of them reversed in time, half in sign: a column that hardly changes,
