@@ -16,7 +16,6 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from ...diagnosis.arms.arm_conclusion import conclude_arm
 from ...diagnosis.arms.arms import find_arm_causes
@@ -32,6 +31,7 @@ from ...estimation.trajectory.observations import observed
 from ...types import Array
 from ..description import Check, Results, TrialRecord, grouped, key
 from ..shares import share_of
+from .diagnosis_draw import point_mass
 from .diagnosis_judge import cause_record
 from .real_arm import HIDDEN, RealArm, arm_file
 
@@ -265,8 +265,7 @@ def _fits(candidate: Candidate, cause: str) -> bool:
 def _direction(candidate: Candidate, rng: np.random.Generator) -> Array:
     """Proportions of the coefficients: a mass at one point, else of the sizes that are usual."""
     if candidate.kind.id == 'inertial_parameters':
-        point = pin.Inertia(1.0, rng.normal(0.0, _REACH, 3), np.zeros((3, 3)))
-        return np.asarray(point.toDynamicParameters())
+        return point_mass(rng, _REACH)
     first = candidate.kind.parameters[0]
     out = rng.standard_normal(len(candidate.sizes)) * candidate.sizes
     is_one_sided = max(first.minimum, first.above) >= first.nominal and len(out) == 1

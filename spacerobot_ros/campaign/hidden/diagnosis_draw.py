@@ -20,6 +20,7 @@ from ...estimation.fit import Fit
 from ...estimation.possible import is_physical
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of, size_of, value_of
 from ...model.robot import Robot
+from ...types import Array
 
 LIMIT = 30.0
 """Twice the gain in log likelihood at the detection limit."""
@@ -163,7 +164,17 @@ def _direction(
 
 
 def _payload(rng: np.random.Generator) -> dict[str, float]:
-    """A kilogram at one point: mass, first moment, inertia about the body's origin."""
-    point = pin.Inertia(1.0, rng.normal(0.0, _REACH, 3), np.zeros((3, 3)))
+    """A kilogram at one point."""
     names = (p.name for p in CATALOGUE['inertial_parameters'].parameters)
-    return dict(zip(names, point.toDynamicParameters().tolist(), strict=True))
+    return dict(zip(names, point_mass(rng, _REACH).tolist(), strict=True))
+
+
+def point_mass(rng: np.random.Generator, reach: float) -> Array:
+    """(10,) a kilogram at a point: mass, first moment, inertia about the body's origin.
+
+    Args:
+        rng: Draws its place.
+        reach: Standard deviation of that along each axis [m].
+    """
+    point = pin.Inertia(1.0, rng.normal(0.0, reach, 3), np.zeros((3, 3)))
+    return np.asarray(point.toDynamicParameters())
