@@ -7,6 +7,7 @@ knows beyond the model is no part of a diagnosis.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -67,8 +68,8 @@ class ClosedLoopGain:
 
     @property
     def ratio(self) -> float:
-        """After by before."""
-        return self.rms_after / self.rms_before if self.rms_before else 1.0
+        """After by before; nan where nothing was left before."""
+        return self.rms_after / self.rms_before if self.rms_before else math.nan
 
 
 def closed_loop_gain(

@@ -160,8 +160,8 @@ class Gain:
 
     @property
     def ratio(self) -> float:
-        """After by before."""
-        return self.after / self.before if self.before else 1.0
+        """After by before; nan where nothing was left before."""
+        return self.after / self.before if self.before else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

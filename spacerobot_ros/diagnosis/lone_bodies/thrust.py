@@ -212,8 +212,9 @@ def _delay_cause(search: _Search, robot: Robot, after: float) -> Cause:
 def _evidence(
     change: float, std: float, search: _Search, after: float, without: float
 ) -> Evidence:
-    square = (change / std) ** 2 if std > 0.0 else 0.0
-    return evidence_of(square, 1, search.count, (without - after) / max(without, 1e-300))
+    square, removed = (change / std) ** 2 if std > 0.0 else 0.0, without - after
+    excess = max(without - float(np.sum(search.grams[0].counts)), removed, 1.0)
+    return evidence_of(square, 1, search.count, removed / excess)
 
 
 def _residuals(null: _Solution, best: _Solution) -> list[Residual]:
