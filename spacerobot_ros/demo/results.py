@@ -13,9 +13,9 @@ from ..identification.estimate import Estimate
 from ..model.robot import Robot
 from ..types import Array
 
-AIM_AAM_PERCENT = 1.0
-AIM_RATIO = 50.0
-AIM_DRIFT = 1e-10
+AIM_AAM_PERCENT = 1.0  # error of the wheel momentum
+AIM_RATIO = 50.0  # tracking error without by that with the estimate
+AIM_DRIFT = 1e-10  # relative, of angular momentum: rounding over a run
 
 
 @dataclass(frozen=True, slots=True, eq=False)

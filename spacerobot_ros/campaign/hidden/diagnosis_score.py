@@ -27,11 +27,11 @@ from .diagnosis_judge import (
 
 # figures to reach: least share by strength
 _NAMED = {3.0: 0.97, 10.0: 0.99}
-_SEVERAL = {('pair', 3.0): 0.85, ('pair', 10.0): 0.90, ('triple', 10.0): 0.75}
-_WITHIN = (0.97, 1.0)
+_SEVERAL = {('pair', 3.0): 0.85, ('pair', 10.0): 0.90, ('triple', 10.0): 0.75}  # all of them
+_WITHIN = (0.97, 1.0)  # of values, three standard deviations: 99.7 %, with room
 _ALARMS = (0.0, 0.005)  # the error rates of `limits.FALSE_ALARMS` and `limits.MISFIT`, with room
-_EXPLAINED_AWAY = (0.0, 0.02)
-_OTHERS = (0.95, 1.0)
+_EXPLAINED_AWAY = (0.0, 0.02)  # of records whose effect is in no catalogue: wrong, or missed
+_OTHERS = (0.95, 1.0)  # of frequencies, and of held-out errors
 _AT = 3.0  # of the detection limit, where confusions are counted
 _FREQUENCIES = ('frequency', 'harmonic')
 _TUNED = 0.01  # relative error of a frequency that is found
@@ -218,8 +218,16 @@ def judge(results: Results) -> list[Check]:
             for (kind, m), w in _SEVERAL.items()
         ),
         ('values within 3 standard deviations', s['within'], _WITHIN),
-        ('frequencies known to 0.3 % within 1 %', _sum(s['frequencies'].values()), _OTHERS),
-        ('held-out error within 5 % of the noise floor, explained', s['held_out'], _OTHERS),
+        (
+            f'frequencies known to {100.0 * _SURE:g} % within {100.0 * _TUNED:g} %',
+            _sum(s['frequencies'].values()),
+            _OTHERS,
+        ),
+        (
+            f'held-out error within {100.0 * _FLOOR:g} % of the noise floor, explained',
+            s['held_out'],
+            _OTHERS,
+        ),
         ('clean records with a name', s['clean_named'], _ALARMS),
         ('clean records called unexplained', s['clean_unexplained'], _ALARMS),
         ('clean records refused', s['clean_refused'], _ALARMS),

@@ -28,7 +28,7 @@ from .hidden_laws import COLOURS, INSIDE, LAWS, LawArm, variables_of
 from .law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight, beyond
 from .real_arm import JOINTS, arm_file
 
-_RATIOS = (3.0, 1.0)
+_RATIOS = (3.0, 1.0)  # rms of a law by that of what is left
 _DURATION = 40.0  # s
 _MOVING = 3  # joints at once
 _CLEAN = 4  # machines without a law, for every one with

@@ -31,14 +31,14 @@ _OUTCOMES = ('own', 'named', 'false', 'misnamed', 'line', 'missed')
 on another motion; a law of others; other causes; only the line of a noise that is one; none, or
 a function of the time that may be of these variables as well."""
 
-# figures to reach
-_RIGHT = {3.0: (0.95, 1.0), 1.0: (0.7, 1.0)}
+# figures to reach, of laws in the grammar by their size over what is left, and of others
+_RIGHT = {3.0: (0.95, 1.0), 1.0: (0.7, 1.0)}  # shares with the right variables
 _OUTSIDE = (0.7, 1.0)
-_WRONG = {3.0: (0.0, 0.05), 1.0: (0.0, 0.0)}
+_WRONG = {3.0: (0.0, 0.05), 1.0: (0.0, 0.0)}  # and with wrong ones
 _WRONG_OUTSIDE = (0.0, 0.02)
-_TRANSFER = {3.0: (0.95, 1.0)}
+_TRANSFER = {3.0: (0.95, 1.0)}  # median R2 on another motion
 _TRANSFER_OUTSIDE = (0.8, 1.0)
-_FALSE = (0.0, 0.01)
+_FALSE = (0.0, 0.01)  # of machines without a law: `discovery_limits.CHANCE`
 _REMOVED = (0.8, 1.0)  # of the tracking error that a law causes, median
 _BEYOND = (0.0, 1.5)  # of the largest trained torque, at three times the speed
 _FED = (0.0, 1e-6)  # of what friction exchanges

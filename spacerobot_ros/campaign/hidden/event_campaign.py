@@ -17,14 +17,15 @@ from typing import Any
 import numpy as np
 
 from ...diagnosis.events.event import Event, Events, PossibleEvent
+from ...diagnosis.events.event_limits import SNR
 from ...display import Table, table_of
 from ..description import Check, Results, TrialRecord, grouped, key
 from ..shares import share_of
 from .event_machines import AXES, MACHINES, DrawnMachine, HiddenPulse
 
 # figures to reach
-_NAMED = (0.95, 1.0)
-_FROM = 20.0  # snr
+_NAMED = (0.95, 1.0)  # as `event_limits.SNR` promises
+_FROM = SNR
 _OFF = (0.0, 0.1)  # s, 95 % of middles: of torques, which are seen while they act
 _OFF_BY_STD = (0.0, 2.5)  # of steps, which are seen by what follows: as good as noise allows
 _ERROR = (0.0, 0.15)  # of the size, median

@@ -36,9 +36,9 @@ from .hidden_laws import COLOURS, LawArm
 from .real_arm import COULOMB, JOINTS, arm_file
 
 AXES = 'xyz'
-SNRS = (12.0, 20.0, 40.0)
+SNRS = (12.0, 20.0, 40.0)  # below, at and above `event_limits.SNR`
 _LIMITS = (1.0, 1.5, 3.0)  # sizes of pushes of joints that stand, by the limit that is printed
-_EDGE = 0.5
+_EDGE = 0.5  # share of a pulse in which it rises and falls
 
 
 @dataclass(frozen=True, slots=True)
