@@ -27,8 +27,8 @@ from ..dynamics.forward_kinematics import BodyKinematics
 from ..dynamics.rnea_derivatives import rnea_derivatives
 from ..dynamics.tree import tree_of
 from ..effects.catalogue import CATALOGUE, bind_effect
-from ..effects.hidden import driven_states
 from ..effects.laws.hysteresis import followed
+from ..effects.own_states import driven_states
 from ..errors import IdentificationError
 from ..estimation.filters.kalman import StateSpace, correlate, gains_of, whiten
 from ..excitation.base_response import BaseResponse, BaseStart

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from ..identification.batch import identify_robot
     from ..identification.lone_body import identify_lone_body
     from ..model.writer import write_robot_file
-    from ..sensing.faults import corrected_record
+    from ..sensing.sensor_faults import corrected_record
 
     if args.write:
         check_file(args.write, args.force)

@@ -17,7 +17,14 @@ from .adaptive.controller import AdaptiveController
 from .adaptive.law_signals import AdaptiveSettings, Measured, Target
 from .adaptive.prior import Learned
 from .command import NS, Feedback, Torque
-from .laws import ComputedTorque, FeedForward, law_model, robot_model, torque_limits, within_limits
+from .computed_torque import (
+    ComputedTorque,
+    FeedForward,
+    law_model,
+    robot_model,
+    torque_limits,
+    within_limits,
+)
 from .motion_barrier import MotionBarrier
 from .reference_motion import ReferenceMotion
 

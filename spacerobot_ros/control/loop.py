@@ -17,7 +17,7 @@ from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..recording.buffer import check_later
-from ..sensing.faults import SensorFaults
+from ..sensing.sensor_faults import SensorFaults
 from ..types import Array, Quaternion, Vector3
 from .adaptive.controller import AdaptiveController
 from .attitude import check_attitude

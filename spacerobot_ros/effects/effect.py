@@ -26,8 +26,8 @@ from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.schema import meanings, parse_number
 from ..types import Array
-from .hidden import driven_states
 from .motion import Motion
+from .own_states import driven_states
 from .parameter import Parameter
 
 _HEAVY = 100.0  # kg, of all that moves

@@ -11,8 +11,8 @@ from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..recording.robot_inputs import with_inputs
-from ..sensing.faults import corrected_record
 from ..sensing.reading_gains import reading_gains
+from ..sensing.sensor_faults import corrected_record
 from .filters.measured_torque import TIMINGS
 from .filters.prediction import MeasuredMotion
 from .filters.prediction_rows import PredictionRows

@@ -26,7 +26,7 @@ from ..ros.convert import compose
 from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
 from ..ros.run_node import give_way
-from ..sensing.faults import SensorFaults
+from ..sensing.sensor_faults import SensorFaults
 from .beside import STOP, Beside
 from .kept_file import KeptFile
 from .sensor_node import SensorNode, outliers

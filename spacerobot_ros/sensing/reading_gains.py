@@ -15,7 +15,7 @@ from ..effects.motion import Motion
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
-from .faults import SensorFaults
+from .sensor_faults import SensorFaults
 
 _STEP = 1e-6  # rad, rad/s; sensors are smooth over it
 _LEAST = 0.1  # a sensor that says less of the truth can not be undone

@@ -13,8 +13,8 @@ from ..errors import ConfigurationError
 from ..model.robot_settings import SensorSettings
 from ..model.settings import SimulatorSettings
 from ..types import Array, Quaternion, Vector3
-from .faults import SensorFaults
 from .imperfections import CLOCKS, Imperfections, StateHistory
+from .sensor_faults import SensorFaults
 
 
 @dataclass(frozen=True, slots=True, eq=False)

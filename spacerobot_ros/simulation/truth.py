@@ -17,7 +17,7 @@ from ..model.rigid_body import check_inertia
 from ..model.robot import Robot
 from ..model.settings import Settings, TruthSettings
 from ..recording.bags.compose import Composer
-from ..sensing.faults import SensorFaults
+from ..sensing.sensor_faults import SensorFaults
 from ..sensing.sensors import SensorSamples, SensorSuite
 from ..types import Array
 from .plant import Plant

@@ -15,8 +15,8 @@ from support.states import random_state
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effect, changed_robot
-from spacerobot_ros.effects.hidden import driven_states
 from spacerobot_ros.effects.motion import Motion
+from spacerobot_ros.effects.own_states import driven_states
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.estimation.trajectory.reference import Kinematics
 from spacerobot_ros.estimation.unknowns.response import InverseDynamics

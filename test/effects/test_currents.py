@@ -15,7 +15,7 @@ from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.model.settings import SimulatorSettings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
-from spacerobot_ros.sensing.faults import SensorFaults, corrected_record
+from spacerobot_ros.sensing.sensor_faults import SensorFaults, corrected_record
 from spacerobot_ros.sensing.sensors import SensorSuite
 from spacerobot_ros.simulation.plant import Plant
 

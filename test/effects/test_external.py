@@ -7,7 +7,7 @@ import pytest
 from support.against_mujoco import plant_with, run_plant
 from support.models import robot_of, table_one
 
-from spacerobot_ros.control.laws import FeedForward
+from spacerobot_ros.control.computed_torque import FeedForward
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.effects.surroundings.external import pulse_shape

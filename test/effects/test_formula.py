@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from support.effects import motion_of
 from support.models import AXIS, Part, robot_of
 
+from spacerobot_ros.control.computed_torque import FeedForward
 from spacerobot_ros.control.joint_reference import Setpoint
-from spacerobot_ros.control.laws import FeedForward
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.dynamics.state import State
@@ -27,7 +27,7 @@ from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.recording.record import JointSeries, Record
 from spacerobot_ros.recording.robot_inputs import with_inputs
 from spacerobot_ros.recording.series import InputSeries
-from spacerobot_ros.sensing.faults import SensorFaults
+from spacerobot_ros.sensing.sensor_faults import SensorFaults
 from spacerobot_ros.simulation.plant import Plant
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'

@@ -20,7 +20,7 @@ from spacerobot_ros.effects.joint import STICTION_RATE
 from spacerobot_ros.effects.joints.flexibility import _slope
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
-from spacerobot_ros.sensing.faults import corrected_record
+from spacerobot_ros.sensing.sensor_faults import corrected_record
 
 JOINT = 'j_link_2'
 PERIODS = 150

@@ -10,8 +10,8 @@ import pytest
 from support.effects import PERIOD, motion_of
 from support.models import random_tree, robot_of
 
+from spacerobot_ros.control.computed_torque import FeedForward
 from spacerobot_ros.control.joint_reference import Setpoint
-from spacerobot_ros.control.laws import FeedForward
 from spacerobot_ros.dynamics.integrate import TABLEAUS
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effects

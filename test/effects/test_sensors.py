@@ -15,8 +15,8 @@ from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.model.settings import SimulatorSettings
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
-from spacerobot_ros.sensing.faults import SensorFaults, corrected_record
 from spacerobot_ros.sensing.imperfections import StateHistory
+from spacerobot_ros.sensing.sensor_faults import SensorFaults, corrected_record
 from spacerobot_ros.sensing.sensors import SensorSuite
 
 EXACT = SimulatorSettings(attitude_rate=100.0, noise=False)

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ...control.computed_torque import torque_limits
 from ...control.joint_reference import build_reference
-from ...control.laws import torque_limits
 from ...control.loop import Command, ControlLoop
 from ...effects.effect import Effect
 from ...errors import ConfigurationError, SpaceRobotError

@@ -21,9 +21,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...control.command import Feedback
+from ...control.computed_torque import ComputedTorque, Model, robot_model
 from ...control.joint_reference import Reference as JointReference
 from ...control.joint_reference import build_reference
-from ...control.laws import ComputedTorque, Model, robot_model
 from ...dynamics.equations import Dynamics
 from ...dynamics.integrate import TorqueOf, simulate_smooth
 from ...dynamics.state import State, initial_state

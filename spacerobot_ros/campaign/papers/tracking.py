@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ...control.laws import Model, estimated_model, law_model
+from ...control.computed_torque import Model, estimated_model, law_model
 from ...dynamics.equations import Dynamics
 from ...dynamics.integrate import RK4, rk_step
 from ...dynamics.state import State

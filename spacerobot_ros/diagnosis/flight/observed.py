@@ -15,7 +15,7 @@ from ...identification.outliers import without_outliers
 from ...model.robot import Robot
 from ...recording.buffer import SampleBuffer, sensors_of
 from ...recording.record import Record
-from ...sensing.faults import corrected_record
+from ...sensing.sensor_faults import corrected_record
 from ...types import Array
 
 CONTEXT_NS = 300_000_000

@@ -34,8 +34,8 @@ from ...dynamics.rotation import cross_rows
 from ...model.robot import Robot
 from ...types import Array, Matrix3, Vector3
 from ..effect import Effect
-from ..hidden import driven_states
 from ..motion import Motion
+from ..own_states import driven_states
 from ..parameter import amount, searched
 from .sprung import FIRST_DAMPING, FREQUENCIES, Sprung, spring_parameters
 

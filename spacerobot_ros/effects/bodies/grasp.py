@@ -27,8 +27,8 @@ import pinocchio as pin
 from ...dynamics.rotation import cross_rows, skew
 from ...model.robot import Robot
 from ...types import Array, Matrix3, Vector3
-from ..hidden import driven_states
 from ..motion import Motion, body_index
+from ..own_states import driven_states
 from ..parameter import amount
 from .sprung import Sprung, spring_parameters
 

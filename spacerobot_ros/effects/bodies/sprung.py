@@ -21,8 +21,8 @@ import numpy as np
 from ...dynamics.rotation import cross_rows, skew
 from ...model.robot import Robot
 from ...types import Array
-from ..hidden import driven_states
 from ..motion import Motion, body_index, inverse_mass
+from ..own_states import driven_states
 from ..parameter import Parameter, amount, searched
 from .bodies import MovingBodyEffect
 

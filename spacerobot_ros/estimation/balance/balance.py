@@ -22,7 +22,7 @@ from ...effects.motion import Motion
 from ...model.robot import Robot
 from ...model.robot_settings import COMPENSATED
 from ...recording.record import Record
-from ...sensing.faults import corrected_record
+from ...sensing.sensor_faults import corrected_record
 from ...types import Array, IntArray
 from ..columns import Signatures
 from ..filters.torque_process import TorqueDriven

@@ -11,7 +11,7 @@ from ...dynamics.equations import Dynamics
 from ...effects.robot_file import RobotFile
 from ...model.robot import Robot
 from ...recording.record import Record
-from ...sensing.faults import corrected_record
+from ...sensing.sensor_faults import corrected_record
 from ...types import Array
 from .shapes import Shape, shapes_of
 from .tracks import RobotTrack, frame_times, measured_track, predicted_track

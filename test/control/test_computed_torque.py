@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from spacerobot_ros.control.command import Feedback
-from spacerobot_ros.control.joint_reference import Setpoint, build_reference
-from spacerobot_ros.control.laws import (
+from spacerobot_ros.control.computed_torque import (
     ComputedTorque,
     law_model,
     robot_model,
     torque_limits,
 )
+from spacerobot_ros.control.joint_reference import Setpoint, build_reference
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.reduction import ReducedEquation
 from spacerobot_ros.dynamics.state import State
