@@ -42,7 +42,7 @@ class KeptFile:
         self._beside = Beside(node, is_threaded=not node.settings.simulator.lockstep)
         self._newest: tuple[Any, int] = (None, 0)
         self._saved: Any = None
-        self._has_looked = False  # at what there is to go on with
+        self._has_looked = self._is_due = False  # at what there is to go on with; to be saved
         node.offer_later('~/save', self._on_save)
         node.offer_later('~/load', self._on_load)
         self._first = node.create_timer(0.0, self._at_start, clock=node.steady)
@@ -50,11 +50,16 @@ class KeptFile:
             self._at_start()
 
     def keep(self) -> None:
-        """Begin to save what is new, unless the disk is busy with what was before."""
+        """Begin to save what is new, unless the disk is busy with what was before.
+
+        What was new before the file had been looked for is saved after that.
+        """
         known, since_ns = self._dated()
         is_news = known is not None and known is not self._saved
-        if self._path and is_news and self._has_looked and not self._beside.is_busy:
-            self._beside.start(partial(self._put, known, since_ns), lambda _: None)
+        if self._path and is_news:
+            self._is_due = not self._has_looked or self._beside.is_busy
+            if not self._is_due:
+                self._beside.start(partial(self._put, known, since_ns), lambda _: None)
 
     def close(self) -> None:
         """Let the disk finish."""
@@ -117,6 +122,8 @@ class KeptFile:
         _, why = self._go_on(outcome)
         if why:
             self._node.get_logger().info(why)
+        if self._is_due:
+            self.keep()
 
     def _go_on(self, outcome: tuple[Any, str]) -> tuple[bool, str]:
         found, why = outcome

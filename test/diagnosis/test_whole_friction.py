@@ -13,7 +13,7 @@ from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.cause import Estimated
 from spacerobot_ros.diagnosis.answer.result import Leftover
-from spacerobot_ros.diagnosis.discovery.discover import pushes
+from spacerobot_ros.diagnosis.discovery.discover import feeds_energy
 from spacerobot_ros.diagnosis.discovery.whole_friction import corrected_by, with_friction
 from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.effects.motion import Motion
@@ -60,7 +60,7 @@ def test_friction_of_one_way_is_one_law():
     whole = with_friction(entry, [cause], along)
     assert whole.kind == whole.applied.kind == 'dissipative'
     assert [c.value for c in whole.coefficients] == pytest.approx([0.0, -HALF, -HALF])
-    assert not pushes(whole.applied, [along])
+    assert not feeds_energy(whole.applied, [along])
     assert whole.applied.is_known_ahead
     assert whole.applied.limit == pytest.approx(1.49 * 2.0 * HALF, rel=1e-3)  # at 1 rad/s
     both = [e.force(along, np.zeros((len(along), 0))) for e in (cause.applied, entry.applied)]

@@ -17,6 +17,7 @@ from spacerobot_ros.identification.online import OnlineIdentifier
 from spacerobot_ros.identification.saved_knowledge import Knowledge
 from spacerobot_ros.model import files
 from spacerobot_ros.nodes.controller import ControllerNode
+from spacerobot_ros.nodes.kept_file import KeptFile
 from spacerobot_ros.ros.qos import LATCHED
 
 pytestmark = pytest.mark.ros
@@ -77,6 +78,16 @@ def test_what_is_saved_by_itself_delays_nothing(bench, disk):
     assert bench.call('/identifier/reset').success
     assert not bench.path.exists()
     disk.go_on.set()
+    bench.rig.until(bench.path.exists)
+
+
+def test_what_is_learned_while_the_file_is_looked_for_is_saved_afterwards(bench, monkeypatch):
+    found = threading.Event()
+    monkeypatch.setattr(KeptFile, '_look', lambda _: (None, str(found.wait(60.0) or '')))
+    bench.all(0, 1310)
+    bench.rig.until(lambda: bench.node.estimate)
+    assert not bench.path.exists()
+    found.set()
     bench.rig.until(bench.path.exists)
 
 
