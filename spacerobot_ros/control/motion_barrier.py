@@ -28,7 +28,6 @@ stable up to R = 2.28 for gamma = beta = 1/2, and up to 4/3 with both at 1.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import scipy
@@ -44,6 +43,7 @@ from .command import NS, Feedback
 from .held_torques import FIRST, ROOM, HeldTorques
 from .plausible import WOUND
 
+_Now = tuple[tuple[Array, Array], Array, Array, float]  # what `allowed` asks for beside rates
 _APPROACH, _SMOOTHING = 0.5, 0.5  # gamma and beta
 _BRAKE = 0.5
 """Share of a joint's largest torque with which it stops: the rest is for what pushes it."""
@@ -119,7 +119,7 @@ class MotionBarrier:
         return Feedback(q, rates, state[10 + n : 13 + n], np.zeros(3))
 
     def _kept(
-        self, x: Array, u: Array, M: Array, missed: Array, now: Any, limits: Array
+        self, x: Array, u: Array, M: Array, missed: Array, now: _Now, limits: Array
     ) -> tuple[Array, Array, Array]:
         """Torques, state at the end by the model, and rates (n,) at the end."""
         n, held = self._n, self._held

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged, simulated
+from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.recording.faults.bursts import LONGEST, bursts
 
 STD = 2e-5
@@ -44,6 +46,13 @@ def test_noise_has_none(seed):
 def test_jumps_and_kinks_are_none(step, slope):
     for at in (300, 700, 1300):
         assert not bursts(TIME, kinked(motion(at), at, STD * step, STD * slope), STD).any()
+
+
+def test_torques_held_in_a_fast_flight_make_none():
+    flight = simulated('minisat', 'fast', 3, (), 20.0)
+    noise, _ = noise_levels(packaged('minisat').robot.sensors, flight)
+    assert not bursts(flight.rate_time, flight.omega, noise.gyro).any()
+    assert not bursts(flight.joint_time, flight.qd, noise.joint_velocity).any()
 
 
 def test_stamps_need_not_be_even():
