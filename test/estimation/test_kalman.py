@@ -7,19 +7,26 @@ import pytest
 
 from spacerobot_ros.estimation.filters.kalman import StateSpace, correlate, gains_of, whiten
 
-N, D, DRIVEN, WIDTH, STEP = 6, 5, 2, 2, 0.1
+N, D, ERRORS, DRIVEN, WIDTH, STEP = 6, 7, 3, 1, 2, 0.1
+MOVED = D - ERRORS
 
 
 @pytest.fixture
 def model(rng: np.random.Generator) -> StateSpace:
-    """A small time-varying system whose rows measure single states and sums of them."""
+    """A small time-varying system whose rows measure single states and sums of them.
+
+    Its errors of samples stay, go on as others, and are drawn anew.
+    """
     first = np.concatenate([[0], np.cumsum(rng.integers(1, 4, size=N))])
     rows = int(first[-1])
-    half = rng.normal(size=(N - 1, D, 2))
+    half = rng.normal(size=(N - 1, MOVED, 2))
+    handed = np.array([[0, 1, 2], [1, -1, 2], [-1, -1, -1], [1, -1, 0], [0, 2, -1]])
     return StateSpace(
         durations=np.full(N - 1, STEP),
-        transitions=np.eye(D) + 0.3 * rng.normal(size=(N - 1, D, D)),
+        transitions=np.eye(MOVED, D) + 0.3 * rng.normal(size=(N - 1, MOVED, D)),
         noise=half @ np.swapaxes(half, 1, 2),
+        handed=handed,
+        fresh_variance=np.where(handed < 0, rng.uniform(0.5, 2.0, size=handed.shape), 0.0),
         driven=DRIVEN,
         first_row=first,
         row_state=np.arange(rows) % (D + 2),
@@ -39,11 +46,26 @@ def rows_of(model: StateSpace) -> tuple[np.ndarray, np.ndarray]:
     return time, np.vstack([np.eye(D), model.row_matrix])[model.row_state]
 
 
+def steps_of(model: StateSpace) -> tuple[np.ndarray, np.ndarray]:
+    """F and Q of all states, (N-1, D, D)."""
+    before, along = np.zeros((N - 1, D, D)), np.tile(np.eye(D), (N - 1, 1, 1))
+    before[:, :MOVED, :MOVED] = np.eye(MOVED)
+    for k, e in np.argwhere(model.handed >= 0):
+        before[k, MOVED + e, MOVED + model.handed[k, e]] = 1.0
+    along[:, :MOVED] = model.transitions
+    fresh = np.zeros((N - 1, D, D))
+    fresh[:, range(MOVED, D), range(MOVED, D)] = model.fresh_variance
+    noise = along @ fresh @ np.swapaxes(along, 1, 2)
+    noise[:, :MOVED, :MOVED] += model.noise
+    return along @ before, noise
+
+
 def dense(model: StateSpace, start: np.ndarray) -> np.ndarray:
     """Covariance of all measurements from the definition: every state a sum of sources."""
-    spread = [start, *model.noise]
+    transitions, noise = steps_of(model)
+    spread = [start, *noise]
     maps = [np.hstack([np.eye(D), np.zeros((D, D * (N - 1)))])]
-    for k, f in enumerate(model.transitions):
+    for k, f in enumerate(transitions):
         own = np.zeros((D, D * N))
         own[:, D * (k + 1) : D * (k + 2)] = np.eye(D)
         maps.append(f @ maps[-1] + own)
@@ -85,7 +107,7 @@ def test_what_drives_a_column_is_what_it_does_to_the_rows(
     driven = whitened(model, start, np.zeros((len(model.row_state), 2)), rates)
     state, states = np.zeros((D, 2)), [np.zeros((D, 2))]
     part = slice(DRIVEN, DRIVEN + WIDTH)
-    for k, f in enumerate(model.transitions):
+    for k, f in enumerate(steps_of(model)[0]):
         state[part] += 0.5 * STEP * rates[k]
         state = f @ state
         state[part] += 0.5 * STEP * rates[k + 1]
@@ -105,7 +127,7 @@ def test_jumps_move_the_first_column_alone(
     measured, rates = np.zeros((len(model.row_state), 2)), np.zeros((N, WIDTH, 2))
     found = whiten(model, gains_of(model, start), np.zeros((D, 2)), rates, jumps, measured)
     state, states = np.zeros(D), [np.zeros(D)]
-    for f, jump in zip(model.transitions, jumps, strict=True):
+    for f, jump in zip(steps_of(model)[0], jumps, strict=True):
         state = f @ state
         state[:3] += jump
         states.append(state.copy())

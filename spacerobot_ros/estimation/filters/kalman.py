@@ -2,7 +2,9 @@ r"""The Kalman filter of a linear state-space model along a record: gains once, 
 
     x[k+1] = F[k] x[k] + w[k],  w ~ N(0, Q[k])        y[r] = h[r] x[k(r)] + v[r],  v ~ N(0, s[r])
 
-x are deviations from a reference. The noise of measurements is independent from row to row, so
+x are deviations from a reference. Its last states may be errors of samples that act along a step:
+before it some go on as others and fresh ones enter, by it none changes, so F and Q have rows for
+the states before them alone. The noise of measurements is independent from row to row, so
 every row is a scalar update, and its whitened innovation belongs to one channel (Bierman 1977).
 Gains depend on no data: the innovations of what is measured, and of what a column would change of
 it, are one linear operator (Willsky and Jones 1976), which `whiten` applies and `correlate`
@@ -23,12 +25,14 @@ from ...types import Array, IntArray
 
 
 class StateSpace(NamedTuple):
-    """N times, d states, R rows.
+    """N times, d states of which the last e are errors of samples, R rows.
 
     Args:
         durations: (N-1,) length of every step [s].
-        transitions: (N-1, d, d) F.
-        noise: (N-1, d, d) Q.
+        transitions: (N-1, d - e, d) F.
+        noise: (N-1, d - e, d - e) Q.
+        handed: (N-1, e) which of the e errors each becomes before the step; -1: a fresh one.
+        fresh_variance: (N-1, e) variance of the fresh ones, 0 for the others.
         driven: First of the states whose rates of change columns drive.
         first_row: (N + 1,) first row of every time.
         row_state: (R,) state that the row measures; from d on, the row of `row_matrix` that is h.
@@ -39,6 +43,8 @@ class StateSpace(NamedTuple):
     durations: Array
     transitions: Array
     noise: Array
+    handed: IntArray
+    fresh_variance: Array
     driven: int
     first_row: IntArray
     row_state: IntArray
@@ -73,12 +79,7 @@ def gains_of(model: StateSpace, start: Array) -> Gains:
     gains, stds, column = np.empty((count, d)), np.empty(count), np.empty(d)
     for k in range(len(model.first_row) - 1):
         if k > 0:
-            f, noise = model.transitions[k - 1], model.noise[k - 1]
-            moved = np.dot(np.dot(f, p), f.T)
-            for i in range(d):
-                for j in range(i + 1):
-                    total = moved[i, j] + moved[j, i] + noise[i, j] + noise[j, i]
-                    p[i, j] = p[j, i] = 0.5 * total
+            p = _step(model, k - 1, p)
         for r in range(model.first_row[k], model.first_row[k + 1]):
             variance = model.row_variance[r] + _measure(model, r, p, column)
             stds[r] = np.sqrt(variance)
@@ -88,6 +89,32 @@ def gains_of(model: StateSpace, start: Array) -> Gains:
                 for j in range(d):
                     p[i, j] -= gain * column[j]
     return Gains(gains, stds, p)
+
+
+@inner  # type: ignore[untyped-decorator]
+def _step(model: StateSpace, k: int, p: Array) -> Array:
+    """(d, d) covariance after a step."""
+    f, noise, handed = model.transitions[k], model.noise[k], model.handed[k]
+    moves, d = f.shape
+    out = p.copy()
+    for i in range(moves, d):
+        error = handed[i - moves]
+        for j in range(i + 1):
+            other = 0 if j < moves else handed[j - moves]
+            value = 0.0
+            if error >= 0 and other >= 0:
+                value = p[moves + error, j if j < moves else moves + other]
+            out[i, j] = out[j, i] = value
+        out[i, i] += model.fresh_variance[k, i - moves]
+    half = np.dot(f, out)
+    moved = np.dot(half, f.T)
+    for i in range(moves):
+        for j in range(i + 1):
+            total = moved[i, j] + moved[j, i] + noise[i, j] + noise[j, i]
+            out[i, j] = out[j, i] = 0.5 * total
+        for j in range(moves, d):
+            out[i, j] = out[j, i] = half[i, j]
+    return out
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -127,13 +154,14 @@ def whiten(
     """
     d, count = mean.shape
     first, out = model.driven, np.empty((len(model.row_state), count))
-    innovation = np.empty(count)
+    innovation, before = np.empty(count), np.empty((model.handed.shape[1], count))
     for k in range(len(model.first_row) - 1):
         if k > 0:
             half = 0.5 * model.durations[k - 1]
             _add(half, rates[k - 1], first, mean)
+            _hand_on(model.handed[k - 1], before, mean)
             moved = np.dot(model.transitions[k - 1], mean)
-            for i in range(d):
+            for i in range(len(moved)):
                 for c in range(count):
                     mean[i, c] = moved[i, c]
             _add(half, rates[k], first, mean)
@@ -148,6 +176,19 @@ def whiten(
                 for c in range(count):
                     mean[i, c] += gain * innovation[c]
     return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def _hand_on(handed: IntArray, before: Array, mean: Array) -> None:
+    """Errors of samples (d, C) as they are along the step; `before` (e, C) is scratch."""
+    errors, count = before.shape
+    moves = len(mean) - errors
+    for i in range(errors):
+        for c in range(count):
+            before[i, c] = mean[moves + i, c]
+    for i in range(errors):
+        for c in range(count):
+            mean[moves + i, c] = before[handed[i], c] if handed[i] >= 0 else 0.0
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -199,6 +240,20 @@ def correlate(model: StateSpace, gains: Gains, weights: Array, width: int) -> Ar
         if k > 0:
             half = 0.5 * model.durations[k - 1]
             out[k] += half * adjoint[first:last]
-            adjoint = model.transitions[k - 1].T @ adjoint
+            adjoint = _back(model, k - 1, adjoint)
             out[k - 1] += half * adjoint[first:last]
+    return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def _back(model: StateSpace, k: int, adjoint: Array) -> Array:
+    """(d,) of a step, transposed."""
+    f, handed = model.transitions[k], model.handed[k]
+    moves = len(f)
+    out = f.T @ adjoint[:moves]
+    errors = out[moves:] + adjoint[moves:]
+    out[moves:] = 0.0
+    for i in range(len(handed)):
+        if handed[i] >= 0:
+            out[moves + handed[i]] += errors[i]
     return out

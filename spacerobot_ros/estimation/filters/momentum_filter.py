@@ -253,6 +253,8 @@ def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[
         durations,
         transitions_of(durations, matrices),
         noise,
+        np.zeros((len(durations), 0), dtype=np.int64),
+        np.zeros((len(durations), 0)),
         0,
         rows.first,
         rows.state + np.where(is_gyro, 3 * at, 0),

@@ -126,7 +126,7 @@ class Innovations:
         passive = np.isin(process.robot.joints, process.robot.passive_joints)
         noise = np.where(passive, _PASSIVE, 1.0) ** 2 * measured.noise.joint_effort**2
         self._wheels = wheel_noise(process.robot, self.record)
-        self.size = 2 * (self.m + self.n) + len(self._wheels)
+        self.size = 2 * (self.m + self.n + len(self._wheels))
         self._torque = MeasuredTorque(self.record, self.reference, self.time_base, noise, timing)
         self.motion = measured.motion(process)
         self._linear = self.process.linearize(self.motion)
@@ -230,64 +230,57 @@ class Innovations:
         A step that lies in another effort interval than the last begins with the sample that the
         last one ended with, and with a new one at its end; errors of both act along the step.
         """
-        m, n, rows = self.m, self.n, self.time_base.rows
-        early, late = slice(2 * m, 2 * m + n), slice(2 * m + n, 2 * m + 2 * n)
-        size = 2 * m + 2 * n
-        f = np.zeros((len(self.durations), size, size))
-        f[:, : 2 * m, : 2 * m] = self._steps.transitions
+        rows, steps = self.time_base.rows, self._steps
         by_effort, grows = self._linear.by_effort[:-1], np.diff(self._linear.by_effort, axis=0)
         start, growth = (x[:, None, None] for x in self._torque.late_shares())
         late_drives = start * by_effort, growth * by_effort + start * grows, growth * grows
-        f[:, : 2 * m, late] = -self._steps.driven(*late_drives)
-        driven = self._steps.driven(by_effort, grows)
-        f[:, : 2 * m, early] = -f[:, : 2 * m, late] - driven
-        f[:, 2 * m :, 2 * m :] = np.eye(2 * n)
-        variance = np.zeros((len(f), size))  # of the effort samples that enter
-        fresh = self.time_base.fresh
-        sampled = self._torque.sample_variance()
-        variance[fresh > 0, late] = sampled[fresh > 0]
-        variance[fresh > 1, early] = sampled[fresh > 1]
-        noise = (f[:, :, 2 * m :] * variance[:, None, 2 * m :]) @ np.swapaxes(
-            f[:, :, 2 * m :], 1, 2
-        )
-        noise[:, : 2 * m, : 2 * m] += self._unknown()
-        lost = driven * self._torque.lost_variance()[:, None]
-        noise[:, : 2 * m, : 2 * m] += lost @ np.swapaxes(driven, 1, 2)
-        f[fresh == 1, :, late] = f[fresh == 1, :, early]
-        f[fresh == 1, :, early] = 0.0
-        f[fresh > 1, :, 2 * m :] = 0.0
-        f, noise = self._with_wheels(f, noise)
+        late, driven = -steps.driven(*late_drives), steps.driven(by_effort, grows)
+        by_wheels = self._by_wheel_errors()
+        f = np.concatenate([steps.transitions, -late - driven, late, *by_wheels], axis=2)
+        noise = self._unknown()
+        lost = self._torque.lost_variance()
+        if lost.any():
+            noise += (driven * lost[:, None]) @ np.swapaxes(driven, 1, 2)
+        handed, variance = self._fresh_errors()
         return StateSpace(
             self.durations,
             f,
             noise,
-            m,
+            handed,
+            variance,
+            self.m,
             rows.first,
             rows.state,
             np.zeros((0, self.size)),
             self._measured.row_variance,
         )
 
-    def _with_wheels(self, f: Array, noise: Array) -> tuple[Array, Array]:
-        """Transitions and their noise with states for errors of the own wheels' measured rates.
+    def _fresh_errors(self) -> tuple[IntArray, Array]:
+        """`handed` and `fresh_variance` of efforts and own wheels' rates, early and late."""
+        n, own, fresh = self.n, len(self._wheels), self.time_base.fresh[:, None]
+        late, following = n + np.arange(n), 2 * n + own + np.arange(own)
+        handed = np.full((len(fresh), 2 * (n + own)), -1)
+        handed[:, :n] = np.select([fresh == 0, fresh == 1], [np.arange(n), late], -1)
+        handed[:, late] = np.where(fresh == 0, late, -1)
+        handed[:, 2 * n : 2 * n + own] = following
+        variance = np.ones(handed.shape)
+        variance[:, : 2 * n] = np.tile(self._torque.sample_variance(), 2)
+        return handed, np.where(handed < 0, variance, 0.0)
+
+    def _by_wheel_errors(self) -> tuple[Array, Array]:
+        """(N-1, 2 m, w) each: change by errors of the own wheels' last and next measured rates.
 
         What is read too much, n, is taken from the base, and given back with the next sample:
         n' + w x n.
         """
-        steps, size, own = len(f), f.shape[1], self.size - f.shape[1]
         length, inverse = self.durations[:, None, None], self._linear.by_force[1:, :, 3:6]
         jump = inverse @ self._wheels.T
         turn = 0.5 * length * inverse @ skew(self.kinematics.omega[1:]) @ self._wheels.T
-        fresh, last = turn + jump, turn - jump
-        enters = np.zeros((2, steps, size + own, own))
-        for k, rates in enumerate((last, fresh)):
-            enters[k, :, : 2 * self.m] = np.concatenate([0.5 * length * rates, rates], axis=1)
-        enters[1, :, size:] = np.eye(own)
-        wider = np.zeros((2, steps, size + own, size + own))
-        wider[:, :, :size, :size] = f, noise
-        wider[0, :, :, size:] = enters[0]
-        wider[1] += enters[1] @ np.swapaxes(enters[1], 1, 2)
-        return wider[0], wider[1]
+        last, following = (
+            np.concatenate([0.5 * length * rates, rates], axis=1)
+            for rates in (turn - jump, turn + jump)
+        )
+        return last, following
 
     def _defects(self) -> Array:
         """(N-1, 2 m) what the model's accelerations miss of the reference over each step.
