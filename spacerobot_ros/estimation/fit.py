@@ -64,6 +64,7 @@ class Fit:
         whatever makes a light link heavier.
         """
         squares = float(self.data @ self.data) - len(self.data)
+        squares += self.rows.spread_cost
         return squares + float(self.offsets @ (self.precision * self.offsets))
 
     @property

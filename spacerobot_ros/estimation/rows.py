@@ -111,6 +111,11 @@ class Rows(MotionModel, Protocol):
         ...
 
     @property
+    def spread_cost(self) -> float:
+        """Twice what readings less sure than their noise take from the log density of the data."""
+        ...
+
+    @property
     def row_times(self) -> Array:
         """(R,) time of every row [s], not decreasing."""
         ...

@@ -11,14 +11,16 @@ from ..effects.effect import Effect
 from ..model.robot import Robot
 from ..recording.record import Record
 from ..recording.robot_inputs import with_inputs
-from ..sensing.reading_gains import reading_gains
+from ..sensing.reading_gains import Readings, moved_by_torque, reading_gains
 from ..sensing.sensor_faults import corrected_record
+from ..types import Array
 from .filters.measured_torque import TIMINGS
 from .filters.prediction import MeasuredMotion
 from .filters.prediction_rows import PredictionRows
 from .filters.torque_process import TorqueDriven
 from .rows import Rows
 from .trajectory.reference import NoiseLevels
+from .trajectory.splines import Samples, fit_spline
 
 
 class Run:
@@ -93,6 +95,28 @@ class Run:
     def _motion(self, causes: Sequence[Effect], process: TorqueDriven) -> MeasuredMotion:
         effects = (*self.believed, *causes)
         is_held = TIMINGS[self.timing] is not None
-        record = corrected_record(self.record, process.robot, effects, is_held)
+        if not any(effect.acts('sense') for effect in effects):
+            record = corrected_record(self.record, process.robot, effects, is_held)
+            return MeasuredMotion(record, self.noise, process, self.left_out)
+        rough, alike = self._effort_noise
+        record = corrected_record(self.record, process.robot, effects, is_held, rough)
         gains = reading_gains(record, process.robot, effects)
-        return MeasuredMotion(record, self.noise, process, self.left_out, gains)
+        level = self.noise.joint_effort
+        unsure = moved_by_torque(record, process.robot, effects, rough, level)
+        readings = Readings(gains, unsure, alike)
+        return MeasuredMotion(record, self.noise, process, self.left_out, readings)
+
+    @cached_property
+    def _effort_noise(self) -> tuple[Array | float, float]:
+        """(N, n) measured efforts less a smooth torque [N m], and `Readings.alike` of that torque.
+
+        The torque's errors have a share of the efforts' variance, number of coefficients by number
+        of samples, but are alike over as many samples as one such share: on a mean they weigh as
+        errors of that whole variance that are not alike.
+        """
+        effort, time = self.record.effort, self.record.joint_time
+        if effort is None:
+            return 0.0, 1.0
+        samples = Samples(time, effort, self.noise.joint_effort)
+        torque = fit_spline([samples], time[0], time[-1])
+        return effort - torque(time), max(len(time) / len(torque.curve.c), 1.0)

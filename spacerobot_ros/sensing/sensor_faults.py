@@ -66,7 +66,12 @@ class SensorFaults:
         return motion_at(self._robot, time, state, torque)
 
     def undo_joints(
-        self, q: Array, qd: Array, effort: Array, time: Array | None = None
+        self,
+        q: Array,
+        qd: Array,
+        effort: Array,
+        time: Array | None = None,
+        effort_noise: Array | float = 0.0,
     ) -> tuple[Array, Array, Array]:
         """True joint positions, rates and torques behind the measured ones.
 
@@ -75,6 +80,8 @@ class SensorFaults:
             qd: Likewise [rad/s].
             effort: Likewise [N m].
             time: (N,) of the samples [s]; None: zero.
+            effort_noise: What of the efforts no torque is, which encoders see nothing of: one
+                behind some play would else be taken to cross it with every sample [N m].
         """
         if self.are_none:
             return q, qd, effort
@@ -82,7 +89,10 @@ class SensorFaults:
         measured = [np.atleast_2d(values) for values in (q, qd, effort)]
         true = measured
         for _ in range(_PASSES):
-            motion = Motion(self._robot, _times(true[0], time), *true)
+            position, rate, torque = true
+            motion = Motion(
+                self._robot, _times(position, time), position, rate, torque - effort_noise
+            )
             missed = [
                 wrong - self.sensed(name, value, motion)
                 for name, wrong, value in zip(names, measured, true, strict=True)
@@ -132,7 +142,11 @@ def _times(values: Array, time: Array | None) -> Array:
 
 
 def corrected_record(
-    record: Record, robot: Robot, effects: Sequence[Effect], is_held: bool = False
+    record: Record,
+    robot: Robot,
+    effects: Sequence[Effect],
+    is_held: bool = False,
+    effort_noise: Array | float = 0.0,
 ) -> Record:
     """Samples as right sensors with punctual clocks would have taken them.
 
@@ -144,6 +158,7 @@ def corrected_record(
         effects: Believed effects; only those of sensors matter here.
         is_held: Whether torques are held between the stamps. A sample that is somewhat late shows
             the same hold, so that late joint states make no torque later.
+        effort_noise: See `SensorFaults.undo_joints`.
     """
     faults = SensorFaults(robot, effects)
     if faults.are_none and not (any(faults.delay.values()) or faults.joint_delays):
@@ -155,7 +170,7 @@ def corrected_record(
     joints, rates, attitudes = record.joints, record.rates, record.attitudes
     if joints is not None and joints.names:
         stamps = earlier(joints.stamp_ns, 'joints')
-        right = _joints(joints, record.joint_time, faults, is_held)
+        right = _joints(joints, record.joint_time, faults, is_held, effort_noise)
         joints = replace(right, stamp_ns=stamps)
     if rates is not None:
         omega = faults.undo_rate(rates.omega, record.rate_time)
@@ -168,7 +183,13 @@ def corrected_record(
     return replace(record, joints=joints, rates=rates, attitudes=attitudes, zero_ns=origin)
 
 
-def _joints(series: JointSeries, time: Array, faults: SensorFaults, is_held: bool) -> JointSeries:
+def _joints(
+    series: JointSeries,
+    time: Array,
+    faults: SensorFaults,
+    is_held: bool,
+    effort_noise: Array | float,
+) -> JointSeries:
     zeros = np.zeros_like(series.position)
     rates = zeros if series.velocity is None else series.velocity
     efforts = zeros if series.effort is None else series.effort
@@ -176,7 +197,7 @@ def _joints(series: JointSeries, time: Array, faults: SensorFaults, is_held: boo
     q, qd = (_earlier(time, x, late) for x in (series.position, rates))
     if not is_held:
         efforts = _earlier(time, efforts, late)
-    q, qd, effort = faults.undo_joints(q, qd, efforts, time)
+    q, qd, effort = faults.undo_joints(q, qd, efforts, time, effort_noise)
     return replace(
         series,
         position=q,

@@ -19,10 +19,11 @@ import numpy as np
 from ...dynamics.rotation import skew
 from ...effects.motion import Motion
 from ...recording.record import Record
+from ...sensing.reading_gains import AS_READ, Readings
 from ...types import Array, IntArray
 from ..noise_levels import wheel_noise
 from ..trajectory.reference import Kinematics, NoiseLevels, ReferenceTrajectory
-from ..trajectory.sampled_motion import NO_GAINS, SampledMotion
+from ..trajectory.sampled_motion import SampledMotion
 from ..trajectory.time_base import make_time_base, pauses
 from .kalman import StateSpace, correlate, gains_of, whiten
 from .linear_steps import Steps
@@ -58,7 +59,7 @@ class MeasuredMotion(SampledMotion):
         noise: Noise levels.
         process: A model of the robot.
         left_out: Starts and ends of times [s] in which anything may act from outside.
-        gains: See `SampledMotion`.
+        readings: See `SampledMotion`.
 
     Attributes:
         swung: See `Motion.swung`; records at the same times may share it.
@@ -70,13 +71,13 @@ class MeasuredMotion(SampledMotion):
         noise: NoiseLevels,
         process: TorqueDriven,
         left_out: tuple[tuple[float, float], ...] = (),
-        gains: Mapping[str, Array] = NO_GAINS,
+        readings: Readings = AS_READ,
     ) -> None:
         # through a gap nobody knows where the reference goes
         self.left_out = (*left_out, *pauses(record.joint_time))
         self.time_base = make_time_base(record, process.m, process.first)
         reference = ReferenceTrajectory(record, noise, self.time_base.times)
-        super().__init__(record, noise, reference, self.time_base.rows, gains)
+        super().__init__(record, noise, reference, self.time_base.rows, readings)
         self._process = process
         self.swung: dict[tuple[object, ...], Array] = {}
 
@@ -142,6 +143,11 @@ class Innovations:
     def stds(self) -> Array:
         """(R,) standard deviation of every innovation."""
         return self._gains.std
+
+    @property
+    def spread_cost(self) -> float:
+        """See `SampledMotion.spread_cost`."""
+        return self._measured.spread_cost
 
     @cached_property
     def row_times(self) -> Array:

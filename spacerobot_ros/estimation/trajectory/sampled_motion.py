@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.motion import Motion
 from ...recording.record import Record
+from ...sensing.reading_gains import AS_READ, Readings
 from ...types import Array
 from .reference import Kinematics, NoiseLevels, ReferenceTrajectory
 from .time_base import CHANNELS, RowIndex
 
 _CLOCKS = {'gyro': 'imu', 'attitude': 'attitude'}  # all other channels come with the joints
-NO_GAINS: Mapping[str, Array] = MappingProxyType({})
 
 
 class SampledMotion:
@@ -27,8 +25,7 @@ class SampledMotion:
         noise: Noise levels.
         reference: Through the record.
         rows: Its samples at the reference's times.
-        gains: Channel to (samples, width) by which its readings, and their noise, were divided;
-            of those without nothing was.
+        readings: How sure the samples are.
     """
 
     def __init__(
@@ -37,9 +34,9 @@ class SampledMotion:
         noise: NoiseLevels,
         reference: ReferenceTrajectory,
         rows: RowIndex,
-        gains: Mapping[str, Array] = NO_GAINS,
+        readings: Readings = AS_READ,
     ) -> None:
-        self.record, self.noise, self._gains = record, noise, gains
+        self.record, self.noise, self._readings = record, noise, readings
         self.reference, self.rows = reference, rows
         self._at: dict[str, Kinematics] = {}
 
@@ -74,13 +71,35 @@ class SampledMotion:
 
     @cached_property
     def row_variance(self) -> Array:
-        """(R,) of the sensors' noise."""
-        noise = self.noise
-        levels = np.array([getattr(noise, channel) for channel in CHANNELS])[self.rows.channel]
-        if self._gains:
-            beyond = {channel: gains[..., None] - 1.0 for channel, gains in self._gains.items()}
+        """(R,) of the sensors' noise, and of what their readings were corrected by."""
+        levels = self._levels * np.sqrt(1.0 + self._beyond_noise)
+        if gains := self._readings.gains:
+            beyond = {channel: own[..., None] - 1.0 for channel, own in gains.items()}
             levels = levels / (1.0 + self.rows.of(beyond)[:, 0])
         return np.asarray(levels**2)
+
+    @property
+    def spread_cost(self) -> float:
+        """Twice what corrections that are unsure take from the log density of the readings.
+
+        Errors that are alike in k rows have log(1 + u^2) together, with u^2 / k in each; rows that
+        are taken to have u^2 leave squares of (1 + u^2 / k) / (1 + u^2) where such errors leave 1.
+        """
+        u2, alike = self._beyond_noise, self._readings.alike
+        missing = (1.0 - 1.0 / alike) * u2 / (1.0 + u2)
+        return float(np.sum(np.log1p(u2) / alike + missing))
+
+    @property
+    def _levels(self) -> Array:
+        return np.array([getattr(self.noise, c) for c in CHANNELS])[self.rows.channel]
+
+    @cached_property
+    def _beyond_noise(self) -> Array:
+        """(R,) u^2: variance of the corrections by that of the noise."""
+        stds = {channel: std[..., None] for channel, std in self._readings.unsure.items()}
+        if not stds:
+            return np.zeros(len(self.rows.state))
+        return np.asarray((self.rows.of(stds)[:, 0] / self._levels) ** 2)
 
 
 def misreading(effect: Effect, channel: str, at: Kinematics, motion: Motion) -> Array:
