@@ -155,6 +155,20 @@ def test_what_is_refused_counts_and_what_can_not_be_is_no_trial():
 
 
 @pytest.mark.parametrize(
+    ('where', 'became', 'is_right'),
+    [('joint_1', 'equivalent', True), ('joint_2', 'wrong name', False)],
+)
+def test_a_declared_equivalent_is_no_error_at_its_place(where, became, is_right):
+    bias = ('torque_sensor_bias', where)
+    single = line('single', [RIPPLE], [bias])
+    pair = line('pair', [GYRO, RIPPLE], [bias, GYRO])
+    assert outcome(single) == outcome(pair) == became
+    scores = score([single, pair])
+    assert list(scores['top'].values()) == list(scores['pairs'].values()) == [Share(is_right, 1)]
+    assert scores['found'] == {RIPPLE[0]: scores['top']}
+
+
+@pytest.mark.parametrize(
     ('causes', 'verdict', 'became'),
     [
         ([('joint_stiffness', 'joint_1')], 'explained', 'equivalent'),

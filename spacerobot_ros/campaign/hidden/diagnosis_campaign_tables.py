@@ -34,7 +34,7 @@ def _outcomes(s: Scores) -> Table:
         rows,
         'too weak and not simulated are no trials: bounds, the robot or the motion allow no more, '
         'or the controller is not stable under it; refused is never right; left out: the effect '
-        'is not in the catalogue, equivalent: only declared equivalents are named',
+        'is not in the catalogue; equivalent: declared equivalents are named, no error',
         'What became of every record',
     )
 
@@ -77,8 +77,8 @@ def _found(s: Scores) -> Table:
     return Table(
         ['effect', *(f'{m:g} x limit' for m in strengths)],
         [[name, *(str(by.get(m, _NONE)) for m in strengths)] for name, by in shares.items()],
-        'share of records in which the first name is right, or can not be told from the right '
-        'one, with its 95 % interval',
+        'share of records in which the first name is right, can not be told from the right one '
+        'or is its declared equivalent, with its 95 % interval',
         'Found, by strength',
     )
 

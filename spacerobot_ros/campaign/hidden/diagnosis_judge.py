@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from operator import eq
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,9 @@ NO_TRIAL = (NOT_SIMULATED, TOO_WEAK)
 _ALMOST = 0.5  # of the strength asked for
 
 _PAIRS = {frozenset(entry[:2]) for entry in EQUIVALENTS}
+
+Alike = Callable[[Key, Key], bool]
+"""Whether a name that was found counts as one that was hidden."""
 
 
 def cause_record(
@@ -60,16 +64,25 @@ def _with_rivals(cause: TrialRecord) -> set[Key]:
     return {(cause['effect'], cause['where']), *((e, w) for e, w in cause['rivals'])}
 
 
-def is_top(line: TrialRecord) -> bool:
-    """Whether the first of all found is one that was hidden."""
+def is_top(line: TrialRecord, alike: Alike = eq) -> bool:
+    """Whether the first of all found is one that was hidden.
+
+    Args:
+        line: A finished case.
+        alike: What counts as the same: `is_equivalent`, declared equivalents as well.
+    """
     groups, names = found(line), hidden(line)
-    return bool(groups) and any(name in groups[0] for name in names)
+    return bool(groups) and any(_has(groups[0], name, alike) for name in names)
 
 
-def is_exact(line: TrialRecord) -> bool:
-    """Whether everything hidden was found, and nothing else."""
+def is_exact(line: TrialRecord, alike: Alike = eq) -> bool:
+    """Whether everything hidden was found, and nothing else; as above."""
     groups, names = found(line), hidden(line)
-    return len(groups) == len(names) and all(any(n in g for g in groups) for n in names)
+    return len(groups) == len(names) and all(any(_has(g, n, alike) for g in groups) for n in names)
+
+
+def _has(group: set[Key], name: Key, alike: Alike) -> bool:
+    return any(alike(other, name) for other in group)
 
 
 def outcome(line: TrialRecord) -> str:
@@ -104,12 +117,16 @@ def _clean(line: TrialRecord) -> str:
 def _single(line: TrialRecord) -> str:
     if is_top(line):
         return 'right'
+    if is_top(line, is_equivalent):
+        return 'equivalent'
     return 'wrong name' if found(line) else str(line['verdict'])
 
 
 def _several(line: TrialRecord) -> str:
     if is_exact(line):
         return 'right'
+    if is_exact(line, is_equivalent):
+        return 'equivalent'
     groups, names = found(line), hidden(line)
     if groups and all(any(n in g for n in names) for g in groups):
         return 'some of them'

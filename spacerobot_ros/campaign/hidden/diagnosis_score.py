@@ -18,6 +18,7 @@ from ..shares import Share, share_of
 from .diagnosis_judge import (
     REFUSED,
     hidden,
+    is_equivalent,
     is_exact,
     is_top,
     is_trial,
@@ -44,8 +45,8 @@ Scores = dict[str, Any]
 
 outcomes: kind and strength to the number of cases by `outcome`; nothing is left out.
 refused: kind, what was hidden, and message of what could not be diagnosed or simulated.
-top: right first names of single effects by strength.
-pairs, triples: all names right, and nothing else, by strength.
+top: right first names of single effects by strength, declared equivalents among them.
+pairs, triples: all names right, and nothing else, by strength; likewise.
 confusion: hidden effect's id to what was found first, with counts, at 3 times the limit.
 found: effect's id to right first names, by strength.
 limits: effect's id to its detection limit in physical units.
@@ -80,9 +81,9 @@ def score(lines: Sequence[TrialRecord]) -> Scores:
     return {
         'outcomes': _outcomes(lines),
         'refused': [_reason(x) for x in lines if 'error' in x],
-        'top': {m: share_of(map(is_top, some)) for m, some in _by(single)},
-        'pairs': {m: share_of(map(is_exact, some)) for m, some in _by(pair)},
-        'triples': {m: share_of(map(is_exact, some)) for m, some in _by(triple)},
+        'top': _right(single, is_top),
+        'pairs': _right(pair, is_exact),
+        'triples': _right(triple, is_exact),
         'confusion': _confusion([x for x in single if x['multiple'] == _AT]),
         'found': _found(single),
         'limits': physical_limits(lines),
@@ -114,6 +115,11 @@ def _by(
     return sorted(grouped(lines, of).items())
 
 
+def _right(lines: Sequence[TrialRecord], is_right: Callable[..., bool]) -> dict[float, Share]:
+    """By strength; a declared equivalent is no error."""
+    return {m: share_of(is_right(x, is_equivalent) for x in some) for m, some in _by(lines)}
+
+
 def _became(lines: Sequence[TrialRecord], what: str) -> Share:
     return share_of(outcome(x) == what for x in lines)
 
@@ -143,10 +149,7 @@ def _named_first(line: TrialRecord) -> str:
 
 
 def _found(lines: Sequence[TrialRecord]) -> dict[str, dict[float, Share]]:
-    return {
-        name: {m: share_of(map(is_top, some)) for m, some in _by(own)}
-        for name, own in _by(lines, _hidden_id)
-    }
+    return {name: _right(own, is_top) for name, own in _by(lines, _hidden_id)}
 
 
 def _hidden_id(line: TrialRecord) -> str:
