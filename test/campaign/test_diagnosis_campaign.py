@@ -410,7 +410,7 @@ def test_every_effect_that_a_robot_can_have_is_hidden_at_all_strengths_and_left_
 def test_a_campaign_that_is_cut_off_has_something_of_everything_urgent():
     kinds = [(c['kind'], c['multiple']) for c in map(json.loads, trials(600, False)[:200])]
     for kind in [('clean', 0.0), ('single', 3.0), ('single', 10.0), ('left_out', 10.0)]:
-        assert kinds.count(kind) >= 20, kind
+        assert kinds.count(kind) >= 15, kind
     for kind in [('pair', 3.0), ('pair', 10.0), ('triple', 3.0), ('triple', 10.0)]:
         assert kinds.count(kind) >= 2, kind
 
