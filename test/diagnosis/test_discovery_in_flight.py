@@ -275,6 +275,22 @@ def test_a_ripple_of_which_a_part_was_seen_gives_way_to_a_stiffening_spring(join
     assert [_is_part(one, 0) for one in (fit, Fit(plain.run, (whole,)))] == [True, False]
 
 
+def test_friction_with_a_history_does_not_give_way_to_its_own_form():
+    """It lost its name, by 7.4 nats; where the model does not fit the form may still tell more."""
+    robot, joint = robot_file(ROBOT).robot, 'joint_1'
+    section = {
+        'effect': 'joint_presliding_friction',
+        'where': joint,
+        'torque': 0.0028,
+        'displacement': 0.03,
+    }
+    causes = bind_effects({'hidden': section}, robot)
+    fit = refine(flown(causes, 'default', 11, 16.0).run, causes)
+    places = {place: it for place, it in _places(FlightRows(fit)).items() if place == joint}
+    assert set(instead_of(fit, places, is_refused=False)) == set()
+    assert set(instead_of(fit, places, is_refused=True)) == {0}
+
+
 def test_a_right_model_has_no_law():
     assert not laws(leftover())
 
