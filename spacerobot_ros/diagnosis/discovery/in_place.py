@@ -45,7 +45,7 @@ _OF_THEMSELVES = {
     'joint_load_friction': ('|y| sign(x)',),
     'joint_presliding_friction': ('play(x)', 'dahl(x)'),
 }
-"""Forms that are one cause's own. Its numbers are free among all that a channel tolerates and those
+"""Forms that are one cause's own. Its numbers are free among all that a channel tolerates, those
 of the law are priced: beside the true friction with a history, at nine motions and displacements,
 its own form was 2 to 7 nats ahead."""
 
@@ -56,12 +56,13 @@ def instead_of(
     """Numbers of the causes in whose place laws explain more, and the places of these laws.
 
     Fewer laws than causes, or one, ahead by all prices: of a model that fits as far as two causes
-    are told apart, unless they are the causes' own forms, else as far as a law must be of chance. The same holds against the causes'
-    forms as laws in that place: both comparisons have priors of their own, which friction of two
-    numbers lost by 6.6 nats to a square root that as a law was ahead of it by 4.8. A ripple of
-    which the motion shows no whole period nobody has seen: laws need not be ahead of it, as a
-    polynomial goes on where such a sine may be anything (a stiffening spring, of a harmonic of
-    2.6: R2 -128 along another motion, 0.80 by the polynomial that was 2.7 nats ahead).
+    are told apart, unless they are the causes' own forms, else as far as a law must be of chance.
+    The same holds against the causes' forms as laws in that place: both comparisons have priors of
+    their own, which friction of two numbers lost by 6.6 nats to a square root that as a law was
+    ahead of it by 4.8. A ripple of which the motion shows no whole period nobody has seen: laws
+    need not be ahead of it, as a polynomial goes on where such a sine may be anything (a
+    stiffening spring, of a harmonic of 2.6: R2 -128 along another motion, 0.80 by the polynomial
+    that was 2.7 nats ahead).
 
     Args:
         fit: Of the causes.
