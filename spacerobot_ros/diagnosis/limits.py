@@ -25,6 +25,9 @@ EXACT = 0.05
 limit are right within that. Five wrong explanations at that strength drift by 8 to 17 %; a gyro
 that is late by 13 ms, a thousand times what the noise shows, drifts by less than that."""
 
+LITTLE, IMITATED = 1.0 / 16.0, 200.0
+"""TBD"""
+
 FALSE_ALARMS = 1e-3
 """Expected false names a record, over all candidates and the values that were searched
 (Bonferroni). The campaign saw 1 in 284 clean records, 95 % bound 2 %."""

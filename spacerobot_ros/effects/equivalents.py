@@ -83,6 +83,8 @@ def unasked(robot: Robot, named: Collection[Key], asked: Collection[str]) -> tup
         if own == one and other not in asked and where in CATALOGUE[other].fitted_places(robot)
     ]
     wholes = [('joint_delay', None), *(('encoder_offset', joint) for joint in robot.joints)]
+    if 'grasp_compliance' not in asked:  # with fuel and panels it is the same to first order only
+        wholes += [('grasp_compliance', link) for link in robot.last_links]
     for whole in wholes:
         parts, _ = made_of(robot, *whole)
         if parts and parts <= set(named):

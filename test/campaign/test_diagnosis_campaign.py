@@ -207,6 +207,21 @@ def test_what_effects_at_other_places_are_together(truth, causes, became):
     assert outcome(case | {'robot': 'twin'}) == became
 
 
+def test_what_an_effect_is_made_of_may_be_too_small_to_matter():
+    case = line('left_out', [('grasp_compliance', 'left_3')], multiple=10.0) | {'robot': 'twin'}
+    fuel, panel, other = (
+        {'effect': effect, 'where': 'left_3', 'values': {}, 'rivals': []}
+        for effect in ('fuel_slosh', 'flexible_appendage', 'inertial_parameters')
+    )
+    for named, minor, became in (
+        ([panel], [fuel], 'equivalent'),
+        ([panel], [fuel, other], 'equivalent'),  # what is not named is no wrong name
+        ([panel, other], [fuel], 'wrong name'),
+        ([panel], [], 'wrong name'),
+    ):
+        assert outcome(case | {'causes': named, 'minor': minor}) == became
+
+
 def test_a_name_that_can_not_be_told_from_an_equivalent_is_none_that_is_wrong():
     """As of single effects, the right one among the rivals counts."""
     case = line('left_out', [('free_wheel_rotors', 'base_link')], multiple=10.0)
@@ -260,6 +275,10 @@ def test_what_a_name_may_stand_for_is_said_where_it_was_not_compared():
     delays = [('joint_sensor_delay', joint) for joint in robot.joints]
     assert late in unasked(robot, delays, CATALOGUE)[0]
     assert not unasked(robot, delays[1:], CATALOGUE)
+    swings = [('fuel_slosh', 'link_3'), ('flexible_appendage', 'link_3')]
+    assert not unasked(robot, swings, CATALOGUE)  # the grasp was compared with
+    notes = unasked(robot, swings, {*CATALOGUE} - {'grasp_compliance'})
+    assert ' and fuel_slosh at link_3 may be grasp_compliance at link_3;' in ' '.join(notes)
 
 
 def test_values_without_a_deviation_and_detuned_frequencies_are_no_hits():

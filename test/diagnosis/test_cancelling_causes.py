@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -141,3 +142,28 @@ def test_a_mode_whose_frequency_may_be_none_is_a_doubt(run, frequency, verdict):
     assert said.verdict == verdict, said.sentence
     found = cause.parameters['frequency']
     assert (found.std > found.value / 3.0) == ('frequency of a mode' in said.sentence)
+
+
+@pytest.mark.parametrize(
+    ('strong', 'weak', 'is_doubt'),
+    [(55.0, 9.0, True), (55.0, 20.0, False), (20.0, 9.0, False), (400.0, 9.0, False)],
+)
+def test_what_adds_little_to_the_others_may_be_what_a_wrong_name_left(run, strong, weak, is_doubt):
+    """In standard deviations: two clear causes are two, and what is next to nothing is no doubt."""
+    kinds = [CATALOGUE[name] for name in ('external_torque_body', 'gyro_bias')]
+    unit = {'x': 1e-3, 'y': 0.0, 'z': 0.0}
+    small = Fit(run, [kind(name=kind.id, where=None, values=unit) for kind in kinds])
+    torque, bias = small.changed(0), small.changed(1)
+    others = small.tangents[:, small.own(0)]
+    alone = bias - others @ np.linalg.lstsq(others, bias, rcond=None)[0]
+    sizes = strong / np.linalg.norm(torque), weak / np.linalg.norm(alone)
+    causes = [
+        replace(cause, values={**cause.values, 'x': 1e-3 * size})
+        for cause, size in zip(small.causes, sizes, strict=True)
+    ]
+    fit = with_data(Fit(run, causes), Fit(run, ()).data)
+    score = Score(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, np.zeros(1))
+    choices = tuple(Choice((kind.id, None), score, ()) for kind in kinds)
+    said = conclusion.conclude(Found(Fit(run, ()), fit, choices, (SOUND,) * 2, (), True), ())
+    assert said.verdict == ('partly_explained' if is_doubt else 'explained'), said.sentence
+    assert ('what bias of the gyro adds is so little' in said.sentence) == is_doubt

@@ -137,10 +137,10 @@ def _left_out(line: TrialRecord) -> str:
     if line['verdict'] != 'explained':
         return str(line['verdict'])
     (truth,) = hidden(line)
-    causes = {(c['effect'], c['where']) for c in line['causes']}
+    named, minor = ({(c['effect'], c['where']) for c in line[of]} for of in ('causes', 'minor'))
     robot = truth_of(line['truth']).robot_file(line['robot']).robot
     needed, further = made_of(robot, *truth)
-    is_made = bool(needed) and needed <= causes <= needed | further
+    is_made = bool(needed) and needed <= named | minor and named <= needed | further
     groups = map(_with_rivals, line['causes'])
     is_same = all(any(is_equivalent(name, truth) for name in group) for group in groups)
     return 'equivalent' if is_same or is_made else 'wrong name'

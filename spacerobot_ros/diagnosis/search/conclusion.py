@@ -12,15 +12,16 @@ from ...estimation.scaling import is_relevant
 from ..answer.cause import Cause, Estimated, Evidence, Ranked, Rival
 from ..answer.residuals import residuals, rms, series
 from ..answer.result import Diagnosis, Gain
-from ..answer.words import cause_in_words, laws_in_words, verdict_of
+from ..answer.words import at, cause_in_words, laws_in_words, verdict_of
 from ..limits import DRIFTING, MISFIT, RESOLVED
 from .found import Found
-from .soundness import drift_p
+from .soundness import drift_p, least_needed
 
 _STANDS = 'something that is not in the catalogue may be what they stand for'
 _CANCEL = f'but these undo most of what each of them does: {_STANDS}'
 _DRIFT = f'but the values drift along the record, if only together: {_STANDS}'
 _POOR = f'but a right model nearly always leaves less: {_STANDS}'
+_LITTLE = f'but what {{}} adds is so little that a wrong name may have left it: {_STANDS}'
 _UNHELD = f'but the frequency of a mode may as well be none: {_STANDS}'
 _UNFINISHED = 'the search was ended before all that stands out was looked into'
 
@@ -154,6 +155,9 @@ def _doubt(found: Found, named: Sequence[Cause], fit_p: float) -> str:
     modes = [c.parameters['frequency'] for c in named if 'frequency' in c.parameters]
     if any(mode.std > RESOLVED * mode.value for mode in modes):
         return _UNHELD
+    if (least := least_needed(found.sound)) is not None:
+        cause = found.sound.causes[least]
+        return _LITTLE.format(f'{cause.title}{at(cause.where)}')
     if 2.0 * fit_p < DRIFTING:
         return _POOR
     return _DRIFT if 2.0 * drift_p(found.sound) < DRIFTING else ''

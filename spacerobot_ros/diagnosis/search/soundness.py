@@ -12,7 +12,7 @@ from ...estimation.inference.placebo import held_out_gain
 from ...estimation.rows import blocks
 from ...estimation.scaling import size_of
 from ...types import Array
-from ..limits import EXACT, INCONSTANT
+from ..limits import EXACT, IMITATED, INCONSTANT, LITTLE
 
 _DRIFTS = 2  # cosines of the record's length: what changes faster is left to the test of fit
 
@@ -66,6 +66,32 @@ def drift_p(fit: Fit) -> float:
     found = _score(alone, np.tile(_sizes(fit), _DRIFTS))
     together = np.sum([fit.changed(i) for i in range(len(fit.causes))], axis=0)
     return found.p_value if found.gain > EXACT**2 * float(together @ together) else 1.0
+
+
+def least_needed(fit: Fit) -> int | None:
+    """The cause that adds so little to all others that it may be what a wrong name leaves.
+
+    What stands for an effect that is in no catalogue takes nearly all of what that does, and a
+    further cause the little that is left, which few rows can tell from its own: its extra sum of
+    squares beside the others' columns is small, in itself and by what all do together. What is
+    next to nothing beside the others is no such leftover: no two effects are that alike.
+    """
+    causes = range(len(fit.causes))
+    if len(causes) < 2:
+        return None
+    extra = [_extra_squares(fit, i) for i in causes]
+    together = np.sum([fit.changed(i) for i in causes], axis=0)
+    whole = float(together @ together)
+    least = int(np.argmin(extra))
+    is_little = EXACT**2 * whole <= extra[least] < min(LITTLE * whole, IMITATED)
+    return least if is_little else None
+
+
+def _extra_squares(fit: Fit, index: int) -> float:
+    """What a cause changes beyond what the values of all others could."""
+    others = np.setdiff1d(np.arange(len(fit.free)), fit.own(index))
+    gram = Gram.of(fit.tangents[:, others], fit.changed(index))
+    return gram.without(len(others), fit.precision[others] + LEAST_PRECISION).square
 
 
 def _constant_p(fit: Fit, index: int) -> float:
