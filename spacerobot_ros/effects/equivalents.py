@@ -41,15 +41,16 @@ def made_of(robot: Robot, effect: str, where: str | None) -> tuple[set[Key], set
     d too much the last body is turned by d about its joint, as R(q) = R(q + d) R(-d), and with it
     the momentum of wheels in it. A soft grasp is, to first order in rates and deflections, the
     mass of its part at the body's centre on springs, as fuel is, and its inertia on springs about
-    three axes, as panels are. With a tracker turned by r the base frame may be called turned: the
-    tracker is right, the gyro's rates are turned by r, and so are the base body, its wheels, and
-    the first joints about their axes; across these an arm's mount is tilted, which nothing in the
-    catalogue does, so that where a record shows it these causes leave something.
+    three axes, as panels are, where a record shows that. With a tracker turned by r the base frame
+    may be called turned: the tracker is right, the gyro's rates are turned by r, and so are the
+    base body, its wheels, and the first joints about their axes; across these an arm's mount is
+    tilted, which nothing in the catalogue does, so that where a record shows it these causes leave
+    something.
     """
     if effect == 'joint_delay':
         return {('joint_sensor_delay', joint) for joint in robot.joints}, set()
     if effect == 'grasp_compliance':
-        return {('fuel_slosh', where), ('flexible_appendage', where)}, set()
+        return {('fuel_slosh', where)}, {('flexible_appendage', where)}
     if effect == 'attitude_misalignment':
         moving = zip(robot.joints, robot.bodies[1:], strict=True)
         first = {('encoder_offset', joint) for joint, body in moving if body.parent == 0}

@@ -1,4 +1,4 @@
-"""Causes that undo each other stand for another one: together they fit, and explain nothing."""
+"""Causes that fit, but may stand for an effect that is in no catalogue."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from support.lone_body import box_file
 
+from spacerobot_ros.campaign.hidden.diagnosis_campaign import HiddenCase
+from spacerobot_ros.campaign.hidden.diagnosis_campaign import run as run_case
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.limits import CANCELLED, DRIFTING
 from spacerobot_ros.diagnosis.search import conclusion
@@ -149,7 +151,7 @@ def test_a_mode_whose_frequency_may_be_none_is_a_doubt(run, frequency, verdict):
     [(55.0, 9.0, True), (55.0, 20.0, False), (20.0, 9.0, False), (400.0, 9.0, False)],
 )
 def test_what_adds_little_to_the_others_may_be_what_a_wrong_name_left(run, strong, weak, is_doubt):
-    """In standard deviations: two clear causes are two, and what is next to nothing is no doubt."""
+    """In standard deviations: two clear causes are two, and next to nothing is no doubt."""
     kinds = [CATALOGUE[name] for name in ('external_torque_body', 'gyro_bias')]
     unit = {'x': 1e-3, 'y': 0.0, 'z': 0.0}
     small = Fit(run, [kind(name=kind.id, where=None, values=unit) for kind in kinds])
@@ -167,3 +169,18 @@ def test_what_adds_little_to_the_others_may_be_what_a_wrong_name_left(run, stron
     said = conclusion.conclude(Found(Fit(run, ()), fit, choices, (SOUND,) * 2, (), True), ())
     assert said.verdict == ('partly_explained' if is_doubt else 'explained'), said.sentence
     assert ('what bias of the gyro adds is so little' in said.sentence) == is_doubt
+
+
+def test_an_effect_that_is_in_no_catalogue_is_not_explained():
+    """Drag of the wheels, of which their momentum and a drag of the target's leave nothing."""
+    case = HiddenCase(
+        kind='left_out',
+        robot='servicer',
+        excitation='default',
+        seed=13100,
+        effects=('servicer_wheel_drag',),
+        multiple=10.0,
+    )
+    answer = run_case(case.key)
+    assert answer['fit_p'] > DRIFTING  # nothing is left to be seen
+    assert answer['verdict'] == 'partly_explained'
