@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -11,12 +12,14 @@ from support.lone_body import box_file
 
 from spacerobot_ros.campaign.hidden.diagnosis_campaign import HiddenCase
 from spacerobot_ros.campaign.hidden.diagnosis_campaign import run as run_case
+from spacerobot_ros.campaign.hidden.diagnosis_judge import is_equivalent
 from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
-from spacerobot_ros.diagnosis.limits import CANCELLED, DRIFTING
+from spacerobot_ros.diagnosis.limits import CANCELLED, DRIFTING, LITTLE
 from spacerobot_ros.diagnosis.search import conclusion
 from spacerobot_ros.diagnosis.search.found import Choice, Found
 from spacerobot_ros.diagnosis.search.soundness import Soundness, drift_p
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from spacerobot_ros.estimation.columns import candidates
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.inference.evidence import Score
 from spacerobot_ros.estimation.noise_levels import noise_levels
@@ -148,7 +151,7 @@ def test_a_mode_whose_frequency_may_be_none_is_a_doubt(run, frequency, verdict):
 
 @pytest.mark.parametrize(
     ('strong', 'weak', 'is_doubt'),
-    [(55.0, 9.0, True), (55.0, 20.0, False), (20.0, 9.0, False), (400.0, 9.0, False)],
+    [(55.0, 9.0, True), (55.0, 20.0, False), (18.0, 12.0, False), (400.0, 9.0, False)],
 )
 def test_what_adds_little_to_the_others_may_be_what_a_wrong_name_left(run, strong, weak, is_doubt):
     """In standard deviations: two clear causes are two, and next to nothing is no doubt."""
@@ -169,6 +172,40 @@ def test_what_adds_little_to_the_others_may_be_what_a_wrong_name_left(run, stron
     said = conclusion.conclude(Found(Fit(run, ()), fit, choices, (SOUND,) * 2, (), True), ())
     assert said.verdict == ('partly_explained' if is_doubt else 'explained'), said.sentence
     assert ('what bias of the gyro adds is so little' in said.sentence) == is_doubt
+
+
+def test_the_lesser_of_two_that_hide_a_third_effect_adds_little(run):
+    """Columns alone: all pairs that leave no more of it than the test of fit lets pass."""
+    clean, whole, unseen, least = Fit(run, ()), 1000.0, 36.0, 30.0  # in squares
+    bases = {}
+    for candidate in candidates(CATALOGUE.values(), clean.rows):
+        # laws of a rate, of either sign, make each other
+        if candidate.key in bases or candidate.kind.id == 'joint_friction_curvature':
+            continue
+        columns = clean.signatures.whitened(candidate.small_steps)
+        columns = columns[:, np.any(columns, axis=0)]
+        if columns.shape[1]:
+            u, s, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+            bases[candidate.key] = u[:, s > 1e-6 * s[0]]
+    added = []
+    for hidden, truth in ((key, basis[:, 0]) for key, basis in bases.items()):
+        others = {
+            key: basis
+            for key, basis in bases.items()
+            if key[0] != hidden[0] and not is_equivalent(key, hidden)
+        }
+        left = {key: truth - basis @ (basis.T @ truth) for key, basis in others.items()}
+        for one, other in permutations(others, 2):
+            if not unseen <= whole * left[one] @ left[one] < 0.25 * whole:
+                continue
+            beside = others[other] - others[one] @ (others[one].T @ others[other])
+            fitted = beside @ np.linalg.lstsq(beside, left[one], 1e-3)[0]
+            both = left[one] @ left[one] - fitted @ fitted
+            extra = min(fitted @ fitted, left[other] @ left[other] - both)
+            if whole * both < unseen and whole * extra >= least:
+                added.append(extra)
+    assert len(added) > 30
+    assert np.mean(np.array(added) < LITTLE) > 0.95
 
 
 def test_an_effect_that_is_in_no_catalogue_is_not_explained():
