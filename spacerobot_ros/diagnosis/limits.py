@@ -25,14 +25,14 @@ EXACT = 0.05
 limit are right within that. Five wrong explanations at that strength drift by 8 to 17 %; a gyro
 that is late by 13 ms, a thousand times what the noise shows, drifts by less than that."""
 
-LITTLE, IMITATED = 1.0 / 8.0, 200.0
-"""Extra sum of squares of one cause beside all others, by the squares of what all do together and
-in itself, below which it may be what a wrong name leaves. Of pairs of columns that hide a third
-effect, the lesser adds less than an eighth in 81 % (`test/diagnosis/test_stand_ins.py`); of three
-right ones, all weak, a fifth was seen. The campaign's wrong explanations of an effect ten times
-its limit, some 3000 in squares, have 47 to 143, its right pairs and triples 272 and more. An
-effect m times its limit adds 30 m^2: one below 2.6 times, beside one that is 3 to 20 times as far
-above its own, is the price."""
+LITTLE, IMITATED = 1.0 / 3.0, 400.0
+"""Extra sum of squares of one cause beside all others, by the mean share of what all do and in
+itself, below which it may be what a wrong name leaves. Of pairs of columns that hide a third
+effect, the lesser adds less than a third of half in 92 % (`test/diagnosis/test_stand_ins.py`); of
+three right ones, all weak, half was seen. Of effects ten times their limit, some 3000 in squares,
+wrong explanations have 28 to 343, the campaign's right pairs and triples 272, 1039 and more. An
+effect m times its limit adds 30 m^2: one below 3.6 times, beside one that is 2.3 to 20 times as
+far above its own, is the price."""
 
 FALSE_ALARMS = 1e-3
 """Expected false names a record, over all candidates and the values that were searched

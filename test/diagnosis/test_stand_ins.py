@@ -151,7 +151,7 @@ def test_a_mode_whose_frequency_may_be_none_is_a_doubt(run, frequency, verdict):
 
 @pytest.mark.parametrize(
     ('strong', 'weak', 'is_doubt'),
-    [(55.0, 9.0, True), (55.0, 20.0, False), (20.0, 9.0, False), (400.0, 9.0, False)],
+    [(55.0, 9.0, True), (55.0, 22.0, False), (18.0, 9.0, False), (400.0, 9.0, False)],
 )
 def test_what_adds_little_to_the_others_may_be_what_a_wrong_name_left(run, strong, weak, is_doubt):
     """In standard deviations: two clear causes are two, and next to nothing is no doubt."""
@@ -205,7 +205,7 @@ def test_the_lesser_of_two_that_hide_a_third_effect_adds_little(run):
             if whole * both < unseen and whole * extra >= least:
                 added.append(extra)
     assert len(added) > 30
-    assert np.mean(np.array(added) < LITTLE) > 0.75
+    assert np.mean(np.array(added) < 0.5 * LITTLE) > 0.85
 
 
 def test_an_effect_that_is_in_no_catalogue_is_not_explained():

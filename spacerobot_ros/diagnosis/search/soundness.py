@@ -73,8 +73,8 @@ def least_needed(fit: Fit) -> int | None:
 
     What stands for an effect that is in no catalogue takes nearly all of what that does, and a
     further cause the little that is left, which few rows can tell from its own: its extra sum of
-    squares beside the others' columns is small, in itself and by what all do together. What is
-    next to nothing beside the others is no such leftover: no two effects are that alike.
+    squares beside the others' columns is small, in itself and by the mean share of what all do.
+    What is next to nothing beside the others is no such leftover: no two effects are that alike.
     """
     causes = range(len(fit.causes))
     if len(causes) < 2:
@@ -83,8 +83,8 @@ def least_needed(fit: Fit) -> int | None:
     together = np.sum([fit.changed(i) for i in causes], axis=0)
     whole = float(together @ together)
     least = int(np.argmin(extra))
-    is_little = EXACT**2 * whole <= extra[least] < min(LITTLE * whole, IMITATED)
-    return least if is_little else None
+    little = min(LITTLE * whole / len(extra), IMITATED)
+    return least if EXACT**2 * whole <= extra[least] < little else None
 
 
 def _extra_squares(fit: Fit, index: int) -> float:
