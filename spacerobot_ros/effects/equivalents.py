@@ -34,6 +34,12 @@ Late clocks are not, either: joints late by t look like gyro and tracker early b
 is."""
 
 
+_TURNED = {
+    'attitude_misalignment': 'gyro_misalignment',
+    'gyro_misalignment': 'attitude_misalignment',
+}
+
+
 def made_of(robot: Robot, effect: str, where: str | None) -> tuple[set[Key], set[Key]]:
     """Effects that together are another one: those that have to be there, and further ones.
 
@@ -45,18 +51,18 @@ def made_of(robot: Robot, effect: str, where: str | None) -> tuple[set[Key], set
     may be called turned: the tracker is right, the gyro's rates are turned by r, and so are the
     base body, its wheels, and the first joints about their axes; across these an arm's mount is
     tilted, which nothing in the catalogue does, so that where a record shows it these causes leave
-    something.
+    something. With a turned gyro it is the tracker that is turned, by -r, and they as much.
     """
     if effect == 'joint_delay':
         return {('joint_sensor_delay', joint) for joint in robot.joints}, set()
     if effect == 'grasp_compliance':
         return {('fuel_slosh', where)}, {('flexible_appendage', where)}
-    if effect == 'attitude_misalignment':
+    if effect in _TURNED:
         moving = zip(robot.joints, robot.bodies[1:], strict=True)
         first = {('encoder_offset', joint) for joint, body in moving if body.parent == 0}
         base = ('inertial_parameters', robot.bodies[0].name)
         wheels = ('servicer_wheel_momentum_error', None)
-        return {('gyro_misalignment', None)}, {*first, base, wheels}
+        return {(_TURNED[effect], None)}, {*first, base, wheels}
     if effect != 'encoder_offset':
         return set(), set()
     body = 1 + robot.joints.index(str(where))

@@ -199,6 +199,8 @@ def test_an_effect_out_of_the_catalogue(causes, verdict, became):
         ('attitude_misalignment', TURNED, 'equivalent'),
         ('attitude_misalignment', TURNED[1:], 'wrong name'),
         ('attitude_misalignment', [*TURNED, WHEELS], 'wrong name'),
+        ('gyro_misalignment', [('attitude_misalignment', None), *TURNED[1:]], 'equivalent'),
+        ('gyro_misalignment', TURNED[1:], 'wrong name'),
     ],
 )
 def test_what_effects_at_other_places_are_together(truth, causes, became):
