@@ -114,10 +114,11 @@ def with_data(fit, data):
 
 
 def said_of(run, fit):
-    """Return what is said of a fit with one sound cause."""
+    """Return what is said of a fit whose causes are all sound."""
     score = Score(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, np.zeros(1))
-    choices = (Choice((fit.causes[0].id, fit.causes[0].where), score, ()),)
-    return conclusion.conclude(Found(Fit(run, ()), fit, choices, (SOUND,), (), True), ())
+    choices = tuple(Choice(cause.key, score, ()) for cause in fit.causes)
+    sound = (SOUND,) * len(choices)
+    return conclusion.conclude(Found(Fit(run, ()), fit, choices, sound, (), True), ())
 
 
 def test_what_a_right_model_hardly_ever_leaves_is_a_doubt(run):
@@ -166,10 +167,7 @@ def test_what_adds_little_to_the_others_may_be_what_a_wrong_name_left(run, stron
         replace(cause, values={**cause.values, 'x': 1e-3 * size})
         for cause, size in zip(small.causes, sizes, strict=True)
     ]
-    fit = with_data(Fit(run, causes), Fit(run, ()).data)
-    score = Score(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, np.zeros(1))
-    choices = tuple(Choice((kind.id, None), score, ()) for kind in kinds)
-    said = conclusion.conclude(Found(Fit(run, ()), fit, choices, (SOUND,) * 2, (), True), ())
+    said = said_of(run, with_data(Fit(run, causes), Fit(run, ()).data))
     assert said.verdict == ('partly_explained' if is_doubt else 'explained'), said.sentence
     assert ('what bias of the gyro adds is so little' in said.sentence) == is_doubt
 

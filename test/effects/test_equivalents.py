@@ -76,7 +76,7 @@ def test_a_turned_sensor_is_a_turned_base_and_the_other_sensor_turned(clean, one
     moved = base.se3Action(pin.SE3(back, first.translation - back @ first.translation))
     added = moved.toDynamicParameters() - robot.inertial_parameters[0]
     wheels = back @ robot.servicer_momentum - robot.servicer_momentum
-    by = dict(zip('xyz', abs(angle) / angle * turned, strict=True))
+    by = dict(zip('xyz', np.sign(angle) * turned, strict=True))
     causes = [
         of(other, None, **by),
         of('encoder_offset', 'joint_1', offset=angle),
