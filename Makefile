@@ -15,7 +15,7 @@ help:  ## list the targets
 setup:  ## .venv from locked requirements, messages and package built; nothing when current
 	@scripts/set_up.sh
 
-demo: setup  ## identify the wheels' momentum and track with it, on real nodes; results in out/demo
+demo: setup  ## identify the wheels' momentum and track with it, on real nodes, into out/demo; ARGS='--robot FILE'
 	@$(ENTER) spacerobot demo $(ARGS)
 
 # glibc keeps the memory of freed arrays for the next ones: a tenth less time

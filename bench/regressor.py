@@ -3,9 +3,8 @@
     python bench/regressor.py [--output FILE]
 
 The robot has three joints and ten parameters a body; a sample has three rows. Ours is the
-regressor of the block parameters with rotations and rate maps made anew, as the identification
-needs it; Pinocchio's is the joint torque regressor with velocities for accelerations, whose first
-rows are the momentum.
+regressor of the minimal parameters; Pinocchio's is the joint torque regressor with velocities for
+accelerations, whose first rows are the momentum.
 """
 
 from __future__ import annotations
@@ -51,8 +50,7 @@ def main() -> int:
     rates = np.column_stack([np.zeros((SAMPLES, 3)), u])
 
     def ours() -> None:
-        rotations = tree.rotations(q)
-        tree.regressor(rotations, tree.rate_maps(rotations), u)
+        tree.regressor(q, u)
 
     def pinocchio() -> None:
         for pose, rate in zip(poses, rates, strict=True):

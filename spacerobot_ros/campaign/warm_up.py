@@ -31,7 +31,7 @@ from ..effects.laws.hysteresis import followed
 from ..effects.own_states import driven_states
 from ..errors import IdentificationError
 from ..estimation.filters.kalman import StateSpace, correlate, gains_of, whiten
-from ..excitation.base_response import BaseResponse, BaseStart
+from ..estimation.trajectory.base_response import BaseResponse, BaseStart
 from ..identification.batch import identify_robot
 from ..model.robot import Robot
 from .hidden.diagnosis_scenario import robot_file, simulated

@@ -9,9 +9,13 @@ Writes report.html, summary.json and three bags: bag (1), bag_no_aam (the first 
 tracks without the wheels), bag_identified (2).
 The same robot file and seed give the same bags to the last bit.
 
+Any robot file will do that has a free base, joints that turn, a captured body whose wheels spin
+(robot.target_wheels, truth) and a motion that excites (reference.kind: fourier).
+
 examples:
   spacerobot demo
-  spacerobot demo --seed 7 --out out/seven
+  spacerobot demo --seed 7 --out out/seed_7
+  spacerobot demo --robot config/seven_joints.yaml
   ros2 bag play out/demo/bag
 """
 
@@ -92,6 +96,7 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPict
         pictures = _pictures(file, found, truth, bags[0])
         results = DemoResults(
             robot=file.robot.name,
+            joints=file.robot.arm,
             seed=settings.simulator.seed,
             identification=found,
             no_aam=found.until(length),

@@ -2,10 +2,11 @@ r"""`spacerobot excite`: design of an identification motion.
 
 Design a joint motion (Fourier series plus quintic) from which wheel momentum and inertia are
 identified as precisely as the limits allow. Limits and search are section `excitation` of the
-robot file; the URDF's position limits and 90 % of its effort limits hold besides. ROS is not
-needed.
+robot file; the URDF's position limits, 90 % of its effort limits, and what gyro and star tracker
+can follow hold besides. Where the file's own motion is better and keeps the limits, that is
+written. ROS is not needed.
 
-criteria: information     bits told of the whole estimate; does not depend on units
+criteria: information     bits told of wheel momentum and bodies; does not depend on units
           condition       condition number of the paper's matrix A
           unit_condition  the same with columns of unit norm
 
@@ -73,8 +74,8 @@ def _design(args: argparse.Namespace, file: RobotFile) -> int:
     with progress() as stage:
         advance = stage('designing', options.starts * options.iterations)
         design = search(problem, lambda steps, _: advance(steps))
-    write_trajectory(problem, design.x, args.robot, args.output)
     summary = Summary(problem, design)
+    write_trajectory(summary.chosen, args.robot, args.output)
     if args.json:
         print_json(summary)
     else:
@@ -91,7 +92,7 @@ def _design(args: argparse.Namespace, file: RobotFile) -> int:
 def _separate(args: argparse.Namespace, file: RobotFile) -> int:
     """Design the motion that best tells two effects apart."""
     from ..effects.catalogue import kind_at
-    from ..excitation.motions import write_trajectory
+    from ..excitation.motions import Chosen, write_trajectory
     from ..excitation.separation import Place, budget, separate
 
     parts = (text.partition('@') for text in args.separate)
@@ -104,7 +105,8 @@ def _separate(args: argparse.Namespace, file: RobotFile) -> int:
         advance = stage('designing', budget(file, args.duration))
         found = separate(file, (first, second), args.duration, advance)
     best = found.best
-    write_trajectory(best.motions, best.x, args.robot, args.output)
+    motions = best.motions
+    write_trajectory(Chosen(motions.family, best.x, motions.start), args.robot, args.output)
     if args.json:
         print_json(
             {

@@ -3,9 +3,12 @@
 Estimate the momentum of the captured satellite's wheels and the minimal inertial parameters from
 a recording (rosbag2: mcap or sqlite3; an npz record; CSV or JSON, with --map). ROS is not needed.
 
-methods: ml        maximum likelihood; the most accurate, with standard deviations of its own
-         recursive least squares row by row in square-root form, as it can run on board
-         ls        the paper's least squares, all rows at once
+methods: ml        maximum likelihood over the bodies, with the robot file's uncertainty of them as
+                   prior (robot.uncertainty); the most accurate, joints may turn or slide
+         recursive the same as the identifier node does it, sample by sample
+         ls        the paper's least squares, without a prior: for reproduction, joints that turn
+
+Each number says what it is from: data, file (the motion does not tell it), or both.
 
 examples:
   spacerobot identify run --robot config/servicer.yaml
@@ -38,7 +41,6 @@ def run(args: argparse.Namespace) -> int:
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
     from ..dynamics.blocks import check_momentum
     from ..effects.robot_file import load_robot_file
-    from ..estimation.filters.momentum_process import MomentumModel
     from ..estimation.unknowns.minimal import minimal_set
     from ..estimation.unknowns.standard_parameters import standard_parameters
     from ..identification.advice import advise_on
@@ -55,13 +57,13 @@ def run(args: argparse.Namespace) -> int:
     if file.robot.joints:
         record = corrected_record(record, file.robot, file.effects)
     robot, settings = file.believed, file.settings.identifier
-    if args.manifold:
-        settings = replace(settings, manifold=args.manifold)
     if file.robot.joints:
         result = identify_robot(record, robot, settings, args.method)
         minimal = minimal_set(robot, settings.structure)
         groups = list(standard_parameters(robot, minimal, settings.structure))
-        advice = list(advise_on(record, MomentumModel(robot, minimal), result.estimate))
+        advice = []
+        if result.model is not None and result.posterior is not None:
+            advice = list(advise_on(record, result.model, result.posterior, file.settings))
     else:
         result = identify_lone_body(record, file.robot, file.effects)
         groups, advice = [robot.base_link] * len(result.estimate.parameters), []
@@ -76,9 +78,7 @@ def run(args: argparse.Namespace) -> int:
         print_sections(_sections(estimate, groups, advice))
     if args.write:
         if result.robot is None:
-            raise IdentificationError(
-                f'{args.write} is not written: no physical bodies were found'
-            )
+            raise IdentificationError(f'{args.write} is not written: `ls` finds no bodies')
         write_robot_file(file.before_effects(result.robot), args.robot, args.write)
     return 0 if estimate.valid else 1
 
@@ -99,42 +99,43 @@ def _sections(
     estimate: Estimate, groups: Sequence[str], advice: Sequence[Advice]
 ) -> Iterator[Section]:
     """What is printed for people."""
-    n = len(estimate.aam)
-    std = estimate.std
+    n, std = len(estimate.aam), estimate.std
+    sources = estimate.sources or ('data',) * len(std)
     momentum_std = estimate.total_momentum_covariance.diagonal() ** 0.5
     momenta = [f'h_{link}_{axis}' for link in estimate.aam_links for axis in 'xyz']
     if momenta:
-        rows = zip(momenta, estimate.aam, std[:n], strict=True)
-        yield _estimates('wheel momentum of the captured body', 'N m s', rows)
-    if estimate.unit:
-        rows = zip('xyz', estimate.total_momentum, momentum_std, strict=True)
-        yield _estimates('total angular momentum, inertial frame', 'N m s', rows)
+        units = ['N m s'] * n
+        wheels = zip(momenta, estimate.aam, std[:n], units, sources[:n], strict=True)
+        yield _estimates('wheel momentum of the captured body', wheels)
+    if any(estimate.units):
+        total = zip('xyz', estimate.total_momentum, momentum_std, ['N m s'] * 3, strict=True)
+        yield _estimates('total angular momentum, inertial frame', total)
     title = 'minimal inertial parameters, each with the numbers of the bodies that it groups'
-    found = zip(estimate.parameter_names, estimate.parameters, std[n:], groups, strict=True)
-    yield _estimates(title, estimate.unit, found)
+    names, values = estimate.parameter_names, estimate.parameters
+    found = zip(names, values, std[n:], estimate.units, sources[n:], groups, strict=True)
+    yield _estimates(title, found)
     head = (
         f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
         f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
         f'chi-square per degree of freedom {estimate.chi2_per_dof:.3g}'
     )
+    only = [f'from the file alone: {line}' for line in estimate.unexcited]
     reason = [] if estimate.valid else [f'not valid: {estimate.reason}']
-    yield Section('', [head, *(f'note: {note}' for note in estimate.notes), *reason])
+    notes = [f'note: {note}' for note in estimate.notes]
+    yield Section('', [head, *only, *notes, *reason])
     if advice:
-        tells = [(one.motion or 'none of those tried', '\n'.join(one.tells)) for one in advice]
-        together = [words for one in advice for words in one.tells if ' with ' in words]
-        how = 'where they change so together, the data stay the same'
-        caption = f'({min(together, key=len)}: {how})' if together else ''
-        title = 'what the data cannot tell, and the cheapest motions that would, in this order'
-        yield Section(title, [Table(('extra motion', 'tells'), tells, caption)])
+        rows = [(one.motion or 'none of those tried', '\n'.join(one.tells)) for one in advice]
+        title = 'what more motion would tell of the wheel momentum, in the order of its worth'
+        yield Section(title, [Table(('extra motion', 'tells'), rows)])
 
 
-def _estimates(title: str, unit: str, rows: Iterable[tuple[Any, ...]]) -> Section:
-    """Names, values as far as they are known, their standard deviations, and groups."""
+def _estimates(title: str, rows: Iterable[tuple[Any, ...]]) -> Section:
+    """Names, values as far as they are known, their standard deviations, units and sources."""
     from ..formats import decimals
 
-    head = ('name', 'value', '+- std', 'unit', 'groups')
+    head = ('name', 'value', '+- std', 'unit', 'from', 'groups')
     cells = [
-        (name, f'{value:.{decimals(std)}f}', f'{std:.{decimals(std)}f}', unit, *groups)
-        for name, value, std, *groups in rows
+        (name, f'{value:.{decimals(std)}f}', f'{std:.{decimals(std)}f}', *others)
+        for name, value, std, *others in rows
     ]
     return Section(title, [Table(head[: len(cells[0])] if cells else head[:4], cells)])

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..dynamics.blocks import BlockTree
 from ..errors import MessageRejectedError
-from ..estimation.unknowns.minimal import minimal_set
+from ..estimation.unknowns.bodies import BodyCoordinates
+from ..estimation.unknowns.minimal import MinimalSet, minimal_set
 from ..identification.estimate import Estimate
+from ..inference.scaled_prior import LARGEST
 from ..model.motion_settings import ReferenceSettings
 from ..model.robot import Robot
 from ..model.settings import Settings
@@ -19,11 +20,13 @@ from .waypoints import Waypoints
 
 FURTHEST = 6.0
 """Standard deviations beyond which an estimate contradicts what is believed: noise goes there once
-in 5e8, and what the identifier was told to think possible (`identifier.momentum_prior_std`,
-`prior_std`) is a Gaussian of that width about the robot file's values."""
+in 5e8, and what the identifier may think possible (`identifier.momentum_prior_std`,
+`robot.uncertainty` by the largest factor that it finds of data) is a Gaussian of that width about
+the robot file's values."""
 
 WOUND = 1e6  # rad; encoders count fewer turns
 _JOINING = 50  # times at which the way to a motion is looked at; a quintic has no narrower peaks
+_STEP = 1e-3  # of the derivatives, in standard deviations of the robot file
 _LOOKS = 48  # times at which each period of a sine is looked at, of which 0.2 % may be missed
 
 
@@ -114,7 +117,7 @@ class EstimateCheck:
     """Refuses estimates that the robot file makes impossible, or that contradict earlier ones.
 
     An estimate that contradicts the last one is believed once another one agrees with it. Robots
-    that no identifier takes (joints that slide) have no estimates to be refused.
+    that no identifier takes (on the ground) have no estimates to be refused.
 
     Args:
         robot: The robot as the model believes it to be.
@@ -123,17 +126,17 @@ class EstimateCheck:
 
     def __init__(self, robot: Robot, settings: Settings) -> None:
         options = settings.identifier
-        x = np.zeros(0)
-        if robot.is_free and not any(body.is_prismatic for body in robot.bodies[1:]):
+        x, std = np.zeros(0), np.zeros(0)
+        if robot.is_free:
             minimal = minimal_set(robot, options.structure)
-            x = minimal.regrouping @ BlockTree(robot).parameters(robot)
-        self._believed = np.concatenate([robot.target_momentum, x])
-        self._std = np.concatenate(
-            [
-                np.full(len(robot.target_momentum), options.momentum_prior_std),
-                np.full(len(x), options.prior_std * np.max(np.abs(x), initial=0.0)),
-            ]
-        )
+            x = minimal.of_robot(robot)
+            told = _spread(minimal, BodyCoordinates(robot, options.structure))
+            # what bodies do not change to first order may still come out different
+            units = np.array(minimal.units)
+            std = np.maximum(told, [np.max(np.abs(x[units == unit])) for unit in units])
+        aam = robot.target_momentum
+        self._believed = np.concatenate([aam, x])
+        self._std = np.concatenate([np.full(len(aam), options.momentum_prior_std), std])
         self.clear()
 
     def clear(self) -> None:
@@ -154,7 +157,8 @@ class EstimateCheck:
                 k = int(np.argmax(far))
                 raise MessageRejectedError(
                     f'estimate: {values[k]:.6g} is implausible, thought possible is '
-                    f'{self._believed[k]:.6g} +- {self._std[k]:.6g} (identifier.*prior_std)'
+                    f'{self._believed[k]:.6g} +- {self._std[k]:.6g} '
+                    '(identifier.momentum_prior_std, robot.uncertainty)'
                 )
         if self._last is not None and not _agree(estimate, self._last):
             doubted, self._doubted = self._doubted, estimate
@@ -165,13 +169,20 @@ class EstimateCheck:
         self._last, self._doubted = estimate, None
 
 
+def _spread(minimal: MinimalSet, bodies: BodyCoordinates) -> Array:
+    """(k,) standard deviations of minimal parameters, the robot file's by the largest factor."""
+    shifts = _STEP * np.diag(bodies.std)
+    ahead, behind = (minimal.of_bodies(*bodies.bodies(s)) for s in (shifts, -shifts))
+    return np.asarray(LARGEST * np.linalg.norm((ahead - behind) / (2.0 * _STEP), axis=0))
+
+
 def _values(estimate: Estimate) -> Array:
     return np.concatenate([estimate.aam, estimate.parameters])
 
 
 def _agree(one: Estimate, other: Estimate) -> bool:
     """Whether two estimates differ by no more than their standard deviations allow."""
-    if one.unknowns != other.unknowns:
+    if len(one.covariance) != len(other.covariance):
         return False
     spread = np.hypot(one.std, other.std)
     return bool(np.all(np.abs(_values(one) - _values(other)) <= FURTHEST * spread))

@@ -25,7 +25,14 @@ from ..display import (
 )
 from ..identification.estimate import Estimate
 from ..types import Array
-from .results import AIM_AAM_PERCENT, AIM_DRIFT, AIM_RATIO, DemoResults, DemoRun
+from .results import (
+    AIM_AAM_PERCENT,
+    AIM_DRIFT,
+    AIM_RATIO,
+    DemoResults,
+    DemoRun,
+    momentum_percent,
+)
 
 AXES = 'xyz'
 RunPictures = Mapping[str, Figure]
@@ -79,16 +86,18 @@ def demo_report(results: DemoResults, pictures: RunPictures) -> Report:
 def demo_summary(results: DemoResults, out: Path) -> list[Section]:
     """What is printed: what was found, and where the rest lies."""
     estimate = results.estimate
-    rows = []
-    for place, value, std, true in zip(
-        _places(estimate), estimate.aam, estimate.std, results.truth, strict=False
-    ):
-        percent = f'{100.0 * (value - true) / abs(true):+.3f}' if true else '-'
-        rows.append((place, f'{value:.4f}', f'{3.0 * std:.4f}', f'{true:.4f}', percent))
+    n = len(estimate.aam)
+    std, truth = estimate.std[:n], results.truth[:n]
+    percents = momentum_percent(estimate.aam - truth, truth)
+    columns = _places(estimate), estimate.aam, 3.0 * std, truth, percents
+    rows = [
+        (place, f'{value:.4f}', f'{band:.4f}', f'{true:.4f}', f'{percent:+.3f}')
+        for place, value, band, true, percent in zip(*columns, strict=True)
+    ]
     lines = (
         f'largest joint error    {results.no_aam.max_error_deg:.3f} deg without, '
         f'{results.identified.max_error_deg:.4f} deg with it ({results.ratio:.0f} times smaller)',
-        f'inertial parameters    within {results.parameter_error_percent:.3f} %',
+        f'inertial parameters    within {results.parameter_error_percent:.3f} % of their largest',
         f'momentum drift         {results.momentum_drift:.1e} relative',
         f'wall time              {results.wall:.1f} s',
         f'report                 {out / "report.html"}',
@@ -129,7 +138,7 @@ def _figures(results: DemoResults) -> list[Item]:
             'A servicer has captured a satellite whose wheels still spin. First the arm moves '
             'under a controller that knows nothing of them, while the identifier listens to the '
             'noisy sensors; then the same motion is tracked from the same start with what was '
-            'identified.'
+            'identified of wheels and bodies.'
         ),
     ]
 
@@ -145,8 +154,7 @@ def _tracking(results: DemoResults) -> list[Panel]:
         return Panel(title, 'deg', curves, log=log)
 
     single = [
-        panel(f'error of joint {j + 1}', slice(j, j + 1))
-        for j in range(results.no_aam.error.shape[1])
+        panel(f'error of {joint}', slice(j, j + 1)) for j, joint in enumerate(results.joints)
     ]
     return [panel('largest joint error', slice(None), log=True), *single]
 
@@ -168,9 +176,9 @@ def _convergence(run: DemoRun, truth: Array) -> RunPictures:
     truth = truth[: len(places)]
 
     def sizes() -> list[Panel]:
-        relative = 100.0 * np.abs(values - truth) / np.abs(truth)
+        relative = np.abs(momentum_percent(values - truth, truth))
         curves = [Curve(place, time, relative[:, i]) for i, place in enumerate(places)]
-        return [Panel('error of the wheel momentum', '%', curves, log=True)]
+        return [Panel('error of the wheel momentum, of its size', '%', curves, log=True)]
 
     def late() -> list[Panel]:
         shown = time > 0.2 * time[-1]
@@ -191,12 +199,13 @@ def _parameters(results: DemoResults) -> Table:
     estimate = results.estimate
     momenta = [f'momentum {axis} of {link}' for link in estimate.aam_links for axis in AXES]
     names = [*momenta, *estimate.parameter_names]
+    units = [*(['N m s'] * len(momenta)), *estimate.units]
     values = np.concatenate([estimate.aam, estimate.parameters])
+    columns = names, values, estimate.std, results.truth, units
     rows = []
-    for name, value, std, true in zip(names, values, estimate.std, results.truth, strict=True):
+    for name, value, std, true, unit in zip(*columns, strict=True):
         percent = f'{100.0 * (value - true) / abs(true):.4f}' if true else '-'
         sigma = f'{(value - true) / std:.2f}' if std else '-'
-        unit = 'N m s' if name in momenta else 'kg m^2'
         rows.append([name, f'{value:.6g}', f'{std:.2g}', f'{true:.6g}', percent, sigma, unit])
     head = ['parameter', 'estimate', 'std', 'truth', 'error [%]', 'error / std', 'unit']
     return Table(head, rows, 'Estimates at the end of the run')

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ..dynamics.blocks import BlockTree
 from ..estimation.unknowns.minimal import minimal_set
 from ..identification.estimate import Estimate
 from ..model.robot import Robot
@@ -64,17 +63,19 @@ class DemoResults:
 
     Args:
         robot: Name of the robot.
+        joints: Names of its joints.
         seed: Seed of the sensor noise.
         identification: Run that excites and identifies.
         no_aam: Its first pass: tracking that knows nothing of the wheels.
         identified: Tracking with the identified robot.
         truth: (3 n_links + k,) wheel momentum of the captured body [N m s] and minimal parameters
-            [kg m^2] that the simulation was made with.
+            that the simulation was made with.
         bags: Folders of the recorded bags, the identification's first.
         wall: Wall time of everything [s].
     """
 
     robot: str
+    joints: tuple[str, ...]
     seed: int
     identification: DemoRun
     no_aam: DemoRun
@@ -90,15 +91,17 @@ class DemoResults:
 
     @property
     def aam_error_percent(self) -> float:
-        """Largest error of a component of the wheel momentum, in percent of its size."""
-        count = len(self.estimate.aam)
-        return _error_percent(self.estimate.aam, self.truth[:count])
+        """Largest error of a component of the wheel momentum, in percent of its link's."""
+        truth = self.truth[: len(self.estimate.aam)]
+        return float(np.abs(momentum_percent(self.estimate.aam - truth, truth)).max())
 
     @property
     def parameter_error_percent(self) -> float:
-        """Largest error of a minimal parameter, in percent of its size."""
-        count = len(self.estimate.aam)
-        return _error_percent(self.estimate.parameters, self.truth[count:])
+        """Largest error of a minimal parameter, in percent of the largest one of its unit."""
+        truth, units = self.truth[len(self.estimate.aam) :], np.array(self.estimate.units)
+        error = np.abs(self.estimate.parameters - truth)
+        of_unit = [units == unit for unit in dict.fromkeys(units)]
+        return float(100.0 * max(error[own].max() / np.abs(truth[own]).max() for own in of_unit))
 
     @property
     def momentum_drift(self) -> float:
@@ -145,13 +148,20 @@ def truth_of(robot: Robot, plant: Robot, structure: str) -> Array:
         plant: The true robot.
         structure: `identifier.structure`.
     """
-    minimal = minimal_set(robot, structure)
-    locked = robot.with_inertial_parameters(plant.inertial_parameters[: len(robot.bodies)])
-    source = robot if plant.rotor_count else locked
-    parameters = minimal.regrouping @ BlockTree(source).parameters(source)
+    free = robot.with_free_rotors(np.zeros(len(robot.rotors)))
+    change = (plant.inertial_parameters - free.inertial_parameters)[: len(robot.bodies)]
+    source = robot.with_inertial_parameters(robot.inertial_parameters + change)
+    parameters = minimal_set(robot, structure).of_robot(source)
     return np.concatenate([plant.target_momentum, parameters])
 
 
-def _error_percent(value: Array, truth: Array) -> float:
-    scale = np.where(truth == 0.0, np.abs(truth).max() or 1.0, np.abs(truth))
-    return float(100.0 * np.max(np.abs(value - truth) / scale))
+def momentum_percent(error: Array, truth: Array) -> Array:
+    """(..., 3 n_links) errors of wheel momenta, in percent of the momentum of the link.
+
+    Args:
+        error: (..., 3 n_links) [N m s].
+        truth: (3 n_links,) momenta; where a link has none, that of all links counts.
+    """
+    sizes = np.linalg.norm(truth.reshape(-1, 3), axis=1)
+    sizes[sizes == 0.0] = np.linalg.norm(truth)
+    return 100.0 * error / np.repeat(sizes, 3)

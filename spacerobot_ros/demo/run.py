@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from ..control.joint_reference import check_reference
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError, IdentificationError
 from ..identification.estimate import Estimate
+from ..model.motion_settings import ReferenceSettings
 from ..model.settings import Settings
 from ..nodes.controller import ControllerNode
 from ..nodes.identifier import IdentifierNode
@@ -24,6 +26,7 @@ from ..ros import convert
 from ..ros.qos import LATCHED
 from ..ros.session import Recorder, Session
 from ..simulation.plant import Plant
+from ..simulation.truth import true_robot
 from ..types import Array
 from .results import DemoRun
 
@@ -41,6 +44,7 @@ TOPICS = {
     '/estimate': 'spacerobot_msgs/msg/Estimate',
     '/simulator/ledger': 'spacerobot_msgs/msg/Ledger',
 }
+WHEELS = {'/wheel_states': 'sensor_msgs/msg/JointState'}  # of a servicer with true rotors
 LAST = ('/tracking', '/joint_commands', '/joint_states')
 
 
@@ -87,17 +91,40 @@ def check_file(file: RobotFile) -> None:
     """Refuse a robot file that has nothing to demonstrate.
 
     Raises:
-        ConfigurationError: no exciting motion, no captured body, or sensors the runs can't use.
+        ConfigurationError: a fixed base, no joints that turn, no captured wheels that spin, no
+            exciting motion, or sensors the runs can't use.
     """
-    settings = file.settings
-    if settings.reference.kind != 'fourier':
-        why = "the demonstration needs 'fourier': `spacerobot excite` designs such a motion"
-        raise ConfigurationError('reference.kind', why)
-    if not file.robot.target_wheels:
+    robot, settings = file.robot, file.settings
+    if not robot.is_free:
+        why = 'the demonstration needs a free base: on a fixed one wheels turn nothing'
+        raise ConfigurationError('robot.base', why)
+    if not robot.arm:
+        raise ConfigurationError('robot.joints', 'the demonstration needs joints to move')
+    for name, body in zip(robot.arm, robot.bodies[1:], strict=False):
+        if body.is_prismatic:
+            why = f'the demonstration compares angles, and {name!r} slides'
+            raise ConfigurationError('robot.joints', why)
+    if not robot.target_wheels:
         why = 'the demonstration needs a captured body: name its link under links'
         raise ConfigurationError('robot.target_wheels', why)
+    if not true_robot(robot, settings).target_momentum.any():
+        side = 'rates' if any(rotor.is_target for rotor in robot.rotors) else 'momentum'
+        why = 'the captured wheels are at rest: the demonstration has nothing to find'
+        raise ConfigurationError(f'truth.target_{side}', why)
+    _check_motion(settings.reference, len(robot.arm))
     if round(settings.simulator.joint_rate * settings.simulator.period) != 1:
         raise ConfigurationError('simulator.joint_rate', 'must be the control rate here')
+
+
+def _check_motion(options: ReferenceSettings, n: int) -> None:
+    designed = '`spacerobot excite` designs such a motion'
+    if options.kind != 'fourier':
+        why = f"the demonstration needs 'fourier': {designed}"
+        raise ConfigurationError('reference.kind', why)
+    check_reference(options, n)
+    if not any((*options.sine, *options.cosine)):
+        why = f'all joints stand still, and the demonstration must move them: {designed}'
+        raise ConfigurationError('reference.sine', why)
 
 
 def identify(file: RobotFile, passes: int, bags: Sequence[Path], progress: OnProgress) -> DemoRun:
@@ -164,7 +191,9 @@ def _run(
         for writer in writers:
             writer.text('/robot_description', 0, urdf)
         ears = session.plain('demo')
-        types = {topic: convert.message_type(kind) for topic, kind in TOPICS.items()}
+        has_wheels = any(not rotor.is_target for rotor in file.robot.rotors)
+        topics = {**TOPICS, **(WHEELS if has_wheels else {})}
+        types = {topic: convert.message_type(kind) for topic, kind in topics.items()}
 
         def keep(topic: str, kind: str, stamp_ns: int, cdr: bytes) -> None:
             is_tracking = stamp_ns <= pass_ns and topic != '/estimate'

@@ -18,19 +18,20 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from ..control.joint_reference import Fourier
 from ..dynamics.state import initial_state
 from ..errors import ConfigurationError
+from ..estimation.trajectory.base_response import BaseMotion, BaseResponse, BaseStart
+from ..estimation.trajectory.motion_limits import Limits
 from ..model.files import read_parameters, write_parameters
 from ..model.motion_settings import ReferenceSettings
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..types import Array
-from .base_response import BaseMotion, BaseResponse, BaseStart
-from .motion_limits import Limits
 
 
 class MotionFamily:
@@ -96,6 +97,18 @@ class MotionFamily:
         )
 
 
+class Chosen(NamedTuple):
+    """One motion, joints and base.
+
+    Attributes:
+        family: It is one of these. x: (size,) its amplitudes [rad]. start: Of the base.
+    """
+
+    family: MotionFamily
+    x: Array
+    start: BaseStart
+
+
 _FINE = 4  # times as many nodes for the final check of the limits
 _NODES = 40  # a cycle of the highest harmonic
 _LEVELS = 8  # factors tried at once when scaling
@@ -146,10 +159,12 @@ class Motions:
         """Motion of candidates x (B, size) at a family's times."""
         return self._bases[0].move(family.times, *family.motion(x), self.start)
 
-    def moves(self, x: Array, family: MotionFamily) -> list[BaseMotion]:
-        """The same with the wheels assumed, then with the others."""
+    def moves(
+        self, x: Array, family: MotionFamily, start: BaseStart | None = None
+    ) -> list[BaseMotion]:
+        """The same with the wheels assumed, then with the others; None: from the usual start."""
         joints = family.motion(x)
-        return [base.move(family.times, *joints, self.start) for base in self._bases]
+        return [base.move(family.times, *joints, start or self.start) for base in self._bases]
 
     def worst_use(self, x: Array, family: MotionFamily) -> Array:
         """(B,) largest use of any limit with any wheels; zero where nothing is limited."""
@@ -219,14 +234,13 @@ def _peaks(values: Array) -> Array:
 _REFERENCE = ('kind', 'duration', 'harmonics', 'sine', 'cosine')
 
 
-def write_trajectory(motions: Motions, x: Array, template: str | Path, path: str | Path) -> Path:
+def write_trajectory(chosen: Chosen, template: str | Path, path: str | Path) -> Path:
     """Write the robot file with the designed `reference`, and the base rate that it starts from.
 
     Everything else is kept; a relative `robot.urdf` is rewritten to be found from the new place.
 
     Args:
-        motions: Have the family and the start.
-        x: (size,) amplitudes of the motion [rad].
+        chosen: The motion.
         template: The robot file.
         path: The file to write.
 
@@ -235,9 +249,9 @@ def write_trajectory(motions: Motions, x: Array, template: str | Path, path: str
     """
     template, path = Path(template), Path(path)
     values = dict(read_parameters(template))
-    reference = asdict(motions.family.reference(x))
+    reference = asdict(chosen.family.reference(chosen.x))
     values['reference'] = {key: reference[key] for key in _REFERENCE}
-    omega = motions.start.omega.tolist()
+    omega = chosen.start.omega.tolist()
     values['initial'] = {**(values.get('initial') or {}), 'angular_velocity': omega}
     urdf = str(values['robot'].get('urdf', ''))
     if urdf and '://' not in urdf and not Path(urdf).is_absolute():

@@ -1,8 +1,11 @@
-"""What an identification from a motion will reach: the trajectory-aware Cramer-Rao bound.
+"""What an identification from a motion will reach: what `identify` will say of it.
 
-The bound uses the sensors and rates of the robot file, and is over what the identifier estimates
-(`information.Unknowns`): on the physical manifold it is smaller than over the linear set. The
-identifier's prior stands in for directions that the motion does not tell.
+The Fisher information along the trajectory, with the sensors and rates of the robot file
+(`identification.cramer_rao`), is combined with the identifier's prior as the identifier does it,
+nuisances included. It averages over the factor of the bodies' prior by the evidence of the data:
+where the file's bodies are right it finds a small factor and is accordingly surer. So two
+precisions of the AAM are said: that of the bodies assumed, which is what `identify` will say if
+they are so, and that of bodies which are as uncertain as `robot.uncertainty` states.
 """
 
 from __future__ import annotations
@@ -12,26 +15,39 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..control.joint_reference import check_reference
 from ..dynamics.state import initial_state
 from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.trajectory.base_response import (
+    BaseMotion,
+    BaseResponse,
+    BaseStart,
+    noise_free_record,
+)
+from ..estimation.trajectory.motion_limits import Use
+from ..estimation.trajectory.reference import Kinematics
+from ..estimation.unknowns.torque_hold import Holds, find_holds
 from ..identification.cramer_rao import information_root
+from ..identification.maximum_likelihood import posterior_of
+from ..identification.summary import estimated_values
+from ..inference.square_root import marginal
 from ..model.robot import Robot
 from ..types import Array
-from .base_response import BaseMotion, BaseResponse, BaseStart, noise_free_record
-from .motion_limits import Use
-from .motions import MotionFamily
+from .motions import Chosen, MotionFamily
 from .problem import Problem, condition_numbers
 
 REST = 10.0  # s of rest, measured before a spin-up
 _LEAST_OFTEN = 50.0  # Hz; of the motion along which the base's own is found
 _SAMPLING = 0.04  # s; of the motion in the paper's A
 _NONZERO = 1e-3  # of the largest parameter; smaller ones have no meaningful relative error
-_BETTER = 3.0  # times better known than before: a direction that the motion tells
+_RANK_TOLERANCE = 1e-8
+_SEED = 20  # of the states that span what motions can tell; any gives the same rank
 _JSON = (
-    *('bits', 'told', 'tellable', 'condition', 'unit_condition', 'scale_std', 'worst_aam'),
-    *('median_parameter', 'worst_parameter', 'names', 'values', 'std', 'relative_std'),
+    *('bits', 'aam_bits', 'told', 'tellable', 'condition', 'unit_condition', 'scale_std'),
+    *('aam_std', 'aam_std_as_stated', 'aam_limit', 'prior_factor', 'worst_aam'),
+    *('median_parameter', 'worst_parameter', 'names', 'units', 'values', 'std', 'relative_std'),
 )
 
 
@@ -40,41 +56,57 @@ class Prediction:
     """Expected result of an identification.
 
     Args:
-        bits: Told of the whole estimate, against the identifier's prior.
-        told: Number of directions that get at least three times better known.
+        bits: Told of the whole estimate [AAM; y], against the prior as the file states it.
+        aam_bits: The same of the AAM alone, whatever the bodies.
+        told: Number of directions of [AAM; y] better known by the data than by that prior.
         tellable: Number of those that any motion could tell.
         condition: Of the paper's A, raw. unit_condition: With columns of unit norm.
-        names: Of [AAM; x]. values: Of the robot assumed. covariance: Predicted.
+        names: Of [AAM; x], x the minimal parameters. units: Of them.
+        values: Of the robot assumed. covariance: Predicted, its bodies as assumed.
         n_aam: Number of wheel-momentum entries.
-        scale_std: Relative standard deviation of the common scale of all [AAM; x].
+        stated_std: (n_aam,) of the AAM where the bodies are as uncertain as the file states.
+        aam_limit: Largest std of the AAM at which the identifier calls it valid [N m s].
+        prior_factor: That the identifier will find.
         uses: How the motion uses every limit.
     """
 
     bits: float
+    aam_bits: float
     told: int
     tellable: int
     condition: float
     unit_condition: float
     names: tuple[str, ...]
+    units: tuple[str, ...]
     values: Array
     covariance: Array
     n_aam: int
-    scale_std: float
+    stated_std: Array
+    aam_limit: float
+    prior_factor: float
     uses: tuple[Use, ...]
 
     @property
     def std(self) -> Array:
-        """Predicted standard deviations of [AAM; x], in N m s and kg m^2."""
+        """Predicted standard deviations of [AAM; x]."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def aam_std(self) -> float:
+        """Largest predicted standard deviation of the AAM [N m s]; NaN where there is none."""
+        return _of_finite(np.max, self.std[: self.n_aam])
+
+    @property
+    def aam_std_as_stated(self) -> float:
+        """The same where the bodies are as uncertain as the file states."""
+        return _of_finite(np.max, self.stated_std)
 
     @property
     def relative_std(self) -> Array:
         """Predicted std over what it is compared with: |h| of the link, or |x|; NaN for zeros."""
         momenta = self.values[: self.n_aam].reshape(-1, 3)
         sizes = np.repeat(np.linalg.norm(momenta, axis=1), 3)
-        x = np.abs(self.values[self.n_aam :])
-        x = np.where(x > _NONZERO * x.max(), x, 0.0)
-        scale = np.concatenate([sizes, x])
+        scale = np.concatenate([sizes, np.where(self._is_large, np.abs(self._parameters), 0.0)])
         return self.std / np.where(scale > 0.0, scale, np.nan)
 
     @property
@@ -93,28 +125,52 @@ class Prediction:
         return _of_finite(np.median, self.relative_std[self.n_aam :])
 
     @property
+    def scale_std(self) -> float:
+        """Std of the mean relative error of everything that is not zero."""
+        momenta = self.values[: self.n_aam]
+        known = np.concatenate([np.abs(momenta) > _NONZERO * _largest(momenta), self._is_large])
+        share = np.where(known, 1.0, 0.0) / np.where(known, self.values, 1.0)
+        share /= max(int(np.sum(known)), 1)
+        return float(np.sqrt(share @ self.covariance @ share))
+
+    @property
     def hardest_use(self) -> Use:
         """The limit that the motion comes nearest to, or breaks most."""
         return max(self.uses, key=lambda use: use.fraction)
+
+    @property
+    def _parameters(self) -> Array:
+        return self.values[self.n_aam :]
+
+    @property
+    def _is_large(self) -> Array:
+        """(k,) which parameters have a relative error, each unit by itself."""
+        units = np.array(self.units[self.n_aam :])
+        out = np.zeros(len(units), dtype=bool)
+        for unit in set(self.units[self.n_aam :]):
+            own = units == unit
+            size = np.abs(self._parameters[own])
+            out[own] = size > _NONZERO * _largest(size)
+        return out
 
     def to_json(self) -> dict[str, Any]:
         """As in the command's JSON."""
         return {name: getattr(self, name) for name in _JSON}
 
 
-def predict_design(problem: Problem, x: Array, *, with_rest: bool = False) -> Prediction:
-    """Prediction for amplitudes x of the problem's family.
+def predict(problem: Problem, chosen: Chosen, *, with_rest: bool = False) -> Prediction:
+    """Prediction for a motion of the robot assumed.
 
     Args:
-        problem: Its robot, limits and start.
-        x: (size,) [rad].
+        problem: Its robot, unknowns and limits.
+        chosen: The motion.
         with_rest: Count `REST` seconds of rest, own wheels still, measured before a spin-up.
     """
-    return _predict(problem, problem.robot, problem.family, x, problem.start, with_rest=with_rest)
+    return _predict(problem, problem.robot, problem.model, chosen, with_rest=with_rest)
 
 
-def predict_reference(problem: Problem) -> Prediction | None:
-    """Prediction for the robot file's own Fourier motion and first rate; None without one."""
+def own_motion(problem: Problem) -> Chosen | None:
+    """The robot file's own Fourier motion and first base rate, as they are; None without one."""
     reference = problem.settings.reference
     if reference.kind != 'fourier':
         return None
@@ -123,76 +179,144 @@ def predict_reference(problem: Problem) -> Prediction | None:
     times = np.array([0.0, reference.duration])
     family = MotionFamily(reference.duration, reference.harmonics, problem.family.start, times)
     start = BaseStart(initial.q_WB_xyzw, initial.omega_WB_B)
-    x = family.amplitudes(reference)
-    return _predict(problem, problem.robot, family, x, start)
+    return Chosen(family, family.amplitudes(reference), start)
 
 
-def predict_with_wheels(problem: Problem, x: Array, momentum: Array) -> Prediction:
-    """Prediction for amplitudes x (size,) with other momentum (3,) of the own wheels [N m s]."""
-    robot, start = problem.robot.with_servicer_momentum(momentum), problem.start
+def predict_with_wheels(problem: Problem, chosen: Chosen, momentum: Array) -> Prediction:
+    """Prediction for a motion with other momentum (3,) of the own wheels [N m s]."""
+    robot, options = problem.robot.with_servicer_momentum(momentum), problem.settings.identifier
     if problem.start_kind == 'spin_up':
-        omega = BaseResponse(robot).spun_up(problem.family.start, momentum)
-        start = BaseStart(start.attitude_xyzw, omega)
-    return _predict(problem, robot, problem.family, x, start)
+        omega = BaseResponse(robot).spun_up(chosen.family.start, momentum)
+        chosen = chosen._replace(start=BaseStart(chosen.start.attitude_xyzw, omega))
+    believed = problem.believed.with_servicer_momentum(momentum)
+    model = MomentumModel(believed, options.structure, options.nuisances)
+    return _predict(problem, robot, model, chosen)
 
 
 def _predict(
     problem: Problem,
     robot: Robot,
-    family: MotionFamily,
-    x: Array,
-    start: BaseStart,
+    model: MomentumModel,
+    chosen: Chosen,
     *,
     with_rest: bool = False,
 ) -> Prediction:
     """Prediction for a motion of a robot, which may differ from the problem's in its wheels."""
-    rates = problem.settings.simulator
-    fastest = max(rates.joint_rate, rates.imu_rate)
-    often = fastest * np.ceil(_LEAST_OFTEN / fastest)
-    steps = int(np.ceil(often * family.duration - 1e-9))
-    family = family.at(np.linspace(0.0, family.duration, steps + 1))
-    motion = BaseResponse(robot).move(family.times, *family.motion(x[None]), start)
-    unknowns, model = problem.unknowns, MomentumModel(robot, problem.minimal)
+    options, constants = problem.settings.identifier, problem.constants
+    motion = _finely(problem, robot, chosen)
     exact = noise_free_record(robot, motion, problem.settings.simulator)
-    factor = information_root(model, exact, problem.noise)
+    holds = find_holds(exact, options.torque_hold_period)
+    factor = information_root(model, exact, problem.noise, constants, holds)
     if with_rest:
         factor = np.concatenate([factor, _rest_rows(problem, model, motion)])
-    columns, _ = model.regressor(motion.kinematics)
+    std = _prior_std(problem, model, motion, holds)
+    # first what is known besides [AAM; y], then the AAM's prior; that of y is for its factor
+    data = _with_prior(factor, std, [*range(3), *range(model.y.stop, model.size)])
+    factor = _with_prior(data[:, :-1], std, list(range(3, model.y.start)))
+    found = posterior_of(model, factor, constants, std, is_expected=True)
+    values = estimated_values(model, replace(found, mean=constants))
+    told = _strengths(model, data, std)
     some = slice(None, None, max(1, round(_SAMPLING / float(motion.time[1]))))
-    raw, unit = condition_numbers(columns[None, some], motion.R_WB[:, some])
-    triangle = np.asarray(np.linalg.qr(factor @ unknowns.to_constants, mode='r'))[3:, 3:]
-    _, singular, right = np.linalg.svd(triangle * unknowns.prior_std)
-    strength = np.zeros(len(unknowns))
-    strength[: len(singular)] = singular
-    shrink = 1.0 / np.hypot(1.0, strength)
-    root = unknowns.to_constants[3:, 3:] * unknowns.prior_std @ (right.T * shrink)
-    values = model.prior()[3:]
+    raw, unit = condition_numbers(model, _sparse(motion, some))
+    share = model.joint_share(motion.kinematics, constants)
+    aam = constants[model.aam]
+    n = model.n_aam
+    axes = tuple(f'h_{link}_{axis}' for link in values['aam_links'] for axis in 'xyz')
+    stated = _as_stated(model, factor)
     return Prediction(
-        bits=float(-np.sum(np.log2(shrink))),
-        told=int(np.sum(strength > _BETTER)),
-        tellable=unknowns.observable,
+        bits=float(np.sum(np.log2(np.hypot(1.0, told)))),
+        aam_bits=_bits_of_aam(stated, std[model.aam]),
+        told=int(np.sum(told > 1.0)),
+        tellable=_tellable(model),
         condition=float(raw[0]),
         unit_condition=float(unit[0]),
-        names=model.names,
-        values=values,
-        covariance=root @ root.T,
-        n_aam=model.n_aam,
-        scale_std=_scale_std(values, root),
+        names=(*axes, *values['parameter_names']),
+        units=(*(n * ('N m s',)), *values['units']),
+        values=np.concatenate([aam, values['parameters']]),
+        covariance=values['covariance'],
+        n_aam=n,
+        stated_std=np.sqrt(np.diag(stated)),
+        aam_limit=options.valid_std * max(float(np.linalg.norm(aam)), share),
+        prior_factor=found.bodies.factor,
         uses=problem.limits.uses(motion),
     )
 
 
-def _scale_std(values: Array, root: Array) -> float:
-    """Std of the mean relative error of everything that is not zero."""
-    known = np.abs(values) > _NONZERO * np.max(np.abs(values))
-    return float(np.linalg.norm(np.mean(root[known] / values[known, None], axis=0)))
+def _finely(problem: Problem, robot: Robot, chosen: Chosen) -> BaseMotion:
+    """A motion at the samples of the fastest sensor, or more often."""
+    rates, duration = problem.settings.simulator, chosen.family.duration
+    fastest = max(rates.joint_rate, rates.imu_rate)
+    often = fastest * np.ceil(_LEAST_OFTEN / fastest)
+    steps = int(np.ceil(often * duration - 1e-9))
+    family = chosen.family.at(np.linspace(0.0, duration, steps + 1))
+    joints = family.motion(chosen.x[None])
+    return BaseResponse(robot).move(family.times, *joints, chosen.start)
+
+
+def _sparse(motion: BaseMotion, some: slice) -> BaseMotion:
+    names = ('q', 'qd', 'qdd', 'omega', 'R_WB', 'torque', 'inverse', 'coupling')
+    fewer = {name: getattr(motion, name)[:, some] for name in names}
+    return replace(motion, time=motion.time[some], **fewer)
+
+
+def _prior_std(problem: Problem, model: MomentumModel, motion: BaseMotion, holds: Holds) -> Array:
+    """(p,) of the identifier's prior: bodies as the file states, total momentum left free."""
+    wide = problem.settings.identifier.momentum_prior_std
+    std = np.full(model.size, wide)
+    std[:3] = 10.0 * (wide + np.linalg.norm(motion.h_W[0]))
+    std[model.y] = model.bodies.std
+    std[model.other] = model.nuisances.prior(holds)[1]
+    return std
+
+
+def _with_prior(rows: Array, std: Array, part: list[int]) -> Array:
+    """(p, p + 1) square-root information of rows (r, p) and the prior (p,) of some constants."""
+    size = len(std)
+    prior = np.diag(1.0 / std)[part]
+    triangle = np.linalg.qr(np.concatenate([rows, prior, np.zeros((size, size))]), mode='r')
+    return np.column_stack([triangle, np.zeros(size)])
+
+
+def _strengths(model: MomentumModel, data: Array, std: Array) -> Array:
+    """(m,) deviations of the prior over those of the data, of the directions of [AAM; y]."""
+    wanted = np.arange(3, model.y.stop)
+    root = marginal(data, wanted)[:, :-1]
+    return np.asarray(np.linalg.svd(root * std[wanted], compute_uv=False))
+
+
+def _as_stated(model: MomentumModel, factor: Array) -> Array:
+    """(n_aam, n_aam) covariance of the AAM where the bodies' prior is as the file states it."""
+    prior = np.zeros((model.bodies.size, model.size))
+    prior[:, model.y] = np.diag(1.0 / model.bodies.std)
+    triangle = np.linalg.qr(np.concatenate([factor[:, :-1], prior]), mode='r')
+    inverse = np.linalg.inv(triangle)[model.aam]
+    return np.asarray(inverse @ inverse.T)
+
+
+def _bits_of_aam(covariance: Array, prior_std: Array) -> float:
+    """Bits by which the AAM is better known than by its prior."""
+    scaled = covariance / np.outer(prior_std, prior_std)
+    return -0.5 * float(np.linalg.slogdet(scaled)[1]) / np.log(2.0)
+
+
+def _tellable(model: MomentumModel) -> int:
+    """Number of directions of [AAM; y] that change the momentum at all."""
+    rng, count = np.random.default_rng(_SEED), 2 * model.size
+    q, qd = rng.uniform(-np.pi, np.pi, (2, count, model.n))
+    rotation = Rotation.random(count, random_state=_SEED)
+    states = Kinematics(np.zeros(count), q, qd, rng.normal(size=(count, 3)), rotation)
+    _, columns = model.balance(states, model.prior())
+    rows = columns[..., 3 : model.y.stop].reshape(3 * count, -1)
+    rows /= np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    singular = np.linalg.svd(np.linalg.qr(rows, mode='r'), compute_uv=False)
+    return int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
 
 
 def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Array:
     """(3, p) whitened rows of a rest before the spin-up: R^T h_W - sum_b R_b h_b = 0, eq. (31)."""
     first = motion.kinematics.part(slice(1))
     still = replace(first, qd=np.zeros_like(first.qd), omega=np.zeros((1, 3)))
-    row = model.regressor(still)[0][0]
+    row = model.balance(still, problem.constants)[1][0]
     rates = problem.settings.simulator
     gyro = problem.noise.gyro / np.sqrt(REST * rates.imu_rate)
     attitude = problem.noise.attitude / np.sqrt(REST * rates.attitude_rate)
@@ -200,6 +324,10 @@ def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Ar
     h_B = motion.R_WB[0, 0].T @ motion.h_W[0]
     across = attitude**2 * (h_B @ h_B * np.eye(3) - np.outer(h_B, h_B))
     return np.asarray(np.linalg.solve(np.linalg.cholesky(gyro**2 * D @ D.T + across), row))
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0))
 
 
 def _of_finite(function: Callable[[Array], Any], values: Array) -> float:

@@ -10,15 +10,15 @@ from ..dynamics.state import initial_state
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
 from ..estimation.filters.momentum_process import MomentumModel
-from ..estimation.unknowns.minimal import minimal_set
+from ..estimation.trajectory.base_response import BaseMotion, BaseResponse, BaseStart
+from ..estimation.trajectory.motion_limits import Use
+from ..estimation.unknowns.minimal import minimal_regressor, minimal_set
+from ..identification.information import Information, with_typical
 from ..model.robot import Robot
 from ..model.settings import Settings
 from ..simulation.truth import true_robot
 from ..types import Array
-from .base_response import BaseMotion, BaseResponse, BaseStart
-from .information import Information, Unknowns, with_typical
-from .motion_limits import Use
-from .motions import SAFE, Motions
+from .motions import SAFE, Chosen, Motions
 
 FINE = 10  # times as many nodes for the final check of the limits
 _SMOOTHING = 60.0  # of the maximum over time: it overstates by some log(5) / 60
@@ -46,23 +46,35 @@ class Problem(Motions):
     Args:
         file: The robot file.
 
+    Attributes:
+        believed: The robot that the identifier starts from, own wheels as assumed.
+        model: Its unknowns. constants: (p,) the robot assumed, total momentum zero.
+        noise: Of the sensors. unstated: Which of it is typical.
+        start_kind: How the base starts.
+
     Raises:
-        ConfigurationError: fixed base, prismatic joints, lists of the wrong length, or limits
-            that not even resting joints keep.
+        ConfigurationError: fixed base, lists of the wrong length, or limits that not even resting
+            joints keep.
     """
 
     def __init__(self, file: RobotFile) -> None:
         settings = file.settings
-        options = settings.excitation
+        options, identifier = settings.excitation, settings.identifier
         robot = assumed_robot(file.robot, settings)
-        self.minimal = minimal_set(robot, settings.identifier.structure)
         momenta = _off_momenta(robot.target_momentum, options.momentum_uncertainty)
         others = [robot.with_target_momentum(h) for h in momenta]
         super().__init__(robot, settings, options.duration, fine=FINE, others=others)
-        self.model = MomentumModel(robot, self.minimal)
+        self.believed = file.believed
+        if np.any(robot.servicer_momentum != self.believed.servicer_momentum):
+            self.believed = self.believed.with_servicer_momentum(robot.servicer_momentum)
+        self.model = MomentumModel(self.believed, identifier.structure, identifier.nuisances)
+        self.constants = self.model.prior()
+        self.constants[self.model.aam] = robot.target_momentum
+        self.constants[self.model.y] = self.model.bodies.coordinates(robot)
         self.noise, self.unstated = with_typical(settings.sensors)
-        self.unknowns = Unknowns.of(self.model, settings.identifier)
-        self.information = Information(self.model, self.noise, settings.simulator, self.unknowns)
+        self.information = Information(
+            self.model, self.constants, self.noise, settings.simulator, identifier
+        )
         self.start_kind, self.start = self._choose_start()
 
     def score(self, x: Array) -> Objective:
@@ -91,17 +103,21 @@ class Problem(Motions):
         rng = np.random.default_rng((self.settings.excitation.seed, index))
         return 'random', self.random(rng, max(_FIRST_USE, 0.5 * (self.resting_use + SAFE)))
 
-    def uses(self, x: Array) -> tuple[Use, ...]:
-        """Of every limit the hardest use by one candidate x (size,), whichever wheels it has."""
-        motions = self.moves(x[None], self.fine)
+    def uses(self, chosen: Chosen) -> tuple[Use, ...]:
+        """Of every limit the hardest use by one motion, whichever wheels the robot has."""
+        nodes = len(self.fine.times)
+        family = chosen.family.at(np.linspace(0.0, chosen.family.duration, nodes))
+        motions = self.moves(chosen.x[None], family, chosen.start)
         every = zip(*(self.limits.uses(motion) for motion in motions), strict=True)
         return tuple(max(same, key=lambda use: (use.fraction, abs(use.value))) for same in every)
 
     def _cost(self, motion: BaseMotion) -> Array:
+        """(B,) to be minimized; of `information` the mean of bits, wheels and whole alike."""
         criterion = self.settings.excitation.criterion
         if criterion == 'information':
-            return -self.information.gain(motion) / len(self.unknowns)
-        raw, unit = condition_numbers(self.information.columns(motion), motion.R_WB)
+            bits, n = self.information.bits(motion), self.model.n_aam
+            return -bits.whole / len(self.information.prior_std) - bits.aam / max(n, 1)
+        raw, unit = condition_numbers(self.model, motion)
         return np.log2(raw if criterion == 'condition' else unit)
 
     def _choose_start(self) -> tuple[str, BaseStart]:
@@ -115,7 +131,8 @@ class Problem(Motions):
             self.resting_use = float(self.worst_use(still[None], self.family)[0])
             if self.resting_use <= room:
                 return kind, self.start
-        use = max(self.uses(still), key=lambda u: u.fraction)
+        uses = self.uses(Chosen(self.family, still, self.start))
+        use = max(uses, key=lambda u: u.fraction)
         broken = f'{use.name} of {use.where} reaches {use.value:.4g} {use.unit}'
         raise ConfigurationError(
             f'excitation.start ({kind})',
@@ -146,14 +163,16 @@ def assumed_robot(robot: Robot, settings: Settings) -> Robot:
     return robot.with_servicer_momentum(truth.servicer_momentum)
 
 
-def condition_numbers(columns: Array, R_WB: Array) -> tuple[Array, Array]:
+def condition_numbers(model: MomentumModel, motion: BaseMotion) -> tuple[Array, Array]:
     """(B,) condition of the paper's A (27), raw and with columns of unit norm.
 
-    Args:
-        columns: (B, T, 3, p) regressor in base axes.
-        R_WB: (B, T, 3, 3).
+    A has the captured wheels' momentum and the minimal parameters, whatever the bodies.
     """
-    A = R_WB @ columns[..., 3:]
+    states = motion.kinematics
+    minimal = minimal_set(model.robot, model.structure)
+    wheels = -model.balance(states, model.prior())[1][..., model.aam]
+    columns = np.concatenate([wheels, minimal_regressor(model.robot, minimal, states)], axis=2)
+    A = motion.R_WB @ columns.reshape(*motion.q.shape[:2], 3, -1)
     A = (A - A[:, :1])[:, 1:].reshape(len(A), -1, A.shape[-1])
     norms = np.linalg.norm(A, axis=1, keepdims=True)
     unit = A / np.where(norms > 0.0, norms, 1.0)

@@ -28,10 +28,10 @@ from ..errors import ConfigurationError
 from ..estimation.columns import Signatures, candidate_at
 from ..estimation.fit import Fit
 from ..estimation.runs import Run
+from ..estimation.trajectory.base_response import noise_free_record
+from ..identification.information import with_typical
 from ..model.robot import Robot
 from ..types import Array
-from .base_response import noise_free_record
-from .information import with_typical
 from .motions import SAFE, Motions
 
 _OWN, _REFINED = 'robot file', ', refined'

@@ -1,41 +1,56 @@
-r"""Which extra motion would tell what the data could not.
+r"""Which extra motion would make the wheel momentum known, and by how much.
 
-What the data leave open is a subspace W of the unknowns t = [AAM; x]. Each motion of a small
-family, from cheap (one joint alone) to dear (everything at once), is played on the estimate: the
-base follows from the conservation of momentum, so the rows of
+Each motion of a small family, from cheap (one joint alone) to dear (all joints at once), is played
+on the estimate: the base follows from the conservation of momentum, within the limits of joints
+and base. With C the covariance of [AAM; y] from the data and F what the motion tells of them
+(`information.Information`),
 
-    0 = R^T h_W - sum_b R_b h_b - Y x - h0
+    C' = (C^-1 + F)^-1
 
-hold exactly, as they will in flight. A motion tells those directions of W that its rows see once
-h_W is eliminated. Motions are taken in the order of their cost, and within the same cost the one
-that tells most, until nothing is left; a motion counts together with those before it.
+has the deviations of the AAM after it. Those that shrink the largest of them most for their cost
+are named. Pairs are made of the best single joints alone, so the cost is linear in the joints but
+for the unknowns.
+
+Symbols: B motions, T times, n joints, m unknowns [AAM; y].
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-import scipy.linalg
 from scipy.spatial.transform import Rotation
 
 from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.trajectory.base_response import BaseMotion, BaseResponse, BaseStart
+from ..estimation.trajectory.motion_limits import Limits
 from ..estimation.trajectory.reference import Kinematics
-from ..model.robot import Robot
+from ..formats import counted
+from ..model.settings import Settings, SimulatorSettings
 from ..recording.record import Record
 from ..types import Array
-from .estimate import Estimate
+from .information import Information, with_typical
+from .maximum_likelihood import Posterior
 
 _TIMES = np.linspace(0.0, 40.0, 161)  # s
-_SWING = 1.0  # rad, halved where two or more joints move; less within narrow limits
-_LEAST = 0.02  # rad of room; motions of less are as good as none
-_PERIODS = (20.0, 13.0)  # s, of the first and the second moving joint
+_SWING = 1.0  # rad or m of one joint, halved where more move; less within narrow limits
+_PERIODS = (20.0, 8.0)  # s, of the first and the last moving joint
+_LEAST = 0.02  # rad or m of amplitude; motions of less are as good as none
 _TURN = 0.05  # rad/s of the base, which a star tracker still follows
-_SEEN = 1e-3  # of what the motion shows best; noise in the regressor hides the rest
-_ALONG = 0.7  # cosine to the estimate itself; noise turns the direction somewhat
-_SCALE = 'the common scale of all numbers; only ratios are known otherwise'
+_SPIN = np.array([1.0, 0.7, -0.5]) / np.linalg.norm([1.0, 0.7, -0.5])
+_USE = 0.98  # of every limit
+_AMPLE = 0.8  # of the limits that resting joints may use, for the base to keep its rate
+_ROUNDS = 6  # of scaling a motion to its limits
+_BEST = 4  # single joints of which pairs are made
+_STATES = 500  # of a record, for the momentum that its joints had
+_AT_ONCE = 8  # motions judged together: bounds memory
+_MOST, _CHEAP = 5, 3  # motions that are named; single joints among them
+_WORTH = 1.5  # times better known, or not worth a word where the estimate is valid
+_MORE = 1.25  # times better than what is cheaper
+_SEEN = 1.05  # times better known, or the motion tells nothing
+_WELL = 0.2  # of the limit of validity: well below it
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,217 +58,287 @@ class Advice:
     """One extra motion.
 
     Args:
-        motion: In words; empty where no motion of the family tells the directions.
-        tells: What it tells, in words, such as `J3xx with -1.00 J2xx`.
+        motion: In words; empty where no motion of the family tells more.
+        tells: What it tells, in words.
+        aam_std: Largest standard deviation of the AAM after it [N m s].
+        factor: By how much that is smaller than now.
     """
 
     motion: str
     tells: tuple[str, ...]
+    aam_std: float
+    factor: float
 
 
 @dataclass(frozen=True, slots=True)
 class _Probe:
-    """Joints that swing, base axes that turn (0 to 2), and whether the own wheels spin up."""
+    """Joints that swing, the base axis that turns (0 to 2), and whether the own wheels spin up."""
 
     joints: tuple[int, ...] = ()
-    turns: tuple[int, ...] = ()
+    turn: int | None = None
     spins: bool = False
 
-    def words(self, names: tuple[str, ...]) -> str:
-        parts = []
-        if self.joints:
-            parts.append('move ' + ' and '.join(names[j] for j in self.joints))
-        if self.turns:
-            parts.append('turn the base about ' + ' and '.join('xyz'[a] for a in self.turns))
-        if self.spins:
-            parts.append("spin up the servicer's wheels")
-        return ' while you '.join(parts)
+    @property
+    def cost(self) -> int:
+        return len(self.joints) + 2 * (self.turn is not None) + 2 * self.spins
 
 
-def advise(model: MomentumModel, unknowns: Array, weak: Array, rest: Array) -> tuple[Advice, ...]:
-    """Name the cheapest extra motions that tell the directions left open.
+@dataclass(frozen=True, slots=True)
+class _Tried:
+    """A probe with the amplitudes that the limits leave, and (n_aam,) deviations after it."""
+
+    probe: _Probe
+    words: str
+    std: Array
+    better: int
+
+    @property
+    def worst(self) -> float:
+        return float(np.max(self.std))
+
+
+def advise_on(
+    record: Record, model: MomentumModel, posterior: Posterior, settings: Settings
+) -> tuple[Advice, ...]:
+    """Name the extra motions that tell most of the wheel momentum for their cost.
 
     Args:
-        model: Robot and minimal set.
-        unknowns: (3 n_links + k,) estimate [AAM; x], in N m s and kg m^2.
-        weak: (m, 3 n_links + k) directions that the data leave open, in the units of `unknowns`.
-        rest: (n,) where joints are held that do not move [rad].
+        record: What the estimate is from; its joints are taken to be held where they mostly were.
+        model: Robot and unknowns.
+        posterior: The estimate.
+        settings: The robot file's: limits, and what a valid estimate is.
 
     Returns:
-        Motions in the order in which to add them; the last one, without a motion, holds the
-        directions that none of them tells.
+        At most five, cheap ones first; none where the AAM is known well enough, and a single one
+        without a motion where none tells more.
     """
-    scale = _scale(model, unknowns)
-    left = scipy.linalg.orth((weak / scale).T).T if len(weak) else weak
-    names = model.names
-    constants = _playable(model, unknowns, rest)
-    advice = []
-    if not np.any(model.robot.servicer_wheels.body_momentum):
-        left, had_scale = _without_scale(left, unknowns / scale)
-        if had_scale:
-            advice.append(Advice(_Probe(spins=True).words(()), (_SCALE,)))
-    joints = np.flatnonzero(np.abs(_room(model.robot, rest)) >= _LEAST).tolist()
-    for tier in _family(joints):
-        seen = {probe: _play(model, constants, probe, rest) * scale for probe in tier}
-        while len(left):
-            split = {probe: _split(rows, left) for probe, rows in seen.items()}
-            best = max(split, key=lambda probe: len(split[probe][0]))
-            found, others = split[best]
-            if not len(found):
-                break
-            words = best.words(model.robot.joints)
-            advice.append(Advice(words, directions_in_words(found * scale, names)))
-            left = others
-        if not len(left):
-            return tuple(advice)
-    return (*advice, Advice('', directions_in_words(left * scale, names)))
-
-
-def advise_on(record: Record, model: MomentumModel, estimate: Estimate) -> tuple[Advice, ...]:
-    """`advise` on an estimate from a record, joints held where they mostly were in it."""
-    if record.joints is None or not len(estimate.weak):
+    if record.joints is None or not model.n_aam:
         return ()
-    rest = np.median(record.joints.position, axis=0)
-    unknowns = np.concatenate([estimate.aam, estimate.parameters])
-    return advise(model, unknowns, estimate.weak, rest)
+    now = np.sqrt(np.diag(posterior.covariance))[model.aam]
+    limit = _limit(record, model, posterior, settings)
+    worst = float(np.max(now))
+    if worst < _WELL * limit:
+        return ()
+    range_ = _Range(record, model, posterior, settings)
+    tried = range_.try_all()
+    is_valid = worst <= limit
+    least = _WORTH if is_valid else _SEEN
+    kept = _worth_saying([one for one in tried if one.worst * least < worst], worst)
+    if not kept and not is_valid:
+        words = f'none of {len(tried)} motions within the limits of joints and base tells more'
+        return (Advice('', (f'wheel momentum +- {worst:.2g} N m s: {words}',), worst, 1.0),)
+    return tuple(
+        Advice(range_.hint + one.words, tuple(_tells(one, worst)), one.worst, worst / one.worst)
+        for one in kept
+    )
 
 
-def directions_in_words(directions: Array, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Directions as one unknown each and what else moves with it while the data stay the same.
+def _tells(one: _Tried, now: float) -> Iterator[str]:
+    yield (
+        f'wheel momentum +- {now:.2g} -> +- {one.worst:.2g} N m s in {_TIMES[-1]:g} s '
+        f'({now / one.worst:.2g} times better)'
+    )
+    if one.better:
+        yield f'{counted(one.better, "number")} of the bodies at least twice as well'
 
-    The basis is chosen for that: each direction has an unknown that no other has.
 
-    Args:
-        directions: (m, k), independent.
-        names: (k,).
+def _limit(
+    record: Record, model: MomentumModel, posterior: Posterior, settings: Settings
+) -> float:
+    """Largest deviation of the AAM at which the estimate is valid [N m s]."""
+    joints = record.joints
+    assert joints is not None
+    time, q = record.joint_time, joints.position
+    qd = joints.velocity if joints.velocity is not None else np.gradient(q, time, axis=0)
+    some = slice(None, None, max(1, len(time) // _STATES))
+    count = len(time[some])
+    still = np.zeros((count, 3)), Rotation.identity(count)
+    share = model.joint_share(Kinematics(time[some], q[some], qd[some], *still), posterior.mean)
+    size = float(np.linalg.norm(posterior.mean[model.aam]))
+    return settings.identifier.valid_std * max(size, share)
+
+
+def _worth_saying(tried: Sequence[_Tried], now: float) -> list[_Tried]:
+    """The best single joints, and the best of each cost where it beats all that is cheaper."""
+    kept: list[_Tried] = []
+    for cost in sorted({one.probe.cost for one in tried}):
+        best = min((one for one in tried if one.probe.cost == cost), key=lambda one: one.worst)
+        if best.worst * _MORE < min((one.worst for one in kept), default=np.inf):
+            kept.append(best)
+    cheap = sorted((one for one in tried if one.probe.cost == 1), key=lambda one: one.worst)
+    kept += [one for one in cheap[:_CHEAP] if one not in kept]
+    kept.sort(key=lambda one: np.log(one.worst / now) / (1.0 + one.probe.cost))
+    return sorted(kept[:_MOST], key=lambda one: (one.probe.cost, one.worst))
+
+
+class _Range:
+    """Motions within the limits of one robot, and what they tell beside an estimate.
+
+    Attributes:
+        hint: What is to be done before any of them, in words.
     """
-    unit = directions / np.max(np.abs(directions), axis=1, keepdims=True)
-    _, _, pivots = scipy.linalg.qr(unit, pivoting=True, mode='economic')
-    own = pivots[: len(unit)]
-    reduced = np.linalg.solve(unit[:, own], unit)
-    return tuple(_describe(row, int(i), names) for i, row in zip(own, reduced, strict=True))
+
+    def __init__(
+        self, record: Record, model: MomentumModel, posterior: Posterior, settings: Settings
+    ) -> None:
+        self._model = model
+        self._robot = robot = model.robot_at(posterior.mean)
+        self._limits = limits = Limits(robot, settings.excitation)
+        joints = record.joints
+        assert joints is not None
+        self._rest = np.clip(np.median(joints.position, axis=0), limits.lower, limits.upper)
+        rates, (noise, _) = _rates(record, settings.simulator), with_typical(robot.sensors)
+        self._information = Information(model, posterior.mean, noise, rates, settings.identifier)
+        head = slice(3, model.y.stop)
+        self._root = _square_root(posterior.covariance[head, head])
+        self._now = np.sqrt(np.diag(posterior.covariance))[head]
+        base = BaseResponse(robot)
+        place = (
+            np.tile(self._rest, (len(_TIMES), 1))[None],
+            *2 * (np.zeros((1, len(_TIMES), model.n)),),
+        )
+        still = BaseStart(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3))
+        rested = base.move(_TIMES, *place, still)
+        self._inverse = rested.inverse[0, 0]
+        # the rate that is left once the joints rest, in the attitude that was measured last
+        attitude = record.attitude_xyzw[-1] if len(record.attitude_time) else still.attitude_xyzw
+        total = Rotation.from_quat(attitude).inv().apply(posterior.mean[:3])
+        omega = self._inverse @ (total - rested.h_W[0])
+        self._start = BaseStart(attitude, omega)
+        kept = self._use(base.move(_TIMES, *place, self._start)) <= _AMPLE
+        self.hint = '' if kept else 'bring the base to rest, then '
+        if not kept:
+            self._start = BaseStart(attitude, np.zeros(3))
+
+    def try_all(self) -> list[_Tried]:
+        """The family, the pairs of the best singles included."""
+        joints = range(self._model.n)
+        singles = self._try([_Probe((j,)) for j in joints])
+        best = sorted(singles, key=lambda one: one.worst)[:_BEST]
+        chosen = [one.probe.joints for one in best]
+        more = [_Probe(turn=axis) for axis in range(3)]
+        more += [_Probe(spins=True)]
+        more += [_Probe(tuple(sorted(a + b))) for a, b in combinations(chosen, 2)]
+        more += [_Probe(one, spins=True) for one in chosen[:2]]
+        more += [_Probe(one, turn=axis) for one in chosen[:1] for axis in range(3)]
+        if len(joints) > 2:
+            more.append(_Probe(tuple(joints)))
+        return singles + self._try(more)
+
+    def _try(self, probes: Sequence[_Probe]) -> list[_Tried]:
+        played = [one for probe in probes if (one := self._play(probe)) is not None]
+        out = []
+        for start in range(0, len(played), _AT_ONCE):
+            group = played[start : start + _AT_ONCE]
+            after = self._after(_together([motion for _, _, motion in group]))
+            for (probe, words, _), std in zip(group, after, strict=True):
+                n = self._model.n_aam
+                better = int(np.sum(2.0 * std[n:] < self._now[n:]))
+                out.append(_Tried(probe, words, std[:n], better))
+        return out
+
+    def _after(self, motion: BaseMotion) -> Array:
+        """(B, m) deviations of [AAM; y] after each motion."""
+        prior = self._information.prior_std
+        told = self._information.fisher(motion) / np.outer(prior, prior)
+        root = self._root
+        gained = np.eye(len(root)) + root.T @ told @ root
+        return np.sqrt(np.einsum('ij,bji->bi', root, np.linalg.solve(gained, root.T)))
+
+    def _play(self, probe: _Probe) -> tuple[_Probe, str, BaseMotion] | None:
+        """The motion, as large as the limits allow, in words; None where they leave nothing."""
+        robot, omega, share = self._robot, self._start.omega, 1.0
+        size = _TURN
+        for _ in range(_ROUNDS):
+            if probe.spins:
+                spin = size * share * np.linalg.solve(self._inverse, _SPIN)
+                robot = self._robot.with_servicer_momentum(self._robot.servicer_momentum + spin)
+                omega = self._start.omega - self._inverse @ spin
+            if probe.turn is not None:
+                omega = self._start.omega + share * size * np.eye(3)[probe.turn]
+            reach = share * self._reach(probe)
+            start = BaseStart(self._start.attitude_xyzw, omega)
+            motion = BaseResponse(robot).move(_TIMES, *_swing(probe, reach, self._rest), start)
+            use = self._use(motion)
+            if use <= 1.0:
+                break
+            share *= max(_USE / use, 0.3)
+        moved = np.abs(reach[list(probe.joints)])
+        if use > 1.0 or np.any(moved < _LEAST) or share < _LEAST:
+            return None
+        return probe, self._words(probe, reach, share), motion
+
+    def _words(self, probe: _Probe, reach: Array, share: float) -> str:
+        robot, parts = self._robot, []
+        if len(probe.joints) == len(robot.joints) > 2:
+            parts.append('move all joints at once')
+        elif probe.joints:
+            moved = (
+                f'{robot.joints[j]} by {2.0 * reach[j]:+.2g} '
+                f'{robot.unit_of("rad", robot.joints[j])} and back in {period:g} s'
+                for j, period in zip(probe.joints, _periods(probe), strict=True)
+            )
+            parts.append('move ' + ', '.join(moved))
+        if probe.turn is not None:
+            rate = share * _TURN
+            parts.append(f'turn the base about {"xyz"[probe.turn]} by {rate:.2g} rad/s')
+        if probe.spins:
+            size = share * _TURN * float(np.linalg.norm(np.linalg.solve(self._inverse, _SPIN)))
+            parts.append(f"spin up the servicer's wheels by {size:.2g} N m s")
+        return ' while you '.join(parts)
+
+    def _reach(self, probe: _Probe) -> Array:
+        """(n,) signed amplitudes: to the side with more room, as far and as fast as allowed."""
+        limits, out = self._limits, np.zeros(len(self._rest))
+        size = _SWING if len(probe.joints) == 1 else 0.5 * _SWING
+        up, down = limits.upper - self._rest, limits.lower - self._rest
+        half = 0.5 * np.where(up >= -down, up, down)
+        for joint, period in zip(probe.joints, _periods(probe), strict=True):
+            reach = min(size, abs(half[joint]), limits.rate[joint] * period / (2.0 * np.pi))
+            out[joint] = _USE * np.copysign(reach, half[joint])
+        return out
+
+    def _use(self, motion: BaseMotion) -> float:
+        return float(np.max(self._limits.fractions(motion), initial=0.0))
 
 
-def _without_scale(left: Array, unknowns: Array) -> tuple[Array, bool]:
-    """Orthonormal rows without the common scale of all unknowns, and whether they held it.
-
-    Where the own wheels rest, the equations are homogeneous: the estimate itself is a direction
-    that no motion tells. Noise turns it a little, which a motion must not be taken to see.
-    """
-    share = left @ unknowns / np.linalg.norm(unknowns)
-    size = float(np.linalg.norm(share))
-    if size < _ALONG:
-        return left, False
-    _, _, right = np.linalg.svd(share[None] / size)
-    return right[1:] @ left, True
+def _periods(probe: _Probe) -> Array:
+    """(k,) of the joints that move [s]."""
+    return np.linspace(*_PERIODS, len(probe.joints))
 
 
-def _describe(row: Array, own: int, names: tuple[str, ...], most: int = 4) -> str:
-    others = [i for i in np.argsort(-np.abs(row)) if i != own and abs(row[i]) > 0.01]
-    if not others:
-        return f'{names[own]} alone'
-    terms = ' '.join(f'{row[i]:+.2f} {names[i]}' for i in others[:most])
-    more = f' and {len(others) - most} more' if len(others) > most else ''
-    return f'{names[own]} with {terms}{more}'
+def _swing(probe: _Probe, reach: Array, rest: Array) -> tuple[Array, Array, Array]:
+    """(1, T, n) positions, rates and accelerations: joints start at rest, where they are held."""
+    q = np.tile(rest, (1, len(_TIMES), 1))
+    qd, qdd = np.zeros_like(q), np.zeros_like(q)
+    for joint, period in zip(probe.joints, _periods(probe), strict=True):
+        rate, far = 2.0 * np.pi / period, reach[joint]
+        q[..., joint] += far * (1.0 - np.cos(rate * _TIMES))
+        qd[..., joint] = far * rate * np.sin(rate * _TIMES)
+        qdd[..., joint] = far * rate**2 * np.cos(rate * _TIMES)
+    return q, qd, qdd
 
 
-def _scale(model: MomentumModel, unknowns: Array) -> Array:
-    """(3 n_links + k,) sizes of the unknowns that turn the base about as much."""
-    inertia = float(np.max(np.abs(unknowns[model.n_aam :])))
-    return np.where(np.arange(len(unknowns)) < model.n_aam, inertia * _TURN, inertia)
+def _together(motions: Sequence[BaseMotion]) -> BaseMotion:
+    """Motions at the same times as candidates of one."""
+    names = ('q', 'qd', 'qdd', 'omega', 'R_WB', 'torque', 'inverse', 'coupling', 'h_W')
+    stacked = {name: np.concatenate([getattr(m, name) for m in motions]) for name in names}
+    return replace(motions[0], **stacked)
 
 
-def _family(joints: list[int]) -> Iterator[list[_Probe]]:
-    """Motions of some joints in tiers of rising cost."""
-    single = [(j,) for j in joints]
-    pairs = list(combinations(joints, 2))
-    yield [_Probe(joints) for joints in single]
-    yield [_Probe(spins=True)]
-    yield [_Probe(turns=(axis,)) for axis in range(3)]
-    for moved in (single, pairs):
-        if moved is pairs:
-            yield [_Probe(joints) for joints in pairs]
-        yield [_Probe(joints, spins=True) for joints in moved]
-        yield [_Probe(joints, (axis,)) for joints in moved for axis in range(3)]
-    yield [_Probe(tuple(joints), (0, 1, 2), spins=True)]
+def _rates(record: Record, usual: SimulatorSettings) -> SimulatorSettings:
+    """How often the sensors sampled."""
+    times = {
+        'joint_rate': record.joint_time,
+        'imu_rate': record.rate_time,
+        'attitude_rate': record.attitude_time,
+    }
+    found = {name: 1.0 / float(np.median(np.diff(t))) for name, t in times.items() if len(t) > 1}
+    return replace(usual, **found)  # type: ignore[arg-type]  # rates alone
 
 
-def _play(model: MomentumModel, constants: Array, probe: _Probe, rest: Array) -> Array:
-    """(3 N, 3 n_links + k) rows of a motion, h_W eliminated."""
-    q, qd = _swing(model.robot, probe, rest)
-    wheels = _spin_up(model, constants, probe)
-    omega, rotation = _base(model, constants, probe, q, qd, wheels)
-    columns, _ = model.regressor(Kinematics(_TIMES, q, qd, omega, rotation))
-    rows = columns[..., : model.x.stop].reshape(-1, model.x.stop)
-    free, wanted = rows[:, :3], rows[:, 3:]
-    basis = np.linalg.qr(free)[0]
-    return np.asarray(wanted - basis @ (basis.T @ wanted))
-
-
-def _swing(robot: Robot, probe: _Probe, rest: Array) -> tuple[Array, Array]:
-    """(N, n) positions and rates; joints start at rest, from where they are held.
-
-    They swing to the side on which there is more room, as far and as fast as the URDF lets them.
-    """
-    half = 0.5 * _room(robot, rest)
-    q, qd = np.tile(rest, (len(_TIMES), 1)), np.zeros((len(_TIMES), len(rest)))
-    size = _SWING if len(probe.joints) == 1 else 0.5 * _SWING
-    for i, joint in enumerate(probe.joints):
-        rate = 2.0 * np.pi / (_PERIODS[i] if i < len(_PERIODS) else _PERIODS[0] / (1.0 + i))
-        reach = min(size, abs(half[joint]), robot.velocity_limits[joint] / rate)
-        far = np.copysign(reach, half[joint])
-        q[:, joint] += far * (1.0 - np.cos(rate * _TIMES))
-        qd[:, joint] = far * rate * np.sin(rate * _TIMES)
-    return q, qd
-
-
-def _room(robot: Robot, rest: Array) -> Array:
-    """(n,) from where joints are held to the limit that is further away [rad]."""
-    low, high = (robot.position_limits - rest[:, None]).T
-    return np.where(high >= -low, np.maximum(high, 0.0), np.minimum(low, 0.0))
-
-
-def _spin_up(model: MomentumModel, constants: Array, probe: _Probe) -> Array:
-    """(N, 3) momentum of the own wheels, in the base frame."""
-    h0 = np.tile(model.robot.servicer_wheels.body_momentum, (len(_TIMES), 1))
-    if probe.spins:
-        size = _TURN * np.max(np.abs(constants[model.x]))
-        h0 = h0 + size * np.outer(_TIMES / _TIMES[-1], [1.0, 0.7, -0.5])
-    return h0
-
-
-def _base(
-    model: MomentumModel, constants: Array, probe: _Probe, q: Array, qd: Array, wheels: Array
-) -> tuple[Array, Rotation]:
-    """Body rates (N, 3) and attitudes by which the total momentum stays what it was at first."""
-    inertia = model.inertia(q, constants)[:, :3, :3]
-    omega = np.zeros((len(q), 3))
-    still = Kinematics(_TIMES, q, qd, omega, Rotation.identity(len(q)))
-    known = wheels - model.regressor(still)[0] @ constants  # its h_W is zero
-    inverse = np.linalg.inv(inertia)
-    omega[0, list(probe.turns)] = _TURN
-    total = inertia[0] @ omega[0] + known[0]
-    attitudes = [Rotation.identity()]
-    for i in range(1, len(q)):
-        step = float(_TIMES[i] - _TIMES[i - 1])
-        attitudes.append(attitudes[-1] * Rotation.from_rotvec(step * omega[i - 1]))
-        omega[i] = inverse[i] @ (attitudes[-1].inv().apply(total) - known[i])
-    return omega, Rotation.concatenate(attitudes)
-
-
-def _playable(model: MomentumModel, unknowns: Array, rest: Array) -> Array:
-    """(p,) constants to play motions on: the estimate, or the robot file's where it is no body."""
-    rotating = _swing(model.robot, _Probe(tuple(range(model.n))), rest)[0]
-    others = np.zeros(model.nuisances.size)
-    constants = np.concatenate([np.zeros(3), unknowns, others])
-    positive = np.linalg.eigvalsh(model.inertia(rotating, constants)[:, :3, :3]) > 0.0
-    return constants if np.all(positive) else model.prior()
-
-
-def _split(rows: Array, left: Array) -> tuple[Array, Array]:
-    """Orthonormal rows of `left`, turned into those that a motion tells and the others."""
-    best = np.linalg.norm(rows, ord=2)
-    _, singular, right = np.linalg.svd(rows @ left.T, full_matrices=True)
-    count = int(np.sum(singular > _SEEN * best)) if best > 0.0 else 0
-    turned = right @ left
-    return turned[:count], turned[count:]
+def _square_root(covariance: Array) -> Array:
+    """(m, m) root of a covariance whose unknowns have different units."""
+    std = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
+    return np.asarray(std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -5,6 +5,7 @@ Joint columns that are swapped in positions and rates alike are found by what br
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 
@@ -14,17 +15,18 @@ from ..errors import IdentificationError
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.noise_levels import noise_levels
 from ..estimation.trajectory.reference import Kinematics, NoiseLevels
-from ..estimation.unknowns.minimal import minimal_set
 from ..estimation.unknowns.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
+from ..types import Array, IntArray
 from .estimate import Estimate
-from .least_squares import sampled_motion, solve_least_squares
+from .least_squares import solve_least_squares
 from .maximum_likelihood import MaximumLikelihood, prepare
+from .online import OnlineIdentifier
 from .outliers import screened
-from .summary import Identification, Solution, Source, conclude
+from .summary import Finding, Identification, Source, conclude, finding_of
 from .validity_limits import EXCHANGED_MISFIT, LARGEST_CHI2, SHORTEST
 
 METHODS = ('ml', 'recursive', 'ls')
@@ -37,60 +39,85 @@ def identify(
     return identify_robot(record, robot, settings, method).estimate
 
 
+@np.errstate(over='ignore', invalid='ignore', divide='ignore')  # what is not finite is no solution
 def identify_robot(
     record: Record, robot: Robot, settings: IdentifierSettings, method: str = 'ml'
 ) -> Identification:
-    """Estimate wheel momentum and minimal parameters from a record.
+    """Estimate wheel momentum, bodies and minimal parameters from a record.
 
     Args:
         record: Joint states, gyro and attitude.
         robot: What the robot file believes.
         settings: The identifier's settings.
-        method: `ml` (maximum likelihood on the momentum filter), `ls` (the paper's least squares)
-            or `recursive` (the same, row by row in square-root form).
+        method: `ml` (maximum likelihood on the momentum filter), `recursive` (the same as the
+            identifier node does it, sample by sample) or `ls` (the paper's least squares).
 
     Raises:
         IdentificationError: unknown method, or a record without what is needed.
-        ConfigurationError: fixed base or prismatic joints.
+        ConfigurationError: fixed base; with `ls` sliding joints.
     """
     if method not in METHODS:
         raise IdentificationError(f'method {method!r} is not one of {", ".join(METHODS)}')
     refuse_incomplete(record)
-    is_likelihood = method == 'ml'
-    nuisances = settings.nuisances if is_likelihood else ()
-    model = MomentumModel(robot, minimal_set(robot, settings.structure), nuisances)
+    if method == 'recursive':
+        return _recursive(record, robot, settings)
     noise, notes = noise_levels(robot.sensors, record, is_checked=False)
-    joints = robot.joints[: model.n]
     faults = contradictions(record)
-    if is_likelihood:
-        solution, kinematics = _likeliest(model, settings, record, noise)
-        if solution.chi2_per_dof > LARGEST_CHI2:
-            kept, left_out = screened(record, noise)
-            again = _likeliest(model, settings, kept, noise)[0] if left_out else solution
-            if again.chi2_per_dof <= LARGEST_CHI2:
-                solution, record, notes = again, kept, (*notes, *left_out)
-                faults = contradictions(kept)
-            else:
-                faults += swapped_joints(model, kinematics, joints)
-    else:
-        motion = sampled_motion(record)
-        solution = solve_least_squares(model, settings, motion, noise, method)
+    if method == 'ls':
+        source = _source(record, notes, faults)
+        return Identification(solve_least_squares(record, robot, settings, noise, source))
+    model = MomentumModel(robot, settings.structure, settings.nuisances)
+    finding, kinematics = _likeliest(model, settings, record, noise)
+    if finding.chi2_per_dof > LARGEST_CHI2:
+        kept, left_out = screened(record, noise)
+        again = _likeliest(model, settings, kept, noise)[0] if left_out else finding
+        if again.chi2_per_dof <= LARGEST_CHI2:
+            finding, record, notes = again, kept, (*notes, *left_out)
+            faults = contradictions(kept)
+        else:
+            faults += swapped_joints(model, kinematics, robot.joints[: model.n])
+    return conclude(model, settings, finding, _source(record, notes, faults))
+
+
+def _source(record: Record, notes: tuple[str, ...], faults: tuple[str, ...]) -> Source:
     stamp_ns = record.origin_ns + round(record.span[1] * 1e9)
-    source = Source(len(record.q), stamp_ns, (*record.notes, *notes), faults)
-    return conclude(model, settings, solution, source)
+    return Source(len(record.q), stamp_ns, (*record.notes, *notes), faults)
 
 
 def _likeliest(
     model: MomentumModel, settings: IdentifierSettings, record: Record, noise: NoiseLevels
-) -> tuple[Solution, Kinematics]:
-    """The solution of maximum likelihood, and the motion that it is of."""
+) -> tuple[Finding, Kinematics]:
+    """What maximum likelihood finds, and the motion that it is of."""
     stretch = prepare(record, noise, find_holds(record, settings.torque_hold_period))
     likelihood = MaximumLikelihood(model, settings)
     likelihood.solve(stretch)
-    solution = likelihood.solution('ml')
-    if not likelihood.is_converged:
-        solution = replace(solution, doubt='the iteration has not converged')
-    return solution, stretch.kinematics
+    return finding_of(likelihood, 'ml'), stretch.kinematics
+
+
+def _recursive(record: Record, robot: Robot, settings: IdentifierSettings) -> Identification:
+    """What the identifier node finds of a record that comes at its stamps."""
+    joints, rates, attitudes = record.joints, record.rates, record.attitudes
+    if joints is None or joints.velocity is None or rates is None or attitudes is None:
+        raise IdentificationError(f'{record.source}: method `recursive` needs joint rates')
+    identifier = OnlineIdentifier(robot, settings)
+    feeds: tuple[tuple[IntArray, Callable[..., None], tuple[Array, ...]], ...] = (
+        (joints.stamp_ns, identifier.add_joints, (joints.position, joints.velocity)),
+        (rates.stamp_ns, identifier.add_rate, (rates.omega,)),
+        (attitudes.stamp_ns, identifier.add_attitude, (attitudes.q_xyzw,)),
+    )
+    given, newest = [0] * len(feeds), max(int(stamps[-1]) for stamps, *_ in feeds)
+    until = min(int(stamps[0]) for stamps, *_ in feeds)
+    while until < newest:
+        until = min(until + round(settings.solve_period * 1e9), newest)
+        for k, (stamps, add, values) in enumerate(feeds):
+            end = int(np.searchsorted(stamps, until, side='right'))
+            for i in range(given[k], end):
+                add(int(stamps[i]), *(value[i] for value in values))
+            given[k] = end
+        identifier.solve()
+    found = identifier.last
+    estimate = replace(found.estimate, method='recursive')
+    return replace(found, estimate=replace(estimate, notes=(*record.notes, *estimate.notes)))
 
 
 def refuse_incomplete(record: Record) -> None:
@@ -133,12 +160,12 @@ def swapped_joints(
     return ()
 
 
-def _momentum_misfit(model: MomentumModel, reference: Kinematics) -> float:
-    columns, h0 = model.regressor(reference)
-    rows, right = columns.reshape(-1, model.size), h0.ravel()
-    norms = np.linalg.norm(rows, axis=0)
-    unit = rows / np.where(norms > 0.0, norms, 1.0)
-    if not np.any(right):  # wheels at rest: the smallest singular value of the homogeneous system
-        return float(np.linalg.svd(unit[:, norms > 0.0], compute_uv=False)[-1])
-    solution = np.linalg.lstsq(unit, right, rcond=1e-12)[0]
-    return float(np.linalg.norm(unit @ solution - right))
+def _momentum_misfit(model: MomentumModel, motion: Kinematics) -> float:
+    """Momentum that no momenta explain, the bodies being the file's, in units of what moves.
+
+    Exchanged columns miss by all that a joint moves, wrong bodies by their uncertainty.
+    """
+    missing, columns = model.balance(motion, model.prior())
+    rows = columns[..., : model.y.start].reshape(-1, model.y.start)
+    solution = np.linalg.lstsq(rows, -missing.ravel(), rcond=1e-12)[0]
+    return float(np.linalg.norm(rows @ solution + missing.ravel()))

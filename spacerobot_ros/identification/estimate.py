@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import IdentificationError
-from ..estimation.filters.momentum_process import MomentumModel
 from ..types import Array, Matrix3, Vector3
 
 
@@ -35,9 +34,11 @@ class Estimate:
         parameter_names: Names of the k minimal parameters.
         parameters: (k,) minimal parameters [kg m^2].
         covariance: (3 n_links + k, same) of [aam; parameters].
-        rank: Numerical rank of the unit-column information.
-        condition: Condition number of the unit-column regressor.
-        unexcited: Directions that the data do not tell, in words; empty at full rank.
+        rank: Number of directions that the data tell better than the robot file does.
+        unknowns: Number of unknowns: momenta, bodies and nuisances.
+        condition: Square root of the condition number of the unknowns' correlations; of `ls` that
+            of the unit-column regressor.
+        unexcited: What only the robot file tells, in words, a few lines; of `ls` directions.
         total_momentum: (3,) about the centre of mass, inertial frame [N m s].
         total_momentum_covariance: (3, 3).
         chi2_per_dof: Residual chi-square per degree of freedom; 1 where the noise is as stated.
@@ -45,9 +46,11 @@ class Estimate:
         stamp_ns: Time of the last sample used [ns].
         notes: Remarks for the user.
         nuisances: Further unknowns that were estimated along, such as a gyro bias.
-        weak: (m, 3 n_links + k) the unexcited directions as unit vectors; empty in an estimate
-            that came as a message.
-        unit: Of the parameters; empty where they are ratios.
+        units: Of each parameter; empty texts where they are ratios.
+        sources: (3 n_links + k) what each number is from: `data` (its variance shrank by more than
+            nine tenths), `file` (by less than a tenth) or `both`.
+        prior_factor: By which the data scale the uncertainties of the robot file's bodies; NaN
+            where no prior took part.
     """
 
     method: str
@@ -59,6 +62,7 @@ class Estimate:
     parameters: Array
     covariance: Array
     rank: int
+    unknowns: int
     condition: float
     unexcited: tuple[str, ...]
     total_momentum: Vector3
@@ -68,13 +72,9 @@ class Estimate:
     stamp_ns: int
     notes: tuple[str, ...] = field(default=())
     nuisances: tuple[NamedValue, ...] = field(default=())
-    weak: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    unit: str = 'kg m^2'
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns, wheel momentum and minimal parameters."""
-        return len(self.aam) + len(self.parameters)
+    units: tuple[str, ...] = field(default=())
+    sources: tuple[str, ...] = field(default=())
+    prior_factor: float = float('nan')
 
     @property
     def std(self) -> Array:
@@ -87,7 +87,7 @@ class Estimate:
         Raises:
             IdentificationError: sizes that don't fit, non-finite numbers or a negative variance.
         """
-        size = self.unknowns
+        size = len(self.aam) + len(self.parameters)
         if len(self.aam) != 3 * len(self.aam_links) or len(self.parameters) != len(
             self.parameter_names
         ):
@@ -104,19 +104,25 @@ class Estimate:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON, as `spacerobot identify --json` prints it."""
-        std = self.std
-        n = len(self.aam)
+        std, n = self.std, len(self.aam)
+        sources = self.sources or (None,) * len(std)
         return {
             'aam': {
                 'value': self.aam.tolist(),
                 'std': std[:n].tolist(),
                 'unit': 'N m s',
                 'links': list(self.aam_links),
+                'source': list(sources[:n]),
             },
             'parameters': [
-                {'name': name, 'value': float(value), 'std': float(s), 'unit': self.unit}
-                for name, value, s in zip(
-                    self.parameter_names, self.parameters, std[n:], strict=True
+                {'name': name, 'value': value, 'std': s, 'unit': unit, 'source': source}
+                for name, value, s, unit, source in zip(
+                    self.parameter_names,
+                    self.parameters.tolist(),
+                    std[n:].tolist(),
+                    self.units,
+                    sources[n:],
+                    strict=True,
                 )
             ],
             'rank': self.rank,
@@ -135,24 +141,6 @@ class Estimate:
             },
             'nuisances': [asdict(nuisance) for nuisance in self.nuisances],
             'samples': self.samples,
+            'prior_factor': self.prior_factor,
             'notes': list(self.notes),
         }
-
-
-def estimated_values(model: MomentumModel, constants: Array, covariance: Array) -> dict[str, Any]:
-    """The fields of an `Estimate` that constants (p,) and their covariance (p, p) make."""
-    wanted = slice(3, model.x.stop)
-    values, std = constants[model.other], np.sqrt(np.diag(covariance))[model.other]
-    nuisances = zip(
-        model.nuisances.names, values.tolist(), std.tolist(), model.nuisances.units, strict=True
-    )
-    return {
-        'aam_links': tuple(g.link for g in model.robot.target_wheels),
-        'aam': constants[model.aam],
-        'parameter_names': model.minimal.names,
-        'parameters': constants[model.x],
-        'covariance': covariance[wanted, wanted],
-        'total_momentum': constants[:3],
-        'total_momentum_covariance': covariance[:3, :3],
-        'nuisances': tuple(NamedValue(*each) for each in nuisances),
-    }

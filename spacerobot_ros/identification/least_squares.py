@@ -4,8 +4,9 @@ r"""The published method: linear least squares on the momentum equation, sample 
     paper
 
 Rows are taken to the inertial frame, where the total momentum h_W is a constant unknown (never the
-first sample's). Noise in the regressor biases the result towards zero; `method='ml'` is the
-remedy, this is the comparison.
+first sample's). There is no prior, so it needs motion that excites every direction of the minimal
+set; noise in the regressor biases the result towards zero. `method='ml'` is the remedy of both,
+this is the comparison.
 """
 
 from __future__ import annotations
@@ -13,17 +14,18 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Slerp
 
-from ..errors import IdentificationError
-from ..estimation.filters.momentum_filter import SquareRootInformation
+from ..errors import ConfigurationError, IdentificationError
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.reference import Kinematics, NoiseLevels
+from ..estimation.unknowns.minimal import MinimalSet, minimal_regressor, minimal_set
+from ..inference.square_root import SquareRootInformation, marginal
+from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
-from .summary import Solution
-from .weak_prior import weak_prior
-
-_BLOCK = 50  # rows added at once by the recursive form
+from .estimate import Estimate
+from .summary import Source, unexplained
+from .validity_limits import LARGEST_CHI2, WEAKLY_KNOWN
 
 
 def sampled_motion(record: Record) -> Kinematics:
@@ -49,52 +51,118 @@ def sampled_motion(record: Record) -> Kinematics:
     return Kinematics(time, record.q[inside], record.qd[inside], omega, rotation)
 
 
-def momentum_rows(model: MomentumModel, motion: Kinematics) -> tuple[Array, Array]:
-    """(3 N, p) columns of [h_W; AAM; x] and (3 N,) right-hand side, in the inertial frame."""
-    columns, h0 = model.regressor(motion)
-    R = motion.matrices
-    return (R @ columns).reshape(-1, model.size), np.einsum('nab,nb->na', R, h0).ravel()
+def momentum_columns(robot: Robot, minimal: MinimalSet, motion: Kinematics) -> Array:
+    """(N, 3, p) columns of [h_W; AAM; x] of the momentum equation, in the base frame."""
+    by_momenta = MomentumModel(robot, minimal.structure)
+    columns = by_momenta.balance(motion, by_momenta.prior())[1][..., : by_momenta.y.start]
+    return np.concatenate([columns, -minimal_regressor(robot, minimal, motion)], axis=2)
 
 
 def solve_least_squares(
-    model: MomentumModel,
+    record: Record,
+    robot: Robot,
     settings: IdentifierSettings,
-    motion: Kinematics,
     noise: NoiseLevels,
-    method: str,
-) -> Solution:
-    """Least squares for [h_W; AAM; x], at once or recursively in square-root form.
+    source: Source,
+) -> Estimate:
+    """Least squares for [h_W; AAM; x].
 
     The information is scaled by the residual's own spread; the residual is judged against the
     sensors' noise.
 
     Args:
-        model: Robot and minimal set.
-        settings: For the prior, which is no part of the estimate but tells what is excited.
-        motion: From `sampled_motion`.
+        record: Joint states, gyro and attitude.
+        robot: What the robot file believes.
+        settings: Structure of the minimal set, limit of validity.
         noise: Noise levels, to judge the residual.
-        method: `ls`, or `recursive` to add rows block by block.
+        source: Of the estimate.
+
+    Raises:
+        ConfigurationError: sliding joints.
     """
-    columns, values = momentum_rows(model, motion)
-    information = SquareRootInformation(model.size)
-    step = _BLOCK if method == 'recursive' else len(values)
-    for start in range(0, len(values), step):
-        information.add(columns[start : start + step], values[start : start + step])
+    for joint, body in zip(robot.joints, robot.bodies[1:], strict=True):
+        if body.is_prismatic:
+            why = 'slides; the paper\'s least squares is for joints that turn: use method `ml`'
+            raise ConfigurationError(f'joint {joint!r}', why)
+    minimal, motion = minimal_set(robot, settings.structure), sampled_motion(record)
+    columns, h0 = momentum_columns(robot, minimal, motion), robot.servicer_wheels.body_momentum
+    rows, values = (motion.matrices @ columns).reshape(-1, columns.shape[2]), motion.matrices @ h0
+    information = SquareRootInformation(rows.shape[1])
+    information.add(rows, values.ravel())
     constants, _ = information.solve()
-    residual = values - columns @ constants
-    dof = max(len(values) - model.size, 1)
-    information.factor /= max(float(np.sqrt(residual @ residual / dof)), 1e-300)
-    information.shift(constants)
-    information.residual = _chi2(model, motion, constants, noise)
-    return Solution(method, constants, information, weak_prior(model, motion, settings))
+    missing = (columns @ constants) - h0
+    dof = max(missing.size - len(constants), 1)
+    information.factor /= max(float(np.linalg.norm(missing)) / dof**0.5, 1e-300)
+    _, covariance = information.solve()
+    n = 3 * len(robot.target_wheels)
+    names = (*(f'h_{g.link}_{a}' for g in robot.target_wheels for a in 'xyz'), *minimal.names)
+    root = marginal(information.factor, np.arange(3, len(constants)))[:, :-1]
+    singular = np.linalg.svd(root / np.linalg.norm(root, axis=0), compute_uv=False)
+    weak = _weak_directions(root * _sizes(constants[3:], n))
+    chi2 = _chi2(robot, motion, missing, noise) / dof
+    aam, std = constants[3 : 3 + n], np.sqrt(np.diag(covariance)[3 : 3 + n])
+    limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
+    reason = '; '.join(source.faults)
+    if not reason and weak:
+        reason = f'{len(weak)} of {len(names)} directions are not excited yet'
+    if not reason and len(std) and np.max(std) > limit:
+        reason = f'wheel momentum is known to {np.max(std):.3g} N m s only, the limit is {limit:.3g}'
+    if not reason and chi2 > LARGEST_CHI2:
+        reason = unexplained(chi2)
+    return Estimate(
+        method='ls',
+        valid=not reason,
+        reason=reason,
+        aam_links=tuple(g.link for g in robot.target_wheels),
+        aam=aam,
+        parameter_names=minimal.names,
+        parameters=constants[3 + n :],
+        units=minimal.units,
+        covariance=covariance[3:, 3:],
+        rank=len(names) - len(weak),
+        unknowns=len(names),
+        condition=float(singular[0] / max(singular[-1], np.finfo(float).tiny)),
+        unexcited=tuple(_describe(direction, names) for direction in weak),
+        total_momentum=constants[:3],
+        total_momentum_covariance=covariance[:3, :3],
+        chi2_per_dof=chi2,
+        samples=source.samples,
+        stamp_ns=source.stamp_ns,
+        notes=source.notes,
+        sources=('data',) * len(names),
+    )
 
 
-def _chi2(model: MomentumModel, motion: Kinematics, constants: Array, noise: NoiseLevels) -> float:
-    """Residual as a body-rate error, weighted by the sensors' noise sample by sample."""
-    rate = model.linearize(motion, constants)
+def _sizes(values: Array, n_aam: int) -> Array:
+    """Sizes of wheel momenta and parameters by which directions are compared: their largest."""
+    largest = [np.max(np.abs(part), initial=1e-300) for part in (values[:n_aam], values[n_aam:])]
+    return np.repeat(largest, [n_aam, len(values) - n_aam])
+
+
+def _weak_directions(factor: Array) -> list[Array]:
+    """Unit vectors that the data hardly tell; unknowns in units of their sizes."""
+    _, singular, right = np.linalg.svd(factor)
+    return list(right[singular < WEAKLY_KNOWN])
+
+
+def _describe(direction: Array, names: tuple[str, ...]) -> str:
+    """The direction's largest components, such as `0.71 J0xx + 0.70 J0yy`."""
+    order = np.argsort(-np.abs(direction))
+    chosen = [i for i in order[:4] if abs(direction[i]) > 0.2] or [order[0]]
+    sign = np.sign(direction[chosen[0]])
+    terms = [f'{sign * direction[i]:+.2f} {names[i]}' for i in chosen]
+    return ' '.join(terms).removeprefix('+')
+
+
+def _chi2(robot: Robot, motion: Kinematics, missing: Array, noise: NoiseLevels) -> float:
+    """Missing momentum (N, 3) as a body-rate error, weighted by the sensors' noise."""
+    model = MomentumModel(robot, 'generic')
+    rate = model.linearize(motion, model.prior())
+    inverse = rate.constants[..., :3] @ motion.matrices
+    offset = np.einsum('nab,nb->na', inverse, missing)
     levels = [noise.attitude, noise.joint_position, noise.joint_velocity]
     variance = np.repeat(np.square(levels), [3, model.n, model.n])
     covariance = (rate.state * variance) @ np.swapaxes(rate.state, 1, 2)
     covariance += noise.gyro**2 * np.eye(3)
-    weighted = np.linalg.solve(covariance, rate.offset[..., None])[..., 0]
-    return float(np.sum(rate.offset * weighted))
+    weighted = np.linalg.solve(covariance, offset[..., None])[..., 0]
+    return float(np.sum(offset * weighted))

@@ -25,7 +25,7 @@ from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
 from .summary import Identification
-from .validity_limits import BETTER_THAN_PRIOR, LARGEST_CHI2
+from .validity_limits import LARGEST_CHI2, WEAKLY_KNOWN
 
 _RATIOS = ('Jyy/Jxx', 'Jzz/Jxx', 'Jxy/Jxx', 'Jxz/Jxx', 'Jyz/Jxx')
 _PLACES = ((1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -51,7 +51,7 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
     slopes = _slopes(fit)
     sizes = np.array([p.size for _, p in fit.free])
     stds = np.array([fit.standard_deviations()[0][p.name] for _, p in fit.free])
-    weak = stds * BETTER_THAN_PRIOR > sizes
+    weak = stds * WEAKLY_KNOWN > sizes
     names = _RATIOS
     unexcited = tuple(p.name for (_, p), is_weak in zip(fit.free, weak, strict=True) if is_weak)
     chi2 = float(fit.data @ fit.data) / max(len(fit.data) - len(fit.free), 1)
@@ -79,7 +79,9 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
         samples=len(record.joint_time),
         stamp_ns=record.origin_ns + round(record.span[1] * 1e9),
         notes=(*record.notes, *notes, *_scale(found), _in_words(moments, axes)),
-        unit='',
+        units=('',) * len(names),
+        unknowns=len(names),
+        sources=('data',) * len(names),
     )
     return Identification(estimate, found)
 

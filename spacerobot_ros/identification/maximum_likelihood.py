@@ -5,80 +5,145 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from ..errors import IdentificationError
-from ..estimation.filters.momentum_filter import MomentumFilter, SquareRootInformation, Stretch
-from ..estimation.filters.momentum_process import MomentumModel, Regressed
+from ..estimation.filters.momentum_filter import MomentumFilter, Stretch
+from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..estimation.trajectory.time_base import channel_stamps, filter_times, refuse_long_gaps
 from ..estimation.unknowns.torque_hold import Holds
+from ..inference.scaled_prior import ScaledPosterior, scaled_posterior
+from ..inference.square_root import marginal, ordered
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
 from .outliers import FURTHEST
-from .summary import Solution, marginal
-from .validity_limits import CONVERGED
-from .weak_prior import Prior, weak_prior
-
-_PASSES = 5
-_ANOTHER = 3.0
-"""By how much the share of a shift that a pass leaves may exceed the one before: in ten flights of
-the servicer shares were 0.002 to 0.04 at first and fell later, in one they rose threefold."""
+from .validity_limits import (
+    BACKTRACK,
+    CLOSE,
+    CONTRACTION,
+    CONVERGED,
+    LINEAR,
+    MOST_PASSES,
+    NEARER,
+    SETTLED,
+    WORSE,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Known:
-    """What is known of some of the constants: |factor (t - origin) - values|^2 is least.
+    """What data told of some of the constants: |factor (t - origin) - values|^2 is least.
 
     Args:
-        part: Which m of [h_W; AAM; x; nuisances].
+        part: Which m of [h_W; AAM; y; nuisances].
         origin: (m,) about which everything was linearized.
-        factor: (m, m) square-root information, upper triangular.
+        factor: (m, m) square-root information, upper triangular; without the bodies' prior.
         values: (m,).
+        best: (m,) most probable values, the bodies' prior included.
     """
 
     part: slice
     origin: Array
     factor: Array
     values: Array
-
-    @property
-    def best(self) -> Array:
-        """(m,) most probable values."""
-        return np.asarray(self.origin + np.linalg.solve(self.factor, self.values))
+    best: Array
 
     def of(self, part: slice) -> Known:
         """What is known of some of these constants, the others eliminated."""
         part = slice(max(part.start, self.part.start), min(part.stop, self.part.stop))
         inside = slice(part.start - self.part.start, part.stop - self.part.start)
-        factor, values = marginal(np.column_stack([self.factor, self.values]), inside)
-        return Known(part, self.origin[inside], factor, values)
+        left = marginal(
+            np.column_stack([self.factor, self.values]), np.arange(inside.start, inside.stop)
+        )
+        return Known(part, self.origin[inside], left[:, :-1], left[:, -1], self.best[inside])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """Constants given data and prior.
+
+    Args:
+        mean: (p,). covariance: (p, p).
+        bodies: The part of the bodies, about the robot file's values.
+        prior_std: (p,) standard deviations of the prior; those of bodies by the data's scale.
+        rank: Number of directions that the data tell better than the prior does.
+    """
+
+    mean: Array
+    covariance: Array
+    bodies: ScaledPosterior
+    prior_std: Array
+    rank: int
+
+
+def posterior_of(
+    model: MomentumModel,
+    factor: Array,
+    about: Array,
+    prior_std: Array,
+    *,
+    is_expected: bool = False,
+) -> Posterior:
+    """Combine what data told with the prior of the bodies.
+
+    The other constants are eliminated first, and follow.
+
+    Args:
+        model: The constants.
+        factor: (p, p + 1) square-root information of their errors, the bodies' prior not
+            included, all others' included.
+        about: (p,) constants that the errors count from.
+        prior_std: (p,) of the others' priors.
+        is_expected: See `scaled_posterior`.
+    """
+    y, others = np.arange(model.size)[model.y], np.delete(np.arange(model.size), model.y)
+    own, across, right, root, values = ordered(factor, others, y)
+    right_of_y, wide = values + root @ about[y], model.bodies.std
+    bodies = scaled_posterior(root, right_of_y, wide, is_expected=is_expected)
+    mean, covariance = np.empty(model.size), np.empty((model.size, model.size))
+    mean[y] = bodies.mean
+    step = scipy.linalg.solve_triangular(own, right - across @ (bodies.mean - about[y]))
+    mean[others] = about[others] + step
+    follow = -scipy.linalg.solve_triangular(own, across)
+    free = scipy.linalg.solve_triangular(own, np.eye(len(others)))
+    covariance[np.ix_(y, y)] = bodies.covariance
+    covariance[np.ix_(others, y)] = follow @ bodies.covariance
+    covariance[np.ix_(y, others)] = covariance[np.ix_(others, y)].T
+    covariance[np.ix_(others, others)] = follow @ bodies.covariance @ follow.T + free @ free.T
+    std = prior_std.copy()
+    std[y] = np.sqrt(bodies.prior_variance)
+    told = std[others] > np.sqrt(2.0) * np.sqrt(np.diag(covariance)[others])
+    return Posterior(mean, covariance, bodies, std, bodies.rank + int(np.sum(told)))
 
 
 class MaximumLikelihood:
-    """Total momentum, AAM, minimal parameters and nuisances from stretches of data.
+    """Total momentum, AAM, bodies and nuisances from stretches of data.
 
     Args:
-        model: Robot and minimal set.
-        settings: The identifier's settings, for the prior.
+        model: Robot and unknowns.
+        settings: The identifier's settings, for the prior of the wheels.
         known: What earlier data of the same robot told; None: nothing.
 
     Attributes:
         constants: (p,) about which everything is linearized; the robot file's at first.
-        is_converged: Whether another pass of `solve` would move them by less than 0.01 sigma.
+        is_converged: Whether another pass of `solve` would move the AAM by less than 0.01 sigma.
         is_abandoned: Whether `solve` shall end before its next pass.
+        joint_share: Largest momentum so far that the joints' motion alone had [N m s].
     """
 
     def __init__(
         self, model: MomentumModel, settings: IdentifierSettings, known: Known | None = None
     ) -> None:
         self._model, self._settings, self._known = model, settings, known
-        self._prior: Prior | None = None
+        self._prior: tuple[Array, Array] | None = None
         self._filter = MomentumFilter(model)
         self.constants = model.prior()
         self.is_converged = self.is_abandoned = False
+        self.joint_share = 0.0
         self._beyond = 0.0
-        self._left = np.inf  # share of a shift that the next pass asked for
+        self._left = np.ones(2)  # share of a shift, of momenta and bodies, that a pass leaves
 
     def anew(self) -> MaximumLikelihood:
         """Another one that knows what this one knew at first."""
@@ -90,7 +155,8 @@ class MaximumLikelihood:
         if self._prior is None or not self.is_converged:
             return self._known
         factor, origin = self._filter.information.factor.copy(), self.constants.copy()
-        return Known(slice(0, len(origin)), origin, factor[:, :-1], factor[:, -1])
+        best = self.posterior().mean
+        return Known(slice(0, len(origin)), origin, factor[:, :-1], factor[:, -1], best)
 
     @property
     def misfit(self) -> tuple[float, int]:
@@ -105,36 +171,43 @@ class MaximumLikelihood:
     def solve(self, stretch: Stretch) -> None:
         """Estimate from a stretch alone, from the prior or from what was found last.
 
+        Damped Gauss-Newton steps on the posterior.
+
         Raises:
             IdentificationError: it is abandoned.
         """
         if self._prior is None:
-            self._prior = weak_prior(
-                self._model, stretch.kinematics, self._settings, stretch.holds
-            )
-            self.constants = self._prior.mean.copy()
+            self._prior = self._prior_of(stretch)
+            self.constants = self._prior[0].copy()
             if self._known is not None:
                 self.constants[self._known.part] = self._known.best
-        prior, regressed, last = self._prior, self._filter.regressed(stretch), 0.0
-        for _ in range(_PASSES):
+        best, goal, least = self.constants, self.constants, np.inf
+        asked, share = np.full(2, np.inf), 1.0
+        for _ in range(MOST_PASSES):
             if self.is_abandoned:
                 raise IdentificationError('nobody waits for it any more')
-            self._filter = MomentumFilter(self._model)
-            information = self._filter.information
-            self._add_prior(information, prior)
-            information.reset_residual()
-            self._beyond = 0.0
-            before, change = self.constants, self._advance(stretch, prior, regressed)
-            asked, moved = np.max(np.abs([change, self.constants - before]) / self.std, axis=1)
-            is_held_back = moved < 0.9 * asked
-            if last > 0.0 and not is_held_back:
-                self._left = asked / last
-            last = 0.0 if is_held_back else asked
-            share = 1.0 if is_held_back else min(1.0, _ANOTHER * self._left)
-            self.is_converged = bool(share * asked < CONVERGED)
-            # also where they are held back and stay: the next pass would be this one
-            if self.is_converged or moved < CONVERGED:
+            self._restart()
+            values = self._filter.run(stretch, self.constants)
+            posterior = self.posterior()
+            cost, before, now = self._cost(posterior), asked, self._shift_asked(posterior)
+            worse = cost - least
+            is_nearer = np.max(now) < np.max(before) and worse < NEARER * len(values)
+            if not (worse <= WORSE or is_nearer):
+                share *= BACKTRACK
+                self.constants = self._towards(best, goal, share)
+                continue
+            least, best, asked = cost, self.constants, now
+            if np.all(before < np.inf):
+                self._left = np.minimum(1.0, CONTRACTION * asked / before)
+            left = asked * self._left
+            self.is_converged = bool(left[0] < CONVERGED)
+            self._beyond = _beyond(values) if np.max(asked) < 1.0 else 0.0
+            if self.is_converged and (left[1] < SETTLED or asked[1] < CLOSE):
                 break
+            share, goal = min(1.0, share / BACKTRACK), self._goal()
+            self.constants = self._towards(best, goal, share)
+        self._shift(self.posterior().mean)
+        self.joint_share = self._model.joint_share(stretch.kinematics, self.constants)
 
     def extend(self, record: Record, context: Record, noise: NoiseLevels, holds: Holds) -> Stretch:
         """Continue with what came since the last stretch.
@@ -154,50 +227,92 @@ class MaximumLikelihood:
         span = min(context.joint_time[0], start), max(context.joint_time[-1], times[-1])
         reference = ReferenceTrajectory(context, noise, times, attitude, span)
         stretch = Stretch(record, noise, reference, holds)
-        self._advance(stretch, self._prior)
+        rows: list[tuple[Array, Array]] = []
+        self._filter.run(stretch, self.constants, rows)
+        constants = self.posterior().mean
+        change = constants - self.constants
+        self._beyond += sum(_beyond(values - columns @ change) for columns, values in rows)
+        self._shift(constants)
+        share = self._model.joint_share(stretch.kinematics, self.constants)
+        self.joint_share = max(self.joint_share, share)
         return stretch
 
-    @property
-    def std(self) -> Array:
-        """(p,) standard deviations of the constants."""
-        return np.sqrt(np.diag(self._filter.information.solve()[1]))
-
-    def solution(self, method: str) -> Solution:
-        """The estimate so far.
-
-        The information's own solution is the best one, also where the point of linearization was
-        held back.
-        """
+    def posterior(self) -> Posterior:
+        """The estimate so far."""
         if self._prior is None:
             raise ValueError('nothing was solved yet')
-        information = self._filter.information
-        best = self.constants + information.solve()[0]
-        return Solution(method, best, information, self._prior, self._filter.placebo)
+        factor = self._filter.information.factor
+        return posterior_of(self._model, factor, self.constants, self._prior[1])
 
-    def _add_prior(self, information: SquareRootInformation, prior: Prior) -> None:
-        """What was known before: what earlier segments told of the robot, and the prior."""
-        rows, values = np.diag(1.0 / prior.std), (prior.mean - self.constants) / prior.std
+    def _prior_of(self, stretch: Stretch) -> tuple[Array, Array]:
+        """(p,) mean and standard deviations; the bodies' are in `robot.uncertainty`.
+
+        The total momentum is centred on what the robot file's values imply and left free.
+        """
+        model, wide = self._model, self._settings.momentum_prior_std
+        mean = model.prior()
+        mean[:3] = model.total_momentum(stretch.kinematics, mean)
+        std = np.full(len(mean), wide)
+        std[:3] = 10.0 * (wide + np.linalg.norm(mean[:3]))
+        std[model.y] = model.bodies.std
+        mean[model.other], std[model.other] = model.nuisances.prior(stretch.holds)
+        return mean, std
+
+    def _restart(self) -> None:
+        """A filter that knows what was known before the stretch, about the constants."""
+        assert self._prior is not None
+        self._filter = MomentumFilter(self._model)
+        mean, std = self._prior
+        rows, values = np.diag(1.0 / std), (mean - self.constants) / std
+        rows[self._model.y], values[self._model.y] = 0.0, 0.0
         if (known := self._known) is not None:
             part = known.part
             rows[part, :], values[part] = 0.0, 0.0
             rows[part, part] = known.factor
             values[part] = known.values - known.factor @ (self.constants[part] - known.origin)
-        information.add(rows, values)
+        self._filter.information.add(rows, values)
+        self._filter.information.reset_residual()
+        self._beyond = 0.0
 
-    def _advance(
-        self, stretch: Stretch, prior: Prior, regressed: list[Regressed] | None = None
-    ) -> Array:
-        """Run through a stretch and move the constants; (p,) change that the data ask for."""
-        columns, values = self._filter.run(stretch, self.constants, regressed)
-        change, _ = self._filter.information.solve()
-        squares = (values - columns @ change) ** 2
-        self._beyond += float(np.sum(np.maximum(squares - FURTHEST**2, 0.0)))
-        proposed = prior.admissible(
-            self._model, stretch.kinematics, self.constants, self.constants + change
-        )
-        self._filter.shift_constants(proposed - self.constants)
-        self.constants = proposed
-        return change
+    def _cost(self, posterior: Posterior) -> float:
+        """Twice the negative logarithm of the constants' probability."""
+        y = self.constants[self._model.y] / (posterior.bodies.factor * self._model.bodies.std)
+        return self._filter.information.misfit + 2.0 * self._filter.log_spread + float(y @ y)
+
+    def _goal(self) -> Array:
+        """(p,) constants to go to from where the filter was linearized.
+
+        Levenberg's damping in the metric of the prior: all is told with a variance by which the
+        shift of an unknown is `LINEAR` standard deviations, which is one as the iteration settles
+        (Yamashita and Fukushima, Computing Suppl. 15 (2001) 239).
+        """
+        assert self._prior is not None
+        factor = self._filter.information.factor
+        asked = float(np.sum(factor[:, -1] ** 2)) / len(factor)
+        factor = factor / max(1.0, np.sqrt(asked) / LINEAR)
+        return posterior_of(self._model, factor, self.constants, self._prior[1]).mean
+
+    def _towards(self, constants: Array, goal: Array, share: float) -> Array:
+        """(p,) constants a share of the way from some to a goal that is linear about them."""
+        step, y = share * (goal - constants), self._model.y
+        out = constants + step
+        out[y] = self._model.bodies.stepped(constants[y], step[y])
+        return out
+
+    def _shift_asked(self, posterior: Posterior) -> Array:
+        """(2,) largest shift of momenta and nuisances, and of bodies, in standard deviations."""
+        shift = np.abs(posterior.mean - self.constants) / np.sqrt(np.diag(posterior.covariance))
+        y = self._model.y
+        return np.array([np.max(np.delete(shift, y)), np.max(shift[y], initial=1e-300)])
+
+    def _shift(self, constants: Array) -> None:
+        self._filter.shift_constants(constants - self.constants)
+        self.constants = constants
+
+
+def _beyond(residuals: Array) -> float:
+    """What squares of residuals have beyond those of the furthest that noise makes."""
+    return float(np.sum(np.maximum(residuals**2 - FURTHEST**2, 0.0)))
 
 
 def prepare(record: Record, noise: NoiseLevels, holds: Holds | None = None) -> Stretch:

@@ -25,7 +25,6 @@ import numpy as np
 from ..errors import IdentificationError
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.time_base import LONGEST_GAP
-from ..estimation.unknowns.minimal import minimal_set
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.buffer import SampleBuffer
@@ -37,7 +36,7 @@ from .misfit import Misfit
 from .outliers import LONGEST_PAUSE, first_pause
 from .saved_knowledge import Knowledge
 from .segment import Past, Screened, Segment
-from .summary import Identification, Source, conclude, nothing_known
+from .summary import Identification, Source, conclude, finding_of, nothing_known
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
@@ -47,7 +46,7 @@ _WORDS = {'joints': 'joint states', 'imu': 'gyro', 'attitude': 'attitude'}
 
 
 class OnlineIdentifier:
-    """Recursive estimate of wheel momentum and minimal parameters.
+    """Recursive estimate of wheel momentum, bodies and minimal parameters.
 
     Args:
         robot: What the robot file believes.
@@ -58,15 +57,13 @@ class OnlineIdentifier:
         samples: Where the samples of the present segment are collected.
 
     Raises:
-        ConfigurationError: fixed base or prismatic joints.
+        ConfigurationError: fixed base.
     """
 
     def __init__(self, robot: Robot, settings: IdentifierSettings) -> None:
         self._settings = settings
         self._lag = max(_LAG, settings.lateness)
-        self.model = MomentumModel(
-            robot, minimal_set(robot, settings.structure), settings.nuisances
-        )
+        self.model = MomentumModel(robot, settings.structure, settings.nuisances)
         self._joints = robot.joints[: self.model.n]
         self.reset()
 
@@ -77,7 +74,7 @@ class OnlineIdentifier:
     def begin_segment(self) -> None:
         """Take what comes now as another run of the same robot, whatever its stamps."""
         self.samples = SampleBuffer(self._joints, LONGEST_GAP, LONGEST_GAP)
-        self._begin(-np.inf, self._known_of(3, self.model.x.stop))
+        self._begin(-np.inf, self._known_of(3, self.model.y.stop))
 
     def copy(self) -> OnlineIdentifier:
         """What `reset`, `begin_segment` or `go_on` may change while a thread solves this one."""
@@ -86,6 +83,13 @@ class OnlineIdentifier:
     def abandon(self) -> None:
         """Have a solution that is under way in another thread end soon, as a failure."""
         self._segment.likelihood.is_abandoned = True
+
+    @property
+    def last(self) -> Identification:
+        """The last estimate, and the bodies behind it; before the first the robot file's."""
+        if self._last is None:
+            return Identification(self._nothing('no data yet'), self.model.robot)
+        return self._last
 
     @property
     def knowledge(self) -> Knowledge | None:
@@ -180,7 +184,7 @@ class OnlineIdentifier:
         record, tail = (each.between(-np.inf, before) for each in (record, tail))
         with suppress(IdentificationError):
             self._solve(record, before, (tail, count))
-        self._begin(0.5 * (before + after), self._known_of(0, self.model.x.stop))
+        self._begin(0.5 * (before + after), self._known_of(0, self.model.y.stop))
         return self._use(until_ns)
 
     def _solve(self, record: Record, end: float, newest: Screened) -> Estimate:
@@ -196,7 +200,7 @@ class OnlineIdentifier:
             segment.misfit = Misfit(*segment.likelihood.misfit)
             return self._conclude(end)
         except _FAILURES as error:
-            self._begin(end, self._known_of(0, self.model.x.stop))
+            self._begin(end, self._known_of(0, self.model.y.stop))
             raise _unusable(f'samples up to {end:.6g} s', error) from error
 
     def _settled(self, record: Record) -> float:
@@ -214,7 +218,7 @@ class OnlineIdentifier:
             new = {s: int(np.sum(t > before.done)) for s, t in zip(_WORDS, times, strict=True)}
             before.left_out = before.left_out + Counter(new)
         if misfit.contradicted > 1:
-            self._known = self._known_of(3, self.model.x.stop)
+            self._known = self._known_of(3, self.model.y.stop)
         if self._last is not None and (self._known is None or misfit.is_lasting):
             doubted = replace(self._last.estimate, valid=False, reason=doubt)
             self._last = replace(self._last, estimate=doubted)
@@ -232,14 +236,9 @@ class OnlineIdentifier:
         keep = self._settings.buffer if segment.is_kept_up_to(end) else _CONTEXT + self._lag
         stamp_ns = (self.samples.origin_ns or 0) + round(segment.done * 1e9)
         self.samples.close(stamp_ns, round(keep * 1e9))
-        solution = segment.likelihood.solution('online')
-        if not segment.likelihood.is_converged:
-            doubt = 'the estimate still moves when the data are run through again'
-            solution = replace(solution, doubt=doubt)
         source = replace(segment.source, stamp_ns=stamp_ns)
-        start = None if self._last is None else self._last.coordinates
-        found = conclude(self.model, self._settings, solution, source, start)
-        self._last = found if found.coordinates is not None else replace(found, coordinates=start)
+        finding = finding_of(segment.likelihood, 'online')
+        self._last = found = conclude(self.model, self._settings, finding, source)
         self._learned = None if known is None else Knowledge(self.model, known, found.estimate)
         return found.estimate
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..dynamics.blocks import BlockTree
 from ..dynamics.reduction import ReducedEquation, reduced
 from ..errors import IdentificationError
 from ..estimation.unknowns.minimal import MinimalSet, minimal_set
@@ -23,15 +22,15 @@ class EstimatedDynamics:
     Args:
         robot: Gives the tree, the servicer's wheels and the links that carry the unknown wheels.
         minimal: The minimal set that `parameters` belong to.
-        parameters: (k,) minimal parameters [kg m^2].
+        parameters: (k,) minimal parameters, in its units.
         aam: (3 n_links,) wheel momentum of the captured body, as `Robot.target_momentum` [N m s].
     """
 
     def __init__(self, robot: Robot, minimal: MinimalSet, parameters: Array, aam: Array) -> None:
-        self._tree = BlockTree(robot)
-        self._pi = minimal.expansion @ parameters
-        believed = robot.with_target_momentum(aam)
-        self._wheels = [(g.body, g.body_momentum) for g in believed.gyrostats]
+        self._tree, self._weights = minimal.tree, minimal.matrix(parameters)
+        self._wheels = np.zeros((len(robot.bodies), 3))
+        for g in robot.with_target_momentum(aam).gyrostats:
+            self._wheels[g.body] += g.body_momentum
 
     @classmethod
     def from_estimate(cls, robot: Robot, structure: str, estimate: Estimate) -> EstimatedDynamics:
@@ -61,8 +60,8 @@ class EstimatedDynamics:
         """Reduced equation at one state.
 
         Args:
-            q: (n,) joint positions [rad].
-            qd: (n,) joint rates [rad/s].
+            q: (n,) joint positions.
+            qd: (n,) joint rates.
             omega_WB_B: (3,) body rate of the base [rad/s].
             joint_reaction: False omits the wheels' torque on the joints, as the paper prints c.
 
@@ -74,8 +73,8 @@ class EstimatedDynamics:
                 state.
         """
         u = np.concatenate([omega_WB_B, qd])[None]
-        equation = self._tree.equation(q[None], u, self._pi, self._wheels, joint_reaction)
-        found, is_definite = reduced(equation[0], 3)
+        told = self._weights, self._wheels, joint_reaction
+        found, is_definite = reduced(self._tree.equation(q[None], u, *told)[0], 3)
         if not is_definite:
             why = 'estimate: its inertia is not positive definite at this state'
             raise IdentificationError(why)

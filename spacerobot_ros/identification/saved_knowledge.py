@@ -1,7 +1,7 @@
 """What an identifier knows, in a file that survives it: checked by sum, version and robot.
 
-Time passes between saving and loading. The inertial parameters stay; the captured wheels may have
-run down at the rate that the catalogue calls plausible, by which their covariance is widened.
+Time passes between saving and loading. The bodies stay; the captured wheels may have run down at
+the rate that the catalogue calls plausible, by which what is known of them is widened.
 """
 
 from __future__ import annotations
@@ -14,12 +14,15 @@ from typing import Any
 import numpy as np
 
 from ..estimation.filters.momentum_process import MomentumModel
+from ..inference.square_root import marginal
+from ..types import Array
 from .checked_file import digest, read_checked, run_down, write_checked
-from .estimate import Estimate, estimated_values
-from .maximum_likelihood import Known
+from .estimate import Estimate
+from .maximum_likelihood import Known, posterior_of
+from .summary import estimated_values
 
-VERSION = 1
-_KEPT = ('rank', 'condition', 'chi2_per_dof', 'samples', 'stamp_ns')
+VERSION = 2
+_KEPT = ('rank', 'condition', 'chi2_per_dof', 'samples', 'stamp_ns', 'unexcited')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +31,7 @@ class Knowledge:
 
     Args:
         model: Whose constants they are.
-        known: Of wheels and parameters; where it was saved, widened for the time that passed.
+        known: Of wheels and bodies; where it was saved, widened for the time that passed.
         estimate: The same to be told, valid.
     """
 
@@ -49,13 +52,15 @@ def save(path: Path, knowledge: Knowledge, now_ns: int) -> None:
         ConfigurationError: it can not be written.
     """
     model = knowledge.model
-    robot = knowledge.known.of(slice(3, model.x.stop))
+    robot = knowledge.known.of(slice(3, model.y.stop))
     content = {
-        'best': robot.best.tolist(),
-        'factor': robot.factor.tolist(),
+        **{name: getattr(robot, name).tolist() for name in _NUMBERS},
         **{name: getattr(knowledge.estimate, name) for name in _KEPT},
     }
     write_checked(path, VERSION, _fingerprint(model), content, now_ns)
+
+
+_NUMBERS = ('origin', 'factor', 'values', 'best')
 
 
 def load(path: Path, now_ns: int, model: MomentumModel) -> Knowledge:
@@ -68,28 +73,45 @@ def load(path: Path, now_ns: int, model: MomentumModel) -> Knowledge:
 
 
 def _widened(model: MomentumModel, content: dict[str, Any], seconds: float) -> Knowledge:
-    part, best = slice(3, model.x.stop), np.array(content['best'])
-    inverse = np.linalg.inv(np.array(content['factor']))
-    covariance = inverse @ inverse.T
-    lost = np.abs(best[: model.n_aam]) * run_down(seconds)
-    covariance[: model.n_aam, : model.n_aam] += np.diag(lost**2)
-    factor = np.linalg.cholesky(np.linalg.inv(covariance)).T
-    known = Known(part, best, factor, np.zeros(len(best)))
-    constants, whole = model.prior(), np.eye(model.size)
-    constants[part], whole[part, part] = best, covariance
-    values = estimated_values(model, constants, whole)
+    part = slice(3, model.y.stop)
+    saved = Known(part, *(np.array(content[name], dtype=float) for name in _NUMBERS))
+    size = part.stop - part.start
+    shapes = [getattr(saved, name).shape for name in _NUMBERS]
+    if shapes != [(size,), (size, size), (size,), (size,)]:
+        raise ValueError(f'{shapes} numbers for {size} constants')
+    known = _less_sure(saved, np.abs(saved.best[: model.n_aam]) * run_down(seconds))
+    constants = model.prior()
+    constants[part] = known.origin
+    std = np.ones(model.size)
+    factor = np.eye(model.size, model.size + 1)
+    factor[part, part], factor[part, -1] = known.factor, known.values
+    values = estimated_values(model, posterior_of(model, factor, constants, std))
     estimate = Estimate(
         method='online',
         valid=True,
         reason='',
-        unexcited=(),
         notes=(f'from a file saved {seconds:.0f} s before',),
-        **{name: content[name] for name in _KEPT},
+        unknowns=model.size,
+        **{name: content[name] for name in _KEPT if name != 'unexcited'},
+        unexcited=tuple(content['unexcited']),
         **{**values, 'nuisances': ()},
     )
     estimate.check()
     return Knowledge(model, known, estimate)
 
 
+def _less_sure(known: Known, lost: Array) -> Known:
+    """The same where the first k constants may have changed meanwhile by `lost` (k,), one std."""
+    size, k = len(known.origin), int(np.count_nonzero(lost))
+    changed = np.flatnonzero(lost)
+    rows = np.zeros((size + k, k + size + 1))
+    rows[:size, :k], rows[:size, k:-1] = known.factor[:, changed], known.factor
+    rows[:size, -1], rows[size:, :k] = known.values, np.diag(1.0 / lost[changed])
+    left = marginal(rows, np.arange(k, k + size))
+    return Known(known.part, known.origin, left[:, :-1], left[:, -1], known.best)
+
+
 def _fingerprint(model: MomentumModel) -> str:
-    return digest('\n'.join((model.robot.urdf, *model.robot.joints, *model.names)))
+    bodies = np.array2string(model.bodies.std, threshold=10_000, precision=6)
+    names = (model.structure, *(g.link for g in model.robot.target_wheels), bodies)
+    return digest('\n'.join((model.robot.urdf, *model.robot.joints, *names)))

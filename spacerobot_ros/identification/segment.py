@@ -30,6 +30,9 @@ from .validity_limits import FIRST, MOVED, SHORTEST
 
 _LARGEST = 20_000
 """Samples of one sensor in one solution: it takes 36 kB of memory for each (servicer)."""
+_COST = 32_000_000
+"""Samples of one sensor times squared unknowns in one solution: some 0.5 s of CPU a pass, so that
+estimates of seven joints stay a second apart; 40 s of them, 12 s of fourteen joints."""
 Screened = tuple[Record, Callable[..., Counter[str]]]
 """A record without outliers, and what counts them between two times [s]."""
 
@@ -89,7 +92,7 @@ class Segment:
         self._first_joints: float | None = None  # from which holds count
         self._is_kept = True
         self._next_rerun = 0.0
-        self._rerun_constants, self._rerun_std = model.prior(), np.zeros(model.size)
+        self._rerun_constants = model.prior()
 
     def lacking(self, record: Record, end: float) -> str:
         """Why a record does not suffice up to a time [s], empty where it does."""
@@ -147,7 +150,7 @@ class Segment:
         faults, record = contradictions(record), record.between(-np.inf, end)
         stretch = prepare(record, self._noise, self._holds(record))
         self.likelihood.solve(stretch)
-        self._rerun_constants, self._rerun_std = self.likelihood.constants, self.likelihood.std
+        self._rerun_constants = self.likelihood.constants
         samples = self._past.source.samples + len(record.joint_time)
         self.source = Source(samples, 0, notes, faults)
         self.left_out = self._past.left_out + count(until=end)
@@ -169,7 +172,8 @@ class Segment:
 
     def _is_whole(self, end: float) -> bool:
         """Whether the buffer holds the whole segment up to a time [s], few enough to run again."""
-        few = all(len(s.stamps) <= _LARGEST for s in self._samples.streams.values())
+        most = min(_LARGEST, _COST // self._model.size**2)
+        few = all(len(s.stamps) <= most for s in self._samples.streams.values())
         return self._is_kept and few and end - max(self.start, 0.0) <= self._settings.buffer
 
     def _is_rerun_due(self, end: float) -> bool:
@@ -177,7 +181,8 @@ class Segment:
         if not self.likelihood.is_converged or end >= self._next_rerun:
             return True
         moved = np.abs(self.likelihood.constants - self._rerun_constants)
-        return bool(np.any(moved > MOVED * self._rerun_std))
+        std = np.sqrt(np.diag(self.likelihood.posterior().covariance))
+        return bool(np.any(moved > MOVED * std))
 
     def _holds(self, record: Record) -> Holds:
         if self._first_joints is None:

@@ -1,48 +1,60 @@
-"""From constants and information to an `Estimate`: rank, open directions, validity, bodies."""
+"""From the posterior of bodies and momenta to an `Estimate`: what is known, from where, valid."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
-import scipy
 
-from ..estimation.filters.momentum_filter import SquareRootInformation
 from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.unknowns.bodies import PARTS
+from ..estimation.unknowns.minimal import MinimalSet, minimal_set
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array
-from .estimate import Estimate, estimated_values
-from .physical import project
-from .validity_limits import BETTER_THAN_PLACEBO, BETTER_THAN_PRIOR, LARGEST_CHI2
-from .weak_prior import Prior
+from .estimate import Estimate, NamedValue
+from .maximum_likelihood import MaximumLikelihood, Posterior
+from .validity_limits import (
+    CONTRADICTED,
+    FROM_DATA,
+    FROM_FILE,
+    LARGEST_CHI2,
+    MOST_LINES,
+    NO_MOMENTUM,
+)
+
+_STEP = 1e-5  # of the bodies' coordinates, for the derivatives of minimal parameters
+_AT_ONCE = 64  # bodies' coordinates differentiated together
+_WORDS = {'mass': 'mass', 'com': 'centre of mass', 'inertia': 'inertia'}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
+class Finding:
     """What a method found.
 
     Args:
         method: Its name.
-        constants: (p,) [h_W; AAM; x; nuisances].
-        information: Square-root information of the errors of what it is solved about, the prior
-            included.
-        prior: That prior.
-        placebo: Information that the reference's own error makes up, where it is known.
+        posterior: Of the constants.
+        chi2_per_dof: Residual chi-square per degree of freedom.
+        joint_share: Largest momentum that the joints' motion alone had [N m s].
         doubt: Why it is not valid, whatever the data say; empty where nothing is.
     """
 
     method: str
-    constants: Array
-    information: SquareRootInformation
-    prior: Prior
-    placebo: SquareRootInformation | None = None
+    posterior: Posterior
+    chi2_per_dof: float
+    joint_share: float
     doubt: str = ''
 
-    @property
-    def chi2_per_dof(self) -> float:
-        """Residual chi-square per degree of freedom."""
-        return self.information.residual / max(self.information.rows - len(self.constants), 1)
+
+def finding_of(likelihood: MaximumLikelihood, method: str) -> Finding:
+    """What maximum likelihood has found so far."""
+    posterior, (squares, rows) = likelihood.posterior(), likelihood.misfit
+    chi2 = squares / max(rows - posterior.rank, 1)
+    doubt = '' if likelihood.is_converged else 'the iteration has not converged'
+    return Finding(method, posterior, chi2, likelihood.joint_share, doubt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,162 +80,130 @@ class Identification:
 
     Args:
         estimate: Wheel momentum and minimal parameters.
-        robot: The robot with the bodies and the wheel momentum found; None where no bodies
-            were sought (`ls`, `recursive`, a linear manifold) or found.
-        coordinates: Of the bodies, to start the next search from.
+        robot: The robot with the bodies and the wheel momentum found; None of `ls`.
+        model: Of the unknowns. posterior: Of them; both None where bodies were not sought.
     """
 
     estimate: Estimate
     robot: Robot | None = None
-    coordinates: Array | None = None
+    model: MomentumModel | None = None
+    posterior: Posterior | None = None
 
 
 def conclude(
-    model: MomentumModel,
-    settings: IdentifierSettings,
-    solution: Solution,
-    source: Source,
-    start: Array | None = None,
+    model: MomentumModel, settings: IdentifierSettings, finding: Finding, source: Source
 ) -> Identification:
-    """The estimate, over physical bodies where the method is likelihood and no fault is seen.
-
-    Below full rank bodies are not sought: they would turn what the prior says into what the data
-    seem to say. Where none fit, the linear estimate stands and a note says which body is at fault.
+    """The estimate, and why it is not valid where it is not.
 
     Args:
-        model: Robot and minimal set.
-        settings: Limits of validity, manifold.
-        solution: What was found.
+        model: Robot and unknowns.
+        settings: Limits of validity.
+        finding: What was found.
         source: From what.
-        start: Coordinates of bodies found earlier.
     """
-    linear = summarize(model, settings, solution, source)
-    is_linear = settings.manifold == 'linear' or solution.placebo is None
-    if is_linear or source.faults or linear.unexcited:
-        return Identification(linear)
-    factor = solution.information.factor[:, :-1]
-    found = project(model, settings, solution.constants, factor, start)
-    if found.contradiction:
-        notes = (*linear.notes, f'{found.contradiction}; the linear estimate stands')
-        return Identification(replace(linear, notes=notes))
-    dimension = found.dimension - 3 - model.nuisances.size
-    note = (
-        f'estimated over physical bodies: {dimension} dimensions for {linear.unknowns} numbers; '
-        f'misfit {found.misfit:.3g} for {found.dof} degrees of freedom'
-    )
-    values = estimated_values(model, found.constants, found.covariance)
-    estimate = replace(linear, notes=(*linear.notes, note), **values)
-    robot = found.robot.with_target_momentum(estimate.aam)
-    return Identification(estimate, robot, found.coordinates)
-
-
-def summarize(
-    model: MomentumModel, settings: IdentifierSettings, solution: Solution, source: Source
-) -> Estimate:
-    """The estimate over the linear minimal set."""
-    constants, prior = solution.constants, solution.prior
-    _, covariance = solution.information.solve()
-    wanted = slice(3, model.x.stop)
-    factor, _ = marginal(solution.information.factor, wanted)
-    made_up = np.zeros_like(factor)
-    if solution.placebo is not None:
-        made_up = solution.placebo.factor[:, wanted]
-    scale = prior.std[wanted]
-    singular = np.linalg.svd(factor / np.linalg.norm(factor, axis=0), compute_uv=False)
-    weak = _weak_directions(factor * scale, made_up * scale)
-    if weak:
-        # The unexcited directions are not straight (everything may scale together), so no linear
-        # covariance tells how far along them the truth may lie: only the prior does.
-        covariance = covariance + np.diag(prior.std**2)
-    unexcited = tuple(_describe(direction, model.names) for direction in weak)
-    notes = source.notes
-    if not np.any(model.robot.servicer_wheels.body_momentum):
-        notes = (*notes, _ratios(model.names, constants[wanted]))
+    posterior = finding.posterior
+    far = contradictions_of_file(model, posterior)
+    reason = '; '.join(source.faults) or finding.doubt or _doubt(model, settings, finding, far)
     estimate = Estimate(
-        method=solution.method,
-        valid=True,
-        reason='',
-        rank=len(model.names) - len(weak),
-        condition=float(singular[0] / singular[-1]),
-        unexcited=unexcited,
-        chi2_per_dof=solution.chi2_per_dof,
+        method=finding.method,
+        valid=not reason,
+        reason=reason,
+        rank=posterior.rank,
+        unknowns=model.size,
+        condition=_condition(posterior.covariance[3:, 3:]),
+        unexcited=from_the_file(model, posterior),
+        chi2_per_dof=finding.chi2_per_dof,
         samples=source.samples,
         stamp_ns=source.stamp_ns,
-        notes=notes,
-        weak=np.array(weak).reshape(len(weak), len(model.names)),
-        **estimated_values(model, constants, covariance),
+        notes=(*source.notes, *_notes(model, posterior, far)),
+        prior_factor=posterior.bodies.factor,
+        **estimated_values(model, posterior),
     )
-    reason = '; '.join(source.faults) or _doubt(estimate, settings.valid_std) or solution.doubt
-    return replace(estimate, valid=not reason, reason=reason)
+    return Identification(estimate, model.robot_at(posterior.mean), model, posterior)
 
 
-def marginal(factor: Array, wanted: slice) -> tuple[Array, Array]:
-    """Square-root information of some constants, the others eliminated.
+def estimated_values(model: MomentumModel, posterior: Posterior) -> dict[str, Any]:
+    """The fields of an `Estimate` that constants and their covariance make."""
+    minimal = minimal_set(model.robot, model.structure)
+    mean, covariance = posterior.mean, posterior.covariance
+    head, n = slice(3, model.y.stop), model.n_aam
+    slopes = _by_coordinates(model, minimal, mean[model.y])
+    wanted = np.zeros((n + len(minimal), n + model.bodies.size))
+    wanted[:n, :n], wanted[n:, n:] = np.eye(n), slopes
+    found = wanted @ covariance[head, head] @ wanted.T
+    prior = np.concatenate([posterior.prior_std[model.aam] ** 2, slopes**2 @ _scaled(model, posterior)])
+    std = np.sqrt(np.diag(covariance))[model.other]
+    nuisances = zip(
+        model.nuisances.names,
+        mean[model.other].tolist(),
+        std.tolist(),
+        model.nuisances.units,
+        strict=True,
+    )
+    mass, com, inertia = model.bodies.bodies(mean[model.y])
+    return {
+        'aam_links': tuple(g.link for g in model.robot.target_wheels),
+        'aam': mean[model.aam],
+        'parameter_names': minimal.names,
+        'parameters': minimal.of_bodies(mass, com, inertia),
+        'units': minimal.units,
+        'covariance': 0.5 * (found + found.T),
+        'sources': sources(np.diag(found), prior),
+        'total_momentum': mean[:3],
+        'total_momentum_covariance': covariance[:3, :3],
+        'nuisances': tuple(NamedValue(*each) for each in nuisances),
+    }
 
-    Args:
-        factor: (p, p + 1) of all, with its right-hand side.
-        wanted: The m that are kept.
 
-    Returns:
-        (m, m) upper triangular, and (m,) right-hand side.
+def sources(variance: Array, prior: Array) -> tuple[str, ...]:
+    """What numbers are from, by how much data shrank their variance (k,) below the prior's."""
+    told = 1.0 - variance / np.where(prior > 0.0, prior, 1.0)
+    return tuple(
+        'data' if share > FROM_DATA else 'file' if share < FROM_FILE else 'both' for share in told
+    )
+
+
+def from_the_file(model: MomentumModel, posterior: Posterior) -> tuple[str, ...]:
+    """What only the robot file tells of the bodies, in a few lines, such as `link_2: mass`."""
+    variance = np.diag(posterior.covariance)[model.y]
+    from_where = np.array(sources(variance, _scaled(model, posterior)))
+    told = np.full(model.bodies.free.shape, 'data', dtype=from_where.dtype)
+    told[model.bodies.free] = from_where
+    lines: dict[str, list[str]] = {}
+    for body, own in zip(model.robot.bodies, told, strict=True):
+        parts = [
+            words
+            for part, words in _WORDS.items()
+            if np.all(own[[p == part for p in PARTS]] == 'file')
+        ]
+        if parts:
+            lines.setdefault(', '.join(parts), []).append(body.name)
+    texts = [f'{", ".join(names)}: {parts}' for parts, names in lines.items()]
+    if len(texts) > MOST_LINES:
+        rest = len(texts) - MOST_LINES + 1
+        texts = [*texts[: MOST_LINES - 1], f'and some of {rest} other sets of bodies']
+    return tuple(texts)
+
+
+def contradictions_of_file(model: MomentumModel, posterior: Posterior) -> tuple[str, ...]:
+    """Bodies that are further from the file's than it says they may be, in words.
+
+    By how far they are at least, two deviations off what was found.
     """
-    others = np.ones(len(factor), dtype=bool)
-    others[wanted] = False
-    ordered = np.column_stack([factor[:, :-1][:, others], factor[:, wanted], factor[:, -1]])
-    (triangle,) = scipy.linalg.qr(ordered, mode='r')
-    rest = triangle[int(np.sum(others)) : len(factor)]
-    size = rest.shape[0]
-    return np.asarray(rest[:, -size - 1 : -1]), np.asarray(rest[:, -1])
-
-
-def _weak_directions(factor: Array, made_up: Array) -> list[Array]:
-    """Unit vectors that the data hardly tell better than the prior or than a placebo.
-
-    Args:
-        factor: Square-root information, unknowns in units of the prior's std.
-        made_up: The placebo's, likewise.
-    """
-    least = np.hypot(1.0, BETTER_THAN_PRIOR) * np.eye(factor.shape[1])
-    bar = np.linalg.qr(np.vstack([least, np.sqrt(BETTER_THAN_PLACEBO) * made_up]), mode='r')
-    relative = scipy.linalg.solve_triangular(bar, factor.T, trans='T').T
-    _, singular, right = np.linalg.svd(relative)
-    weak = [np.linalg.solve(bar, right[i]) for i in np.flatnonzero(singular < 1.0)]
-    return [direction / np.linalg.norm(direction) for direction in weak]
-
-
-def _describe(direction: Array, names: tuple[str, ...]) -> str:
-    """The direction's largest components, such as `0.71 J0xx + 0.70 J0yy`."""
-    order = np.argsort(-np.abs(direction))
-    chosen = [i for i in order[:4] if abs(direction[i]) > 0.2] or [order[0]]
-    sign = np.sign(direction[chosen[0]])
-    terms = [f'{sign * direction[i]:+.2f} {names[i]}' for i in chosen]
-    return ' '.join(terms).removeprefix('+')
-
-
-def _ratios(names: tuple[str, ...], values: Array) -> str:
-    """What is left where no momentum is known: everything over the largest number."""
-    largest = int(np.argmax(np.abs(values)))
-    ratios = ', '.join(
-        f'{name} {value / values[largest]:.5g}' for name, value in zip(names, values, strict=True)
-    )
-    return (
-        "the servicer's own wheels are at rest, so the common scale is not observable; "
-        f'ratios to {names[largest]}: {ratios}'
-    )
-
-
-def _doubt(estimate: Estimate, valid_std: float) -> str:
-    """Why the data do not suffice; empty where they do."""
-    if estimate.unexcited:
-        open_ones = f'{len(estimate.unexcited)} of {estimate.unknowns}'
-        return f'{open_ones} directions are not excited yet'
-    aam = estimate.aam
-    limit = valid_std * max(float(np.linalg.norm(aam)), 1e-9)
-    if len(aam) and (largest := np.max(estimate.std[: len(aam)])) > limit:
-        return f'wheel momentum is known to {largest:.3g} N m s only, the limit is {limit:.3g}'
-    if estimate.chi2_per_dof > LARGEST_CHI2:
-        return unexplained(estimate.chi2_per_dof)
-    return ''
+    y, std = posterior.mean[model.y], np.sqrt(np.diag(posterior.covariance))[model.y]
+    far = (np.abs(y) - 2.0 * std) / model.bodies.std
+    body, part = np.nonzero(model.bodies.free)
+    out = []
+    for index in sorted(set(body[far > CONTRADICTED].tolist()), key=lambda k: -np.max(far[body == k])):
+        worst = int(np.argmax(np.where(body == index, far, -np.inf)))
+        kind, value = PARTS[part[worst]], y[worst]
+        size = f'{np.exp(value):.3g} times the file\'s' if kind == 'mass' else f'off by {abs(value):.2g}'
+        unit = {'mass': '', 'com': ' of its radius of gyration', 'inertia': ' of its extent'}[kind]
+        out.append(
+            f'{model.robot.bodies[index].name}: {_WORDS[kind]} {size}{unit}, '
+            f'{abs(value) / model.bodies.std[worst]:.2g} of the deviations that the file states'
+        )
+    return tuple(out)
 
 
 def unexplained(chi2_per_dof: float) -> str:
@@ -236,19 +216,91 @@ def nothing_known(
     model: MomentumModel, settings: IdentifierSettings, reason: str, stamp_ns: int
 ) -> Estimate:
     """The prior as an estimate that is not valid, for a reason, at a stamp [ns]."""
-    prior = model.prior()
-    std = np.full(model.size, settings.prior_std * np.max(np.abs(prior[model.x])))
-    std[:3], std[model.aam] = 10.0 * settings.momentum_prior_std, settings.momentum_prior_std
-    known = estimated_values(model, prior, np.diag(std**2))
+    minimal, prior = minimal_set(model.robot, model.structure), model.prior()
+    spread = (_by_coordinates(model, minimal, prior[model.y]) ** 2) @ model.bodies.std**2
+    wheels = np.full(model.n_aam, settings.momentum_prior_std**2)
     return Estimate(
         method='online',
         valid=False,
         reason=reason,
+        aam_links=tuple(g.link for g in model.robot.target_wheels),
+        aam=prior[model.aam],
+        parameter_names=minimal.names,
+        parameters=minimal.of_robot(model.robot),
+        units=minimal.units,
+        covariance=np.diag(np.concatenate([wheels, spread])),
         rank=0,
+        unknowns=model.size,
         condition=float('inf'),
-        unexcited=('every direction',),
+        unexcited=('everything',),
+        total_momentum=prior[:3],
+        total_momentum_covariance=(10.0 * settings.momentum_prior_std) ** 2 * np.eye(3),
         chi2_per_dof=0.0,
         samples=0,
         stamp_ns=stamp_ns,
-        **{**known, 'nuisances': ()},
+        sources=('file',) * (model.n_aam + len(minimal)),
     )
+
+
+def _scaled(model: MomentumModel, posterior: Posterior) -> Array:
+    """(m,) prior variances of the bodies' coordinates at the scale that the data find."""
+    return posterior.prior_std[model.y] ** 2
+
+
+def _by_coordinates(model: MomentumModel, minimal: MinimalSet, y: Array) -> Array:
+    """(k, m) derivatives of the minimal parameters by the bodies' coordinates."""
+    out = np.empty((len(minimal), len(y)))
+    values = partial(_minimal_values, model, minimal)
+    for start in range(0, len(y), _AT_ONCE):
+        steps = _STEP * np.eye(len(y))[start : start + _AT_ONCE]
+        out[:, start : start + _AT_ONCE] = (values(y + steps) - values(y - steps)).T
+    return out / (2.0 * _STEP)
+
+
+def _minimal_values(model: MomentumModel, minimal: MinimalSet, y: Array) -> Array:
+    return minimal.of_bodies(*model.bodies.bodies(y))
+
+
+def _condition(covariance: Array) -> float:
+    """Square root of the condition number of the correlations."""
+    std = np.sqrt(np.diag(covariance))
+    values = np.linalg.eigvalsh(covariance / np.outer(std, std))
+    return float(np.sqrt(values[-1] / max(values[0], np.finfo(float).tiny)))
+
+
+def _doubt(
+    model: MomentumModel, settings: IdentifierSettings, finding: Finding, far: tuple[str, ...]
+) -> str:
+    """Why the data do not suffice; empty where they do."""
+    posterior = finding.posterior
+    if finding.chi2_per_dof > LARGEST_CHI2:
+        return unexplained(finding.chi2_per_dof)
+    if posterior.bodies.above > 0.5:
+        which = f' ({far[0]})' if far else ''
+        return f'the data contradict the bodies of the robot file{which}'
+    aam, std = posterior.mean[model.aam], np.sqrt(np.diag(posterior.covariance))[model.aam]
+    limit = settings.valid_std * max(float(np.linalg.norm(aam)), finding.joint_share, 1e-9)
+    if len(aam) and (largest := np.max(std)) > limit:
+        return f'wheel momentum is known to {largest:.3g} N m s only, the limit is {limit:.3g}'
+    return ''
+
+
+def _notes(model: MomentumModel, posterior: Posterior, far: tuple[str, ...]) -> tuple[str, ...]:
+    notes = [f'the file is contradicted: {line}' for line in far[:MOST_LINES]]
+    if far:
+        notes.append(
+            f'the data scale the uncertainties of the file by {posterior.bodies.factor:.2g}: '
+            'robot.uncertainty says how sure the file is, by link where it differs'
+        )
+    if not np.any(model.robot.servicer_wheels.body_momentum):
+        notes.append(
+            "the servicer's own wheels are at rest, so the common scale of all numbers is the "
+            "file's; the data tell ratios"
+        )
+    aam, part = posterior.mean[model.aam], model.aam
+    if len(aam):
+        square = float(aam @ np.linalg.solve(posterior.covariance[part, part], aam))
+        if square < NO_MOMENTUM * len(aam):
+            std = np.max(np.sqrt(np.diag(posterior.covariance)[part]))
+            notes.append(f'wheel momentum: none, within +- {std:.2g} N m s')
+    return tuple(notes)

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-BETTER_THAN_PRIOR = 3.0
-"""Standard deviation of the prior over that of the data, from which on a direction counts as
-excited: the prior then holds a tenth of the information, 1 / (1 + 3^2), and bends the estimate by
-at most a tenth of its own error."""
-
-BETTER_THAN_PLACEBO = 100.0
-"""Information of the data over what the reference's own error makes up, likewise: noise in a
-regressor shrinks an estimate by 1 / (1 + ratio), here by a hundredth."""
-
 LARGEST_CHI2 = 2.0
 """Chi-square per degree of freedom beyond which the model does not explain the data. Standard
 deviations below it understate errors by at most a factor of 1.4; a right model with the stated
 noise scatters by 0.01 in 20 s of 100 Hz (test_maximum_likelihood), so it is never refused."""
 
-MISFIT_P = 1e-4
-"""Probability of the misfit of physical bodies below which they contradict the robot's structure:
-the rate of false contradictions, one in ten thousand estimates."""
+FROM_DATA, FROM_FILE = 0.9, 0.1
+"""Share by which data shrank a number's variance, above and below which it is from the data or
+from the file alone: beyond the first the prior bends it by a tenth of its deviation at most."""
+
+CONTRADICTED = 4.0
+"""Stated deviations of a body's number beyond which the file is said to be contradicted: of 300
+numbers of a right file one is, once in fifty recordings."""
+
+MOST_LINES = 5
+"""Lines about what only the file tells, or is contradicted."""
+
+NO_MOMENTUM = 3.0
+"""Square of the wheel momentum in its deviations, an axis, below which it is called none: three
+axes at rest have more once in 34 times, momentum of five deviations less once in 40."""
 
 EXCHANGED_MISFIT = 0.4
 """Misfit of momentum with two joint columns exchanged over that as given, below which they are
@@ -27,16 +29,42 @@ joint axes, 20 s), and an exchange of right columns multiplies it by 70 or more:
 noise stays below, a right record far above."""
 
 CONVERGED = 0.01
-"""Shift of the constants in a pass, in standard deviations, at which the iteration has settled:
-what is left is that much below what noise does."""
+"""Shift of the momenta that another pass is expected to make, in standard deviations, at which the
+iteration has settled: what is left is that much below what noise does."""
 
-MOVED = 3.0
+SETTLED, CLOSE = 0.05, 0.2
+"""The same of the bodies, of which the momenta are a small share; and the shift of theirs that is
+asked for at which they need not settle further: some creep on by a tenth of what they ask for."""
+
+CONTRACTION = 3.0
+"""By how much the share of a shift that a pass leaves may exceed the one before: in ten flights of
+the servicer shares were 0.002 to 0.04 at first and fell later, in one they rose threefold."""
+
+MOST_PASSES = 20
+"""Passes of the iteration; flights of two to seven joints settle in two to four where the file is
+right, in five to twelve where bodies are off by a third."""
+
+LINEAR = 10.0
+"""Root mean square shift of the unknowns, in standard deviations, up to which a step is taken as
+the linear model has it. Of 11 hard flights 1 to 1000 settle in as many passes or more."""
+
+BACKTRACK = 0.25
+"""Share of a step that is tried after one that made the constants less probable."""
+
+WORSE = 1.0
+"""Rise of twice the negative log probability that is none: weights of rows move with constants."""
+
+NEARER = 0.01
+"""Rise of the same, a row, up to which a step is taken that lessens the shift that is asked for:
+weights of rows that move with the constants make as much of it."""
+
+MOVED = 1.0
 """Shift of the constants since the last run through the buffer, in its standard deviations, that
-asks for another: three are beyond what noise explains, so the linearization was about others."""
+asks for another: what it was linearized about is then further off than noise explains."""
 
-SMALLEST_INERTIA = 0.05
-"""Of the prior's smallest inertia: below it D^-1 is twenty times as large, and a linearization
-about it holds nowhere."""
+WEAKLY_KNOWN = 3.0
+"""Of `ls`: standard deviation by which numbers may be wrong, the largest of them, over that of the
+data, from which on a direction counts as excited."""
 
 SHORTEST = 2.0
 """Seconds of a record, below which splines of half a second's knots are all ends."""

@@ -67,7 +67,8 @@ class ControllerSettings:
 class AdaptationSettings:
     """Adaptive control of base attitude and joints: bandwidths, prior, gains.
 
-    `controller.law` and `controller.physical_consistency` choose the law.
+    `controller.law` and `controller.physical_consistency` choose the law; `robot.uncertainty` says
+    how wrong the bodies may be.
 
     Args:
         kappa: Bandwidth of the rate loop: K_D = kappa M(q0).
@@ -75,7 +76,6 @@ class AdaptationSettings:
         joint_bandwidth: Lambda of the joints.
         sampling_check: What to do where bandwidths are too fast for the control period.
         filter_rate: Low-pass of the momentum regression.
-        prior_std: Relative standard deviation of the inertial parameters.
         prior_shape: bodies: each is like the believed one, stretched and moved; elements: each
             parameter is wrong on its own, which few physical bodies are.
         wheel_momentum_std: Standard deviation of the captured wheels' momentum, each axis; 0:
@@ -90,7 +90,6 @@ class AdaptationSettings:
     joint_bandwidth: float = param(1.0, '1/s', above=0.0, maximum=100.0)
     sampling_check: str = param('refuse', choices=('refuse', 'warn'))
     filter_rate: float = param(2.0, '1/s', above=0.0, maximum=1000.0)
-    prior_std: float = param(0.3, above=0.0, maximum=10.0)
     prior_shape: str = param('bodies', choices=('bodies', 'elements'))
     wheel_momentum_std: float = param(0.0, 'N m s', minimum=0.0)
     adaptation_error: float = param(0.005, 'rad', above=0.0)

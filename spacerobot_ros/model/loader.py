@@ -16,6 +16,7 @@ from .inputs import read_thrusters
 from .robot import Robot
 from .robot_settings import RobotSettings, SensorSettings
 from .settings import Settings
+from .uncertainty import body_uncertainties
 from .urdf import Tree, parse_urdf
 from .urdf_joints import MOVING, left_moving
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
@@ -114,6 +115,7 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         sensors=settings.sensors,
         rotors=rotors,
         inertia_uncertainty=options.inertia_uncertainty,
+        uncertainties=body_uncertainties(options.uncertainty, frames, len(bodies)),
         effort_kinds=_each(options, 'robot.effort_kind', options.effort_kind),
         motor_constants=_each(options, 'robot.motor_constant', options.motor_constant),
         passive_joints=options.passive_joints,

@@ -25,6 +25,7 @@ from ..types import Array, BoolArray, Vector3
 from .body import Body, Gyrostat, Rotor, joint_unit, last_bodies, tree_order
 from .inputs import Inputs, MountedThruster
 from .robot_settings import SensorSettings
+from .uncertainty import USUAL, BodyUncertainty
 from .urdf import Tree, parse_urdf
 
 
@@ -48,7 +49,9 @@ class Robot:
         rotors: True rotors, the servicer's first; locked into `bodies` unless `rotor_count` > 0.
         rotor_count: Number of trailing entries of `joints` that are free rotors: 0 in the gyrostat
             view, `len(rotors)` in the plant view.
-        inertia_uncertainty: Standard deviation of every inertial parameter, as a share of it.
+        inertia_uncertainty: Standard deviation of every inertial parameter, as a share of it, in
+            the diagnosis.
+        uncertainties: Of each body, rotors aside; see `uncertainty_of`.
         effort_kinds: What the measured effort of each joint of the arm is, see `RobotSettings`.
         motor_constants: Of each joint of the arm [N m/A]; empty where they are not stated.
         passive_joints: Joints of the arm without a motor.
@@ -74,6 +77,7 @@ class Robot:
     rotors: tuple[Rotor, ...] = ()
     rotor_count: int = 0
     inertia_uncertainty: float = 0.1
+    uncertainties: tuple[BodyUncertainty, ...] = ()
     effort_kinds: tuple[str, ...] = ()
     motor_constants: tuple[float, ...] = ()
     passive_joints: tuple[str, ...] = ()
@@ -186,6 +190,10 @@ class Robot:
     def rotor_rates(self) -> Array:
         """(rotor_count,) relative rates of the free rotors at the start [rad/s]."""
         return np.array([rotor.rate for rotor in self.rotors[: self.rotor_count]])
+
+    def uncertainty_of(self, index: int) -> BodyUncertainty:
+        """Of a body by its place in `bodies`; the usual one where none is stated, as of rotors."""
+        return self.uncertainties[index] if index < len(self.uncertainties) else USUAL
 
     @cached_property
     def inertial_parameters(self) -> Array:

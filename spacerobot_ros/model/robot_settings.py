@@ -14,6 +14,7 @@ from .schema import (
     TextOrList,
     param,
 )
+from .uncertainty import UncertaintySettings
 
 ANCHORS = ('none', 'gravity', 'inertia')
 
@@ -81,7 +82,7 @@ class RobotSettings:
         base_link: Root link of the URDF; empty: whichever it is.
         gravity: Gravity in the inertial frame.
         inertia_uncertainty: Standard deviation of every inertial parameter, as a share of its
-            magnitude.
+            magnitude, in the diagnosis.
         joints: Manipulator joints in the order of every vector and message.
         effort_kind: What measured efforts are; one for all joints, or one a joint.
         motor_constant: Torque at the joint of one ampere; one for all joints, or one a joint.
@@ -102,6 +103,7 @@ class RobotSettings:
     passive_joints: TextList = param(())
     effect_modules: TextList = param(())
     scale: ScaleSettings = field(default_factory=ScaleSettings)
+    uncertainty: UncertaintySettings = field(default_factory=UncertaintySettings)
     thrusters: FreeMaps = field(default_factory=dict)
     held: FloatMap = field(default_factory=dict)
     servicer_wheels: WheelSettings = field(default_factory=WheelSettings)

@@ -16,6 +16,7 @@ from typing import Any
 
 from .control_settings import AdaptationSettings, ControllerSettings
 from .motion_settings import ExcitationSettings, InitialSettings, ReferenceSettings
+from .old_keys import without_old_keys
 from .robot_settings import RobotSettings, SensorSettings
 from .schema import LONGEST, TIMES, FloatList, FreeMaps, TextList, param, parse_section
 
@@ -25,18 +26,17 @@ class IdentifierSettings:
     """The identifier: what is estimated, and when it counts as known.
 
     Args:
-        structure: symmetric: zeros of the URDF in link centres of mass and products of inertia are
-            taken as known.
-        manifold: physical: what rigid bodies can be; linear: the minimal set is left free.
+        structure: generic: bodies may be any. symmetric: zeros of the URDF in link centres of mass
+            and products of inertia are taken as known.
         nuisances: Further unknowns: gyro_bias, torque_hold (sampled control), encoder_offset,
             imu_delay, attitude_delay, external_torque_inertial, target_wheel_drag,
             servicer_wheel_drag.
         torque_hold_period: Period over which motors hold their torque; 0: seen in the efforts or
             estimated.
         solve_period: Period of /estimate.
-        prior_std: Relative standard deviation of the prior on inertial parameters.
         momentum_prior_std: Prior on the wheel momentum, each axis.
-        valid_std: Valid once the std of the AAM is below this fraction of its scale.
+        valid_std: Valid once the std of the AAM is below this fraction of the AAM, or of the
+            largest momentum so far that the joints' motion has about the system's centre.
         lateness: How far a sample may come behind newer joint and gyro samples; the node keeps
             back the newest data for as long (0.5 s at least).
         buffer: Length of the raw-sample buffer used to re-linearize.
@@ -44,12 +44,10 @@ class IdentifierSettings:
             on; empty: none.
     """
 
-    structure: str = param('symmetric', choices=('symmetric', 'generic'))
-    manifold: str = param('physical', choices=('physical', 'linear'))
+    structure: str = param('generic', choices=('symmetric', 'generic'))
     nuisances: TextList = param(('gyro_bias', 'torque_hold'))
     torque_hold_period: float = param(0.0, 's', minimum=0.0, maximum=LONGEST)
     solve_period: float = param(1.0, 's', **TIMES)
-    prior_std: float = param(1.0, above=0.0)
     momentum_prior_std: float = param(1000.0, 'N m s', above=0.0)
     valid_std: float = param(0.05, above=0.0)
     lateness: float = param(0.5, 's', minimum=0.0, maximum=10.0)
@@ -195,4 +193,4 @@ def parse_settings(values: Mapping[str, Any], place: str = '') -> Settings:
         ConfigurationError: on an unknown key, wrong type, wrong length, or non-finite or
             out-of-bound number.
     """
-    return typing.cast(Settings, parse_section(Settings, values, place))
+    return typing.cast(Settings, parse_section(Settings, without_old_keys(values), place))

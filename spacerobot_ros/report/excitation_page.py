@@ -9,15 +9,19 @@ from functools import partial
 import numpy as np
 
 from ..display import Curve, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, table_of
+from ..estimation.trajectory.base_response import BaseMotion
 from ..excitation.assessment import Summary
-from ..excitation.base_response import BaseMotion
 from ..excitation.precision import Prediction
 from ..excitation.problem import Problem
-from ..formats import percent
+from ..formats import number, percent
 from ..types import Array
 
 _FIGURES: dict[str, Callable[[Prediction], str]] = {
+    'worst AAM [N m s]': lambda p: number(p.aam_std, 3),
+    'worst AAM, bodies as uncertain as stated [N m s]': lambda p: number(p.aam_std_as_stated, 3),
+    'AAM valid up to [N m s]': lambda p: number(p.aam_limit, 3),
     'information [bit]': lambda p: f'{p.bits:.1f}',
+    'of the AAM alone [bit]': lambda p: f'{p.aam_bits:.1f}',
     'directions told': lambda p: f'{p.told} of {p.tellable}',
     'condition of A': lambda p: f'{p.condition:.4g}',
     'condition, unit columns': lambda p: f'{p.unit_condition:.4g}',
@@ -26,17 +30,24 @@ _FIGURES: dict[str, Callable[[Prediction], str]] = {
     'worst parameter': lambda p: _percent(p.worst_parameter),
     'common scale': lambda p: _percent(p.scale_std),
 }
-_HEADLINES = ('worst AAM / |h|', 'median parameter')
+_HEADLINES = (
+    'worst AAM [N m s]',
+    'worst AAM, bodies as uncertain as stated [N m s]',
+    'worst AAM / |h|',
+    'median parameter',
+)
 
 
 def excitation_page(summary: Summary) -> Report:
     """The report of a design."""
     problem = summary.problem
     options = problem.settings.excitation
-    motion = problem.move(summary.found.x[None], problem.fine)
+    chosen, nodes = summary.chosen, len(problem.fine.times)
+    family = chosen.family.at(np.linspace(0.0, chosen.family.duration, nodes))
+    motion = problem.moves(chosen.x[None], family, chosen.start)[0]
     return Report(
         'Identification motion',
-        f'{problem.robot.name}, {options.duration:g} s, {options.harmonics} harmonics, criterion '
+        f'{problem.robot.name}, {family.duration:g} s, {family.harmonics} harmonics, criterion '
         f'{options.criterion}, start {problem.start_kind}, seed {options.seed}',
         [
             Section('Prediction', [_key_figures(summary)]),
@@ -56,18 +67,17 @@ def excitation_sections(summary: Summary) -> list[Section]:
     """Everything that is told of a design in words and tables."""
     problem = summary.problem
     identifier = problem.settings.identifier
-    omega = ', '.join(f'{w:.4g}' for w in problem.start.omega)
+    omega = ', '.join(f'{w:.4g}' for w in summary.chosen.start.omega)
     tried = ', '.join(f'{a.cost:.4g}' for a in summary.found.attempts)
     first = (
         f'{problem.robot.name}: {problem.settings.excitation.criterion}, {identifier.structure} '
-        f'structure, {identifier.manifold} manifold; start {problem.start_kind}, base rate '
-        f'[{omega}] rad/s'
+        f'structure; start {problem.start_kind}, base rate [{omega}] rad/s'
     )
     last = [f'advice: {summary.advice}', *(f'note: {note}' for note in summary.notes)]
     return [
-        Section('', [first, f'cost of each start: {tried}']),
+        Section('', [first, f'cost of each start: {tried}', *filter(None, [summary.headline])]),
         Section('limits, the largest use of each', [_limits(summary)]),
-        Section('predicted by the Cramer-Rao bound', [_figures(summary)]),
+        Section('what identify will find', [_figures(summary)]),
         Section('standard deviations', [_stds(summary)]),
         Section("servicer's own wheels, the same joint motion", [_wheels(summary)]),
         Section('', last),
@@ -110,7 +120,8 @@ def _predictions(summary: Summary) -> dict[str, Prediction]:
     named = {
         'design': summary.design,
         'with rest': summary.with_rest,
-        "file's own motion": summary.reference,
+        "file's own motion": None if summary.is_own else summary.reference,
+        'search': summary.searched if summary.is_own else None,
     }
     return {name: p for name, p in named.items() if p is not None}
 
@@ -127,9 +138,8 @@ def _stds(summary: Summary) -> Table:
     shown, design = _predictions(summary), summary.design
     rows = []
     for i, name in enumerate(design.names):
-        unit = 'N m s' if i < design.n_aam else 'kg m^2'
         stds = (f'{p.std[i]:.3g}' for p in shown.values())
-        rows.append((name, f'{design.values[i]:.5g}', unit, *stds))
+        rows.append((name, f'{design.values[i]:.5g}', design.units[i], *stds))
     return Table(('unknown', 'value', 'unit', *(f'+- {name}' for name in shown)), rows)
 
 
@@ -154,10 +164,11 @@ def _percent(value: float) -> str:
 
 def _joints(problem: Problem, motion: BaseMotion) -> list[Panel]:
     limits = problem.limits
+    of = problem.robot.unit_of
     shown = (
-        ('position', 'rad', motion.q[0], limits.upper),
-        ('rate', 'rad/s', motion.qd[0], limits.rate),
-        ('torque', 'N m', motion.torque[0], limits.torque),
+        ('position', of('rad'), motion.q[0], limits.upper),
+        ('rate', f'{of("rad")}/s', motion.qd[0], limits.rate),
+        ('torque', of('N m'), motion.torque[0], limits.torque),
     )
     return [_joint_panel(problem, motion.time, *one) for one in shown]
 

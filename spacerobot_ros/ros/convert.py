@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from ..control.command import Command
     from ..control.joint_reference import Setpoint
 
-PARAMETER_UNIT = 'kg m^2'
-
 
 @cache
 def message_type(kind: str) -> Any:
@@ -60,11 +58,13 @@ def estimate_message(value: Estimate, rejected: int) -> Any:
         chi2_per_dof=float(value.chi2_per_dof),
         aam_links=list(value.aam_links),
         parameter_names=list(value.parameter_names),
-        parameter_units=[PARAMETER_UNIT] * len(value.parameter_names),
+        parameter_units=list(value.units),
         unexcited=list(value.unexcited),
         total_momentum=np.array(value.total_momentum, dtype=np.float64),
         total_momentum_covariance=np.ravel(value.total_momentum_covariance),
         rejected=rejected,
+        sources=list(value.sources),
+        prior_factor=float(value.prior_factor),
     )
 
 
@@ -79,9 +79,12 @@ def estimate(message: Any) -> Estimate:
         raise MessageRejectedError(
             f'covariance has {len(message.covariance)} entries, expected {size * size}'
         )
-    names = ('method', 'valid', 'reason', 'rank', 'condition', 'chi2_per_dof', 'samples')
+    names = ('method', 'valid', 'reason', 'rank', 'unknowns', 'condition', 'chi2_per_dof')
+    more = ('samples', 'prior_factor')
     out = Estimate(
-        **{name: getattr(message, name) for name in names},
+        **{name: getattr(message, name) for name in (*names, *more)},
+        units=tuple(message.parameter_units),
+        sources=tuple(message.sources),
         aam_links=tuple(message.aam_links),
         parameter_names=tuple(message.parameter_names),
         aam=np.array(message.aam),

@@ -63,10 +63,23 @@ def declare_settings(node: Node) -> Settings:
         node.declare_parameter(name, own[name], _descriptor(doc), ignore_override=True)
     for leaf in leaves(settings):
         _declare(node, leaf)
-    for name, value in _flat('effects', settings.effects):
-        descriptor = _descriptor('Of a physical effect that the model believes in.')
-        node.declare_parameter(name, value, descriptor, ignore_override=True)
+    for name, value, meaning in _free_entries(settings):
+        node.declare_parameter(name, value, _descriptor(meaning), ignore_override=True)
     return settings
+
+
+def _free_entries(settings: Settings) -> Iterator[tuple[str, Any, str]]:
+    """Dotted name, value and meaning of what stands under free names."""
+    for section, entries, meaning in (
+        ('effects', settings.effects, 'Of a physical effect that the model believes in.'),
+        (
+            'robot.uncertainty.links',
+            settings.robot.uncertainty.links,
+            'As robot.uncertainty of the same name, of one link.',
+        ),
+    ):
+        for name, value in _flat(section, entries):
+            yield name, value, meaning
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -93,6 +106,7 @@ def let_change(
         take: Takes up other settings; raises ConfigurationError where they can't be.
     """
     known = {leaf.name for leaf in leaves(settings())} | set(OWN)
+    known |= {name for name, *_ in _free_entries(settings())}
 
     def answer(parameters: list[Parameter]) -> SetParametersResult:
         asked = {p.name: p.value for p in parameters if p.name in known}

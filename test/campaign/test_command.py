@@ -2,7 +2,6 @@
 
 import io
 import json
-import math
 from contextlib import redirect_stdout
 
 import pytest
@@ -59,11 +58,10 @@ def test_json_has_every_experiment(outcome):
 def test_the_estimators_rank_as_derived(outcome):
     scores = {(s['method'], s['noise_scale']): s for s in json.loads(outcome[1])['estimators']}
     for scale in (1.0, 0.1):
-        ls, recursive = scores['ls', scale], scores['recursive', scale]
-        # recursion changes nothing but rounding
-        assert math.isclose(ls['aam_over_bound'], recursive['aam_over_bound'], rel_tol=1e-6)
-        assert scores['ml', scale]['aam_over_bound'] < 0.2 * ls['aam_over_bound']
-        assert 0.9 < scores['ml', scale]['chi2_per_dof'] < 1.1
+        for method in ('recursive', 'ml'):
+            found = scores[method, scale]
+            assert found['aam_over_bound'] < 0.2 * scores['ls', scale]['aam_over_bound']
+            assert 0.9 < found['chi2_per_dof'] < 1.1
     assert scores['paper', 1.0]['bias_over_rmse'] > 0.9
 
 
@@ -71,7 +69,7 @@ def test_tracking_with_least_squares_is_worse_than_without_any_estimate(outcome)
     data = json.loads(outcome[1])
     found = {r['method']: r['max_joint_error_deg'] for r in data['tracking_identified']}
     assert found['ls'] > 2.1
-    assert found['ml'] < 0.1
+    assert max(found['recursive'], found['ml']) < 0.1
 
 
 def test_files_are_written(outcome):

@@ -114,7 +114,7 @@ def test_natural_steps_stay_physical():
     rows = minisat().inertial_parameters
     pi, scales = rows.ravel().copy(), body_scales(rows)
     for _ in range(50):
-        natural_step(pi, rng.normal(size=50), 1.0, scales)
+        natural_step(pi, rng.normal(size=50), np.ones(5), scales)
         assert is_physical(pi, scales)
 
 

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.models import H_TARGET, robot_of, table_one
+from support.models import H_TARGET, random_tree, robot_of, table_one
 
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings
 from spacerobot_ros.control.adaptive.regressors import with_parameters
-from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.errors import IdentificationError
 from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.estimate import Estimate
@@ -31,7 +30,7 @@ def believed():
 
 def estimate(std=1e-3):
     minimal = minimal_set(TRUE, 'symmetric')
-    parameters = minimal.regrouping @ BlockTree(TRUE).parameters()
+    parameters = minimal.of_robot(TRUE)
     size = 3 + len(parameters)
     return Estimate(
         method='ml',
@@ -43,6 +42,7 @@ def estimate(std=1e-3):
         parameters=parameters,
         covariance=std**2 * np.eye(size),
         rank=size,
+        unknowns=size,
         condition=100.0,
         unexcited=(),
         total_momentum=np.zeros(3),
@@ -62,8 +62,7 @@ def test_the_estimate_becomes_the_mean():
     law.hand_over(given, 'symmetric')
     found = law.parameters
     np.testing.assert_allclose(found.values[-3:], H_TARGET, rtol=0.0, atol=1e-2)  # ten std
-    minimal = minimal_set(TRUE, 'symmetric')
-    reached = minimal.regrouping @ BlockTree(TRUE).parameters(with_parameters(TRUE, found.values))
+    reached = minimal_set(TRUE, 'symmetric').of_robot(with_parameters(TRUE, found.values))
     np.testing.assert_allclose(reached, given.parameters, rtol=0.0, atol=1e-2)  # ten std
     assert law.health.physical
 
@@ -76,6 +75,29 @@ def test_the_covariance_is_handed_over():
     assert np.all(std[:40] <= before[:40] * (1.0 + 1e-6))
     # momentum never tells the total mass: what the estimate does not know stays as it was
     assert std[0] > 0.1 * before[0]
+
+
+def test_joints_that_slide_and_frames_without_mass_are_handed_over(rng):
+    parts = random_tree(rng, [0, 1, 2, 3], prismatic=(3,))
+    parts[2] = replace(parts[2], mass=0.0, com=np.zeros(3), inertia=np.zeros((3, 3)))
+    truth = robot_of(parts)
+    factors = np.array([[1.1], [0.9], [1.0], [1.05], [0.95]])
+    minimal = minimal_set(truth, 'generic')
+    x = minimal.of_robot(truth)
+    believed = truth.with_inertial_parameters(truth.inertial_parameters * factors)
+    law = AdaptiveController(believed, AdaptiveSettings(), 0.01)
+    told = replace(
+        estimate(),
+        aam_links=(),
+        aam=np.zeros(0),
+        parameter_names=minimal.names,
+        parameters=x,
+        covariance=1e-6 * np.eye(len(x)),
+    )
+    law.hand_over(told, 'generic')
+    found = with_parameters(believed, law.parameters.values)
+    assert found.bodies[2].mass == 0.0
+    np.testing.assert_allclose(minimal.of_robot(found), x, rtol=0.0, atol=1e-2)  # ten std
 
 
 @pytest.mark.parametrize(

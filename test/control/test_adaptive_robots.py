@@ -16,6 +16,7 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 
 PULSE = 2.0 * np.pi / 10.0
 AXIS = np.array([1.0, 0.0, 0.0])
+WIDE = dict.fromkeys(('mass', 'com', 'inertia'), 0.3)  # as wrong as `scaled` makes densities
 GRADIENT = [
     ('adaptive_lyapunov', 'none'),
     ('adaptive_lyapunov', 'natural'),
@@ -26,8 +27,9 @@ GRADIENT = [
 def robots():
     rng = np.random.default_rng(11)
     yield 'servicer', load_robot_file('config/servicer.yaml').robot
-    yield 'dual arm', robot_of(random_tree(rng, DUAL_ARM))
-    yield 'sliding', robot_of(random_tree(rng, [0, 1, 2, 1], prismatic=(2,)))
+    yield 'dual arm', robot_of(random_tree(rng, DUAL_ARM), uncertainty=WIDE)
+    sliding = random_tree(rng, [0, 1, 2, 1], prismatic=(2,))
+    yield 'sliding', robot_of(sliding, uncertainty=WIDE)
 
 
 ROBOTS = dict(robots())

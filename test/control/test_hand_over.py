@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from support.free_flying import errors, estimate_of, file_with, free_flying_parameters, rms_degrees
+from support.models import random_tree, robot_of
 
 from spacerobot_ros.control.loop import ControlLoop
+from spacerobot_ros.control.plausible import EstimateCheck
 from spacerobot_ros.errors import MessageRejectedError
+from spacerobot_ros.estimation.unknowns.minimal import minimal_set
+from spacerobot_ros.model.uncertainty import BodyUncertainty
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 
 
@@ -64,6 +68,35 @@ def test_fixed_parameters_follow_every_estimate():
         loop.set_estimate(replace(estimate, parameters=scale * estimate.parameters))
         values.append(loop.adaptive.parameters.values)
     assert np.abs(values[1] - values[0]).max() > 0.01
+
+
+def test_how_far_an_estimate_may_be_off_is_what_the_robot_file_says():
+    """Six times ten of the stated widths, and six of the largest parameter at least."""
+    file = file_with(free_flying_parameters('passivity', 0.05))
+    estimate = estimate_of(file)
+
+    def check(width, factor):
+        bodies = (BodyUncertainty(width, width, width),) * 5
+        changed = replace(estimate, parameters=factor * estimate.parameters)
+        EstimateCheck(replace(file.robot, uncertainties=bodies), file.settings).check(changed)
+
+    check(1e-3, 5.0)
+    with pytest.raises(MessageRejectedError, match=r'implausible, .*robot\.uncertainty\)'):
+        check(1e-3, 20.0)
+    check(1.0, 20.0)
+    with pytest.raises(MessageRejectedError, match='implausible'):
+        check(1.0, 1e3)
+
+
+def test_an_arm_that_slides_has_estimates_to_be_refused(rng):
+    file = file_with({})
+    robot = robot_of(random_tree(rng, [0, 1, 2], prismatic=(2,)))
+    x = minimal_set(robot, 'generic').of_robot(robot)
+    check = EstimateCheck(robot, file.settings)
+    told = replace(estimate_of(file), parameters=x, covariance=np.eye(len(x)))
+    check.check(told)
+    with pytest.raises(MessageRejectedError, match='implausible'):
+        check.check(replace(told, parameters=-20.0 * x))
 
 
 def indefinite(covariance):

@@ -144,13 +144,11 @@ def test_a_new_reference_is_joined_without_a_step(file, truth, loop):
 
 def estimate_of(robot, truth, **changes):
     minimal = minimal_set(robot, 'symmetric')
-    from spacerobot_ros.dynamics.blocks import BlockTree
-
-    parameters = minimal.regrouping @ BlockTree(truth).parameters(truth)
+    parameters = minimal.of_robot(truth)
     size = 3 + len(parameters)
     estimate = Estimate(
         'ml', True, '', ('link_3',), truth.target_momentum, minimal.names, parameters,
-        np.eye(size), size, 1.0, (), np.zeros(3), np.eye(3), 1.0, 1, 0,
+        np.eye(size), size, size, 1.0, (), np.zeros(3), np.eye(3), 1.0, 1, 0,
     )  # fmt: skip
     return replace(estimate, **changes)
 

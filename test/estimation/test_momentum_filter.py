@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from spacerobot_ros.estimation.filters import momentum_filter
 from spacerobot_ros.estimation.filters.linear_steps import Steps
 from spacerobot_ros.estimation.filters.momentum_filter import (
     MomentumFilter,
-    SquareRootInformation,
+    Part,
+    Stretch,
     state_space,
 )
 from spacerobot_ros.estimation.filters.momentum_process import RateErrorModel
@@ -34,6 +37,18 @@ STATES = {
 }
 
 
+class Moving(NamedTuple):
+    """Stands for the kinematics: all that the filter asks of them."""
+
+    rate: RateErrorModel
+    omega: np.ndarray
+    rotation: Rotation
+
+    def part(self, which):
+        rate = RateErrorModel(self.rate.offset[which], self.rate.state[which], self.rate.constants[which])
+        return Moving(rate, self.omega[which], self.rotation[which])
+
+
 class Problem:
     """A small linear problem with arbitrary coefficients and patchy measurements."""
 
@@ -48,7 +63,6 @@ class Problem:
             0.1 * rng.standard_normal((N, 3)),
             0.5 * rng.standard_normal((N, 3, 3 + 2 * JOINTS)),
             rng.standard_normal((N, 3, P)),
-            rng.standard_normal((N, 3, P)),  # placebo: no part of the estimate
         )
         self.stamps = {name: time[rng.random(N) < share] for name, share in seen.items()}
         self.deviations = {
@@ -58,7 +72,7 @@ class Problem:
 
     def filter(self):
         model = SimpleNamespace(
-            size=P, n=JOINTS, linearize=lambda kinematics, _, __: kinematics.rate
+            size=P, n=JOINTS, other=slice(P, P), linearize=lambda kinematics, _: kinematics.rate
         )
         engine = MomentumFilter(model)
         engine.information.add(np.diag(1.0 / self.std), self.mean / self.std)
@@ -73,14 +87,12 @@ class Problem:
         rows = measured_rows(time, stamps, STATES)
         at = start + np.repeat(np.arange(len(time)), np.diff(rows.first))
         channels = [CHANNELS[c] for c in rows.channel]
-        names = ('offset', 'state', 'constants', 'placebo')
+        names = ('offset', 'state', 'constants')
         rate = RateErrorModel(*(getattr(self.rate, name)[cut] for name in names))
         measured = zip(channels, at, rows.axis, strict=True)
-        return SimpleNamespace(
-            reference=SimpleNamespace(times=time, disturbed=None),
-            kinematics=SimpleNamespace(
-                rate=rate, omega=self.omega[cut], rotation=Rotation.identity(len(time))
-            ),
+        stretch = SimpleNamespace(
+            reference=SimpleNamespace(times=time),
+            kinematics=Moving(rate, self.omega[cut], Rotation.identity(len(time))),
             rows=rows,
             deviations=np.array([self.deviations[c][k, axis] for c, k, axis in measured]),
             row_variance=np.array([STDS[c] ** 2 for c in channels]),
@@ -88,6 +100,8 @@ class Problem:
             snap_density=SNAP,
             misreadings=lambda *_: (np.zeros(len(channels)), np.zeros((len(channels), 0))),
         )
+        stretch.parts = list(Stretch.parts.fget(stretch))
+        return stretch
 
     def start_covariance(self):
         """Wide against the noise, but no wider than the motion."""
@@ -103,14 +117,15 @@ def run(engine, *stretches):
 
 def state_of(engine, constants):
     """Mean of the state, joints counted from zero."""
-    return engine._mean[:, 0] + engine._mean[:, 1 + P :] @ constants
+    return engine._mean[:, 0] + engine._mean[:, 1:] @ constants
 
 
 def augmented_kalman(problem):
     """Plain Kalman filter with the constants as states: mean, covariance and sum of squares."""
     d = SIZE
     whole, rate = problem.part(0, N), problem.rate
-    space, defects = state_space(whole, rate, problem.joints)
+    (part,) = whole.parts
+    space, defects = state_space(whole, part, rate)
     mean = np.concatenate([np.zeros(d), problem.mean])
     cov = np.diag(np.concatenate([np.zeros(d), problem.std**2]))
     cov[:d, :d] = problem.start_covariance()
@@ -165,7 +180,7 @@ def test_equals_the_augmented_kalman_filter(seed):
     state = state_of(engine, estimate)
     state[3:] -= problem.joints[-1]
     np.testing.assert_allclose(state, mean[:d], rtol=0, atol=1e-8 * np.max(np.abs(mean[:d])))
-    columns = engine._mean[:, 1 + P :]
+    columns = engine._mean[:, 1:]
     marginal = engine._covariance + columns @ covariance @ columns.T
     np.testing.assert_allclose(marginal, cov[:d, :d], rtol=0, atol=1e-8 * np.max(cov))
     assert engine.information.residual == pytest.approx(squares, rel=1e-9)
@@ -187,6 +202,24 @@ def test_blocks_equal_one_run(cuts):
         np.testing.assert_allclose(got, want, rtol=0, atol=1e-11)
     np.testing.assert_allclose(parts._mean, whole._mean, rtol=0, atol=1e-11)
     assert parts.information.residual == pytest.approx(whole.information.residual, rel=1e-11)
+
+
+@pytest.mark.parametrize('at_once', [1, 7, 58, 59, 60])
+def test_parts_of_a_stretch_equal_one_run(at_once, monkeypatch):
+    problem = Problem()
+    whole, parts = problem.filter(), problem.filter()
+    wanted = whole.run(problem.part(0, N), np.zeros(P))
+    monkeypatch.setattr(momentum_filter, '_AT_ONCE', at_once)
+    stretch = problem.part(0, N)
+    assert len(stretch.parts) == -(-(N - 1) // at_once)
+    for got, want in zip(parts.run(stretch, np.zeros(P)), wanted, strict=True):
+        np.testing.assert_allclose(got, want, rtol=0, atol=1e-11)  # the same steps, rounded alike
+    for got, want in zip(parts.information.solve(), whole.information.solve(), strict=True):
+        np.testing.assert_allclose(got, want, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(parts._covariance, whole._covariance, rtol=0, atol=1e-11)
+    assert parts.log_spread == pytest.approx(whole.log_spread, rel=1e-12)
+    rows = [r for part in stretch.parts for r in range(part.rows.start, part.rows.stop)]
+    assert rows == list(range(len(stretch.deviations)))
 
 
 def test_shift_of_the_constants_changes_no_prediction():
@@ -233,62 +266,6 @@ def test_covariance_stays_symmetric_and_positive():
     assert np.linalg.eigvalsh(covariance)[0] > 0.0
 
 
-# --- square-root information
-
-
-def test_information_equals_least_squares(rng):
-    A, b = rng.standard_normal((80, 5)), rng.standard_normal(80)
-    information = SquareRootInformation(5)
-    for start, stop in (
-        (0, 2),
-        (2, 3),
-        (3, 60),
-        (60, 60),
-        (60, 80),
-    ):  # fewer rows than unknowns too
-        information.add(A[start:stop], b[start:stop])
-    want, squares, _, _ = np.linalg.lstsq(A, b, rcond=None)
-    estimate, covariance = information.solve()
-    np.testing.assert_allclose(estimate, want, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(covariance, np.linalg.inv(A.T @ A), rtol=0, atol=1e-14)
-    assert information.residual == pytest.approx(squares[0], rel=1e-12)
-    assert information.rows == 80
-
-
-def test_information_of_columns_of_very_different_size(rng):
-    scale = np.array([1e-6, 1.0, 1e6])
-    A, x = rng.standard_normal((40, 3)), np.array([1.0, 2.0, 3.0])
-    information = SquareRootInformation(3)
-    information.add(A * scale, A @ x)
-    estimate, covariance = information.solve()
-    np.testing.assert_allclose(estimate * scale, x, rtol=0, atol=1e-13)
-    unit = covariance * np.outer(scale, scale)
-    np.testing.assert_allclose(unit, np.linalg.inv(A.T @ A), rtol=0, atol=1e-14)
-
-
-def test_directions_without_information_stay_at_zero(rng):
-    information = SquareRootInformation(3)
-    information.add(np.array([[1.0, 1.0, 0.0]]), np.array([2.0]))
-    estimate, _ = information.solve()
-    np.testing.assert_allclose(estimate, [1.0, 1.0, 0.0], rtol=0, atol=1e-14)
-    empty, none = SquareRootInformation(2).solve()
-    np.testing.assert_array_equal(empty, 0.0)
-    np.testing.assert_array_equal(none, 0.0)
-
-
-def test_shift_and_reset_of_the_residual(rng):
-    A, x = rng.standard_normal((10, 3)), np.array([1.0, -2.0, 3.0])
-    information = SquareRootInformation(3)
-    information.add(A, A @ x + 0.1)
-    before, _ = information.solve()
-    information.shift(np.array([1.0, 0.0, -1.0]))
-    np.testing.assert_allclose(
-        information.solve()[0], before - [1.0, 0.0, -1.0], rtol=0, atol=1e-13
-    )
-    information.reset_residual()
-    assert (information.residual, information.rows) == (0.0, 0)
-
-
 # --- the model of the deviations
 
 
@@ -305,10 +282,12 @@ def space_of(dt, omega, state):
         kinematics=SimpleNamespace(omega=omega),
         rows=rows,
         row_variance=np.zeros(0),
+        joint_states=np.zeros((2, 4 * JOINTS)),
         snap_density=SNAP,
     )
-    rate = RateErrorModel(np.zeros((2, 3)), state, np.zeros((2, 3, P)), np.zeros((2, 3, P)))
-    return state_space(stretch, rate, np.zeros((2, 4 * JOINTS)))[0]
+    rate = RateErrorModel(np.zeros((2, 3)), state, np.zeros((2, 3, P)))
+    part = Part(slice(0, 2), slice(0, 0), rows.first)
+    return state_space(stretch, part, rate)[0]
 
 
 def test_joint_steps_are_exact():

@@ -1,6 +1,8 @@
-"""The linearized momentum equation against finite differences of sums over the bodies."""
+"""The momentum equation about any bodies, against finite differences of sums over them."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +12,13 @@ from support.models import DUAL_ARM, random_tree, robot_of, table_one
 
 from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
 from spacerobot_ros.estimation.trajectory.reference import Kinematics
-from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 
 STEP = 1e-5
 # Central differences: STEP^2 = 1e-10, rounding 1e-16 / STEP = 1e-11, derivatives of order ten.
 SLOPE = 3e-8
+
+
+NUMBERS = 'mass', 'com', 'inertia'
 
 
 class Truth:
@@ -33,9 +37,9 @@ class Truth:
         return np.linalg.solve(M[:3, :3], h)
 
 
-def dual_arm():
+def dual_arm(slides=()):
     rng = np.random.default_rng(3)
-    parts = random_tree(rng, DUAL_ARM)
+    parts = random_tree(rng, DUAL_ARM, slides)
     joints = [parts[i].joint for i in 1 + rng.permutation(len(DUAL_ARM))]
     robot = robot_of(
         parts,
@@ -50,17 +54,24 @@ ROBOTS = {
     'zyx': lambda: (table_one('zyx'), servicer('zyx'), 'symmetric'),
     'xyy': lambda: (table_one('xyy'), servicer('xyy'), 'generic'),
     'dual arm': dual_arm,
+    'slides in two arms': lambda: dual_arm(slides=(2, 4)),
 }
 
 
 @pytest.fixture(params=ROBOTS.values(), ids=ROBOTS.keys())
 def case(request, rng):
-    """Return the truth, the product's model, true constants and a reference at random states."""
+    """Return the truth, the product's model, true constants and a reference at random states.
+
+    The bodies are some way off the file's.
+    """
     parts, robot, structure = request.param()
-    model = MomentumModel(robot, minimal_set(robot, structure))
+    model = MomentumModel(robot, structure)
     constants = model.prior()
     size = 40.0 if robot.target_wheels[-1].link == 'link_3' else 3.0
     constants[: 3 + model.n_aam] = size * rng.standard_normal(3 + model.n_aam)
+    constants[model.y] = 0.2 * rng.standard_normal(model.bodies.size)
+    bodies = {body.name: body for body in model.robot_at(constants).bodies}
+    parts = [replace(part, **{x: getattr(bodies[part.name], x) for x in NUMBERS}) for part in parts]
     N = 5
     reference = Kinematics(
         np.arange(float(N)),
@@ -85,6 +96,13 @@ def true_rate(case, k, dphi=0.0, dq=0.0, dqd=0.0):
     )
 
 
+def exact_motion(case):
+    """The reference with the body rate that the constants give."""
+    reference = case[3]
+    omega = np.array([true_rate(case, k) for k in range(len(reference.time))])
+    return Kinematics(reference.time, reference.q, reference.qd, omega, reference.rotation)
+
+
 def test_offset_is_the_rate_that_the_reference_misses(case):
     _, model, constants, reference = case
     offset = model.linearize(reference, constants).offset
@@ -96,13 +114,12 @@ def test_offset_is_the_rate_that_the_reference_misses(case):
 
 def test_slope_by_attitude_joint_positions_and_rates(case):
     # The linear model holds to first order where the reference is the truth.
-    _, model, constants, reference = case
+    _, model, constants, _ = case
     n = model.n
-    omega = np.array([true_rate(case, k) for k in range(len(reference.time))])
-    exact = Kinematics(reference.time, reference.q, reference.qd, omega, reference.rotation)
+    exact = exact_motion(case)
     state = model.linearize(exact, constants).state
     blocks = (('dphi', slice(0, 3), 3), ('dq', slice(3, 3 + n), n), ('dqd', slice(3 + n, None), n))
-    for k in range(len(omega)):
+    for k in range(len(exact.time)):
         for name, columns, size in blocks:
             slope = [
                 (true_rate(case, k, **{name: d}) - true_rate(case, k, **{name: -d})) / (2.0 * STEP)
@@ -118,43 +135,55 @@ def test_constants_enter_exactly_linearly(case, rng):
     # Momentum is linear in h_W and AAM, and D does not depend on them.
     _, model, constants, reference = case
     change = rng.standard_normal(model.size)
-    change[3 + model.n_aam :] = 0.0
+    change[model.y] = 0.0
     linear = model.linearize(reference, constants)
     moved = model.linearize(reference, constants + change)
     got = linear.offset + linear.constants @ change
     np.testing.assert_allclose(got, moved.offset, rtol=0, atol=1e-10 * np.max(np.abs(got)))
 
 
-def test_slope_by_inertial_parameters(case, rng):
-    _, model, constants, reference = case
-    omega = np.array([true_rate(case, k) for k in range(len(reference.time))])
-    exact = Kinematics(reference.time, reference.q, reference.qd, omega, reference.rotation)
-    change = np.zeros(model.size)
-    # a hundred-thousandth of the robot's own parameters
-    count = len(model.minimal)
-    change[3 + model.n_aam :] = STEP * rng.standard_normal(count) * constants[3 + model.n_aam :]
-    ahead, behind = (model.linearize(exact, constants + s * change).offset for s in (1.0, -1.0))
-    got = model.linearize(exact, constants).constants @ change
-    want = 0.5 * (ahead - behind)
-    # second order cancels; third: STEP^2, and rounding of numbers of order ten
-    np.testing.assert_allclose(got, want, rtol=0, atol=1e-8 * np.max(np.abs(got)) + 1e-13)
+def test_slope_by_the_bodies(case):
+    _, model, constants, _ = case
+    exact = exact_motion(case)
+    got = model.linearize(exact, constants).constants[..., model.y]
+    for i, step in enumerate(STEP * np.eye(model.size)[model.y]):
+        ahead, behind = (model.linearize(exact, constants + s * step).offset for s in (1.0, -1.0))
+        want = (ahead - behind) / (2.0 * STEP)
+        np.testing.assert_allclose(
+            got[..., i], want, rtol=0, atol=SLOPE * (1.0 + np.max(np.abs(want)))
+        )
 
 
-def test_regressor_balances_the_true_momentum(case):
-    truth, model, constants, reference = case
-    omega = np.array([true_rate(case, k) for k in range(len(reference.time))])
-    exact = Kinematics(reference.time, reference.q, reference.qd, omega, reference.rotation)
-    columns, h0 = model.regressor(exact)
+def test_true_momentum_is_balanced(case):
+    truth, model, constants, _ = case
+    missing, columns = model.balance(exact_motion(case), constants)
     scale = np.max(np.abs(constants[:3])) + 10.0
-    np.testing.assert_allclose(columns @ constants, h0, rtol=0, atol=1e-11 * scale)
-    np.testing.assert_array_equal(h0[0], truth.robot.servicer_wheels.momentum)
+    np.testing.assert_allclose(missing, 0.0, rtol=0, atol=1e-11 * scale)
+    # the file's bodies miss by what the derivatives say, to second order
+    change = 1e-6 * constants * (np.arange(model.size) >= model.y.start)
+    off = model.balance(exact_motion(case), constants + change)[0]
+    np.testing.assert_allclose(off, columns @ change, rtol=0, atol=1e-4 * np.max(np.abs(off)))
+    without = constants.copy()
+    without[:3] = 0.0
+    found = model.total_momentum(exact_motion(case), without)
+    np.testing.assert_allclose(found, constants[:3], rtol=0, atol=1e-11 * scale)
+    want = max(
+        np.linalg.norm(inertia_of(truth.parts, truth.robot.joints, q)[:3, 3:] @ qd)
+        for q, qd in zip(case[3].q, case[3].qd, strict=True)
+    )
+    assert model.joint_share(case[3], constants) == pytest.approx(want, rel=1e-12)
 
 
 def test_prior_is_what_the_robot_file_believes(case):
-    _, model, constants, _ = case
-    prior = model.prior()
-    np.testing.assert_array_equal(prior[: 3 + model.n_aam], 0.0)
-    np.testing.assert_array_equal(prior[3 + model.n_aam :], constants[3 + model.n_aam :])
+    _, model, _, _ = case
+    np.testing.assert_array_equal(model.prior(), 0.0)
+    wheels = np.arange(1.0, 1.0 + model.n_aam)
+    robot = model.robot.with_target_momentum(wheels)
+    prior = MomentumModel(robot, model.structure).prior()
+    np.testing.assert_array_equal(prior[model.aam], wheels)
+    # and zero means the file's bodies
+    pi = model.robot_at(model.prior()).inertial_parameters
+    np.testing.assert_allclose(pi, model.robot.inertial_parameters, rtol=1e-12, atol=1e-9)
 
 
 def test_a_part_of_a_reference_is_linearized_as_within_the_whole(case):

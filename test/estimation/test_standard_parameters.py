@@ -2,6 +2,7 @@
 
 import numpy as np
 from support.identification import servicer
+from support.models import random_tree, robot_of
 
 from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.estimation.unknowns.standard_parameters import standard_parameters
@@ -28,3 +29,14 @@ def test_numbers_that_are_not_named_change_nothing():
     place = minimal.names.index('J0xx')
     assert all(f'{body.name}: m' in groups[place] for body in robot.bodies)
     assert not np.any(['Izz' in part for part in groups[place].split(';') if 'base' in part])
+
+
+def test_a_slide_tells_the_reduced_mass(rng):
+    robot = robot_of(random_tree(rng, [0], prismatic=(1,)))
+    minimal = minimal_set(robot, 'generic')
+    values = dict(zip(minimal.names, minimal.of_robot(robot), strict=True))
+    groups = dict(zip(minimal.names, standard_parameters(robot, minimal, 'generic'), strict=True))
+    base, slide = (body.mass for body in robot.bodies)
+    np.testing.assert_allclose(values['S1ss'], base * slide / (base + slide), rtol=1e-14)
+    assert groups['S1ss'] == 'base_link: m; link_1: m'
+    assert groups['Q0_1xs'] == 'base_link: m cx; link_1: m cx cy cz'  # turned against the base

@@ -8,124 +8,159 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from support.identification import (
-    H_TARGET,
-    measure,
-    servicer,
-    simulate,
-    truth_of,
-)
+from support.excitation import robot_file, six_joints, with_noise
+from support.identification import measure, servicer, simulate
 
-from spacerobot_ros.cli.identify import _sections
-from spacerobot_ros.display import Table
 from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
-from spacerobot_ros.estimation.unknowns.minimal import minimal_set
+from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.trajectory.base_response import (
+    BaseResponse,
+    BaseStart,
+    noise_free_record,
+)
+from spacerobot_ros.estimation.trajectory.motion_limits import Limits
 from spacerobot_ros.identification import advice as advice_module
-from spacerobot_ros.identification.advice import advise, advise_on, directions_in_words
-from spacerobot_ros.identification.batch import identify
-from spacerobot_ros.model.settings import IdentifierSettings
+from spacerobot_ros.identification.advice import advise_on
+from spacerobot_ros.identification.maximum_likelihood import MaximumLikelihood, prepare
+from spacerobot_ros.model.settings import Settings, parse_settings
+
+TIME = np.arange(1001) / 100.0
+SLIDE = [replace(p, kind='prismatic') if i == 2 else p for i, p in enumerate(six_joints())]
+STRICT = {'valid_std': 1e-5}
 
 
-def model_of(axes='zyx'):
-    robot = servicer(axes)
-    return MomentumModel(robot, minimal_set(robot, 'symmetric'))
+def settings_of(joints, **sections) -> Settings:
+    return parse_settings({'robot': {'joints': list(joints)}, **sections})
+
+
+def likelihood_of(record, robot, settings, known=None):
+    """Maximum likelihood of a record."""
+    model = MomentumModel(robot, settings.identifier.structure, settings.identifier.nuisances)
+    noise, _ = noise_levels(robot.sensors, record, is_checked=False)
+    likelihood = MaximumLikelihood(model, settings.identifier, known)
+    likelihood.solve(prepare(record, noise))
+    return model, likelihood
+
+
+def advised(record, robot, settings):
+    model, likelihood = likelihood_of(record, robot, settings)
+    return advise_on(record, model, likelihood.posterior(), settings)
 
 
 @lru_cache
-def with_joint_locked(joint):
-    """Estimate from a run in which one joint stays where it is, and the advice on it."""
-    record = measure(simulate('zyx', 20.0, f'locked_{joint}'), 1)
-    model = model_of()
-    estimate = identify(record, model.robot, IdentifierSettings())
-    return estimate, advise_on(record, model, estimate)
+def with_joint_locked(joint, valid_std=1e-5):
+    """Advice on a run in which one joint stays where it is."""
+    robot = servicer('zyx')
+    settings = settings_of(robot.joints, identifier={'valid_std': valid_std})
+    return advised(measure(simulate('zyx', 20.0, f'locked_{joint}'), 1), robot, settings)
+
+
+def swung(file, moving, seed=0):
+    """Ten seconds in which some joints swing by 0.4 rad, or m."""
+    n = file.robot.n_joints
+    amplitude = np.where(np.isin(np.arange(n), moving), 0.2, 0.0)
+    rate = 2.0 * np.pi / 10.0 * (1.0 + 0.3 * np.arange(n))
+    turn = TIME[:, None] * rate
+    q = amplitude * (1.0 - np.cos(turn))
+    qd, qdd = amplitude * rate * np.sin(turn), amplitude * rate**2 * np.cos(turn)
+    start = BaseStart(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3))
+    motion = BaseResponse(file.robot).move(TIME, q[None], qd[None], qdd[None], start)
+    return with_noise(noise_free_record(file.robot, motion, file.settings.simulator), seed)
 
 
 @pytest.mark.parametrize('joint', [1, 2, 3])
-def test_a_locked_joint_is_to_be_moved(joint):
-    estimate, advice = with_joint_locked(joint)
-    assert not estimate.valid
-    assert advice[0].motion == f'move j_link_{joint}'
-    assert all(f'j_link_{joint}' in one.motion for one in advice)
-    assert sum(len(one.tells) for one in advice) == len(estimate.unexcited)
+def test_motions_are_named_with_what_they_make_of_the_deviation(joint):
+    advice = with_joint_locked(joint)
+    assert 1 <= len(advice) <= 5
+    for one in advice:
+        words = one.tells[0]
+        before, after = map(float, re.findall(r'\+- ([\d.e-]+)', words))
+        assert re.search(r'N m s in 40 s \([\d.e+]+ times better\)', words)
+        # two digits each
+        assert after == pytest.approx(one.aam_std, rel=0.06)
+        assert before / after == pytest.approx(one.factor, rel=0.12)
+        assert one.factor > 1.05
 
 
-def test_two_bodies_that_never_moved_apart_are_told_as_a_sum():
-    # Joint 3 turns about x: locked, bodies 2 and 3 keep only the sums of their inertias.
-    _, advice = with_joint_locked(3)
-    assert {frozenset(text.split(' with -1.00 ')) for text in advice[0].tells} == {
-        frozenset({'J2yy', 'J3yy'}),
-        frozenset({'J2xx', 'J3xx'}),
-    }
+def test_a_joint_that_moved_nothing_of_the_wheels_is_not_enough():
+    """Only the first of six joints moves: another one is asked for, and its motion tells."""
+    file = robot_file(six_joints(), identifier=STRICT)
+    advice = advised(swung(file, [0]), file.robot, file.settings)
+    assert advice[0].motion.startswith('move j_link_')
+    assert not advice[0].motion.startswith('move j_link_1 ')
+    assert advice[0].factor > 2.0
 
 
-def test_every_number_that_is_named_has_a_row():
-    estimate, advice = with_joint_locked(3)
-    groups = ['link'] * len(estimate.parameters)
-    tables = [
-        item
-        for section in _sections(estimate, groups, advice)
-        for item in section.items
-        if isinstance(item, Table)
-    ]
-    rows = {row[0] for table in tables[:-1] for row in table.rows}
-    text = f'{tables[-1].rows} {tables[-1].caption} {estimate.reason} {estimate.unexcited}'
-    named = set(re.findall(r'\b(?:J\d|m\d|h_)\w+', text))
-    assert named
-    assert named <= rows
-    example, _, _ = tables[-1].caption.strip('()').partition(':')
-    assert example in {words for one in advice for words in one.tells}
-    # nothing moves together: nothing to explain
-    alone = [replace(one, tells=('J2xx alone',)) for one in advice]
-    (*_, last) = _sections(estimate, groups, alone)
-    assert not last.items[0].caption
+@pytest.mark.parametrize('parts', [six_joints(), SLIDE], ids=['turning', 'a slide'])
+def test_a_motion_tells_what_was_said(parts, monkeypatch):
+    """The advised motion, played and identified on top of the record."""
+    file = robot_file(parts, identifier=STRICT)
+    played = {}
+    play = advice_module._Range._play
+
+    def remembered(self, probe):
+        found = play(self, probe)
+        if found is not None:
+            played[found[1]] = found
+        return found
+
+    monkeypatch.setattr(advice_module._Range, '_play', remembered)
+    record = swung(file, [0])
+    model, first = likelihood_of(record, file.robot, file.settings)
+    posterior = first.posterior()
+    best = advise_on(record, model, posterior, file.settings)[0]
+    probe, _, coarse = played[best.motion.removeprefix('bring the base to rest, then ')]
+    times = np.arange(0.0, 40.005, 0.01)
+    monkeypatch.setattr(advice_module, '_TIMES', times)
+    joint = probe.joints[0]
+    far, rest = 0.5 * (coarse.q[0, 40, joint] - coarse.q[0, 0, joint]), coarse.q[0, 0]
+    reach = np.zeros(len(rest))
+    reach[joint] = far  # half a period of 20 s is at the tenth second
+    start = BaseStart(np.array([0.0, 0.0, 0.0, 1.0]), coarse.omega[0, 0])
+    joints = advice_module._swing(probe, reach, rest)
+    motion = BaseResponse(file.robot).move(times, *joints, start)
+    more = with_noise(noise_free_record(file.robot, motion, file.settings.simulator), 3)
+    known = first.known.of(slice(3, model.y.stop))
+    _, both = likelihood_of(more, file.robot, file.settings, known)
+    # cheap information on the estimate instead of the truth, and another factor of the prior
+    std = np.sqrt(np.diag(both.posterior().covariance))[model.aam]
+    assert np.max(std) == pytest.approx(best.aam_std, rel=0.5)
 
 
-def test_scale_asks_for_the_own_wheels():
-    # Own wheels at rest: everything may grow in proportion, whatever else moves.
-    model = model_of()
-    unknowns = truth_of(simulate('zyx', 20.0))[3:]
-    at_rest = model.robot.with_servicer_momentum(np.zeros(3))
-    model = MomentumModel(at_rest, model.minimal)
-    (advice,) = advise(model, unknowns, unknowns[None] / np.linalg.norm(unknowns), np.zeros(3))
-    assert advice.motion == "spin up the servicer's wheels"
-    assert 'only ratios are known otherwise' in advice.tells[0]
-
-
-def test_motions_keep_the_limits_of_the_joints():
-    limits = np.array([[-0.3, 0.1], [-9.0, 9.0], [0.2, 0.2]])
+def test_motions_keep_the_limits_of_joints_and_base():
+    sensors = {'gyro_range': 0.02, 'attitude_rate_limit': 0.03}
+    file = robot_file(six_joints(), identifier=STRICT)
+    n = file.robot.n_joints
     robot = replace(
-        servicer('zyx'), position_limits=limits, velocity_limits=np.array([9.0, 0.05, 9.0])
+        file.robot,
+        sensors=replace(file.robot.sensors, **sensors),
+        position_limits=np.tile([-0.3, 0.5], (n, 1)),
+        velocity_limits=np.full(n, 0.1),
     )
-    rest = np.array([0.05, -1.0, 0.2])
-    q, qd = advice_module._swing(robot, advice_module._Probe((0, 1, 2)), rest)
-    assert np.all((q >= limits[:, 0] - 1e-12) & (q <= limits[:, 1] + 1e-12))
-    np.testing.assert_allclose(np.ptp(q, axis=0)[[0, 2]], [0.35, 0.0], rtol=0, atol=1e-3)
-    assert 0.04 < np.abs(qd[:, 1]).max() <= 0.05
-    model = MomentumModel(robot, minimal_set(robot, 'symmetric'))
-    unknowns = np.concatenate([H_TARGET, model.prior()[model.x]])
-    asked = advise(model, unknowns, np.eye(len(unknowns)), rest)
-    assert asked[0].motion
-    assert not any('j_link_3' in one.motion for one in asked)
+    record = swung(file, [0])
+    model, likelihood = likelihood_of(record, robot, file.settings)
+    posterior = likelihood.posterior()
+    range_ = advice_module._Range(record, model, posterior, file.settings)
+    limits = Limits(model.robot_at(posterior.mean), file.settings.excitation)
+    probes = [advice_module._Probe((j,)) for j in range(n)]
+    probes += [advice_module._Probe(tuple(range(n))), advice_module._Probe(spins=True)]
+    probes += [advice_module._Probe(turn=axis) for axis in range(3)]
+    played = [found for probe in probes if (found := range_._play(probe)) is not None]
+    assert len(played) > n
+    for _, words, motion in played:
+        assert np.max(limits.fractions(motion)) <= 1.0, words
+        assert np.max(np.abs(motion.omega)) <= 0.02
+        assert np.max(motion.q) <= 0.5
 
 
-def test_nothing_is_asked_for_where_all_is_known():
-    model = model_of()
-    unknowns = truth_of(simulate('zyx', 20.0))[3:]
-    assert advise(model, unknowns, np.zeros((0, len(unknowns))), np.zeros(3)) == ()
+def test_nothing_is_asked_for_where_the_wheels_are_known_well():
+    assert with_joint_locked(3, valid_std=0.05) == ()
 
 
-def test_every_direction_is_told_once_or_said_to_be_left():
-    # Parallel axes and nothing known: the arm alone leaves much, the last line holds what stays.
-    model = model_of('zzz')
-    count = model.n_aam + len(model.minimal)
-    unknowns = np.concatenate([H_TARGET, model.prior()[model.x]])
-    advice = advise(model, unknowns, np.eye(count), np.zeros(3))
-    assert sum(len(one.tells) for one in advice) == count
-    motions = [one.motion for one in advice]
-    assert len(set(motions)) == len(motions)
-
-
-def test_directions_are_sums_and_differences_of_few():
-    directions = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0]]) / 2.0
-    texts = directions_in_words(directions, ('a', 'b', 'c'))
-    assert sorted(texts) in (['a with +1.00 b', 'c alone'], ['b with +1.00 a', 'c alone'])
+def test_joints_without_room_are_not_asked_for():
+    file = robot_file(six_joints(), identifier=STRICT)
+    limits = np.tile([-3.0, 3.0], (6, 1))
+    limits[5] = 0.2, 0.21
+    robot = replace(file.robot, position_limits=limits)
+    for one in advised(swung(file, [0]), robot, file.settings):
+        assert 'j_link_6' not in one.motion

@@ -21,7 +21,7 @@ from spacerobot_ros.identification.batch import METHODS, identify
 from spacerobot_ros.model.settings import IdentifierSettings
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries
 
-SETTINGS = IdentifierSettings()
+SETTINGS = IdentifierSettings(structure='symmetric')
 
 
 @pytest.fixture(scope='module')
@@ -42,7 +42,9 @@ def test_every_method_names_itself_and_fills_the_result(method, run, record):
     assert estimate.aam_links == ('link_3',)
     assert len(estimate.parameters) == 19
     assert estimate.samples > 1900
-    assert estimate.stamp_ns == 10**18 + 20 * 10**9
+    # the recursion keeps back what late samples may still change
+    lag = 5 * 10**8 if method == 'recursive' else 0
+    assert estimate.stamp_ns == 10**18 + 20 * 10**9 - lag
     assert np.isfinite(estimate.condition)
     plain = estimate.to_dict()
     assert plain['method'] == method
@@ -53,11 +55,13 @@ def test_accuracy_of_the_methods(run, record):
     # Plain least squares is far off at this noise, maximum likelihood is not.
     errors = {}
     for method in METHODS:
-        error, _ = errors_of(identify(record, servicer(), SETTINGS, method), truth_of(run))
+        error, std = errors_of(identify(record, servicer(), SETTINGS, method), truth_of(run))
         errors[method] = np.max(np.abs(error[3:6]))
-    assert errors['ml'] < 0.1
-    assert errors['ls'] > 5.0 * errors['ml']
-    assert errors['recursive'] == pytest.approx(errors['ls'], rel=1e-6)
+        if method != 'ls':
+            assert np.max(np.abs(error / std)) <= 4.0
+    assert errors['ml'] < 0.03
+    assert errors['recursive'] < 0.03
+    assert errors['ls'] > 10.0 * errors['ml']
 
 
 def test_the_default_is_maximum_likelihood(record):
@@ -126,10 +130,10 @@ def test_unknown_method_is_refused(record):
         identify(record, servicer(), SETTINGS, 'kalman')
 
 
-def test_robots_without_conserved_momentum_are_refused(record, rng):
+def test_robots_that_a_method_can_not_have_are_refused(record, rng):
     parts = random_tree(rng, [0, 1, 2], prismatic=(3,))
-    with pytest.raises(ConfigurationError, match='revolute'):
-        identify(record, robot_of(parts), SETTINGS)
+    with pytest.raises(ConfigurationError, match="joint 'j_link_3'.*slides.*use method `ml`$"):
+        identify(record, robot_of(parts), SETTINGS, 'ls')
     with pytest.raises(ConfigurationError, match='free base'):
         identify(record, robot_of(random_tree(rng, [0, 1, 2]), base='fixed'), SETTINGS)
 

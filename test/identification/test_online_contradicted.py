@@ -8,8 +8,6 @@ from scipy.spatial.transform import Rotation
 from support.identification import ORIGIN_NS, changed, measure, simulate
 from support.online import assert_never_confidently_wrong, events, feed, identifier
 
-from spacerobot_ros.identification.weak_prior import Prior
-
 RUN = 24.0  # s
 X, Y, Z = np.eye(3)
 
@@ -89,13 +87,6 @@ def test_a_model_that_goes_on_to_be_wrong_is_said_and_comes_back():
     assert_never_confidently_wrong(estimates, run)
     assert any('does not explain' in e.reason for e in estimates)
     assert estimates[-1].valid
-
-
-class Caught(Prior):
-    """A prior that admits nothing new."""
-
-    def admissible(self, model, reference, current, proposed):
-        return current
 
 
 def test_a_solution_that_is_caught_is_sought_anew_from_where_it_began():

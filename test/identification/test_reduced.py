@@ -16,7 +16,6 @@ from support.models import (
     table_one,
 )
 
-from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import IdentificationError
@@ -30,7 +29,7 @@ RELATIVE = 1e-11  # the requirement
 def perfect_estimate(robot, structure, aam):
     """Return the estimate that knows the truth."""
     minimal = minimal_set(robot, structure)
-    x = minimal.regrouping @ BlockTree(robot).parameters()
+    x = minimal.of_robot(robot)
     return Estimate(
         method='ml',
         valid=True,
@@ -41,6 +40,8 @@ def perfect_estimate(robot, structure, aam):
         parameters=x,
         covariance=np.eye(len(aam) + len(x)),
         rank=len(aam) + len(x),
+        unknowns=len(aam) + len(x),
+        units=minimal.units,
         condition=1.0,
         unexcited=(),
         total_momentum=np.zeros(3),
@@ -78,9 +79,19 @@ def test_table_one(axes, structure, joint_reaction, rng):
     assert worst_difference(truth, rebuilt, rng, joint_reaction=joint_reaction) <= RELATIVE
 
 
-@pytest.mark.parametrize('parents', [[0], [0, 1, 1, 2], DUAL_ARM], ids=['one', 'branch', 'dual'])
-def test_any_tree_with_wheels_on_two_links(parents, rng):
-    parts = random_tree(rng, parents)
+TREES = {
+    'one': ([0], ()),
+    'branch': ([0, 1, 1, 2], ()),
+    'dual': (DUAL_ARM, ()),
+    'a slide': ([0], (1,)),
+    'slides': ([0, 1, 1, 2], (2, 3)),
+}
+
+
+@pytest.mark.parametrize('structure', ['symmetric', 'generic'])
+@pytest.mark.parametrize(('parents', 'slides'), TREES.values(), ids=TREES.keys())
+def test_any_tree_with_wheels_on_two_links(parents, slides, structure, rng):
+    parts = random_tree(rng, parents, slides)
     joints = [parts[i].joint for i in 1 + rng.permutation(len(parents))]
     links = sorted({'link_1', parts[-1].name})
     aam = rng.standard_normal(3 * len(links))
@@ -91,7 +102,7 @@ def test_any_tree_with_wheels_on_two_links(parents, rng):
         target_wheels={'links': links, 'momentum': [0.0] * len(aam)},
     )
     rebuilt = EstimatedDynamics.from_estimate(
-        model, 'generic', perfect_estimate(model, 'generic', aam)
+        model, structure, perfect_estimate(model, structure, aam)
     )
     assert worst_difference(model.with_target_momentum(aam), rebuilt, rng) <= RELATIVE
 
@@ -165,7 +176,9 @@ def test_estimate_as_plain_data():
         'std': [1.0, 1.0, 1.0],
         'unit': 'N m s',
         'links': ['link_3'],
+        'source': [None] * 3,
     }
     assert [p['name'] for p in data['parameters']] == list(estimate.parameter_names)
+    assert {p['unit'] for p in data['parameters']} == {'kg m^2'}
     assert data['unknowns'] == data['rank'] == 22
     assert data['momentum']['frame'] == 'inertial'

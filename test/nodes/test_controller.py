@@ -290,18 +290,18 @@ def test_a_clock_that_jumps_back_starts_the_motion_again(bench):
 
 
 def estimate(bench, **changes):
-    from spacerobot_ros.dynamics.blocks import BlockTree
     from spacerobot_ros.estimation.unknowns.minimal import minimal_set
     from spacerobot_ros.identification.estimate import Estimate
 
     robot = bench.node.loop.robot
     minimal = minimal_set(robot, 'symmetric')
-    parameters = minimal.regrouping @ BlockTree(robot).parameters(robot)
+    parameters = minimal.of_robot(robot)
     size = 3 + len(parameters)
     message = convert.estimate_message(
         Estimate(
             'ml', True, '', ('link_3',), np.array([42.0, 49.0, 41.0]), minimal.names, parameters,
-            np.eye(size), size, 1.0, (), np.zeros(3), np.eye(3), 1.0, 1, 0,
+            np.eye(size), size, size, 1.0, (), np.zeros(3), np.eye(3), 1.0, 1, 0,
+            units=minimal.units,
         ),
         0,
     )  # fmt: skip

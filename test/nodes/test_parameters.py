@@ -100,6 +100,34 @@ def test_bad_parameters_are_refused_at_the_start(rig, servicer, node_type, chang
 
 
 @pytest.mark.parametrize('node_type', ALL)
+def test_the_uncertainty_of_a_link_is_a_parameter_like_others(rig, servicer, node_type):
+    name = 'robot.uncertainty.links.link_3.mass'
+    node = rig.add(node_type, servicer, **{name: 0.5, 'robot.uncertainty.com': 0.2})
+    assert node.get_parameter(name).value == 0.5
+    assert 'of one link' in node.describe_parameter(name).description
+    assert node.get_parameter('robot.uncertainty.com').value == 0.2
+    assert node.describe_parameter('robot.uncertainty.mass').additional_constraints == (
+        'above 0; at most 1'
+    )
+    result = node.set_parameters([Parameter(name, value=0.4)])[0]
+    assert not result.successful
+    assert 'is read when the node starts' in result.reason
+    for wrong, message in (
+        ({name: 1.5}, r'links\.link_3\.mass: 1\.5 must be at most 1'),
+        ({name.replace('k_3', '_3'): 0.5}, r"links\.lin_3: .* \(did you mean 'link_3'\?\)"),
+        ({name.replace('mass', 'volume'): 0.5}, r'links\.link_3\.volume: is none of mass, com'),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            rig.add(node_type, servicer, **wrong)
+
+
+@pytest.mark.parametrize('node_type', ALL)
+def test_an_old_key_is_read(rig, servicer, node_type):
+    node = rig.add(node_type, servicer, **{'identifier.prior_std': 0.4})
+    assert node.get_parameter('robot.uncertainty.mass').value == 0.4
+
+
+@pytest.mark.parametrize('node_type', ALL)
 def test_description_can_come_as_a_parameter_or_as_a_topic(rig, servicer, node_type, capfd):
     urdf = Path('config/servicer.urdf').read_text(encoding='utf-8')
     assert rig.add(node_type, servicer, **{'robot.urdf': '', 'robot_description': urdf}).is_open

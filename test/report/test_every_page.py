@@ -101,14 +101,14 @@ def demonstration(folder, robot, recording):
     estimate = Estimate(
         method='online', valid=True, reason='', aam_links=(LINK,), aam=np.full(3, 40.0),
         parameter_names=(HOSTILE,), parameters=np.ones(1), covariance=np.eye(4), rank=4,
-        condition=1.0, unexcited=(), total_momentum=np.zeros(3),
+        unknowns=4, units=(HOSTILE,), condition=1.0, unexcited=(), total_momentum=np.zeros(3),
         total_momentum_covariance=np.eye(3), chi2_per_dof=1.0, samples=10, stamp_ns=0,
     )  # fmt: skip
     estimates = tuple(replace(estimate, stamp_ns=k * 10**9) for k in range(10))
     drift = np.full(50, 1e-14)
     run = DemoRun(time, wave, time, wave, drift, drift, estimates)
     truth = np.array([40.0, 40.0, 41.0, 1.0])
-    results = DemoResults(HOSTILE, 1, run, run, run, truth, ('bag',), 1.0)
+    results = DemoResults(HOSTILE, (HOSTILE,) * 3, 1, run, run, run, truth, ('bag',), 1.0)
     file = load_robot_file(robot)
     (record,) = read_records([recording], file.robot)
     pictures = pictures_of(run, truth, lambda: scene_of(record, file, [(JOINT, HOSTILE)]))

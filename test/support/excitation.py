@@ -6,10 +6,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.effects.robot_file import RobotFile
+from spacerobot_ros.estimation.trajectory.base_response import noise_free_record
+from spacerobot_ros.excitation.problem import Problem
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
+from spacerobot_ros.recording.record import Record
 from support.identification import _COSINE, _SINE, STDS
 from support.models import AXIS, H_BASE, H_TARGET, Part, random_inertia, table_one, to_urdf
 
@@ -46,6 +50,36 @@ def with_excitation(file: RobotFile, **changes: Any) -> RobotFile:
     """The same file with other settings of the search."""
     excitation = replace(file.settings.excitation, **changes)
     return replace(file, settings=replace(file.settings, excitation=excitation))
+
+
+def noisy_record(problem: Problem, x: np.ndarray, seed: int) -> Record:
+    """A motion of the robot assumed, at 100 Hz, as noisy sensors see it."""
+    family = problem.family.at(np.arange(round(100 * problem.family.duration) + 1) / 100.0)
+    motion = problem.move(x[None], family)
+    return with_noise(noise_free_record(problem.robot, motion, problem.settings.simulator), seed)
+
+
+def with_noise(record: Record, seed: int) -> Record:
+    """Add the noise of `STDS`."""
+    rng = np.random.default_rng(seed)
+    joints, rates, attitudes = record.joints, record.rates, record.attitudes
+
+    def noisy(values: np.ndarray, name: str) -> np.ndarray:
+        return values + STDS[f'{name}_std'] * rng.standard_normal(values.shape)
+
+    turn = Rotation.from_rotvec(noisy(np.zeros((len(attitudes.q_xyzw), 3)), 'attitude'))
+    return replace(
+        record,
+        joints=replace(
+            joints,
+            position=noisy(joints.position, 'joint_position'),
+            velocity=noisy(joints.velocity, 'joint_velocity'),
+        ),
+        rates=replace(rates, omega=noisy(rates.omega, 'gyro')),
+        attitudes=replace(
+            attitudes, q_xyzw=(Rotation.from_quat(attitudes.q_xyzw) * turn).as_quat()
+        ),
+    )
 
 
 def six_joints(*, dual: bool = False) -> list[Part]:

@@ -9,7 +9,6 @@ import numpy as np
 
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings, Measured, Target
-from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State, initial_state
@@ -112,7 +111,7 @@ def estimate_of(file: RobotFile, std: float = 1e-3) -> Estimate:
     """What an identifier would say of the true robot, with a relative standard deviation."""
     truth = true_robot(file.robot, file.settings)
     minimal = minimal_set(file.robot, file.settings.identifier.structure)
-    values = minimal.regrouping @ BlockTree(truth).parameters(truth)
+    values = minimal.of_robot(truth)
     size = len(values)
     return Estimate(
         method='online',
@@ -124,6 +123,7 @@ def estimate_of(file: RobotFile, std: float = 1e-3) -> Estimate:
         parameters=values,
         covariance=np.diag((std * np.abs(values) + 1e-6) ** 2),
         rank=size,
+        unknowns=size,
         condition=1.0,
         unexcited=(),
         total_momentum=np.zeros(3),

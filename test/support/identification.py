@@ -15,7 +15,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.estimation.trajectory.reference import NoiseLevels
 from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.estimate import Estimate
@@ -93,7 +92,7 @@ class Tree:
 
 
 def place(parts: list[Part], order: tuple[str, ...], q: np.ndarray) -> Tree:
-    """Place every body of a tree of revolute joints; `order` names the joints of q (..., n)."""
+    """Place every body of a tree; `order` names the joints of q (..., n)."""
     n, shape = len(order), (*q.shape[:-1], len(parts), 3)
     R, p, centres = np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape)
     Jw, Jp = np.zeros((*shape, 3 + n)), np.zeros((*shape, 3 + n))
@@ -102,12 +101,16 @@ def place(parts: list[Part], order: tuple[str, ...], q: np.ndarray) -> Tree:
     for k, part in enumerate(parts):
         if k:
             i, j = part.parent, order.index(part.joint)
-            R[..., k, :, :] = R[..., i, :, :] @ to_rotation(part.rpy) @ turn(part.axis, q[..., j])
-            arm = R[..., i, :, :] @ part.origin
+            frame = R[..., i, :, :] @ to_rotation(part.rpy)
+            axis, arm = frame @ part.axis, R[..., i, :, :] @ part.origin
+            slides = part.kind == 'prismatic'
+            R[..., k, :, :] = frame if slides else frame @ turn(part.axis, q[..., j])
+            if slides:
+                arm = arm + axis * q[..., j, None]
             p[..., k, :] = p[..., i, :] + arm
             Jp[..., k, :, :] = Jp[..., i, :, :] - _skew(arm) @ Jw[..., i, :, :]
             Jw[..., k, :, :] = Jw[..., i, :, :]
-            Jw[..., k, :, 3 + j] = R[..., k, :, :] @ part.axis
+            (Jp if slides else Jw)[..., k, :, 3 + j] = axis
         arm = R[..., k, :, :] @ part.com
         centres[..., k, :] = p[..., k, :] + arm
         Jc[..., k, :, :] = Jp[..., k, :, :] - _skew(arm) @ Jw[..., k, :, :]
@@ -344,7 +347,7 @@ def truth_of(run: Run, structure: str = 'symmetric') -> np.ndarray:
 @cache
 def _minimal_truth(axes: str, structure: str) -> np.ndarray:
     robot = robot_of(table_one(axes))
-    return minimal_set(robot, structure).regrouping @ BlockTree(robot).parameters()
+    return minimal_set(robot, structure).of_robot(robot)
 
 
 def errors_of(estimate: Estimate, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

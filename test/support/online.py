@@ -26,9 +26,9 @@ WRONG = 1.5  # factor on the prior's inertial parameters, alternating with its i
 # Noise of the reference in the columns counts as excitation while the constants are uncertain.
 
 
-def identifier(axes='zyx', sensors=None, **settings):
+def identifier(axes='zyx', sensors=None, structure='symmetric', **settings):
     robot = servicer(axes, prior=WRONG) if sensors is None else servicer(axes, sensors)
-    return OnlineIdentifier(robot, IdentifierSettings(**settings))
+    return OnlineIdentifier(robot, IdentifierSettings(structure=structure, **settings))
 
 
 def events(data):

@@ -12,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 
 from ...control.adaptive.regressors import Regressors, parameter_values
-from ...identification.physical import column_rank
 from ...types import Array
 from ..description import Check, Results, TrialRecord
 from ..pinocchio_peer import peer
@@ -68,9 +67,16 @@ def identities(seed: int = 0) -> dict[str, float]:
     whole = np.array(rows)
     return {
         **dict(zip(LIMITS, worst.tolist(), strict=True)),
-        'rank': column_rank(whole.reshape(-1, len(pi)), _KNOWN),
-        'rank_without_force': column_rank(whole[:, 3:].reshape(-1, len(pi)), _KNOWN),
+        'rank': _column_rank(whole.reshape(-1, len(pi))),
+        'rank_without_force': _column_rank(whole[:, 3:].reshape(-1, len(pi))),
     }
+
+
+def _column_rank(matrix: Array) -> int:
+    """Rank with columns of unit norm, by the share of the largest singular value that counts."""
+    norms = np.linalg.norm(matrix, axis=0)
+    singular = np.linalg.svd(matrix / np.where(norms > 0.0, norms, 1.0), compute_uv=False)
+    return int(np.sum(singular > _KNOWN * singular[0]))
 
 
 def two_calls(

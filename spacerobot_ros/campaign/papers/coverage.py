@@ -19,7 +19,7 @@ from ..shares import QUANTILE
 from .estimators import bound_of, error_figures, estimate, rms, true_values
 from .paper import momentum_motion, noisy_record, scenario
 
-METHODS = ('online', 'ml', 'physical')
+METHODS = ('recursive', 'ml')
 AXES = ('zyx', 'xyy')  # in turn
 _ATTITUDE_EVERY = 5
 _PARTS = {'AAM': slice(0, 3), 'parameters': slice(3, None)}
@@ -27,7 +27,7 @@ _PARTS = {'AAM': slice(0, 3), 'parameters': slice(3, None)}
 # figures to reach
 _FULL = 100  # runs from which on the limits hold as they stand; below, they leave room for chance
 _COVERED = (0.95, 0.02, 0.03)  # of 95 % intervals; spread: truth's few, correlated numbers, chance
-_OVER_BOUND = {'online': 1.3, 'ml': 1.15, 'physical': 1.15}  # efficient; the lag of a recursion
+_OVER_BOUND = {'recursive': 1.3, 'ml': 1.15}  # efficient; the lag of a recursion
 _BIAS = 0.3  # over RMSE: 1/sqrt(100) by chance, and what linearization leaves
 _CHANCE = 0.2  # of both ratios, at a quarter of the full number of runs
 _CHI2 = (0.95, 1.05)  # per degree of freedom: 7000 samples scatter by 0.02

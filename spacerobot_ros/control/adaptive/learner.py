@@ -18,7 +18,7 @@ from ...types import Array
 from .law_signals import AdaptiveSettings
 from .learning_kernel import descend, least_squares_step, sampled_step
 from .physical_consistency import body_scales, is_physical, natural_step, project
-from .prior import prior_covariance
+from .prior import deformation_widths, prior_covariance
 from .regressors import parameter_values
 
 _LEAST_SQUARES = ('adaptive_rls', 'adaptive_composite', 'adaptive_rls_paper')
@@ -30,7 +30,7 @@ class Learner:
 
     Args:
         robot: The prior.
-        settings: Law, consistency, gains and prior standard deviations.
+        settings: Law, consistency, gains and the wheels' prior.
 
     Attributes:
         pi: (p,) parameters in force.
@@ -42,9 +42,10 @@ class Learner:
     def __init__(self, robot: Robot, settings: AdaptiveSettings) -> None:
         self.settings = settings
         self.pi = parameter_values(robot)
-        prior = (settings.prior_shape, settings.prior_std, settings.wheel_momentum_std)
-        self.G = prior_covariance(robot, *prior)
+        self.G = prior_covariance(robot, settings.prior_shape, settings.wheel_momentum_std)
         self.scales = body_scales(inertial_rows(robot))
+        own = [deformation_widths(robot.uncertainty_of(k)) for k in range(len(robot.bodies))]
+        self._variances = np.mean(np.square(own), axis=(1, 2))  # of each body's deformation
         self.uses_regression = settings.law in _LEAST_SQUARES
         self.uses_gradient = settings.law in _GRADIENT
         self.excitation = 0.0
@@ -110,8 +111,7 @@ class Learner:
         if self._is_bounded:
             step = sampled_step(step, self._whitener, Y, self.G, self._width)
         if self.settings.physical_consistency == 'natural':
-            relative = self.settings.prior_std**2
-            natural_step(self.pi, self.slope, step * relative, self.scales)
+            natural_step(self.pi, self.slope, step * self._variances, self.scales)
             wheels = slice(self._bodies, None)
             self.pi[wheels] += step * (self.G[wheels] @ self.slope)
             return

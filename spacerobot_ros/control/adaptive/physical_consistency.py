@@ -140,7 +140,7 @@ def _raise_eigenvalues(pi: Array, G: Array, scale: Array, body: int, P: Array) -
 
 
 @compiled  # type: ignore[untyped-decorator]
-def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
+def natural_step(pi: Array, slope: Array, steps: Array, scales: Array) -> None:
     """Gradient step on the manifold of physical bodies: P <- P exp(step L P), always physical.
 
     tr(L dP) = slope . dpi (Lee, Kwon, Park 2018); the exponent is kept within one.
@@ -148,7 +148,7 @@ def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
     Args:
         pi: (p,) physical parameters, the bodies' changed.
         slope: (p,) gradient Y^T sigma.
-        step: Gain times period.
+        steps: (b,) gain times period of each body.
         scales: (b, 4) from `body_scales`.
     """
     P, C, L, half = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4))
@@ -165,7 +165,7 @@ def natural_step(pi: Array, slope: Array, step: float, scales: Array) -> None:
         values, vectors = np.linalg.eigh(L)
         _product(C, vectors, half)
         for e in range(4):
-            growth = math.exp(0.5 * min(max(step * values[e], -1.0), 1.0))
+            growth = math.exp(0.5 * min(max(steps[body] * values[e], -1.0), 1.0))
             for i in range(4):
                 half[i, e] *= growth
         _product(half, half.T, P)

@@ -13,23 +13,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...dynamics.blocks import BlockTree
 from ...dynamics.pseudo_inertia import INVERSE, pseudo_inertia
 from ...errors import IdentificationError
+from ...estimation.unknowns.bodies import PARTS
 from ...estimation.unknowns.minimal import minimal_set
 from ...identification.checked_file import digest, read_checked, run_down, write_checked
 from ...identification.estimate import Estimate
 from ...model.robot import Robot
+from ...model.uncertainty import BodyUncertainty
 from ...types import Array
 from .physical_consistency import body_scales
-from .regressors import parameter_names, parameter_values, wheel_links, with_parameters
+from .regressors import parameter_names, parameter_values, wheel_links
 
 _SAMPLING_ERROR = 1e-4  # acceleration whose torque is taken as error of discretization
 _NEAR_ZERO = 1e-3  # of mass, mass x size, mass x size squared: an element's smallest scale
 _TINY = 1e-3  # smallest relative eigenvalue of a pseudo-inertia that sets a scale
 
 
-def prior_covariance(robot: Robot, shape: str, std: float, wheel_std: float) -> Array:
+def prior_covariance(robot: Robot, shape: str, wheel_std: float) -> Array:
     """(p, p) covariance of the parameters about a robot's.
 
     With `bodies` a body is believed to be like the robot's up to a random small deformation and a
@@ -42,9 +43,8 @@ def prior_covariance(robot: Robot, shape: str, std: float, wheel_std: float) -> 
     A massless frame is known to be massless; the servicer's own wheels are known.
 
     Args:
-        robot: The robot.
+        robot: The robot; how uncertain each body is says `Robot.uncertainty_of`.
         shape: `bodies` or `elements`.
-        std: Relative standard deviation of a mass.
         wheel_std: Of the captured wheels' momentum, each axis [N m s].
     """
     values = parameter_values(robot)
@@ -54,23 +54,31 @@ def prior_covariance(robot: Robot, shape: str, std: float, wheel_std: float) -> 
     for k, (row, scale) in enumerate(zip(rows, body_scales(rows), strict=True)):
         if scale[3] > 0.0:
             block = slice(10 * k, 10 * k + 10)
-            is_body = shape == 'bodies'
-            own = _body_covariance(row, scale, std) if is_body else _by_element(row, scale, std)
-            G[block, block] = own
+            own = robot.uncertainty_of(k)
+            covariance = _body_covariance if shape == 'bodies' else _by_element
+            G[block, block] = covariance(row, scale, own)
     known = len(wheel_links(robot)) - len(robot.target_wheels)
     wheels = np.arange(10 * bodies + 3 * known, len(values))
     G[wheels, wheels] = wheel_std**2
     return G
 
 
-def _by_element(row: Array, scale: Array, std: float) -> Array:
+def deformation_widths(own: BodyUncertainty) -> Array:
+    """(4, 4) twice the standard deviations of a body's E: a mass grows by twice an entry of it."""
+    out = np.full((4, 4), own.com)
+    out[:3, :3], out[3, 3] = own.inertia, own.mass
+    return out
+
+
+def _by_element(row: Array, scale: Array, own: BodyUncertainty) -> Array:
     """(10, 10) covariance of one body; a parameter near zero counts by the body's size."""
+    std = np.array([getattr(own, part) for part in PARTS])
     mass, length = scale[3] ** -2, scale[3] / scale[0]
     size = mass * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     return np.diag((std * np.maximum(np.abs(row), _NEAR_ZERO * size)) ** 2)
 
 
-def _body_covariance(row: Array, scale: Array, std: float) -> Array:
+def _body_covariance(row: Array, scale: Array, own: BodyUncertainty) -> Array:
     """(10, 10) covariance of one body; an indefinite one counts by its absolute eigenvalues."""
     values, vectors = np.linalg.eigh(pseudo_inertia(row) * np.outer(scale, scale))
     values = np.maximum(np.abs(values), _TINY * np.max(np.abs(values)))
@@ -79,7 +87,10 @@ def _body_covariance(row: Array, scale: Array, std: float) -> Array:
     units = np.outer(1.0 / scale, scale)
     grown = np.einsum('ij,ia,jb->ijab', units, np.eye(4), P)
     columns = INVERSE @ (grown + np.swapaxes(grown, 2, 3)).reshape(16, 16).T
-    return np.asarray((0.5 * std) ** 2 * columns @ columns.T)
+    widths = deformation_widths(own).ravel()
+    largest = np.max(widths)
+    columns *= widths / largest
+    return np.asarray((0.5 * largest) ** 2 * columns @ columns.T)
 
 
 def rate_noise(robot: Robot) -> Array:
@@ -136,13 +147,13 @@ def standard_parameters(
     """
     minimal = minimal_set(robot, structure)
     _check(estimate, robot, minimal.names)
-    tree, size = BlockTree(robot), 10 * len(robot.bodies)
+    size = 10 * len(robot.bodies)
     own = 3 * (len(wheel_links(robot)) - len(robot.target_wheels))
     n_aam = len(estimate.aam)
 
     def predicted(pi: Array) -> Array:
-        blocks = tree.parameters(with_parameters(robot, pi))
-        return np.concatenate([pi[size + own :], minimal.regrouping @ blocks])
+        x = minimal.of_bodies(*_bodies(pi[..., :size].reshape(*pi.shape[:-1], -1, 10)))
+        return np.concatenate([pi[..., size + own :], x], axis=-1)
 
     measured = np.concatenate([estimate.aam, estimate.parameters])
     # the wheels' momentum is told by the estimate alone
@@ -166,15 +177,24 @@ def standard_parameters(
     return pi, 0.5 * (out + out.T)
 
 
+def _bodies(rows: Array) -> tuple[Array, Array, Array]:
+    """Masses (...), centres (..., 3) and inertias about them (..., 3, 3) of parameters (..., 10).
+
+    A massless frame stays one: its centre of mass would be 0/0.
+    """
+    P = pseudo_inertia(rows)
+    mass = P[..., 3, 3]
+    com = P[..., :3, 3] / np.where(mass == 0.0, 1.0, mass)[..., None]
+    moments = P[..., :3, :3] - mass[..., None, None] * com[..., :, None] * com[..., None, :]
+    trace = np.trace(moments, axis1=-2, axis2=-1)[..., None, None]
+    return mass, com, trace * np.eye(3) - moments
+
+
 def _jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
-    """Central differences, one column a parameter; zero where the step is zero."""
-    columns = []
-    for i, step in enumerate(steps):
-        shift = np.zeros(len(at))
-        shift[i] = step
-        difference = function(at + shift) - function(at - shift)
-        columns.append(difference / (2.0 * step) if step > 0.0 else np.zeros(len(difference)))
-    return np.array(columns).T
+    """(N, p) by central differences of all p parameters at once; zero where the step is zero."""
+    shifts = np.diag(steps)
+    difference = function(at + shifts) - function(at - shifts)
+    return (difference / np.where(steps > 0.0, 2.0 * steps, 1.0)[:, None]).T
 
 
 def _check(estimate: Estimate, robot: Robot, names: tuple[str, ...]) -> None:

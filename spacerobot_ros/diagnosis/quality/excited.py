@@ -12,9 +12,11 @@ An unknown is told where three of these standard deviations are less than its pl
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import reduce
+from itertools import groupby
 from operator import add
+from typing import Any
 
 import numpy as np
 
@@ -31,13 +33,19 @@ from ...estimation.runs import Run
 from ...estimation.scaling import PROPORTIONAL
 from ...estimation.trajectory.observations import observed
 from ...model.robot import Robot
-from ...recording.faults.thresholds import is_short
+from ...recording.faults.thresholds import SHORTEST, is_short
 from ...recording.record import Record
 from ...types import Array
 from ..arms.arm_found import refuse_rest
 
 _STRETCH = 60.0  # s that are judged at once: bounds memory, and an initial state more is cheap
 _STRETCHES = 5  # of a long record, evenly spread
+_COLUMNS = 25  # a joint, of all effects
+_MOST_WORK = 6e10  # products of a stretch: some seconds; arms of 14 joints take half in a minute
+_LARGE = 20  # joints of a fixed robot beyond which a part is judged
+_MOST_ENTRIES, _LEAST_LONG = 8e7, 5.0  # torques times columns of that part: some seconds; s
+_SPARSEST = 5  # samples of which one is taken of a large robot, before its stretch is shortened
+_AT_ONCE = 64  # columns: what changes along the rows stays in a processor's cache
 TOLD = 3.0  # standard deviations within the plausible size
 
 
@@ -89,10 +97,13 @@ def excited(record: Record, file: RobotFile) -> tuple[Excited, ...]:
     record = observed(record, file.robot)
     kinds = [kind for kind in kinds_beside(file.effects) if not (kind.hidden or kind.is_rare)]
     if not file.robot.is_free and record.effort is not None:
-        found, gram = _of_balance(record, file, kinds)
+        (part,) = _stretches(record, _longest(record, file.robot))
+        every, gram = _of_balance(part, file, kinds)
+        found = _compatible(every)
+        gram = _part(every, found, gram)
     else:
         found, gram = _of_prediction(record, file, kinds)
-    return tuple(_judged(*_compatible(found, gram), file.robot))
+    return tuple(_judged(found, gram, file.robot))
 
 
 def _of_balance(
@@ -107,41 +118,107 @@ def _of_balance(
 
 def _of_prediction(
     record: Record, file: RobotFile, kinds: Sequence[type[Effect]]
-) -> tuple[Sequence[Candidate], Gram]:
+) -> tuple[list[Candidate], Gram]:
     """Free base: momentum and torques at the level of the sensors' noise."""
     noise, _ = noise_levels(file.robot.sensors, record)
     found: list[Candidate] | None = None
     grams = []
-    for part in _stretches(record):
+    every = _every(record, file.robot)
+    for part in _stretches(_thinned(record, every), _longest(record, file.robot)):
         rows = Run(part, file.robot, file.effects, noise, 'sampled').rows(())
-        found = found or candidates(kinds, rows)
+        found = found or _compatible(candidates(kinds, rows))
         signatures = Signatures(rows)
-        columns = [signatures.whitened(candidate.small_steps) for candidate in found]
-        grams.append(Gram.of(np.concatenate(columns, axis=1), rows.data))
+        columns = [signatures.whitened(steps) for steps in _groups(found)]
+        grams.append(Gram.of(np.concatenate(columns, axis=1), rows.data).times(every))
     return found or [], reduce(add, grams)
 
 
-def _stretches(record: Record) -> Iterable[Record]:
-    """Parts of a record of a minute at most."""
+def is_part(record: Record, robot: Robot) -> bool:
+    """Whether so large a robot is judged by a part of its recording."""
     start, end = record.span
-    if end - start <= 1.5 * _STRETCH:
+    return _longest(record, robot) < min(end - start, _STRETCH if robot.is_free else np.inf)
+
+
+def _work(record: Record, robot: Robot) -> float:
+    """Products of the columns with each other, of a second of a record of a free robot."""
+    return 2.0 * robot.n_joints * _rate(record) * (_COLUMNS * robot.n_joints) ** 2
+
+
+def _rate(record: Record) -> float:
+    """Samples of the joints a second."""
+    return len(record.joint_time) / max(float(np.ptp(record.span)), 1e-9)
+
+
+def _every(record: Record, robot: Robot) -> int:
+    """Samples of which one is taken; each then counts as many times."""
+    start, end = record.span
+    work = _work(record, robot) * min(end - start, _STRETCH)
+    return int(np.clip(np.ceil(work / _MOST_WORK), 1, _SPARSEST))
+
+
+def _longest(record: Record, robot: Robot) -> float:
+    """Length of a stretch [s]; infinite of a fixed robot, unless it is large."""
+    if not robot.is_free:
+        entries = _rate(record) * _COLUMNS * robot.n_joints**2
+        return np.inf if robot.n_joints <= _LARGE else max(_MOST_ENTRIES / entries, _LEAST_LONG)
+    work = _work(record, robot) / _every(record, robot)
+    return float(np.clip(_MOST_WORK / max(work, 1e-9), SHORTEST, _STRETCH))
+
+
+def _thinned(record: Record, every: int) -> Record:
+    """One of so many samples of each sensor."""
+    if every == 1:
+        return record
+    thin: dict[str, Any] = {}
+    for sensor in ('joints', 'rates', 'attitudes'):
+        series = getattr(record, sensor)
+        if series is not None:
+            count = len(series.stamp_ns)
+            values = ((f.name, getattr(series, f.name)) for f in fields(series))
+            fewer = {n: v[::every] for n, v in values if np.shape(v)[:1] == (count,)}
+            thin[sensor] = replace(series, **fewer)
+    return replace(record, **thin)
+
+
+def _groups(found: Sequence[Candidate]) -> Iterable[list[tuple[Effect, float]]]:
+    """Small steps of candidates of one kind, in groups that are faster than one by one."""
+    for _, same in groupby(found, key=lambda candidate: candidate.kind):
+        steps = [step for candidate in same for step in candidate.small_steps]
+        yield from (steps[k : k + _AT_ONCE] for k in range(0, len(steps), _AT_ONCE))
+
+
+def _stretches(record: Record, length: float) -> Iterable[Record]:
+    """Parts of a record of so many seconds at most: five, or of a large robot the middle."""
+    start, end = record.span
+    if end - start <= (1.5 if length == _STRETCH else 1.0) * length:
         return [record]
-    starts = np.linspace(start, end - _STRETCH, _STRETCHES) if end - start > _STRETCH else [start]
-    parts = [record.between(float(t) - 1e-9, float(t) + _STRETCH) for t in starts]
+    if length == _STRETCH:
+        starts = np.linspace(start, end - length, _STRETCHES)
+    else:
+        starts = np.array([0.5 * (start + end - length)])
+    parts = [record.between(float(t) - 1e-9, float(t) + length) for t in starts]
     return [part for part in parts if not is_short(part.joint_time)]
 
 
-def _compatible(found: Sequence[Candidate], gram: Gram) -> tuple[Sequence[Candidate], Gram]:
+def _compatible(found: Sequence[Candidate]) -> list[Candidate]:
     """Those that can act together: of one law's special cases and first guesses the first."""
     kept: list[Candidate] = []
-    places: list[int] = []
-    k = 0
     for candidate in found:
         if not (candidate.repeats(kept) or candidate.contradicts(kept)):
             kept.append(candidate)
+    return kept
+
+
+def _part(found: Sequence[Candidate], kept: Sequence[Candidate], gram: Gram) -> Gram:
+    """The information of some of the candidates."""
+    places: list[int] = []
+    k = 0
+    wanted = {id(candidate) for candidate in kept}
+    for candidate in found:
+        if id(candidate) in wanted:
             places += range(k, k + len(candidate.steps))
         k += len(candidate.steps)
-    return kept, gram.part(np.array(places, dtype=int))
+    return gram.part(np.array(places, dtype=np.int64))
 
 
 def _judged(found: Sequence[Candidate], gram: Gram, robot: Robot) -> Iterable[Excited]:

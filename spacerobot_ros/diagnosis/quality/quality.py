@@ -6,14 +6,18 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from ...effects.robot_file import RobotFile
 from ...errors import SpaceRobotError
 from ...estimation.noise_levels import DISAGREEMENT
 from ...formats import counted
+from ...identification.batch import identify
 from ...recording.faults.data_faults import data_faults
 from ...recording.record import Record
+from ...sensing.sensor_faults import corrected_record
 from .allan import Allan, allan
-from .excited import Excited, excited
+from .excited import Excited, excited, is_part
 from .readings import ROUNDING, Reading, readings
 from .sampling import (
     ClockDelay,
@@ -26,6 +30,7 @@ from .sampling import (
     samplings,
 )
 
+_QUICK, _LONG = 14, 120.0  # joints and seconds that are identified within some seconds
 _LOST = 0.01
 """Share of lost samples worth a word: as many as a filter of 100 samples' memory always holds."""
 _SATURATED = 1e-3  # share of samples; fewer are a spike
@@ -93,9 +98,16 @@ def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
     pairs = tuple(discrepancies(record, robot))
     late = (delay_of(pair) for pair in pairs)
     curves = (allan(pair.reference, pair.time, pair.left, pair.unit) for pair in pairs)
-    excitation, why_not = None, 'no robot file was given (--robot)'
+    excitation, why_not, notes = None, 'no robot file was given (--robot)', record.notes
     if file is not None:
         excitation, why_not = _excited(record, file, faults)
+        notes = (*notes, *_identified(record, file, faults))
+    is_whole = file is None or excitation is None or not is_part(record, file.robot)
+    if not is_whole:
+        notes = (
+            *notes,
+            'so many joints: what the motion tells is that of a part of the recording',
+        )
     sensors, channels = samplings(record), readings(record, robot)
     delays = tuple(one for one in late if one is not None)
     found = tuple(one for one in (*curves, _alone(record)) if one is not None)
@@ -108,7 +120,7 @@ def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
         faults=faults,
         excitation=excitation,
         why_not=why_not,
-        notes=record.notes,
+        notes=notes,
         findings=(
             *(f'fault: {fault}' for fault in faults),
             *_of_sensors(sensors),
@@ -116,7 +128,7 @@ def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
             *_of_scales(rate_scales(record), channels),
             *_of_channels(channels),
             *_of_walks(found, file),
-            *_of_excitation(excitation, () if robot is None else robot.joints),
+            *_of_excitation(excitation, robot.joints if robot is not None and is_whole else ()),
         ),
     )
 
@@ -138,6 +150,30 @@ def _excited(
         return excited(record, file), ''
     except SpaceRobotError as error:
         return None, str(error)
+
+
+def _identified(record: Record, file: RobotFile, faults: tuple[str, ...]) -> Iterator[str]:
+    """What `identify` says of the wheel momentum, where that is quick: it takes no other effect.
+
+    The unknowns of `excitation` are the whole catalogue's; beside all of them less is known.
+    """
+    robot = file.believed
+    if faults or not (robot.is_free and robot.joints and robot.target_wheels):
+        return
+    if record.joints is None or record.rates is None or record.attitudes is None:
+        return
+    if robot.n_joints > _QUICK or record.span[1] - record.span[0] > _LONG:
+        return
+    try:
+        estimate = identify(
+            corrected_record(record, file.robot, file.effects), robot, file.settings.identifier
+        )
+    except SpaceRobotError as error:
+        yield f'identify: {error}'
+        return
+    std = float(np.max(estimate.std[: len(estimate.aam)]))
+    verdict = 'valid' if estimate.valid else f'not valid: {estimate.reason}'
+    yield f'identify: wheel momentum +- {std:.3g} N m s, where no other effect is; {verdict}'
 
 
 def _of_sensors(sensors: tuple[Sampling, ...]) -> Iterator[str]:

@@ -10,20 +10,23 @@ bounded memory, and equal to the Kalman filter with augmented state (Friedland 1
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from ...dynamics.rotation import skew
+from ...inference.square_root import SquareRootInformation
 from ...recording.record import Record
-from ...types import Array
+from ...types import Array, IntArray
 from ..trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..trajectory.sampled_motion import SampledMotion
 from ..trajectory.time_base import CHANNELS, channel_stamps, measured_rows
 from ..unknowns.torque_hold import Holds
 from .kalman import StateSpace, gains_of, whiten
-from .momentum_process import MomentumModel, RateErrorModel, Regressed
+from .momentum_process import MomentumModel, RateErrorModel
 from .momentum_steps import driven_by_joints, transitions_of
 
 _ATTITUDE_START_STD = 0.05  # rad; the reference starts far closer to the tracker than this
@@ -31,7 +34,20 @@ _ATTITUDE_START_STD = 0.05  # rad; the reference starts far closer to the tracke
 # with this share the innovations of smooth motions have unit variance. Estimates do not depend on
 # it (factors of 1000 change no digit).
 _SNAP_SHARE = 0.3
-_AT_ONCE = 500  # rows; as many as stay in a processor's cache
+_AT_ONCE = 500  # times of a part; what is computed at once stays below some 100 MB
+
+
+class Part(NamedTuple):
+    """Some of a stretch's times, the first of them the last of the part before.
+
+    Args:
+        times: Which N times. rows: Which R rows.
+        first: (N + 1,) first row of every time, among these.
+    """
+
+    times: slice
+    rows: slice
+    first: IntArray
 
 
 class Stretch(SampledMotion):
@@ -61,6 +77,18 @@ class Stretch(SampledMotion):
         rows = measured_rows(reference.times, channel_stamps(record), states)
         super().__init__(record, noise, reference, rows)
         self.holds = holds
+
+    @property
+    def parts(self) -> Iterator[Part]:
+        """Parts that cover it, each row once."""
+        first, last = self.rows.first, len(self.reference.times) - 1
+        starts = range(0, max(last, 1), _AT_ONCE)
+        for start in starts:
+            stop = min(start + _AT_ONCE, last)
+            own = first[start : stop + 2].copy()
+            if start > 0:
+                own[0] = own[1]  # rows of the time that both parts have are the first one's
+            yield Part(slice(start, stop + 1), slice(int(own[0]), int(own[-1])), own - own[0])
 
     @cached_property
     def joint_states(self) -> Array:
@@ -94,55 +122,6 @@ class Stretch(SampledMotion):
         return self.rows.of(totals)[:, 0], self.rows.of(columns)
 
 
-class SquareRootInformation:
-    """Least squares in square-root form: min |R t - z|^2, rows added by QR.
-
-    Args:
-        size: Number of unknowns.
-    """
-
-    def __init__(self, size: int) -> None:
-        self.size = size
-        self.factor = np.zeros((size, size + 1))
-        self.residual = 0.0
-        self.rows = 0
-
-    def add(self, columns: Array, values: Array) -> None:
-        """Add rows columns @ t = values, of unit variance; (r, p) and (r,)."""
-        size = self.size
-        triangle = np.zeros((size + 1, size + 1))
-        triangle[:size] = self.factor
-        for start in range(0, len(values), _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
-            stacked = np.empty((size + 1 + len(values[part]), size + 1), order='F')
-            stacked[: size + 1] = triangle
-            stacked[size + 1 :, :size], stacked[size + 1 :, size] = columns[part], values[part]
-            triangle = np.triu(scipy.linalg.lapack.dgeqrf(stacked, overwrite_a=1)[0][: size + 1])
-        self.factor = triangle[:size]
-        self.residual += float(triangle[size, size] ** 2)
-        self.rows += len(values)
-
-    def reset_residual(self) -> None:
-        """Count residual and rows from here: a prior is no part of the goodness of fit."""
-        self.residual, self.rows = 0.0, 0
-
-    def shift(self, change: Array) -> None:
-        """Count the unknowns from a new origin: t -> t - change."""
-        self.factor[:, -1] -= self.factor[:, :-1] @ change
-
-    def solve(self) -> tuple[Array, Array]:
-        """Estimate (p,) and covariance (p, p); directions without information stay at zero."""
-        R, z = self.factor[:, :-1], self.factor[:, -1]
-        scale = np.linalg.norm(R, axis=0)
-        scale[scale == 0.0] = 1.0
-        left, singular, right = np.linalg.svd(R / scale)
-        known = singular > 1e-13 * singular[0]
-        inverse = right[known].T / singular[known]
-        estimate = inverse @ (left[:, known].T @ z) / scale
-        covariance = (inverse @ inverse.T) / np.outer(scale, scale)
-        return estimate, covariance
-
-
 class MomentumFilter:
     """Advances the filter stretch by stretch.
 
@@ -150,61 +129,65 @@ class MomentumFilter:
         model: The constants and the momentum equation.
 
     Attributes:
-        information: Of the constants' errors. placebo: What the reference's own error makes of it.
+        information: Of the constants' errors.
+        log_spread: Sum of the logarithms of the innovations' standard deviations.
     """
 
     def __init__(self, model: MomentumModel) -> None:
         self._model = model
         self.information = SquareRootInformation(model.size)
-        self.placebo = SquareRootInformation(model.size)
+        self.log_spread = 0.0
         self._last: tuple[float, scipy.spatial.transform.Rotation] | None = None
         self._covariance = np.zeros((0, 0))
-        # Mean by 1, placebo and constants; joints count from zero between stretches.
-        self._mean = np.zeros((3 + 4 * model.n, 1 + 2 * model.size))
+        # Mean by 1 and constants; joints count from zero between stretches.
+        self._mean = np.zeros((3 + 4 * model.n, 1 + model.size))
 
     def run(
-        self, stretch: Stretch, constants: Array, regressed: list[Regressed] | None = None
-    ) -> tuple[Array, Array]:
+        self, stretch: Stretch, constants: Array, rows: list[tuple[Array, Array]] | None = None
+    ) -> Array:
         """Process a stretch, linearized about constants; a later one begins at the last's end.
 
         Args:
             stretch: The stretch.
             constants: (p,).
-            regressed: From `regressed`, where a stretch is run through several times.
+            rows: Takes columns (r, p) and values (r,) of the rows that the information gets; None:
+                they are not kept.
 
         Returns:
-            (R, p) and (R,) columns and values of the rows that the information has got.
+            (R,) values of the rows.
         """
-        p, joints = self._model.size, stretch.joint_states
+        joints, values = stretch.joint_states, []
         if self._last is None:
             self._covariance = _start_covariance(joints)
         else:
             self._mean[3:, 0] -= joints[0]
-        if regressed is None:
-            disturbed = stretch.reference.disturbed
-            rate = self._model.linearize(stretch.kinematics, constants, disturbed)
-        else:
-            rate = self._model.linearize_again(regressed, constants)
-        space, defects = state_space(stretch, rate, joints)
         misread, sensors = stretch.misreadings(self._model, constants)
-        drives = np.concatenate([rate.offset[..., None], rate.placebo, rate.constants], axis=2)
-        measured = _less_at_gyro(stretch, drives)
-        measured[:, 0] += stretch.deviations - misread
-        measured[:, measured.shape[1] - sensors.shape[1] :] -= sensors
+        for part in stretch.parts:
+            rate = self._model.linearize(stretch.kinematics.part(part.times), constants)
+            found = self._run_part(stretch, part, rate, (misread, sensors))
+            values.append(found[1])
+            if rows is not None:
+                rows.append(found)
+        self._mean[3:, 0] += joints[-1]
+        self._last = float(stretch.reference.times[-1]), stretch.kinematics.rotation[-1]
+        return np.concatenate(values)
+
+    def _run_part(
+        self, stretch: Stretch, part: Part, rate: RateErrorModel, sensors: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        misread, by_nuisances = (each[part.rows] for each in sensors)
+        space, defects = state_space(stretch, part, rate)
+        drives = np.concatenate([rate.offset[..., None], rate.constants], axis=2)
+        measured = _less_at_gyro(stretch, part, drives)
+        measured[:, 0] += stretch.deviations[part.rows] - misread
+        measured[:, self._model.other.start + 1 :] -= by_nuisances
         gains = gains_of(space, self._covariance)
         rows = whiten(space, gains, self._mean, drives, defects, measured)
-        self._mean[3:, 0] += joints[-1]
         self._covariance = gains.end
-        columns, values = -rows[:, 1 + p :], rows[:, 0]
-        if len(rows):
-            self.information.add(columns, values)
-            self.placebo.add(rows[:, 1 : 1 + p], np.zeros(len(rows)))
-        self._last = float(stretch.reference.times[-1]), stretch.kinematics.rotation[-1]
+        self.log_spread += float(np.sum(np.log(gains.std)))
+        columns, values = -rows[:, 1:], rows[:, 0]
+        self.information.add(columns, values)
         return columns, values
-
-    def regressed(self, stretch: Stretch) -> list[Regressed]:
-        """What a pass over a stretch needs whatever the constants."""
-        return self._model.regressed(stretch.kinematics, stretch.reference.disturbed)
 
     def take_end(self) -> tuple[float, scipy.spatial.transform.Rotation]:
         """Time at which the last stretch ended, and the attitude from which the next one starts.
@@ -223,30 +206,31 @@ class MomentumFilter:
     def shift_constants(self, change: Array) -> None:
         """Count the constants' errors from a new origin."""
         self.information.shift(change)
-        self._mean[:, 0] += self._mean[:, 1 + len(change) :] @ change
+        self._mean[:, 0] += self._mean[:, 1:] @ change
 
 
-def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[StateSpace, Array]:
+def state_space(stretch: Stretch, part: Part, rate: RateErrorModel) -> tuple[StateSpace, Array]:
     """The model of the deviations, and what the joints' quartic misses of the reference.
 
     Args:
-        stretch: N times, R rows.
+        stretch: The stretch.
+        part: N times, R rows.
         rate: Rate error at the times.
-        joints: (N, 4 n) of the reference.
 
     Returns:
         The model of d = 3 + 4 n states, and (N-1, d) changes by each step.
     """
+    joints = stretch.joint_states[part.times]
     n = joints.shape[1] // 4
-    size, durations = 3 + 4 * n, np.diff(stretch.reference.times)
+    size, durations = 3 + 4 * n, np.diff(stretch.reference.times[part.times])
     matrices = np.zeros((len(joints), 3, size))
     matrices[:, :, : 3 + 2 * n] = rate.state
-    matrices[:, :, :3] -= skew(stretch.kinematics.omega)
+    matrices[:, :, :3] -= skew(stretch.kinematics.omega[part.times])
     slopes = np.ascontiguousarray(rate.state[:, :, 3:])
     noise, defects = driven_by_joints(durations, stretch.snap_density, slopes, joints)
     rows = stretch.rows
-    is_gyro = rows.channel == CHANNELS.index('gyro')
-    at = np.repeat(np.arange(len(joints)), np.diff(rows.first))
+    is_gyro = rows.channel[part.rows] == CHANNELS.index('gyro')
+    at = np.repeat(np.arange(len(joints)), np.diff(part.first))
     by_gyro = np.zeros((3 * len(joints), size))
     by_gyro[:, : 3 + 2 * n] = rate.state.reshape(-1, 3 + 2 * n)
     space = StateSpace(
@@ -256,21 +240,21 @@ def state_space(stretch: Stretch, rate: RateErrorModel, joints: Array) -> tuple[
         np.zeros((len(durations), 0), dtype=np.int64),
         np.zeros((len(durations), 0)),
         0,
-        rows.first,
-        rows.state + np.where(is_gyro, 3 * at, 0),
+        part.first,
+        rows.state[part.rows] + np.where(is_gyro, 3 * at, 0),
         by_gyro,
-        stretch.row_variance,
+        stretch.row_variance[part.rows],
     )
     return space, defects
 
 
-def _less_at_gyro(stretch: Stretch, drives: Array) -> Array:
+def _less_at_gyro(stretch: Stretch, part: Part, drives: Array) -> Array:
     """(R, c) less what drives the rate, (N, 3, c), at the gyro's rows; zero at others."""
     rows = stretch.rows
-    at = np.repeat(np.arange(len(drives)), np.diff(rows.first))
-    is_gyro = rows.channel == CHANNELS.index('gyro')
+    at = np.repeat(np.arange(len(drives)), np.diff(part.first))
+    is_gyro = rows.channel[part.rows] == CHANNELS.index('gyro')
     out = np.zeros((len(at), drives.shape[2]))
-    out[is_gyro] = -drives[at[is_gyro], rows.axis[is_gyro]]
+    out[is_gyro] = -drives[at[is_gyro], rows.axis[part.rows][is_gyro]]
     return out
 
 

@@ -1,36 +1,37 @@
-r"""The momentum equation, linear about a measured reference trajectory.
+r"""The momentum equation, linear about a measured reference trajectory and about given bodies.
 
 With the attitude R = R_ref exp(dphi) and u = [w; q'], conservation of the total momentum h_W says
 
     R (A(q) u + h0 + sum_b R_b h_b) = h_W          A = [D, Dq]
 
 so a reference that misses by e = R_ref^T h_W - A u_ref - h0 - sum_b R_b h_b has the rate error dw
-= D^-1 (e + E z + V t) to first order in the state errors z = [dphi; dq; dq'] and linear, exactly,
-in the errors t of the constants [h_W; AAM; x]. The reference comes from the data (splines), not
-from the constants, so wrong constants do not bend it.
+= D^-1 (e + E z + V t) to first order in the state errors z = [dphi; dq; dq'] and in the errors t
+of the constants: the momenta, in which it is linear, and the coordinates y of the bodies
+(`unknowns.bodies`), in which it is not. D depends on z and t, too, so E and V are those at the
+rate w_ref + D^-1 e that conserves momentum: taken at w_ref, whose noise e is made of, they would
+be noise that agrees with the data. The reference comes from the data (splines), not from the
+constants, so wrong constants do not bend it.
 
-Symbols: N times, n joints, p = 3 + 3 n_links + k constants.
+Symbols: N times, n joints, m coordinates, p = 3 + 3 n_links + m + nuisances constants.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
-from ...dynamics.blocks import BlockTree
+from ...dynamics.angular_momentum import AngularMomentum, angular_momentum
+from ...dynamics.blocks import check_momentum
 from ...dynamics.rotation import skew
+from ...dynamics.tree import Records, tree_of
 from ...model.robot import Robot
 from ...types import Array
 from ..trajectory.reference import Kinematics, ReferenceTrajectory
-from ..unknowns.minimal import MinimalSet
+from ..unknowns.bodies import BodyCoordinates
 from ..unknowns.nuisances import Nuisances
 from ..unknowns.torque_hold import held_jerk
-
-_CHUNK = (
-    512  # times linearized at once; the temporaries take about a kilobyte a time and joint squared
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,147 +41,134 @@ class RateErrorModel:
     Args:
         offset: (N, 3) [rad/s].
         state: (N, 3, 3 + 2 n) by z = [dphi; q - q_ref; q' - q'_ref].
-        constants: (N, 3, p) by the errors of [h_W; AAM; x; nuisances].
-        placebo: (N, 3, p) what the reference's own error makes of `constants`: columns without any
-            meaning, against which excitation is judged.
+        constants: (N, 3, p) by the errors of [h_W; AAM; y; nuisances].
     """
 
     offset: Array
     state: Array
     constants: Array
-    placebo: Array
 
 
 class MomentumModel:
     """The constants to estimate and the momentum equation of one robot.
 
     Args:
-        robot: Free-floating robot with revolute joints.
-        minimal: Its minimal set.
+        robot: Free-floating robot.
+        structure: Of its bodies, `generic` or `symmetric` (`BodyCoordinates`).
         nuisances: Ids of further unknowns (see `Nuisances`).
 
     Attributes:
-        size: Number p of constants, in the order [h_W; AAM; x; nuisances].
-        aam: Their slice of wheel momentum. x: Their slice of minimal parameters.
+        bodies: Coordinates of the bodies.
+        size: Number p of constants, in the order [h_W; AAM; y; nuisances].
+        aam: Their slice of wheel momentum. y: Their slice of bodies.
         other: Their slice of nuisances.
+
+    Raises:
+        ConfigurationError: fixed base.
     """
 
-    def __init__(self, robot: Robot, minimal: MinimalSet, nuisances: tuple[str, ...] = ()) -> None:
-        self.tree = BlockTree(robot)
-        self.minimal = minimal
-        self.robot = robot
+    def __init__(self, robot: Robot, structure: str, nuisances: tuple[str, ...] = ()) -> None:
+        check_momentum(robot)
+        self.robot, self.structure = robot, structure
+        self.bodies = BodyCoordinates(robot, structure)
         self.n = robot.n_joints
         self.nuisances = Nuisances(nuisances, robot)
         self._wheels = [(g.body, g.rotation) for g in robot.target_wheels]
         self._h0 = robot.servicer_wheels.body_momentum
+        self._moves = robot.moves
         self.n_aam = 3 * len(self._wheels)
         self.aam = slice(3, 3 + self.n_aam)
-        self.x = slice(self.aam.stop, self.aam.stop + len(minimal))
-        self.size = self.x.stop + self.nuisances.size
-        self.other = slice(self.x.stop, self.size)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Readable names of [AAM; x]."""
-        links = (g.link for g in self.robot.target_wheels)
-        return tuple(f'h_{link}_{axis}' for link in links for axis in 'xyz') + self.minimal.names
+        self.y = slice(self.aam.stop, self.aam.stop + self.bodies.size)
+        self.size = self.y.stop + self.nuisances.size
+        self.other = slice(self.y.stop, self.size)
 
     def prior(self) -> Array:
         """(p,) constants that the robot file believes in; the total momentum is left zero."""
-        x = self.minimal.regrouping @ self.tree.parameters()
-        others = np.zeros(self.nuisances.size)
-        return np.concatenate([np.zeros(3), self.robot.target_momentum, x, others])
+        out = np.zeros(self.size)
+        out[self.aam] = self.robot.target_momentum
+        return out
 
-    def regressor(self, reference: Kinematics) -> tuple[Array, Array]:
-        """Rows of b = A [h_W; AAM; x] in the base frame, exact and linear; nuisances at zero.
+    def robot_at(self, constants: Array) -> Robot:
+        """The robot whose bodies and captured wheels are those of constants (p,)."""
+        robot = self.bodies.robot(constants[self.y])
+        return robot.with_target_momentum(constants[self.aam])
+
+    def balance(self, motion: Kinematics, constants: Array) -> tuple[Array, Array]:
+        """Momentum that is missing along a motion, nuisances at zero, and its derivatives.
 
         Returns:
-            (N, 3, p) coefficients of 0 = R^T h_W - sum R_b h_b - Y x - h0, and (N, 3) right-hand
-            side h0.
+            (N, 3) R^T h_W - A u - h0 - sum R_b h_b in the base frame, and (N, 3, p) its
+            derivatives by the constants.
         """
-        columns = self._coefficients(_Moving(self.tree, reference))
-        return columns, np.broadcast_to(self._h0, reference.omega.shape)
+        return self._balance(motion, self._moving(motion, constants), constants)
 
     def total_momentum(self, motion: Kinematics, constants: Array) -> Array:
         """(3,) mean of h_W along a motion that all other constants imply [N m s]."""
-        columns, h0 = self.regressor(motion)
-        momentum = h0 - columns[..., 3:] @ constants[3:]
-        return np.asarray(np.mean(motion.rotation.apply(momentum), axis=0))
+        others = constants.copy()
+        others[:3] = 0.0
+        missing, _ = self.balance(motion, others)
+        return np.asarray(np.mean(motion.rotation.apply(-missing), axis=0))
 
-    def inertia(self, q: Array, constants: Array) -> Array:
-        """(N, 3 + n, 3 + n) inertia of [omega_WB_B; q'] at joint positions (N, n) [kg m^2]."""
-        rotations = self.tree.rotations(q)
-        pi = self.minimal.expansion @ constants[self.x]
-        return self.tree.inertia(rotations, self.tree.rate_maps(rotations), pi)
+    def joint_share(self, motion: Kinematics, constants: Array) -> float:
+        """Largest angular momentum that the joints' motion alone has, Dq q' [N m s]."""
+        inertia = self._moving(motion, constants).inertia[:, :, 3:]
+        share = np.einsum('naj,nj->na', inertia, motion.qd)
+        return float(np.max(np.linalg.norm(share, axis=1), initial=0.0))
 
     def held_jerk(
         self, trajectory: ReferenceTrajectory, constants: Array
     ) -> scipy.interpolate.CubicSpline:
         """(3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
-        aam = constants[self.aam].reshape(-1, 3)
-        wheels = [(b, R @ h) for (b, R), h in zip(self._wheels, aam, strict=True)]
-        return held_jerk(self.tree, self.minimal.expansion @ constants[self.x], wheels, trajectory)
+        return held_jerk(self.robot_at(constants), trajectory)
 
-    def linearize(
-        self, reference: Kinematics, constants: Array, disturbed: Kinematics | None = None
-    ) -> RateErrorModel:
-        """Body-rate error of the reference, about given constants (p,).
-
-        Args:
-            reference: N times.
-            constants: (p,).
-            disturbed: The reference with its own error once more, for the placebo columns; without
-                it they are zero.
-        """
-        return self.linearize_again(self.regressed(reference, disturbed), constants)
-
-    def regressed(
-        self, reference: Kinematics, disturbed: Kinematics | None = None
-    ) -> list[Regressed]:
-        """What `linearize` needs of a reference whatever the constants, in chunks of times."""
-        chunks = []
-        for start in range(0, len(reference.time), _CHUNK):
-            part = reference.part(slice(start, start + _CHUNK))
-            moving = _Moving(self.tree, part)
-            columns, off = self._coefficients(moving), None
-            if disturbed is not None:
-                other = _Moving(self.tree, disturbed.part(slice(start, start + _CHUNK)))
-                off = (self._coefficients(other) - columns)[..., : self.x.stop]
-            chunks.append(Regressed(part, moving, columns, off))
-        return chunks
-
-    def linearize_again(self, chunks: list[Regressed], constants: Array) -> RateErrorModel:
-        """`linearize` of what was `regressed`, about other constants."""
-        parts = [self._linearize(chunk, constants) for chunk in chunks]
-        names = [each.name for each in fields(RateErrorModel)]
-        return RateErrorModel(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
-
-    def _linearize(self, chunk: Regressed, constants: Array) -> RateErrorModel:
-        reference, moving, columns = chunk.reference, chunk.moving, chunk.columns.copy()
+    def linearize(self, reference: Kinematics, constants: Array) -> RateErrorModel:
+        """Body-rate error of the reference, about given constants (p,)."""
+        moving = self._moving(reference, constants)
+        missing, columns = self._balance(reference, moving, constants)
         added, by_aam = self._imbalance(reference, constants, columns)
+        missing += added + by_aam @ constants[self.aam]
+        inverse = np.linalg.inv(moving.inertia[:, :, :3])
+        offset = np.einsum('nab,nb->na', inverse, missing)
+        moving = self._moving(replace(reference, omega=reference.omega + offset), constants)
+        columns[..., self.y] = -self._by_bodies(moving, constants)
         columns[..., self.aam] += by_aam
-        known = columns[..., : self.x.stop] @ constants[: self.x.stop]
-        offset = known - self._h0 + added
         external = self.other.start + np.flatnonzero(self.nuisances.is_external)
         total = columns[..., :3] @ constants[:3] + columns[..., external] @ constants[external]
-        pi = self.minimal.expansion @ constants[self.x]
-        inertia, changes = self.tree.inertia_turned(moving.rotations, moving.maps, pi, moving.u)
-        inverse = np.linalg.inv(inertia[:, :3, :3])
         state = np.empty((len(offset), 3, 3 + 2 * self.n))
         # R^T h_W turns with the attitude, the wheels with their links, the rest with D and Dq.
         state[..., :3] = skew(total)
-        state[..., 3 : 3 + self.n] = -np.swapaxes(changes[..., :3], 1, 2)
+        state[..., 3 : 3 + self.n] = -moving.by_joints
         state[..., 3 : 3 + self.n] -= self._turned_wheels(moving, columns, constants)
-        state[..., 3 + self.n :] = -inertia[:, :3, 3:]
-        placebo = np.zeros_like(columns)
-        if chunk.off is not None:
-            placebo[..., : self.x.stop] = inverse @ chunk.off
-        return RateErrorModel(
-            np.einsum('nab,nb->na', inverse, offset),
-            inverse @ state,
-            inverse @ columns,
-            placebo,
-        )
+        state[..., 3 + self.n :] = -moving.inertia[:, :, 3:]
+        return RateErrorModel(offset, inverse @ state, inverse @ columns)
+
+    def _moving(self, motion: Kinematics, constants: Array) -> AngularMomentum:
+        q, omega, qd = (np.ascontiguousarray(x) for x in (motion.q, motion.omega, motion.qd))
+        return AngularMomentum(*angular_momentum(self._tree(constants), q, omega, qd))
+
+    def _tree(self, constants: Array) -> Records:
+        tree = tree_of(self.robot).copy()
+        tree['inertial'] = self.bodies.rows(constants[self.y])[tree['number']]
+        return tree
+
+    def _balance(
+        self, motion: Kinematics, moving: AngularMomentum, constants: Array
+    ) -> tuple[Array, Array]:
+        columns = np.zeros((len(motion.time), 3, self.size))
+        columns[..., :3] = np.swapaxes(motion.matrices, 1, 2)
+        for i, (body, rotation) in enumerate(self._wheels):
+            columns[..., 3 + 3 * i : 6 + 3 * i] = -moving.rotations[:, body] @ rotation
+        columns[..., self.y] = -self._by_bodies(moving, constants)
+        momenta = columns[..., : self.y.start] @ constants[: self.y.start]
+        return momenta - moving.momentum - self._h0, columns
+
+    def _by_bodies(self, moving: AngularMomentum, constants: Array) -> Array:
+        """(N, 3, m) derivative of the bodies' momentum by their coordinates."""
+        slopes = self.bodies.slopes(constants[self.y])
+        shape = (len(moving.momentum), 3, len(slopes), 10)
+        by_rows = moving.by_bodies.reshape(shape).transpose(2, 0, 1, 3).reshape(len(slopes), -1, 10)
+        by_coordinates = np.moveaxis((by_rows @ slopes).reshape(len(slopes), *shape[:2], 10), 0, 2)
+        return np.asarray(by_coordinates[:, :, self.bodies.free])
 
     def _imbalance(
         self, reference: Kinematics, constants: Array, columns: Array
@@ -204,49 +192,12 @@ class MomentumModel:
             by_aam[..., i] = nuisances.imbalance(values, reference, unit)[0] - rest
         return rest, by_aam
 
-    def _turned_wheels(self, moving: _Moving, columns: Array, constants: Array) -> Array:
+    def _turned_wheels(self, moving: AngularMomentum, columns: Array, constants: Array) -> Array:
         """(N, 3, n) derivative of the captured wheels' momentum by the joint positions."""
         out = np.zeros((len(columns), 3, self.n))
         for i, (body, _) in enumerate(self._wheels):
             part = slice(3 + 3 * i, 6 + 3 * i)
             momentum = -columns[..., part] @ constants[part]
-            axes = moving.maps[:, body, :, 3:]
+            axes = np.swapaxes(moving.axes * self._moves[:, body, None], 1, 2)
             out += np.cross(axes, momentum[:, :, None], axisa=1, axisb=1, axisc=1)
         return out
-
-    def _coefficients(self, moving: _Moving) -> Array:
-        """(N, 3, p) by the constants; zero by the nuisances."""
-        out = np.zeros((len(moving.u), 3, self.size))
-        out[..., :3] = np.swapaxes(moving.attitudes, 1, 2)
-        for i, (body, rotation) in enumerate(self._wheels):
-            out[..., 3 + 3 * i : 6 + 3 * i] = -moving.rotations[:, body] @ rotation
-        regressor = self.tree.regressor(moving.rotations, moving.maps, moving.u)
-        out[..., self.x] = -regressor @ self.minimal.expansion
-        return out
-
-
-class _Moving:
-    """Kinematics of a reference: what its regressor and its linearization share."""
-
-    def __init__(self, tree: BlockTree, reference: Kinematics) -> None:
-        self.rotations = tree.rotations(reference.q)
-        self.maps = tree.rate_maps(self.rotations)
-        self.u = np.concatenate([reference.omega, reference.qd], axis=1)
-        self.attitudes = reference.matrices
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Regressed:
-    """The momentum equation along a reference, before anything is said of the constants.
-
-    Args:
-        reference: N times.
-        moving: Its kinematics.
-        columns: (N, 3, p) of the equation by the constants; zero by the nuisances.
-        off: (N, 3, p - nuisances) by which those of the disturbed reference differ; None without.
-    """
-
-    reference: Kinematics
-    moving: _Moving
-    columns: Array
-    off: Array | None

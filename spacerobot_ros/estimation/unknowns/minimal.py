@@ -1,30 +1,34 @@
-r"""Minimal (base) parameters: the combinations of block parameters that angular momentum can tell.
+r"""Minimal (base) parameters: the combinations of the bodies' numbers that momentum can tell.
 
-The set is found numerically: a regressor at random states spans what any motion can excite; going
-through its columns in order and keeping each one that is not a combination of those kept gives the
-minimal set, and least squares gives how the dropped ones regroup (identification paper, section
-III; docs/equations.md). Momentum alone reaches the full set of the reduced dynamics: adding
-kinetic-energy rows never raises the rank.
+With `structure='generic'` they are the entries of the matrix W of `dynamics.blocks`. Momentum
+alone reaches the full set of the reduced dynamics: kinetic energy tells no more.
 
 With `structure='symmetric'` the set is restricted to what robots with the URDF's zeros can have:
 an inertia product or a centre-of-mass coordinate of a link that is exactly zero in the URDF stays
-zero; the base's centre of mass is free.
+zero; the base's centre of mass is free. It is found numerically among the entries for all three
+axes of every body: a regressor at random states spans what any motion can excite; going through
+its columns in order and keeping each one that is not a combination of those kept gives the set,
+and least squares gives how the dropped ones regroup (identification paper, section III).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from ...dynamics.blocks import BlockTree
-from ...model.robot import Body, Robot
+from ...model.robot import Robot
 from ...types import Array
+from ..trajectory.reference import Kinematics
 
 _RANK_TOLERANCE = 1e-9  # the gap lies between 1e-3 (kept) and 1e-15 (dropped) for unit columns
 _DISTANCES = (0.3, 0.1, 0.03, 0.01, 1e-3, 1e-7)  # of a column from the span of those before it
 _SEED = 20  # any seed gives the same set; a fixed one gives the same rounding
+_PANEL = 32  # columns that are cleared of those kept before at once
+_CHUNK = 500  # samples of a regressor before they are regrouped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,22 +36,68 @@ class MinimalSet:
     """Minimal parameters x of one robot, for one assumed structure.
 
     Args:
-        names: (k,) name of the block parameter that each kept column stands for.
-        expansion: (K, k) block parameters pi = expansion @ x that give the same dynamics.
-        regrouping: (k, K) x = regrouping @ pi for every pi that has the assumed structure.
+        structure: `symmetric` or `generic`.
+        tree: Gives the K entries that x are, or are combinations of.
+        names: (k,) name of the entry that each parameter stands for.
+        units: (k,) of them.
         rank_gap: Smallest kept over largest dropped singular value of the unit-column regressor.
-        unit: Unit of every entry of x.
+        expansion: (K, k) entries = expansion @ x that give the same dynamics; None: x itself.
+        regrouping: (k, K) x = regrouping @ entries for any that have the assumed structure.
     """
 
+    structure: str
+    tree: BlockTree
     names: tuple[str, ...]
-    expansion: Array
-    regrouping: Array
-    rank_gap: float
-    unit: str = 'kg m^2'
+    units: tuple[str, ...]
+    rank_gap: float = np.inf
+    expansion: Array | None = None
+    regrouping: Array | None = None
 
     def __len__(self) -> int:
         """Number k of minimal parameters."""
         return len(self.names)
+
+    def of_bodies(self, mass: Array, com: Array, inertia: Array) -> Array:
+        """(..., k) parameters of any bodies on this tree.
+
+        Args:
+            mass: (..., b) [kg].
+            com: (..., b, 3) centres of mass in the body frames [m].
+            inertia: (..., b, 3, 3) about the centres of mass, body axes [kg m^2].
+        """
+        entries = self.tree.entries(mass, com, inertia)
+        return entries if self.regrouping is None else entries @ self.regrouping.T
+
+    def of_robot(self, robot: Robot) -> Array:
+        """(k,) parameters of a robot with this tree."""
+        bodies = robot.bodies
+        return self.of_bodies(
+            np.array([b.mass for b in bodies]),
+            np.array([b.com for b in bodies]),
+            np.array([b.inertia for b in bodies]),
+        )
+
+    def matrix(self, parameters: Array) -> Array:
+        """(G, G) matrix W of the tree's vectors for parameters (k,)."""
+        expansion = self.expansion
+        return self.tree.matrix(parameters if expansion is None else expansion @ parameters)
+
+
+def minimal_regressor(robot: Robot, minimal: MinimalSet, motion: Kinematics) -> Array:
+    """(N, 3, k) regressor Y of the angular momentum without the robot's wheels: h_B = Y x."""
+    u = np.hstack([motion.omega, motion.qd])
+    return _regressor(minimal.tree, motion.q, u, minimal.expansion)
+
+
+def _regressor(tree: BlockTree, q: Array, u: Array, expansion: Array | None) -> Array:
+    if expansion is None:
+        return tree.regressor(q, u)
+    out = np.empty((3 * len(u), expansion.shape[1]))
+    for start in range(0, len(u), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        rows = tree.regressor(q[part], u[part]).reshape(-1, len(expansion))
+        out[3 * start : 3 * (start + _CHUNK)] = rows @ expansion
+    return out.reshape(len(u), 3, -1)
 
 
 @lru_cache(maxsize=8)  # a controller asks with every estimate, and has no time to find it again
@@ -55,32 +105,33 @@ def minimal_set(robot: Robot, structure: str) -> MinimalSet:
     """Find the minimal parameters of a free-floating robot.
 
     Args:
-        robot: Robot with revolute joints; only its tree and, for `symmetric`, its zeros matter.
+        robot: Only its tree and, for `symmetric`, its zeros matter.
         structure: `symmetric` or `generic`.
 
     Raises:
-        ConfigurationError: fixed base or prismatic joints.
+        ConfigurationError: fixed base.
     """
-    tree = BlockTree(robot)
+    tree = BlockTree(robot, whole=structure == 'symmetric')
+    if structure == 'generic':
+        return MinimalSet(structure, tree, tree.names, tree.units)
     rng = np.random.default_rng(_SEED)
-    if structure == 'symmetric':
-        span, chosen = _structured_span(tree, robot, rng)
-    else:
-        span, chosen = np.eye(len(tree.names)), list(range(len(tree.names)))
-    regressor = _random_regressor(tree, rng) @ span
-    norms = np.linalg.norm(regressor, axis=0)
-    unit = regressor / np.where(norms > 0.0, norms, 1.0)
+    span, chosen = _structured_span(tree, robot, rng)
+    samples, n = max(150, len(tree.pairs)), robot.n_joints
+    q, u = rng.uniform(-np.pi, np.pi, (samples, n)), rng.normal(size=(samples, 3 + n))
+    rows = _regressor(tree, q, u, span).reshape(3 * samples, -1)
+    regressor = np.asarray(np.linalg.qr(rows, mode='r'))  # lengths and angles stay
+    unit = _unit_columns(regressor)
     kept = independent_columns(unit)
     singular = np.linalg.svd(unit, compute_uv=False)
     left = singular[len(kept)] if len(kept) < len(singular) else 0.0
     gap = singular[len(kept) - 1] / left if left else np.inf
-    combined = np.linalg.lstsq(regressor[:, kept], regressor, rcond=None)[0]
-    combined[np.abs(combined) < _RANK_TOLERANCE] = 0.0
+    combined = _combinations(regressor, kept)
     combined[:, kept] = np.eye(len(kept))
-    regrouping = np.zeros((len(kept), len(tree.names)))
+    regrouping = np.zeros((len(kept), len(tree.pairs)))
     regrouping[:, chosen] = combined
-    names = tuple(tree.names[chosen[i]] for i in kept)
-    return MinimalSet(names, span[:, kept], regrouping, float(gap))
+    names, units = ([words[chosen[i]] for i in kept] for words in (tree.names, tree.units))
+    found = span[:, kept], regrouping
+    return MinimalSet(structure, tree, tuple(names), tuple(units), float(gap), *found)
 
 
 def independent_columns(matrix: Array) -> list[int]:
@@ -91,57 +142,58 @@ def independent_columns(matrix: Array) -> list[int]:
     factors of thousands.
     """
     kept: list[int] = []
-    basis = np.zeros((len(matrix), 0))
+    basis = np.empty((len(matrix), min(matrix.shape)), order='F')
+    rest = np.flatnonzero(np.any(matrix, axis=0)).tolist()
     for distance in _DISTANCES:
-        for index in sorted(set(range(matrix.shape[1])) - set(kept)):
-            column = matrix[:, index]
-            rest = column - basis @ (basis.T @ column)
-            rest -= basis @ (basis.T @ rest)  # twice is enough (Kahan)
-            norm = np.linalg.norm(rest)
-            if norm > distance:
-                kept.append(index)
-                basis = np.column_stack([basis, rest / norm])
+        left, rest = rest, []
+        for start in range(0, len(left), _PANEL):
+            panel = matrix[:, left[start : start + _PANEL]]
+            for _ in range(2):  # twice is enough (Kahan)
+                panel = _outside(panel, basis[:, : len(kept)])
+            for place, index in enumerate(left[start : start + _PANEL]):
+                norm = np.linalg.norm(panel[:, place])
+                if norm > distance:
+                    found = _outside(panel[:, place] / norm, basis[:, : len(kept)])
+                    basis[:, len(kept)] = found / np.linalg.norm(found)
+                    panel = _outside(panel, basis[:, len(kept), None])
+                    kept.append(index)
+                elif norm > _DISTANCES[-1]:
+                    rest.append(index)
     return sorted(kept)
 
 
-def _random_regressor(tree: BlockTree, rng: np.random.Generator) -> Array:
-    samples = max(150, len(tree.names))
-    q = rng.uniform(-np.pi, np.pi, (samples, tree.n))
-    u = rng.normal(size=(samples, 3 + tree.n))
-    rotations = tree.rotations(q)
-    return tree.regressor(rotations, tree.rate_maps(rotations), u).reshape(3 * samples, -1)
+def _outside(vectors: Array, basis: Array) -> Array:
+    """What vectors have besides the span of orthonormal ones."""
+    return np.asarray(vectors - basis @ (basis.T @ vectors))
+
+
+def _unit_columns(matrix: Array) -> Array:
+    norms = np.linalg.norm(matrix, axis=0)
+    return np.asarray(matrix / np.where(norms > 0.0, norms, 1.0))
+
+
+def _combinations(matrix: Array, kept: list[int]) -> Array:
+    """(k, columns) how independent columns combine to all."""
+    q, r = np.linalg.qr(matrix[:, kept])
+    combined = np.linalg.solve(r, q.T @ matrix)
+    combined[np.abs(combined) < _RANK_TOLERANCE] = 0.0
+    return np.asarray(combined)
 
 
 def _structured_span(
     tree: BlockTree, robot: Robot, rng: np.random.Generator
 ) -> tuple[Array, list[int]]:
-    """Map (K, s) from s independent block parameters to all of them, and the indices of the s."""
-    count = len(tree.names) + 20
-    samples = np.array([tree.parameters(_random_alike(robot, rng)) for _ in range(count)])
-    norms = np.linalg.norm(samples, axis=0)
-    unit = samples / np.where(norms > 0.0, norms, 1.0)
-    chosen = independent_columns(unit)
-    span = np.linalg.lstsq(samples[:, chosen], samples, rcond=None)[0].T
-    span[np.abs(span) < _RANK_TOLERANCE] = 0.0
-    return span, chosen
+    """Map (K, s) from s independent entries to all of them, and the indices of the s.
 
-
-def _random_alike(robot: Robot, rng: np.random.Generator) -> Robot:
-    """A robot with the same tree and zeros, but other numbers; the base's centre is free."""
-    bodies = [
-        _random_body(body, rng, is_base=index == 0) for index, body in enumerate(robot.bodies)
-    ]
-    return replace(robot, bodies=tuple(bodies))
-
-
-def _random_body(body: Body, rng: np.random.Generator, is_base: bool) -> Body:
-    com = rng.normal(size=3)
-    inertia = rng.normal(size=(3, 3))
-    inertia = inertia + inertia.T
-    if not is_base:
-        com = np.where(body.com == 0.0, 0.0, com)
-        products = np.where(body.inertia == 0.0, 0.0, inertia)
-        inertia = np.where(np.eye(3, dtype=bool), inertia, products)
-    else:
-        inertia = np.where(np.eye(3, dtype=bool) | (body.inertia != 0.0), inertia, 0.0)
-    return replace(body, mass=float(rng.uniform(0.5, 2.0)), com=com, inertia=inertia)
+    From random bodies with the robot's zeros; the base's centre of mass is free.
+    """
+    shape = len(tree.pairs) + 20, len(robot.bodies)
+    drawn = [(rng.normal(size=12), rng.uniform(0.5, 2.0)) for _ in range(math.prod(shape))]
+    numbers = np.array([normal for normal, _ in drawn]).reshape(*shape, 4, 3)
+    mass = np.array([uniform for _, uniform in drawn]).reshape(shape)
+    com, inertia = numbers[:, :, 0], numbers[:, :, 1:] + np.swapaxes(numbers[:, :, 1:], -1, -2)
+    is_free = np.array([(b.com != 0.0) | (b.parent < 0) for b in robot.bodies])
+    may_be = np.array([(b.inertia != 0.0) | np.eye(3, dtype=bool) for b in robot.bodies])
+    samples = tree.entries(mass, com * is_free, inertia * may_be)
+    chosen = independent_columns(_unit_columns(samples))
+    return _combinations(samples, chosen).T, chosen

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...dynamics.blocks import BlockTree
 from ...model.robot import Robot
 from ...types import Array
 from .minimal import MinimalSet
@@ -22,17 +21,17 @@ def standard_parameters(robot: Robot, minimal: MinimalSet, structure: str) -> tu
     A number counts where changing it, near the robot file's values, changes the parameter.
 
     Args:
-        robot: Robot with revolute joints.
+        robot: The robot.
         minimal: Its minimal set.
         structure: `symmetric` or `generic`, as the minimal set's.
     """
     effects = np.abs(_derivatives(robot, minimal, structure))
     seen = effects > _VISIBLE * np.max(effects, axis=(1, 2), keepdims=True)
+    names = np.array(STANDARD)
     return tuple(
         '; '.join(
-            f'{body.name}: {" ".join(np.array(STANDARD)[row])}'
-            for body, row in zip(robot.bodies, rows, strict=True)
-            if np.any(row)
+            f'{robot.bodies[k].name}: {" ".join(names[rows[k]])}'
+            for k in np.flatnonzero(np.any(rows, axis=1))
         )
         for rows in seen
     )
@@ -55,9 +54,8 @@ def _derivatives(robot: Robot, minimal: MinimalSet, structure: str) -> Array:
     powers = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     sizes = length[:, None] ** powers * np.where(powers == 1, 1.0, massive[:, None])
     steps = _STEP * np.eye(values.size).reshape(-1, *values.shape) * sizes
-    tree = BlockTree(robot)
-    ends = [tree.block_parameters(*_bodies(values + sign * steps)) for sign in (1.0, -1.0)]
-    slopes = (ends[0] - ends[1]) @ minimal.regrouping.T / (2.0 * _STEP)
+    ahead, behind = (minimal.of_bodies(*_bodies(values + sign * steps)) for sign in (1.0, -1.0))
+    slopes = (ahead - behind) / (2.0 * _STEP)
     return np.where(mass[:, None] > 0.0, slopes.T.reshape(-1, *values.shape), 0.0)
 
 

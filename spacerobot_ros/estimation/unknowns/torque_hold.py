@@ -23,7 +23,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...dynamics.blocks import BlockTree
+from ...dynamics.crba import crba
+from ...dynamics.equations import joint_torques, without_translation
+from ...dynamics.forward_kinematics import forward_kinematics
+from ...dynamics.tree import tree_of
+from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
 from ..trajectory.reference import ReferenceTrajectory
@@ -88,19 +92,11 @@ def find_holds(record: Record, period: float, first: float | None = None) -> Hol
     return Holds(time, guess, is_known=False)
 
 
-def held_jerk(
-    tree: BlockTree,
-    pi: Array,
-    wheels: list[tuple[int, Array]],
-    trajectory: ReferenceTrajectory,
-) -> scipy.interpolate.CubicSpline:
+def held_jerk(robot: Robot, trajectory: ReferenceTrajectory) -> scipy.interpolate.CubicSpline:
     """(3 + n) jerk M^-1 [0; tau'] that held torques make of [omega_WB_B; q'], over time.
 
     Args:
-        tree: The robot's tree.
-        pi: (K,) block parameters.
-        wheels: Bodies beside the base that carry wheels, each with their momentum (3,) in its
-            axes [N m s].
+        robot: The robot, its captured wheels included.
         trajectory: The motion.
     """
     time = trajectory.times
@@ -108,12 +104,12 @@ def held_jerk(
     spacing = min(joints.spacing, rate.spacing) / _SAMPLES_A_KNOT
     count = int((time[-1] - time[0]) / float(np.clip(spacing, *_STEPS)))
     dense = np.linspace(time[0], time[-1], max(count, 4) + 1)
-    q, u = joints(dense), np.hstack([rate(dense), joints(dense, 1)])
-    u_dot = np.hstack([rate(dense, 1), joints(dense, 2)])
-    equation = tree.equation(q, u, pi, wheels)
-    inertia, bias = equation[..., :-1], equation[..., -1]
-    tau = (np.einsum('nab,nb->na', inertia, u_dot) + bias)[:, 3:]
-    slope = np.zeros_like(u)
+    q = np.ascontiguousarray(joints(dense))
+    tau = joint_torques(robot, q, joints(dense, 1), joints(dense, 2), rate(dense))
+    slope = np.zeros((len(dense), 3 + q.shape[1]))
     slope[:, 3:] = scipy.interpolate.CubicSpline(dense, tau)(dense, 1)
+    tree = tree_of(robot)
+    still = forward_kinematics(tree, q, np.zeros((len(q), 6 + q.shape[1])), q)
+    inertia = without_translation(crba(tree, still))
     jerk = np.linalg.solve(inertia, slope[..., None])[..., 0]
     return scipy.interpolate.CubicSpline(dense, jerk)

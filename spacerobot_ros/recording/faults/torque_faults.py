@@ -21,7 +21,7 @@ from scipy.signal import savgol_filter
 from ...dynamics.equations import joint_torques
 from ...model.robot import Robot
 from ...model.robot_settings import COMPENSATED
-from ...types import Array, BoolArray
+from ...types import Array, BoolArray, IntArray
 from ..record import Record
 from .motion_faults import DEGREES
 from .thresholds import (
@@ -67,10 +67,21 @@ class _Slip:
 
     def undone(self, values: Array, *, effort: bool = False) -> Array:
         """(N, n) positions or efforts as they would be without it."""
-        order = np.arange(values.shape[1])
+        order = self.order(values.shape[1], effort=effort)
+        return np.asarray(values[:, order] / (self.effort if effort else self.motion))
+
+    def order(self, n: int, *, effort: bool) -> IntArray:
+        """(n,) columns of positions or efforts as they would be without it."""
+        order = np.arange(n)
         if effort or self.with_motion:
             order[list(self.pair)] = self.pair[::-1]
-        return np.asarray(values[:, order] / (self.effort if effort else self.motion))
+        return order
+
+    @property
+    def keeps_motion(self) -> bool:
+        """Whether positions and gravity stay what they are."""
+        is_same = self.pair[0] == self.pair[1] or not self.with_motion
+        return is_same and self.weight is None and bool(np.all(self.motion == 1.0))
 
 
 def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
@@ -120,12 +131,16 @@ class _Torques:
         motion: (3, K, n) positions [rad], rates and accelerations.
         effort: (K, n) measured [N m].
         omega: (K, 3) base rate [rad/s].
+        model: (K, n) torques that the model asks for [N m].
+        friction: (n, K, 3) orthonormal, of each joint's bias and friction.
     """
 
     robot: Robot
     motion: Array
     effort: Array
     omega: Array
+    model: Array
+    friction: Array
 
     @staticmethod
     def of(record: Record, robot: Robot) -> _Torques | None:
@@ -149,7 +164,10 @@ class _Torques:
         smooth = savgol_filter(_at(even, time, effort), span, 3, axis=0)
         q = _at(even, time, record.q)
         motion = np.stack([savgol_filter(q, span, 3, d, step, axis=0)[rows] for d in range(3)])
-        return _Torques(robot, motion, smooth[rows], omega[rows])
+        position, rate, acceleration = motion
+        model = joint_torques(robot, position, rate, acceleration, omega[rows])
+        friction = np.stack([_span_of(_others(rate)) for rate in motion[1].T])
+        return _Torques(robot, motion, smooth[rows], omega[rows], model, friction)
 
     def unlike(self, slip: _Slip) -> Array:
         """(2, n) share of each joint's torque that the model does not explain, the slip undone.
@@ -157,20 +175,31 @@ class _Torques:
         As it is, and with friction and bias taken out of both; none of a joint at rest, which
         friction holds under any torque.
         """
-        position, rate, acceleration = map(slip.undone, self.motion)
         measured = slip.undone(self.effort, effort=True)
-        robot = self.robot if slip.weight is None else replace(self.robot, gravity=slip.weight)
-        model = joint_torques(robot, position, rate, acceleration, self.omega)
+        model = self._model(slip)
         lacking = np.array([kind == COMPENSATED for kind in self.robot.effort_kinds])
         if self.robot.gravity.any() and (lacking.any() or slip.gravity):
+            position = slip.undone(self.motion[0])
             rest = np.zeros_like(position)
             weight = joint_torques(self.robot, position, rest, rest, np.zeros_like(self.omega))
             # Off the model where the file says so: beside a weight that is added to them, efforts
             # of any scale would look right.
             model = model - (lacking & (not slip.gravity)) * weight
             measured = measured + (~lacking & slip.gravity) * weight
-        columns = zip(model.T, measured.T, rate.T, strict=True)
-        return np.array([_shares(*each) for each in columns]).T * self.moves
+        order = slip.order(len(self.moves), effort=False)
+        both = np.stack([model, measured], axis=2)
+        beside = self.friction[order]  # of any factor of the rate, friction spans the same
+        both = both.transpose(1, 0, 2)
+        rest = both - beside @ (np.swapaxes(beside, 1, 2) @ both)
+        return np.stack([_differences(both), _differences(rest)]) * self.moves
+
+    def _model(self, slip: _Slip) -> Array:
+        """(K, n) torques that the model asks for, the slip undone."""
+        if slip.keeps_motion:
+            return self.model
+        robot = self.robot if slip.weight is None else replace(self.robot, gravity=slip.weight)
+        position, rate, acceleration = map(slip.undone, self.motion)
+        return joint_torques(robot, position, rate, acceleration, self.omega)
 
     @property
     def moves(self) -> BoolArray:
@@ -234,22 +263,22 @@ def _at(times: Array, known: Array, values: Array) -> Array:
     return np.column_stack([np.interp(times, known, column) for column in values.T])
 
 
-def _shares(model: Array, measured: Array, rate: Array) -> tuple[float, float]:
-    """Difference of the larger of the two torques; again with friction and bias out of both."""
-    others = _others(rate)
-    both = np.column_stack([model, measured])
-    rest = both - others @ np.linalg.lstsq(others, both, rcond=None)[0]
-    return _difference(both), _difference(rest)
-
-
 def _others(rate: Array) -> Array:
     """(N, 3) bias and friction of a joint."""
     return np.column_stack([np.ones_like(rate), rate, np.sign(rate)])
 
 
-def _difference(pair: Array) -> float:
-    scale = float(np.max(np.sum(pair**2, axis=0)))
-    return float(np.sum((pair[:, 1] - pair[:, 0]) ** 2)) / scale if scale > 0.0 else 0.0
+def _span_of(columns: Array) -> Array:
+    """(N, 3) orthonormal, zero where columns (N, 3) are not independent."""
+    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(left * (singular > 1e-13 * singular[0]))
+
+
+def _differences(pairs: Array) -> Array:
+    """(n,) squared difference of pairs (n, K, 2), a share of the larger one's square."""
+    scale = np.max(np.sum(pairs**2, axis=1), axis=1)
+    off = np.sum((pairs[..., 1] - pairs[..., 0]) ** 2, axis=1)
+    return np.divide(off, scale, out=np.zeros_like(off), where=scale > 0.0)
 
 
 def _gravity_slips(kinds: tuple[str, ...]) -> Iterator[_Slip]:

@@ -1,7 +1,8 @@
 """Limits of a motion, and how near each candidate comes to them.
 
 Each limit gives a series over time, its use: 1 at the limit. A joint range that is not centred is
-used by the distance from its middle.
+used by the distance from its middle. The base must not turn faster than gyro and star tracker can
+follow, where the robot file says how fast that is.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ConfigurationError
-from ..model.motion_settings import ExcitationSettings
-from ..model.robot import Robot
-from ..types import Array
+from ...errors import ConfigurationError
+from ...model.motion_settings import ExcitationSettings
+from ...model.robot import Robot
+from ...types import Array
 from .base_response import BaseMotion
 
 HEADROOM = 0.9  # of the URDF's effort limits; feedback needs the rest
@@ -41,10 +42,10 @@ class Use(NamedTuple):
 
 
 class _Size(NamedTuple):
-    """A limited quantity: its name, unit, (k,) places and limits, and (B, T, k) magnitudes."""
+    """A limited quantity: its name, (k,) units, places and limits, and (B, T, k) magnitudes."""
 
     name: str
-    unit: str
+    units: tuple[str, ...]
     places: tuple[str, ...]
     limits: Array
     of: Callable[[BaseMotion], Array]
@@ -54,13 +55,14 @@ class Limits:
     """Limits of one robot, infinite where there is none.
 
     Args:
-        robot: Its URDF limits positions, rates and efforts.
+        robot: Its URDF limits positions, rates and efforts, its sensors the base's rate.
         settings: What else is limited.
 
     Attributes:
         lower, upper: (n,) joint positions [rad].
-        torque: (n,) [N m]. base_rate: [rad/s].
+        torque: (n,) [N m].
         rate: (n,) joint rates [rad/s].
+        base_rate: The least that operator and star tracker allow, whichever the axis [rad/s].
 
     Raises:
         ConfigurationError: a list of the wrong length, or an empty joint range.
@@ -76,22 +78,34 @@ class Limits:
         self.upper = np.minimum(robot.position_limits[:, 1], reach)
         for joint, low, high in zip(joints, self.lower, self.upper, strict=True):
             if low >= high:
-                reason = f'leaves joint {joint!r} nothing between {low:g} and {high:g} rad'
+                unit = robot.unit_of('rad', joint)
+                reason = f'leaves joint {joint!r} nothing between {low:g} and {high:g} {unit}'
                 raise ConfigurationError('excitation.joint_range', reason)
         self.rate = np.minimum(rate, robot.velocity_limits)
         self.torque = np.minimum(torque, HEADROOM * robot.effort_limits)
-        self.base_rate = np.inf if settings.base_rate is None else settings.base_rate
+        sensors = robot.sensors
+        self.base_rate = min(settings.base_rate or np.inf, sensors.attitude_rate_limit or np.inf)
         turn = np.inf if settings.base_rotation is None else settings.base_rotation
-        base, half = ('base',), 0.5 * (self.upper - self.lower)
+        gyro = np.full(3, sensors.gyro_range or np.inf)
+        half = 0.5 * (self.upper - self.lower)
         bounded = np.isfinite(half)
         middle = np.subtract(self.upper, half, out=np.zeros_like(half), where=bounded)
+        base, rad = ('base',), [robot.unit_of('rad', joint) for joint in joints]
+        by_time = [tuple(f'{unit}{per}' for unit in rad) for per in ('', '/s', '/s^2')]
+        torques = tuple(robot.unit_of('N m', joint) for joint in joints)
+        axes = tuple(f'base {axis}' for axis in 'xyz')
         self._sizes = (
-            _Size('joint_range', 'rad', joints, half, lambda m: np.abs(m.q - middle)),
-            _Size('joint_rate', 'rad/s', joints, self.rate, lambda m: np.abs(m.qd)),
-            _Size('joint_acceleration', 'rad/s^2', joints, acceleration, lambda m: np.abs(m.qdd)),
-            _Size('joint_torque', 'N m', joints, self.torque, lambda m: np.abs(m.torque)),
-            _Size('base_rate', 'rad/s', base, np.array([self.base_rate]), _rate),
-            _Size('base_rotation', 'rad', base, np.array([turn]), _turn),
+            _Size('joint_range', by_time[0], joints, half, lambda m: np.abs(m.q - middle)),
+            _Size('joint_rate', by_time[1], joints, self.rate, lambda m: np.abs(m.qd)),
+            _Size('joint_acceleration', by_time[2], joints, acceleration, lambda m: np.abs(m.qdd)),
+            _Size('joint_torque', torques, joints, self.torque, lambda m: np.abs(m.torque)),
+            _Size('base_rate', ('rad/s',), base, np.array([self.base_rate]), _rate),
+            _Size('base_rotation', ('rad',), base, np.array([turn]), _turn),
+            *(
+                [_Size('gyro_range', 3 * ('rad/s',), axes, gyro, lambda m: np.abs(m.omega))]
+                if np.isfinite(gyro[0])
+                else []
+            ),
         )
 
     def fractions(self, motion: BaseMotion) -> Array:
@@ -108,9 +122,9 @@ class Limits:
         return tuple(self._uses(motion))
 
     def _uses(self, motion: BaseMotion) -> Iterator[Use]:
-        for name, unit, places, limits, of in self._sizes:
+        for name, units, places, limits, of in self._sizes:
             largest = of(motion).max(axis=(0, 1))
-            for j, where in enumerate(places):
+            for j, (where, unit) in enumerate(zip(places, units, strict=True)):
                 shown = float(largest[j]), float(limits[j])
                 if name == 'joint_range':
                     shown = self._nearest_end(motion.q[..., j], j)

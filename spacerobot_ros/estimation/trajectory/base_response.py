@@ -19,17 +19,17 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from ..dynamics.compiling import Triple, compiled, inner
-from ..dynamics.crba import crba
-from ..dynamics.equations import joint_torques, without_translation
-from ..dynamics.forward_kinematics import forward_kinematics
-from ..dynamics.rotation import cross_rows
-from ..dynamics.tree import tree_of
-from ..estimation.trajectory.reference import Kinematics
-from ..model.robot import Robot
-from ..model.settings import SimulatorSettings
-from ..recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
-from ..types import Array, Matrix3, Vector3
+from ...dynamics.compiling import Triple, compiled, inner
+from ...dynamics.crba import crba
+from ...dynamics.equations import joint_torques, without_translation
+from ...dynamics.forward_kinematics import forward_kinematics
+from ...dynamics.rotation import cross_rows
+from ...dynamics.tree import tree_of
+from ...model.robot import Robot
+from ...model.settings import SimulatorSettings
+from ...recording.record import AttitudeSeries, JointSeries, RateSeries, Record, to_stamps
+from ...types import Array, Matrix3, Vector3
+from .reference import Kinematics
 
 
 @dataclass(frozen=True, slots=True, eq=False)

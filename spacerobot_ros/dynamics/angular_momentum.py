@@ -1,0 +1,168 @@
+r"""Angular momentum about the system's centre of mass, and what it is linear in, compiled.
+
+Of a tree whose base origin rests, in base coordinates: with mass M, first moment s, linear
+momentum P and angular momentum L about the base's origin, all sums over the bodies,
+
+    h = L - s x P / M = D w + Dq q'
+
+which does not depend on the base's velocity (eqs. (3), (19) of the identification paper). Sums are
+linear in the bodies' inertial parameters, ten a body in Pinocchio's order, so
+
+    dh = dL - (ds x P + s x dP) / M + s x P dM / M^2.
+
+A joint with the screw S that turns by dq carries all that is outwards along: with the momentum H,
+the spatial inertia I of that part and the velocity V of its first body, all about the base's
+origin, dH = S x* H - I (S x V).
+
+Symbols: N states, n joints, b = n + 1 bodies.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..types import Array
+from .body_regressors import momentum_column
+from .compiling import Triple, compiled, inner
+from .crba import apply_inertia, compose, place_inertias
+from .forward_kinematics import propagate
+from .spatial import (
+    cross,
+    force_cross,
+    get,
+    get6,
+    in_body,
+    motion_cross,
+    plus,
+    put,
+    rotate,
+    times,
+    unit,
+)
+from .tree import LINK, Records
+
+
+class AngularMomentum(NamedTuple):
+    """At N states, in base coordinates.
+
+    Args:
+        momentum: (N, 3) h [N m s].
+        inertia: (N, 3, 3) D and (N, 3, n) Dq side by side [kg m^2].
+        by_joints: (N, 3, n) derivative of h by the joint positions.
+        by_bodies: (N, 3, 10 b) derivative of h by the inertial parameters.
+        rotations: (N, b, 3, 3) body to base coordinates.
+        axes: (N, n, 3) about which joints turn; zero where they slide.
+    """
+
+    momentum: Array
+    inertia: Array
+    by_joints: Array
+    by_bodies: Array
+    rotations: Array
+    axes: Array
+
+
+@compiled  # type: ignore[untyped-decorator]
+def angular_momentum(tree: Records, q: Array, omega: Array, qd: Array) -> AngularMomentum:
+    """Angular momentum of the bodies, wheels at rest, and its derivatives.
+
+    Args:
+        tree: `BODY` records of a free robot.
+        q: (N, n) joint positions.
+        omega: (N, 3) omega_WB_B [rad/s].
+        qd: (N, n) joint rates.
+    """
+    count, n, bodies = len(q), q.shape[1], len(tree)
+    links, rates = np.zeros(bodies, LINK), np.zeros(6 + n)
+    out = AngularMomentum(
+        np.empty((count, 3)),
+        np.empty((count, 3, 3 + n)),
+        np.empty((count, 3, n)),
+        np.empty((count, 3, 10 * bodies)),
+        np.empty((count, bodies, 3, 3)),
+        np.empty((count, n, 3)),
+    )
+    own = np.empty((bodies, 6))  # momentum of each part of the tree, about the base's origin
+    for s in range(count):
+        rates[3:6], rates[6:] = omega[s], qd[s]
+        propagate(tree, q[s], rates, qd[s], links)
+        place_inertias(tree, links)
+        _own_momenta(links, own)
+        compose(tree, links)
+        for i in range(bodies - 1, 0, -1):
+            own[tree[i].parent] += own[tree[i].number]
+        _write(links, own, s, out)
+    return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def _own_momenta(links: Records, own: Array) -> None:
+    """Write every body's momentum (b, 6) about the base's origin, before inertias are composed."""
+    for k in range(len(links)):
+        v, w = _velocity(links, k)
+        p, l = apply_inertia(links[k], v, w)
+        put(own[k], 0, p)
+        put(own[k], 3, l)
+
+
+@inner  # type: ignore[untyped-decorator]
+def _velocity(links: Records, k: int) -> tuple[Triple, Triple]:
+    """Velocity of a body at the base's origin."""
+    v, w = get6(links[k].velocity)
+    return plus(v, cross(get(links[k].origin, 0), w)), w
+
+
+@inner  # type: ignore[untyped-decorator]
+def _write(links: Records, own: Array, s: int, out: AngularMomentum) -> None:
+    root = links[0]
+    mass, first = root.mass, get(root.moment, 0)
+    P, L = get6(own[0])
+    centre, drift = times(1.0 / mass, first), times(1.0 / mass, P)
+    put(out.momentum[s], 0, _about(centre, drift, L, P, (0.0, 0.0, 0.0)))
+    for a in range(3):
+        p, l = apply_inertia(root, (0.0, 0.0, 0.0), unit(a))
+        _column(out.inertia[s], a, plus(l, times(-1.0, cross(centre, p))))
+    for k in range(1, len(links)):
+        screw_v, screw_w = get6(links[k].screw)
+        put(out.axes[s, k - 1], 0, screw_w)
+        p, l = apply_inertia(links[k], screw_v, screw_w)
+        _column(out.inertia[s], 2 + k, plus(l, times(-1.0, cross(centre, p))))
+        force, torque = force_cross(links[k].screw, *get6(own[k]))
+        slip_v, slip_w = motion_cross(links[k].screw, *_velocity(links, k))
+        p, l = apply_inertia(links[k], slip_v, slip_w)
+        dP, dL = plus(force, times(-1.0, p)), plus(torque, times(-1.0, l))
+        shift = plus(times(links[k].mass, screw_v), cross(screw_w, get(links[k].moment, 0)))
+        _column(out.by_joints[s], k - 1, _about(centre, drift, dL, dP, shift))
+    for k in range(len(links)):
+        R, origin = links[k].rotation, get(links[k].origin, 0)
+        v, w = in_body(R, links[k].velocity)
+        for a in range(3):
+            for b in range(3):
+                out.rotations[s, k, a, b] = R[a, b]
+        for j in range(10):
+            f, g = momentum_column(j, v, w)
+            dP, dL = rotate(R, f), rotate(R, g)
+            dL = plus(dL, cross(origin, dP))
+            shift, gained = (0.0, 0.0, 0.0), 0.0
+            if j == 0:
+                shift, gained = origin, 1.0
+            elif j < 4:
+                shift = rotate(R, unit(j - 1))
+            change = _about(centre, drift, dL, dP, shift)
+            change = plus(change, times(gained, cross(centre, drift)))
+            _column(out.by_bodies[s], 10 * k + j, change)
+
+
+@inner  # type: ignore[untyped-decorator]
+def _about(centre: Triple, drift: Triple, dL: Triple, dP: Triple, shift: Triple) -> Triple:
+    """dL - ds x P / M - s x dP / M."""
+    lost = plus(cross(shift, drift), cross(centre, dP))
+    return plus(dL, times(-1.0, lost))
+
+
+@inner  # type: ignore[untyped-decorator]
+def _column(out: Array, j: int, a: Triple) -> None:
+    """Write a column of three."""
+    out[0, j], out[1, j], out[2, j] = a

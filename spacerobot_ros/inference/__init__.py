@@ -1,0 +1,1 @@
+"""Linear algebra of Gaussian hypotheses: it knows no robot, no recording and no effect."""

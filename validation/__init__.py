@@ -1,0 +1,1 @@
+"""Campaigns whose truth shares no code with the package; not installed."""
