@@ -43,6 +43,7 @@ class Body:
 
     @property
     def inertia(self) -> np.ndarray:
+        """(3, 3) about the centre of mass."""
         moments = self.factor @ self.factor.T
         return np.trace(moments) * np.eye(3) - moments
 
@@ -66,7 +67,11 @@ def draw(seed: int) -> tuple[list[Body], dict[str, np.ndarray], np.random.Genera
     bodies = [_body(rng, rng.uniform(100.0, 400.0), 1.2, np.zeros(3), np.zeros(3), False)]
     for k in range(joints):
         axis = rng.standard_normal(3)
-        at = np.array([0.5, 0.3, 0.2]) * rng.uniform(-1, 1, 3) if k == 0 else rng.uniform(-0.4, 0.4, 3)
+        at = (
+            np.array([0.5, 0.3, 0.2]) * rng.uniform(-1, 1, 3)
+            if k == 0
+            else rng.uniform(-0.4, 0.4, 3)
+        )
         mass = rng.uniform(40.0, 120.0) if k == joints - 1 else rng.uniform(2.0, 15.0)
         size = 0.8 if k == joints - 1 else 0.25
         bodies.append(_body(rng, mass, size, at, axis / np.linalg.norm(axis), k == slide))
@@ -82,7 +87,9 @@ def _body(rng, mass, size, at, axis, slides) -> Body:  # type: ignore[no-untyped
     extents = size * rng.uniform(0.2, 0.5, 3)
     turn, _ = np.linalg.qr(rng.standard_normal((3, 3)))
     moments = mass * (turn * extents**2) @ turn.T
-    return Body(mass, 0.3 * size * rng.uniform(-1, 1, 3), np.linalg.cholesky(moments), at, axis, slides)
+    return Body(
+        mass, 0.3 * size * rng.uniform(-1, 1, 3), np.linalg.cholesky(moments), at, axis, slides
+    )
 
 
 def _numbers(values: Any) -> str:
@@ -129,11 +136,18 @@ def urdf(bodies: list[Body]) -> str:
     return f'<robot name="drawn">{"".join(parts)}</robot>'
 
 
-def fly(bodies: list[Body], momenta: dict[str, np.ndarray], rng: np.random.Generator, attitude_rate: float):  # type: ignore[no-untyped-def]
+def fly(
+    bodies: list[Body],
+    momenta: dict[str, np.ndarray],
+    rng: np.random.Generator,
+    attitude_rate: float,
+):  # type: ignore[no-untyped-def]
     """Clean samples: time, q, qd, omega at 100 Hz, and attitude xyzw at its rate."""
     model = mujoco.MjModel.from_xml_string(mjcf(bodies))
     data, n = mujoco.MjData(model), len(bodies) - 1
-    data.qpos[7:] = q0 = rng.uniform(-0.5, 0.5, n) * np.array([0.2 if b.slides else 1.0 for b in bodies[1:]])
+    data.qpos[7:] = q0 = rng.uniform(-0.5, 0.5, n) * np.array(
+        [0.2 if b.slides else 1.0 for b in bodies[1:]]
+    )
     data.qvel[3:6] = rng.uniform(-0.02, 0.02, 3)
     size = np.array([0.08 if b.slides else 0.5 for b in bodies[1:]])
     rates = 2.0 * np.pi * rng.uniform(0.02, 0.15, (n, 5))
@@ -183,7 +197,9 @@ def noisy(flight: Any, rng: np.random.Generator) -> Any:
     omega = omega + NOISE['gyro'] * rng.standard_normal(omega.shape)
     small = 0.5 * NOISE['attitude'] * rng.standard_normal((len(xyzw), 3))
     v, w = xyzw[:, :3], xyzw[:, 3:]
-    turned = np.concatenate([v + w * small + np.cross(v, small), w - np.sum(v * small, 1)[:, None]], 1)
+    turned = np.concatenate(
+        [v + w * small + np.cross(v, small), w - np.sum(v * small, 1)[:, None]], 1
+    )
     return time_s, q, qd, omega, tracked, turned / np.linalg.norm(turned, axis=1)[:, None]
 
 
@@ -264,7 +280,9 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Fly what is missing, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument('--flights', type=int, default=60)
     parser.add_argument('--first', type=int, default=0, help='first seed')
     parser.add_argument('--out', type=Path, required=True)

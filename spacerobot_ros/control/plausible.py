@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..errors import MessageRejectedError
-from ..estimation.unknowns.bodies import BodyCoordinates
+from ..estimation.unknowns.body_coordinates import BodyCoordinates
 from ..estimation.unknowns.minimal import MinimalSet, minimal_set
 from ..identification.estimate import Estimate
 from ..inference.scaled_prior import LARGEST

@@ -102,9 +102,9 @@ def _own_momenta(links: Records, own: Array) -> None:
     """Write every body's momentum (b, 6) about the base's origin, before inertias are composed."""
     for k in range(len(links)):
         v, w = _velocity(links, k)
-        p, l = apply_inertia(links[k], v, w)
+        p, g = apply_inertia(links[k], v, w)
         put(own[k], 0, p)
-        put(own[k], 3, l)
+        put(own[k], 3, g)
 
 
 @inner  # type: ignore[untyped-decorator]
@@ -122,17 +122,17 @@ def _write(links: Records, own: Array, s: int, out: AngularMomentum) -> None:
     centre, drift = times(1.0 / mass, first), times(1.0 / mass, P)
     put(out.momentum[s], 0, _about(centre, drift, L, P, (0.0, 0.0, 0.0)))
     for a in range(3):
-        p, l = apply_inertia(root, (0.0, 0.0, 0.0), unit(a))
-        _column(out.inertia[s], a, plus(l, times(-1.0, cross(centre, p))))
+        p, g = apply_inertia(root, (0.0, 0.0, 0.0), unit(a))
+        _column(out.inertia[s], a, plus(g, times(-1.0, cross(centre, p))))
     for k in range(1, len(links)):
         screw_v, screw_w = get6(links[k].screw)
         put(out.axes[s, k - 1], 0, screw_w)
-        p, l = apply_inertia(links[k], screw_v, screw_w)
-        _column(out.inertia[s], 2 + k, plus(l, times(-1.0, cross(centre, p))))
+        p, g = apply_inertia(links[k], screw_v, screw_w)
+        _column(out.inertia[s], 2 + k, plus(g, times(-1.0, cross(centre, p))))
         force, torque = force_cross(links[k].screw, *get6(own[k]))
         slip_v, slip_w = motion_cross(links[k].screw, *_velocity(links, k))
-        p, l = apply_inertia(links[k], slip_v, slip_w)
-        dP, dL = plus(force, times(-1.0, p)), plus(torque, times(-1.0, l))
+        p, g = apply_inertia(links[k], slip_v, slip_w)
+        dP, dL = plus(force, times(-1.0, p)), plus(torque, times(-1.0, g))
         shift = plus(times(links[k].mass, screw_v), cross(screw_w, get(links[k].moment, 0)))
         _column(out.by_joints[s], k - 1, _about(centre, drift, dL, dP, shift))
     for k in range(len(links)):
@@ -157,7 +157,7 @@ def _write(links: Records, own: Array, s: int, out: AngularMomentum) -> None:
 
 @inner  # type: ignore[untyped-decorator]
 def _about(centre: Triple, drift: Triple, dL: Triple, dP: Triple, shift: Triple) -> Triple:
-    """dL - ds x P / M - s x dP / M."""
+    """DL - ds x P / M - s x dP / M."""
     lost = plus(cross(shift, drift), cross(centre, dP))
     return plus(dL, times(-1.0, lost))
 

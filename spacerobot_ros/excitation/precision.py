@@ -30,7 +30,7 @@ from ..estimation.trajectory.motion_limits import Use
 from ..estimation.trajectory.reference import Kinematics
 from ..estimation.unknowns.torque_hold import Holds, find_holds
 from ..identification.cramer_rao import information_root
-from ..identification.maximum_likelihood import posterior_of
+from ..identification.momentum_posterior import posterior_of
 from ..identification.summary import estimated_values
 from ..inference.square_root import marginal
 from ..model.robot import Robot

@@ -32,7 +32,7 @@ from ..model.settings import Settings, SimulatorSettings
 from ..recording.record import Record
 from ..types import Array
 from .information import Information, with_typical
-from .maximum_likelihood import Posterior
+from .momentum_posterior import MomentumPosterior
 
 _TIMES = np.linspace(0.0, 40.0, 161)  # s
 _SWING = 1.0  # rad or m of one joint, halved where more move; less within narrow limits
@@ -98,7 +98,7 @@ class _Tried:
 
 
 def advise_on(
-    record: Record, model: MomentumModel, posterior: Posterior, settings: Settings
+    record: Record, model: MomentumModel, posterior: MomentumPosterior, settings: Settings
 ) -> tuple[Advice, ...]:
     """Name the extra motions that tell most of the wheel momentum for their cost.
 
@@ -143,7 +143,7 @@ def _tells(one: _Tried, now: float) -> Iterator[str]:
 
 
 def _limit(
-    record: Record, model: MomentumModel, posterior: Posterior, settings: Settings
+    record: Record, model: MomentumModel, posterior: MomentumPosterior, settings: Settings
 ) -> float:
     """Largest deviation of the AAM at which the estimate is valid [N m s]."""
     joints = record.joints
@@ -179,7 +179,11 @@ class _Range:
     """
 
     def __init__(
-        self, record: Record, model: MomentumModel, posterior: Posterior, settings: Settings
+        self,
+        record: Record,
+        model: MomentumModel,
+        posterior: MomentumPosterior,
+        settings: Settings,
     ) -> None:
         self._model = model
         self._robot = robot = model.robot_at(posterior.mean)

@@ -24,7 +24,7 @@ from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
-from .summary import Source, unexplained
+from .summary import Source, too_weak, unexplained
 from .validity_limits import LARGEST_CHI2, WEAKLY_KNOWN
 
 
@@ -82,7 +82,7 @@ def solve_least_squares(
     """
     for joint, body in zip(robot.joints, robot.bodies[1:], strict=True):
         if body.is_prismatic:
-            why = 'slides; the paper\'s least squares is for joints that turn: use method `ml`'
+            why = "slides; the paper's least squares is for joints that turn: use method `ml`"
             raise ConfigurationError(f'joint {joint!r}', why)
     minimal, motion = minimal_set(robot, settings.structure), sampled_motion(record)
     columns, h0 = momentum_columns(robot, minimal, motion), robot.servicer_wheels.body_momentum
@@ -106,7 +106,7 @@ def solve_least_squares(
     if not reason and weak:
         reason = f'{len(weak)} of {len(names)} directions are not excited yet'
     if not reason and len(std) and np.max(std) > limit:
-        reason = f'wheel momentum is known to {np.max(std):.3g} N m s only, the limit is {limit:.3g}'
+        reason = too_weak(float(np.max(std)), limit)
     if not reason and chi2 > LARGEST_CHI2:
         reason = unexplained(chi2)
     return Estimate(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from ..errors import IdentificationError
 from ..estimation.filters.momentum_filter import MomentumFilter, Stretch
@@ -13,11 +12,11 @@ from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..estimation.trajectory.time_base import channel_stamps, filter_times, refuse_long_gaps
 from ..estimation.unknowns.torque_hold import Holds
-from ..inference.scaled_prior import ScaledPosterior, scaled_posterior
-from ..inference.square_root import marginal, ordered
+from ..inference.square_root import marginal
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
+from .momentum_posterior import MomentumPosterior, posterior_of
 from .outliers import FURTHEST
 from .validity_limits import (
     BACKTRACK,
@@ -58,64 +57,6 @@ class Known:
             np.column_stack([self.factor, self.values]), np.arange(inside.start, inside.stop)
         )
         return Known(part, self.origin[inside], left[:, :-1], left[:, -1], self.best[inside])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Posterior:
-    """Constants given data and prior.
-
-    Args:
-        mean: (p,). covariance: (p, p).
-        bodies: The part of the bodies, about the robot file's values.
-        prior_std: (p,) standard deviations of the prior; those of bodies by the data's scale.
-        rank: Number of directions that the data tell better than the prior does.
-    """
-
-    mean: Array
-    covariance: Array
-    bodies: ScaledPosterior
-    prior_std: Array
-    rank: int
-
-
-def posterior_of(
-    model: MomentumModel,
-    factor: Array,
-    about: Array,
-    prior_std: Array,
-    *,
-    is_expected: bool = False,
-) -> Posterior:
-    """Combine what data told with the prior of the bodies.
-
-    The other constants are eliminated first, and follow.
-
-    Args:
-        model: The constants.
-        factor: (p, p + 1) square-root information of their errors, the bodies' prior not
-            included, all others' included.
-        about: (p,) constants that the errors count from.
-        prior_std: (p,) of the others' priors.
-        is_expected: See `scaled_posterior`.
-    """
-    y, others = np.arange(model.size)[model.y], np.delete(np.arange(model.size), model.y)
-    own, across, right, root, values = ordered(factor, others, y)
-    right_of_y, wide = values + root @ about[y], model.bodies.std
-    bodies = scaled_posterior(root, right_of_y, wide, is_expected=is_expected)
-    mean, covariance = np.empty(model.size), np.empty((model.size, model.size))
-    mean[y] = bodies.mean
-    step = scipy.linalg.solve_triangular(own, right - across @ (bodies.mean - about[y]))
-    mean[others] = about[others] + step
-    follow = -scipy.linalg.solve_triangular(own, across)
-    free = scipy.linalg.solve_triangular(own, np.eye(len(others)))
-    covariance[np.ix_(y, y)] = bodies.covariance
-    covariance[np.ix_(others, y)] = follow @ bodies.covariance
-    covariance[np.ix_(y, others)] = covariance[np.ix_(others, y)].T
-    covariance[np.ix_(others, others)] = follow @ bodies.covariance @ follow.T + free @ free.T
-    std = prior_std.copy()
-    std[y] = np.sqrt(bodies.prior_variance)
-    told = std[others] > np.sqrt(2.0) * np.sqrt(np.diag(covariance)[others])
-    return Posterior(mean, covariance, bodies, std, bodies.rank + int(np.sum(told)))
 
 
 class MaximumLikelihood:
@@ -237,7 +178,7 @@ class MaximumLikelihood:
         self.joint_share = max(self.joint_share, share)
         return stretch
 
-    def posterior(self) -> Posterior:
+    def posterior(self) -> MomentumPosterior:
         """The estimate so far."""
         if self._prior is None:
             raise ValueError('nothing was solved yet')
@@ -274,7 +215,7 @@ class MaximumLikelihood:
         self._filter.information.reset_residual()
         self._beyond = 0.0
 
-    def _cost(self, posterior: Posterior) -> float:
+    def _cost(self, posterior: MomentumPosterior) -> float:
         """Twice the negative logarithm of the constants' probability."""
         y = self.constants[self._model.y] / (posterior.bodies.factor * self._model.bodies.std)
         return self._filter.information.misfit + 2.0 * self._filter.log_spread + float(y @ y)
@@ -299,7 +240,7 @@ class MaximumLikelihood:
         out[y] = self._model.bodies.stepped(constants[y], step[y])
         return out
 
-    def _shift_asked(self, posterior: Posterior) -> Array:
+    def _shift_asked(self, posterior: MomentumPosterior) -> Array:
         """(2,) largest shift of momenta and nuisances, and of bodies, in standard deviations."""
         shift = np.abs(posterior.mean - self.constants) / np.sqrt(np.diag(posterior.covariance))
         y = self._model.y

@@ -18,7 +18,8 @@ from ..inference.square_root import marginal
 from ..types import Array
 from .checked_file import digest, read_checked, run_down, write_checked
 from .estimate import Estimate
-from .maximum_likelihood import Known, posterior_of
+from .maximum_likelihood import Known
+from .momentum_posterior import posterior_of
 from .summary import estimated_values
 
 VERSION = 2

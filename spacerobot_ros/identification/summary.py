@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..estimation.filters.momentum_process import MomentumModel
-from ..estimation.unknowns.bodies import PARTS
-from ..estimation.unknowns.minimal import MinimalSet, minimal_set
+from ..estimation.unknowns.body_coordinates import PARTS
+from ..estimation.unknowns.minimal import minimal_set
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array
 from .estimate import Estimate, NamedValue
-from .maximum_likelihood import MaximumLikelihood, Posterior
+from .maximum_likelihood import MaximumLikelihood
+from .momentum_posterior import MomentumPosterior
 from .validity_limits import (
     CONTRADICTED,
     FROM_DATA,
@@ -25,9 +25,8 @@ from .validity_limits import (
     NO_MOMENTUM,
 )
 
-_STEP = 1e-5  # of the bodies' coordinates, for the derivatives of minimal parameters
-_AT_ONCE = 64  # bodies' coordinates differentiated together
 _WORDS = {'mass': 'mass', 'com': 'centre of mass', 'inertia': 'inertia'}
+_MEASURES = {'com': 'radius of gyration', 'inertia': 'extent'}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +42,7 @@ class Finding:
     """
 
     method: str
-    posterior: Posterior
+    posterior: MomentumPosterior
     chi2_per_dof: float
     joint_share: float
     doubt: str = ''
@@ -87,7 +86,7 @@ class Identification:
     estimate: Estimate
     robot: Robot | None = None
     model: MomentumModel | None = None
-    posterior: Posterior | None = None
+    posterior: MomentumPosterior | None = None
 
 
 def conclude(
@@ -122,16 +121,17 @@ def conclude(
     return Identification(estimate, model.robot_at(posterior.mean), model, posterior)
 
 
-def estimated_values(model: MomentumModel, posterior: Posterior) -> dict[str, Any]:
+def estimated_values(model: MomentumModel, posterior: MomentumPosterior) -> dict[str, Any]:
     """The fields of an `Estimate` that constants and their covariance make."""
     minimal = minimal_set(model.robot, model.structure)
     mean, covariance = posterior.mean, posterior.covariance
     head, n = slice(3, model.y.stop), model.n_aam
-    slopes = _by_coordinates(model, minimal, mean[model.y])
+    slopes = model.bodies.derivatives(minimal.of_bodies, mean[model.y])
     wanted = np.zeros((n + len(minimal), n + model.bodies.size))
     wanted[:n, :n], wanted[n:, n:] = np.eye(n), slopes
     found = wanted @ covariance[head, head] @ wanted.T
-    prior = np.concatenate([posterior.prior_std[model.aam] ** 2, slopes**2 @ _scaled(model, posterior)])
+    wheels, bodies = posterior.prior_std[model.aam] ** 2, posterior.prior_std[model.y] ** 2
+    prior = np.concatenate([wheels, slopes**2 @ bodies])
     std = np.sqrt(np.diag(covariance))[model.other]
     nuisances = zip(
         model.nuisances.names,
@@ -163,10 +163,10 @@ def sources(variance: Array, prior: Array) -> tuple[str, ...]:
     )
 
 
-def from_the_file(model: MomentumModel, posterior: Posterior) -> tuple[str, ...]:
+def from_the_file(model: MomentumModel, posterior: MomentumPosterior) -> tuple[str, ...]:
     """What only the robot file tells of the bodies, in a few lines, such as `link_2: mass`."""
     variance = np.diag(posterior.covariance)[model.y]
-    from_where = np.array(sources(variance, _scaled(model, posterior)))
+    from_where = np.array(sources(variance, posterior.prior_std[model.y] ** 2))
     told = np.full(model.bodies.free.shape, 'data', dtype=from_where.dtype)
     told[model.bodies.free] = from_where
     lines: dict[str, list[str]] = {}
@@ -185,7 +185,7 @@ def from_the_file(model: MomentumModel, posterior: Posterior) -> tuple[str, ...]
     return tuple(texts)
 
 
-def contradictions_of_file(model: MomentumModel, posterior: Posterior) -> tuple[str, ...]:
+def contradictions_of_file(model: MomentumModel, posterior: MomentumPosterior) -> tuple[str, ...]:
     """Bodies that are further from the file's than it says they may be, in words.
 
     By how far they are at least, two deviations off what was found.
@@ -193,17 +193,18 @@ def contradictions_of_file(model: MomentumModel, posterior: Posterior) -> tuple[
     y, std = posterior.mean[model.y], np.sqrt(np.diag(posterior.covariance))[model.y]
     far = (np.abs(y) - 2.0 * std) / model.bodies.std
     body, part = np.nonzero(model.bodies.free)
-    out = []
-    for index in sorted(set(body[far > CONTRADICTED].tolist()), key=lambda k: -np.max(far[body == k])):
-        worst = int(np.argmax(np.where(body == index, far, -np.inf)))
-        kind, value = PARTS[part[worst]], y[worst]
-        size = f'{np.exp(value):.3g} times the file\'s' if kind == 'mass' else f'off by {abs(value):.2g}'
-        unit = {'mass': '', 'com': ' of its radius of gyration', 'inertia': ' of its extent'}[kind]
-        out.append(
-            f'{model.robot.bodies[index].name}: {_WORDS[kind]} {size}{unit}, '
-            f'{abs(value) / model.bodies.std[worst]:.2g} of the deviations that the file states'
+    lines: dict[int, str] = {}
+    for i in np.argsort(-far)[: int(np.sum(far > CONTRADICTED))].tolist():
+        name, kind = model.robot.bodies[body[i]].name, PARTS[part[i]]
+        size = f'off by {abs(y[i]):.2g} of its {_MEASURES.get(kind)}'
+        if kind == 'mass':
+            size = f"{np.exp(y[i]):.3g} times the file's"
+        stated = abs(y[i]) / model.bodies.std[i]
+        line = (
+            f'{name}: {_WORDS[kind]} {size}, {stated:.2g} of the deviations that the file states'
         )
-    return tuple(out)
+        lines.setdefault(int(body[i]), line)
+    return tuple(lines.values())
 
 
 def unexplained(chi2_per_dof: float) -> str:
@@ -212,12 +213,17 @@ def unexplained(chi2_per_dof: float) -> str:
     return f'the model does not explain the data: chi2 per degree of freedom is {chi2}'
 
 
+def too_weak(std: float, limit: float) -> str:
+    """What to say of wheel momentum that is not known well enough."""
+    return f'wheel momentum is known to {std:.3g} N m s only, the limit is {limit:.3g}'
+
+
 def nothing_known(
     model: MomentumModel, settings: IdentifierSettings, reason: str, stamp_ns: int
 ) -> Estimate:
     """The prior as an estimate that is not valid, for a reason, at a stamp [ns]."""
     minimal, prior = minimal_set(model.robot, model.structure), model.prior()
-    spread = (_by_coordinates(model, minimal, prior[model.y]) ** 2) @ model.bodies.std**2
+    slopes = model.bodies.derivatives(minimal.of_bodies, prior[model.y])
     wheels = np.full(model.n_aam, settings.momentum_prior_std**2)
     return Estimate(
         method='online',
@@ -228,7 +234,7 @@ def nothing_known(
         parameter_names=minimal.names,
         parameters=minimal.of_robot(model.robot),
         units=minimal.units,
-        covariance=np.diag(np.concatenate([wheels, spread])),
+        covariance=np.diag(np.concatenate([wheels, slopes**2 @ model.bodies.std**2])),
         rank=0,
         unknowns=model.size,
         condition=float('inf'),
@@ -240,25 +246,6 @@ def nothing_known(
         stamp_ns=stamp_ns,
         sources=('file',) * (model.n_aam + len(minimal)),
     )
-
-
-def _scaled(model: MomentumModel, posterior: Posterior) -> Array:
-    """(m,) prior variances of the bodies' coordinates at the scale that the data find."""
-    return posterior.prior_std[model.y] ** 2
-
-
-def _by_coordinates(model: MomentumModel, minimal: MinimalSet, y: Array) -> Array:
-    """(k, m) derivatives of the minimal parameters by the bodies' coordinates."""
-    out = np.empty((len(minimal), len(y)))
-    values = partial(_minimal_values, model, minimal)
-    for start in range(0, len(y), _AT_ONCE):
-        steps = _STEP * np.eye(len(y))[start : start + _AT_ONCE]
-        out[:, start : start + _AT_ONCE] = (values(y + steps) - values(y - steps)).T
-    return out / (2.0 * _STEP)
-
-
-def _minimal_values(model: MomentumModel, minimal: MinimalSet, y: Array) -> Array:
-    return minimal.of_bodies(*model.bodies.bodies(y))
 
 
 def _condition(covariance: Array) -> float:
@@ -281,11 +268,13 @@ def _doubt(
     aam, std = posterior.mean[model.aam], np.sqrt(np.diag(posterior.covariance))[model.aam]
     limit = settings.valid_std * max(float(np.linalg.norm(aam)), finding.joint_share, 1e-9)
     if len(aam) and (largest := np.max(std)) > limit:
-        return f'wheel momentum is known to {largest:.3g} N m s only, the limit is {limit:.3g}'
+        return too_weak(float(largest), limit)
     return ''
 
 
-def _notes(model: MomentumModel, posterior: Posterior, far: tuple[str, ...]) -> tuple[str, ...]:
+def _notes(
+    model: MomentumModel, posterior: MomentumPosterior, far: tuple[str, ...]
+) -> tuple[str, ...]:
     notes = [f'the file is contradicted: {line}' for line in far[:MOST_LINES]]
     if far:
         notes.append(

@@ -76,7 +76,8 @@ def ordered(
 
     Args:
         factor: (p, p + 1) of all, with its right-hand side.
-        first: Which k are eliminated. last: Which m are kept.
+        first: Which k are eliminated.
+        last: Which m are kept.
 
     Returns:
         A (k, k), B (k, m) and a (k,) of A t_first + B t_last = a, and C (m, m) and c (m,) of

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = 'spacerobot_ros'
 LAYERS = (
     ('', 'errors', 'types', 'json_values', 'formats', 'display', 'interrupts'),
-    ('model',),
+    ('model', 'inference'),
     ('dynamics',),
     ('effects',),
     ('sensing', 'recording'),

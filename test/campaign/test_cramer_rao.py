@@ -19,7 +19,7 @@ from spacerobot_ros.dynamics.forward_kinematics import forward_kinematics
 from spacerobot_ros.dynamics.tree import tree_of
 from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
 from spacerobot_ros.estimation.trajectory.reference import Kinematics, NoiseLevels
-from spacerobot_ros.estimation.unknowns.bodies import BodyCoordinates
+from spacerobot_ros.estimation.unknowns.body_coordinates import BodyCoordinates
 from spacerobot_ros.estimation.unknowns.minimal import minimal_regressor, minimal_set
 from spacerobot_ros.identification.cramer_rao import bound_std, information_root
 from spacerobot_ros.recording.record import (

@@ -45,7 +45,9 @@ class Moving(NamedTuple):
     rotation: Rotation
 
     def part(self, which):
-        rate = RateErrorModel(self.rate.offset[which], self.rate.state[which], self.rate.constants[which])
+        rate = RateErrorModel(
+            self.rate.offset[which], self.rate.state[which], self.rate.constants[which]
+        )
         return Moving(rate, self.omega[which], self.rotation[which])
 
 

@@ -71,7 +71,9 @@ def case(request, rng):
     constants[: 3 + model.n_aam] = size * rng.standard_normal(3 + model.n_aam)
     constants[model.y] = 0.2 * rng.standard_normal(model.bodies.size)
     bodies = {body.name: body for body in model.robot_at(constants).bodies}
-    parts = [replace(part, **{x: getattr(bodies[part.name], x) for x in NUMBERS}) for part in parts]
+    parts = [
+        replace(part, **{x: getattr(bodies[part.name], x) for x in NUMBERS}) for part in parts
+    ]
     N = 5
     reference = Kinematics(
         np.arange(float(N)),

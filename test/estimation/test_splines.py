@@ -121,11 +121,13 @@ def test_where_samples_pause_noise_is_not_blown_up(start, rng):
     """Steep corners ask for knots that are closer than the pause is long."""
     kept = TIME[(start >= TIME) | (start + 0.5 <= TIME)]
     steps = np.column_stack([np.abs(np.sin(3.0 * kept)), np.abs(np.cos(2.0 * kept))])
-    values = steps + 1e-4 * rng.standard_normal(steps.shape)
-    fit = fit_spline([Samples(kept, values, 1e-4)], 0.0, 20.0)
-    assert fit.spacing < 0.2
-    error = fit.with_error()(TIME) - fit(TIME)
-    assert np.max(np.abs(error)) < 200 * 1e-4  # without regard to the pause 500 to 29,000 times
+    fits = [
+        fit_spline([Samples(kept, steps + 1e-4 * noise, 1e-4)], 0.0, 20.0)
+        for noise in rng.standard_normal((10, *steps.shape))
+    ]
+    assert {fit.spacing for fit in fits} == {fits[0].spacing} and fits[0].spacing < 0.2
+    scatter = np.std([fit(TIME) for fit in fits], axis=0, ddof=1)
+    assert np.max(scatter) < 200 * 1e-4  # without regard to the pause 500 to 29,000 times
 
 
 @pytest.mark.parametrize('off', [0.0, 19e-3])
@@ -139,4 +141,3 @@ def test_before_the_first_sample_the_curve_stays_where_it_begins(off, rng):
         # goes on for a period, in which an outlier may lead as far again; it led to 50 rad/s
         assert np.max(np.abs(fit(head) - first)) < 0.04
         assert not fit(head[:-1], 1).any()
-        assert np.max(np.abs(fit.with_error()(head) - fit(head))) < 5e-3

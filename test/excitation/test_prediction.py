@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.excitation import noisy_record, robot_file, six_joints
 
-from spacerobot_ros.estimation.unknowns.bodies import BodyCoordinates
+from spacerobot_ros.estimation.unknowns.body_coordinates import BodyCoordinates
 from spacerobot_ros.excitation.motions import Chosen
 from spacerobot_ros.excitation.precision import predict
 from spacerobot_ros.excitation.problem import Problem

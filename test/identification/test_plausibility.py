@@ -88,7 +88,9 @@ def test_swapped_columns_are_found_by_momentum(structure, order, pair):
 def test_a_fault_is_the_verdict():
     data = good()
     estimate = identify(
-        changed(data, omega=data.omega / DEGREE), servicer('zyx'), IdentifierSettings(structure='symmetric')
+        changed(data, omega=data.omega / DEGREE),
+        servicer('zyx'),
+        IdentifierSettings(structure='symmetric'),
     )
     assert not estimate.valid
     assert 'degrees instead of radians' in estimate.reason

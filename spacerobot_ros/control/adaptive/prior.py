@@ -15,7 +15,7 @@ import numpy as np
 
 from ...dynamics.pseudo_inertia import INVERSE, pseudo_inertia
 from ...errors import IdentificationError
-from ...estimation.unknowns.bodies import PARTS
+from ...estimation.unknowns.body_coordinates import PARTS
 from ...estimation.unknowns.minimal import minimal_set
 from ...identification.checked_file import digest, read_checked, run_down, write_checked
 from ...identification.estimate import Estimate

@@ -7,7 +7,7 @@ With the attitude R = R_ref exp(dphi) and u = [w; q'], conservation of the total
 so a reference that misses by e = R_ref^T h_W - A u_ref - h0 - sum_b R_b h_b has the rate error dw
 = D^-1 (e + E z + V t) to first order in the state errors z = [dphi; dq; dq'] and in the errors t
 of the constants: the momenta, in which it is linear, and the coordinates y of the bodies
-(`unknowns.bodies`), in which it is not. D depends on z and t, too, so E and V are those at the
+(`body_coordinates`), in which it is not. D depends on z and t, too, so E and V are those at the
 rate w_ref + D^-1 e that conserves momentum: taken at w_ref, whose noise e is made of, they would
 be noise that agrees with the data. The reference comes from the data (splines), not from the
 constants, so wrong constants do not bend it.
@@ -29,7 +29,7 @@ from ...dynamics.tree import Records, tree_of
 from ...model.robot import Robot
 from ...types import Array
 from ..trajectory.reference import Kinematics, ReferenceTrajectory
-from ..unknowns.bodies import BodyCoordinates
+from ..unknowns.body_coordinates import BodyCoordinates
 from ..unknowns.nuisances import Nuisances
 from ..unknowns.torque_hold import held_jerk
 
@@ -165,10 +165,9 @@ class MomentumModel:
     def _by_bodies(self, moving: AngularMomentum, constants: Array) -> Array:
         """(N, 3, m) derivative of the bodies' momentum by their coordinates."""
         slopes = self.bodies.slopes(constants[self.y])
-        shape = (len(moving.momentum), 3, len(slopes), 10)
-        by_rows = moving.by_bodies.reshape(shape).transpose(2, 0, 1, 3).reshape(len(slopes), -1, 10)
-        by_coordinates = np.moveaxis((by_rows @ slopes).reshape(len(slopes), *shape[:2], 10), 0, 2)
-        return np.asarray(by_coordinates[:, :, self.bodies.free])
+        by_rows = moving.by_bodies.reshape(-1, len(slopes), 10)
+        by_coordinates = np.moveaxis(np.moveaxis(by_rows, 1, 0) @ slopes, 0, 1)
+        return by_coordinates[:, self.bodies.free].reshape(len(moving.momentum), 3, -1)
 
     def _imbalance(
         self, reference: Kinematics, constants: Array, columns: Array

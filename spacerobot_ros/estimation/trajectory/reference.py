@@ -7,7 +7,7 @@ its own small error does not matter: the filter estimates the deviation from it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -120,15 +120,6 @@ class ReferenceTrajectory:
             rate(times, 1),
         )
 
-    @cached_property
-    def disturbed(self) -> Kinematics:
-        """The reference at the times of its attitude, with a draw of its own error added."""
-        joints, rate = self.joints.with_error(), self.rate.with_error()
-        turned = integrated_rotation(rate, self.times, self._start)
-        return Kinematics(
-            self.times, joints(self.times), joints(self.times, 1), rate(self.times), turned
-        )
-
     def effort(self, times: Array, derivative: int = 0) -> Array:
         """(N, n) smooth motor torque [N m], or a derivative of it; zero where none is measured."""
         spline = self._effort
@@ -154,10 +145,6 @@ class BaseRate:
     def spacing(self) -> float:
         """Distance of the body rate's knots [s]."""
         return self.fits[0].spacing
-
-    def with_error(self) -> BaseRate:
-        """With a draw of its own error added."""
-        return replace(self, fits=tuple(fit.with_error() for fit in self.fits[:1]) + self.fits[1:])
 
 
 def _base_rate(

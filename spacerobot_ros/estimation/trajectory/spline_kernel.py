@@ -17,12 +17,10 @@ class Coefficients(NamedTuple):
 
     Args:
         values: (c, m).
-        noise: (c, m) of white noise in their place.
         chi2: Sum of the squares of what is left of the values.
     """
 
     values: Array
-    noise: Array
     chi2: float
 
 
@@ -61,8 +59,8 @@ def rows_of(
 
 
 @compiled  # type: ignore[untyped-decorator]
-def fitted(first: IntArray, rows: Array, values: Array, noise: Array, count: int) -> Coefficients:
-    """Least-squares coefficients of values, once refined, and of noise.
+def fitted(first: IntArray, rows: Array, values: Array, count: int) -> Coefficients:
+    """Least-squares coefficients of values, once refined.
 
     A coefficient without data nearby is held near zero by a ridge far below any row's weight.
 
@@ -70,7 +68,6 @@ def fitted(first: IntArray, rows: Array, values: Array, noise: Array, count: int
         first: (N,) index of a row's first coefficient.
         rows: (N, width), weighted.
         values: (N, m), weighted.
-        noise: (N, m) of unit variance; (N, 0) where none is asked for.
         count: Number of coefficients.
 
     Returns:
@@ -79,24 +76,20 @@ def fitted(first: IntArray, rows: Array, values: Array, noise: Array, count: int
     width, m = rows.shape[1], values.shape[1]
     normal = np.zeros((count, width))
     found, more = np.zeros((count, m)), np.zeros((count, m))
-    error = np.zeros((count, noise.shape[1]))
     for n in range(len(rows)):
         for i in range(width):
             for j in range(i + 1):
                 normal[first[n] + i, i - j] += rows[n, i] * rows[n, j]
             for s in range(m):
                 found[first[n] + i, s] += rows[n, i] * values[n, s]
-            for s in range(noise.shape[1]):
-                error[first[n] + i, s] += rows[n, i] * noise[n, s]
     _factor(normal)
-    _solve(normal, error)
     _solve(normal, found)
     _misfit(first, rows, values, found, more)
     _solve(normal, more)
     for i in range(count):
         for s in range(m):
             found[i, s] += more[i, s]
-    return Coefficients(found, error, _misfit(first, rows, values, found, more))
+    return Coefficients(found, _misfit(first, rows, values, found, more))
 
 
 @inner  # type: ignore[untyped-decorator]

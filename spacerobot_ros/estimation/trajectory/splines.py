@@ -8,7 +8,7 @@ knots' spacing from the noise level.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -18,7 +18,6 @@ from ...types import Array
 from .spline_kernel import Coefficients, fitted, rows_of
 
 DEGREE = 5
-_SEED = 5  # of the draw of the error; any seed serves
 _ASIDE = 0.25
 """Share of a pause of samples by which knots keep clear of it: of 0, 0.25, 0.5 and 1 the smallest
 whose error stays below 200 times the noise wherever the pause lies (0.5 s, knots of 0.05 s)"""
@@ -48,13 +47,11 @@ class SplineFit:
 
     Args:
         curve: The spline of the times between its ends; `curve(t)` gives (N, m).
-        error: A draw of the spline's own error: the same fit to white noise of the samples' level.
         spacing: Distance of its knots [s].
         chi2_per_dof: Weighted residual a degree of freedom.
     """
 
     curve: scipy.interpolate.BSpline
-    error: scipy.interpolate.BSpline
     spacing: float
     chi2_per_dof: float
 
@@ -66,11 +63,6 @@ class SplineFit:
         if order > 0:
             out[inside != time] = 0.0
         return out
-
-    def with_error(self) -> SplineFit:
-        """With the draw of its error added."""
-        curve, error = self.curve, self.error
-        return replace(self, curve=scipy.interpolate.BSpline(curve.t, curve.c + error.c, curve.k))
 
 
 def fit_spline(samples: list[Samples], start: float, end: float) -> SplineFit:
@@ -127,31 +119,28 @@ class _Rows:
         self._is_derivative = each(lambda s: s.derivative) > 0
         self._weight = 1.0 / each(lambda s: s.std)
         self._values = np.concatenate([s.values for s in samples]) * self._weight[:, None]
-        self._noise = np.random.default_rng(_SEED).normal(size=self._values.shape)
 
     def criterion(self, intervals: int) -> float:
         """Akaike's of the spline of some intervals."""
-        _, found = self._found(intervals, self._noise[:, :0])
+        _, found = self._found(intervals)
         return found.chi2 + 2.0 * found.values.size
 
     def fit(self, intervals: int) -> SplineFit:
         """The spline of some intervals."""
         start, end = self._ends
-        knots, found = self._found(intervals, self._noise)
+        knots, found = self._found(intervals)
         dof = max(self._values.size - found.values.size, 1)
-        curve, error = (
-            scipy.interpolate.BSpline(knots, c, DEGREE) for c in (found.values, found.noise)
-        )
-        return SplineFit(curve, error, (end - start) / intervals, found.chi2 / dof)
+        curve = scipy.interpolate.BSpline(knots, found.values, DEGREE)
+        return SplineFit(curve, (end - start) / intervals, found.chi2 / dof)
 
-    def _found(self, intervals: int, noise: Array) -> tuple[Array, Coefficients]:
+    def _found(self, intervals: int) -> tuple[Array, Coefficients]:
         """Knots of some intervals, and what the rows say of their spline."""
         start, end = self._ends
         inner = self._clear_of_pauses(np.linspace(start, end, intervals + 1))
         knots = np.concatenate([np.full(DEGREE, start), inner, np.full(DEGREE, end)])
         first, rows = rows_of(self.time, self._is_derivative, knots, DEGREE)
         rows *= self._weight[:, None]
-        found = fitted(first, rows, self._values, noise, len(inner) + DEGREE - 1)
+        found = fitted(first, rows, self._values, len(inner) + DEGREE - 1)
         if not np.isfinite(found.values).all():
             raise IdentificationError(f'no usable samples between {start:.6g} s and {end:.6g} s')
         return knots, found

@@ -57,7 +57,10 @@ class BodyCoordinates:
         free = np.array([_free_entries(b, structure, i == 0) for i, b in enumerate(bodies)])
         self.free = free & ~is_massless[:, None]
         self.size = int(np.sum(self.free))
-        widths = [[getattr(u, part) for part in PARTS] for u in map(robot.uncertainty_of, range(len(bodies)))]
+        widths = [
+            [getattr(u, part) for part in PARTS]
+            for u in map(robot.uncertainty_of, range(len(bodies)))
+        ]
         self.std = np.array(widths)[self.free]
 
     def bodies(self, coordinates: Array) -> tuple[Array, Array, Array]:
@@ -105,7 +108,7 @@ class BodyCoordinates:
         start, moved = np.zeros((2, *self.free.shape))
         start[self.free], moved[self.free] = coordinates, step
         rows = self.rows(coordinates) + np.einsum('kij,kj->ki', self.slopes(coordinates), moved)
-        for k in np.flatnonzero(np.any(moved != 0.0, axis=1)):
+        for k in np.flatnonzero(np.any(moved != 0.0, axis=1)).tolist():
             mass, com = rows[k, 0], rows[k, 1:4] / rows[k, 0]
             moments = pseudo_inertia(rows[k])[:3, :3] - mass * np.outer(com, com)
             if mass > 0.0 and np.linalg.eigvalsh(moments)[0] > 0.0:
