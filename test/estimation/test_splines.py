@@ -125,9 +125,10 @@ def test_where_samples_pause_noise_is_not_blown_up(start, rng):
         fit_spline([Samples(kept, steps + 1e-4 * noise, 1e-4)], 0.0, 20.0)
         for noise in rng.standard_normal((10, *steps.shape))
     ]
-    assert {fit.spacing for fit in fits} == {fits[0].spacing} and fits[0].spacing < 0.2
+    assert all(fit.spacing == fits[0].spacing < 0.2 for fit in fits)
     scatter = np.std([fit(TIME) for fit in fits], axis=0, ddof=1)
-    assert np.max(scatter) < 200 * 1e-4  # without regard to the pause 500 to 29,000 times
+    # 230 times where a pause follows the first sample; without regard to it 500 to 29,000 times
+    assert np.max(scatter) < 300 * 1e-4
 
 
 @pytest.mark.parametrize('off', [0.0, 19e-3])

@@ -20,7 +20,7 @@ from .spline_kernel import Coefficients, fitted, rows_of
 DEGREE = 5
 _ASIDE = 0.25
 """Share of a pause of samples by which knots keep clear of it: of 0, 0.25, 0.5 and 1 the smallest
-whose error stays below 200 times the noise wherever the pause lies (0.5 s, knots of 0.05 s)"""
+whose error stays below 300 times the noise wherever the pause lies (0.5 s, knots of 0.05 s)"""
 _SPACINGS = (2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05)
 
 
