@@ -171,7 +171,7 @@ def condition_numbers(model: MomentumModel, motion: BaseMotion) -> tuple[Array, 
     states = motion.kinematics
     minimal = minimal_set(model.robot, model.structure)
     wheels = -model.balance(states, model.prior())[1][..., model.aam]
-    columns = np.concatenate([wheels, minimal_regressor(model.robot, minimal, states)], axis=2)
+    columns = np.concatenate([wheels, minimal_regressor(minimal, states)], axis=2)
     A = motion.R_WB @ columns.reshape(*motion.q.shape[:2], 3, -1)
     A = (A - A[:, :1])[:, 1:].reshape(len(A), -1, A.shape[-1])
     norms = np.linalg.norm(A, axis=1, keepdims=True)

@@ -23,7 +23,7 @@ from ..recording.record import Record
 from ..types import Array, IntArray
 from .estimate import Estimate
 from .least_squares import solve_least_squares
-from .maximum_likelihood import MaximumLikelihood, prepare
+from .maximum_likelihood import MaximumLikelihood, model_of, prepare
 from .online import OnlineIdentifier
 from .outliers import screened
 from .summary import Finding, Identification, Source, conclude, finding_of
@@ -66,7 +66,7 @@ def identify_robot(
     if method == 'ls':
         source = _source(record, notes, faults)
         return Identification(solve_least_squares(record, robot, settings, noise, source))
-    model = MomentumModel(robot, settings.structure, settings.nuisances)
+    model = model_of(robot, settings)
     finding, kinematics = _likeliest(model, settings, record, noise)
     if finding.chi2_per_dof > LARGEST_CHI2:
         kept, left_out = screened(record, noise)

@@ -55,7 +55,7 @@ def momentum_columns(robot: Robot, minimal: MinimalSet, motion: Kinematics) -> A
     """(N, 3, p) columns of [h_W; AAM; x] of the momentum equation, in the base frame."""
     by_momenta = MomentumModel(robot, minimal.structure)
     columns = by_momenta.balance(motion, by_momenta.prior())[1][..., : by_momenta.y.start]
-    return np.concatenate([columns, -minimal_regressor(robot, minimal, motion)], axis=2)
+    return np.concatenate([columns, -minimal_regressor(minimal, motion)], axis=2)
 
 
 def solve_least_squares(

@@ -12,7 +12,9 @@ from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..estimation.trajectory.time_base import channel_stamps, filter_times, refuse_long_gaps
 from ..estimation.unknowns.torque_hold import Holds
+from ..inference.curved_posterior import LINEAR
 from ..inference.square_root import marginal
+from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
@@ -23,8 +25,9 @@ from .validity_limits import (
     CLOSE,
     CONTRACTION,
     CONVERGED,
-    LINEAR,
+    MOST_MINIMAL,
     MOST_PASSES,
+    NEAR,
     NEARER,
     SETTLED,
     WORSE,
@@ -33,30 +36,38 @@ from .validity_limits import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Known:
-    """What data told of some of the constants: |factor (t - origin) - values|^2 is least.
+    """What data told of some of the filter's constants t: |factor (t - t(best)) - values|^2.
 
     Args:
-        part: Which m of [h_W; AAM; y; nuisances].
-        origin: (m,) about which everything was linearized.
+        part: Which m of the filter's constants.
+        best: (p,) most probable constants, the bodies' prior included.
         factor: (m, m) square-root information, upper triangular; without the bodies' prior.
         values: (m,).
-        best: (m,) most probable values, the bodies' prior included.
     """
 
     part: slice
-    origin: Array
+    best: Array
     factor: Array
     values: Array
-    best: Array
 
     def of(self, part: slice) -> Known:
         """What is known of some of these constants, the others eliminated."""
         part = slice(max(part.start, self.part.start), min(part.stop, self.part.stop))
-        inside = slice(part.start - self.part.start, part.stop - self.part.start)
-        left = marginal(
-            np.column_stack([self.factor, self.values]), np.arange(inside.start, inside.stop)
-        )
-        return Known(part, self.origin[inside], left[:, :-1], left[:, -1], self.best[inside])
+        inside = np.arange(part.start - self.part.start, part.stop - self.part.start)
+        left = marginal(np.column_stack([self.factor, self.values]), inside)
+        return Known(part, self.best, left[:, :-1], left[:, -1])
+
+
+def model_of(robot: Robot, settings: IdentifierSettings) -> MomentumModel:
+    """What is identified of a robot.
+
+    Raises:
+        ConfigurationError: fixed base.
+    """
+    model = MomentumModel(robot, settings.structure, settings.nuisances)
+    if robot.n_joints > MOST_MINIMAL:
+        return model
+    return MomentumModel(robot, settings.structure, settings.nuisances, is_minimal=True)
 
 
 class MaximumLikelihood:
@@ -85,6 +96,7 @@ class MaximumLikelihood:
         self.joint_share = 0.0
         self._beyond = 0.0
         self._left = np.ones(2)  # share of a shift, of momenta and bodies, that a pass leaves
+        self._posterior: MomentumPosterior | None = None
 
     def anew(self) -> MaximumLikelihood:
         """Another one that knows what this one knew at first."""
@@ -95,9 +107,10 @@ class MaximumLikelihood:
         """What other segments of the run may know; None: nothing yet."""
         if self._prior is None or not self.is_converged:
             return self._known
-        factor, origin = self._filter.information.factor.copy(), self.constants.copy()
-        best = self.posterior().mean
-        return Known(slice(0, len(origin)), origin, factor[:, :-1], factor[:, -1], best)
+        factor, best = self._filter.information.factor.copy(), self.posterior().mean
+        change = self._model.filtered(best) - self._model.filtered(self.constants)
+        values = factor[:, -1] - factor[:, :-1] @ change
+        return Known(slice(0, len(factor)), best, factor[:, :-1], values)
 
     @property
     def misfit(self) -> tuple[float, int]:
@@ -107,12 +120,13 @@ class MaximumLikelihood:
         that was not found is no misfit; what it does to the others' residuals is.
         """
         information = self._filter.information
-        return information.residual - self._beyond, information.rows
+        return max(information.residual - self._beyond, 0.0), information.rows
 
     def solve(self, stretch: Stretch) -> None:
         """Estimate from a stretch alone, from the prior or from what was found last.
 
-        Damped Gauss-Newton steps on the posterior.
+        Passes of the filter about ever better constants; see `curved_posterior` for those that
+        are taken within a pass.
 
         Raises:
             IdentificationError: it is abandoned.
@@ -121,34 +135,59 @@ class MaximumLikelihood:
             self._prior = self._prior_of(stretch)
             self.constants = self._prior[0].copy()
             if self._known is not None:
-                self.constants[self._known.part] = self._known.best
+                part = slice(self._known.part.start, self._model.y.stop)
+                self.constants[part] = self._known.best[part]
+        else:
+            self.constants = self.posterior().mean
         best, goal, least = self.constants, self.constants, np.inf
-        asked, share = np.full(2, np.inf), 1.0
+        asked, share = np.full(2, 0.0 if self.is_converged else np.inf), 1.0
         for _ in range(MOST_PASSES):
             if self.is_abandoned:
                 raise IdentificationError('nobody waits for it any more')
-            self._restart()
-            values = self._filter.run(stretch, self.constants)
-            posterior = self.posterior()
-            cost, before, now = self._cost(posterior), asked, self._shift_asked(posterior)
-            worse = cost - least
+            is_near = bool(asked[1] < (np.inf if self._model.is_minimal else NEAR))
+            cost, values = self._pass(stretch, is_near=is_near)
+            before, worse = asked, cost - least
+            now = self._shift_asked() if np.isfinite(cost) else np.full(2, np.inf)
             is_nearer = np.max(now) < np.max(before) and worse < NEARER * len(values)
-            if not (worse <= WORSE or is_nearer):
+            is_taken = np.isfinite(cost) and self._model.is_minimal
+            if not (is_taken or worse <= WORSE or is_nearer):
                 share *= BACKTRACK
                 self.constants = self._towards(best, goal, share)
                 continue
             least, best, asked = cost, self.constants, now
-            if np.all(before < np.inf):
+            if np.all((before > 0.0) & (before < np.inf)):
                 self._left = np.minimum(1.0, CONTRACTION * asked / before)
             left = asked * self._left
-            self.is_converged = bool(left[0] < CONVERGED)
-            self._beyond = _beyond(values) if np.max(asked) < 1.0 else 0.0
+            self.is_converged = bool(left[0] < CONVERGED) and is_near
             if self.is_converged and (left[1] < SETTLED or asked[1] < CLOSE):
                 break
             share, goal = min(1.0, share / BACKTRACK), self._goal()
             self.constants = self._towards(best, goal, share)
-        self._shift(self.posterior().mean)
-        self.joint_share = self._model.joint_share(stretch.kinematics, self.constants)
+        else:
+            self.constants, self.is_converged = best, False
+            _, values = self._pass(stretch)
+        self._beyond = _beyond(values) if self.is_converged else 0.0
+        self._move_on()
+        self.joint_share = self._model.joint_share(stretch.kinematics, self.posterior().mean)
+
+    def _pass(self, stretch: Stretch, *, is_near: bool = True) -> tuple[float, Array]:
+        """Twice the negative log probability of the constants, and the values of all rows.
+
+        Infinite where no filter can be run about them. While they are far the prior is as stated:
+        noise in the columns would count as evidence against it.
+        """
+        self._restart()
+        assert self._prior is not None
+        try:
+            values = self._filter.run(stretch, self.constants, is_near=is_near)
+            factor, scale = self._filter.information.factor, None if is_near else 1.0
+            found = posterior_of(self._model, factor, self.constants, self._prior[1], scale=scale)
+        except (np.linalg.LinAlgError, ValueError):  # of numbers that are not finite
+            self._restart()
+            return np.inf, np.zeros(0)
+        self._posterior = found
+        cost = self._cost(found)
+        return (cost if np.isfinite(cost) else np.inf), values
 
     def extend(self, record: Record, context: Record, noise: NoiseLevels, holds: Holds) -> Stretch:
         """Continue with what came since the last stretch.
@@ -169,12 +208,13 @@ class MaximumLikelihood:
         reference = ReferenceTrajectory(context, noise, times, attitude, span)
         stretch = Stretch(record, noise, reference, holds)
         rows: list[tuple[Array, Array]] = []
+        self._posterior = None
         self._filter.run(stretch, self.constants, rows)
-        constants = self.posterior().mean
-        change = constants - self.constants
+        mean = self.posterior().mean
+        change = self._model.filtered(mean) - self._model.filtered(self.constants)
         self._beyond += sum(_beyond(values - columns @ change) for columns, values in rows)
-        self._shift(constants)
-        share = self._model.joint_share(stretch.kinematics, self.constants)
+        self._move_on()
+        share = self._model.joint_share(stretch.kinematics, mean)
         self.joint_share = max(self.joint_share, share)
         return stretch
 
@@ -182,8 +222,10 @@ class MaximumLikelihood:
         """The estimate so far."""
         if self._prior is None:
             raise ValueError('nothing was solved yet')
-        factor = self._filter.information.factor
-        return posterior_of(self._model, factor, self.constants, self._prior[1])
+        if self._posterior is None:
+            factor = self._filter.information.factor
+            self._posterior = posterior_of(self._model, factor, self.constants, self._prior[1])
+        return self._posterior
 
     def _prior_of(self, stretch: Stretch) -> tuple[Array, Array]:
         """(p,) mean and standard deviations; the bodies' are in `robot.uncertainty`.
@@ -202,32 +244,49 @@ class MaximumLikelihood:
     def _restart(self) -> None:
         """A filter that knows what was known before the stretch, about the constants."""
         assert self._prior is not None
-        self._filter = MomentumFilter(self._model)
-        mean, std = self._prior
-        rows, values = np.diag(1.0 / std), (mean - self.constants) / std
-        rows[self._model.y], values[self._model.y] = 0.0, 0.0
+        model, (mean, std) = self._model, self._prior
+        self._filter, self._posterior = MomentumFilter(model), None
+        others = np.setdiff1d(np.arange(model.size), np.arange(model.size)[model.y])
+        rows, values = (
+            np.zeros((model.filter_size, model.filter_size)),
+            np.zeros(model.filter_size),
+        )
+        told = np.arange(model.filter_size)[model.filter_bodies]
+        at = np.setdiff1d(np.arange(model.filter_size), told)
+        rows[at, at] = 1.0 / std[others]
+        values[at] = (mean - self.constants)[others] / std[others]
         if (known := self._known) is not None:
             part = known.part
+            off = model.filtered(self.constants) - model.filtered(known.best)
             rows[part, :], values[part] = 0.0, 0.0
             rows[part, part] = known.factor
-            values[part] = known.values - known.factor @ (self.constants[part] - known.origin)
+            values[part] = known.values - known.factor @ off[part]
         self._filter.information.add(rows, values)
         self._filter.information.reset_residual()
         self._beyond = 0.0
 
     def _cost(self, posterior: MomentumPosterior) -> float:
-        """Twice the negative logarithm of the constants' probability."""
-        y = self.constants[self._model.y] / (posterior.bodies.factor * self._model.bodies.std)
-        return self._filter.information.misfit + 2.0 * self._filter.log_spread + float(y @ y)
+        """Twice the negative logarithm of the constants' probability.
+
+        Where the filter tells minimal parameters, of the most probable ones: the pass has them.
+        """
+        information, y = self._filter.information, self.constants[self._model.y]
+        misfit = information.misfit
+        if self._model.is_minimal:
+            y, change = posterior.mean[self._model.y], self._told_change(posterior.mean)
+            left = information.factor[:, -1] - information.factor[:, :-1] @ change
+            misfit = information.residual + float(left @ left)
+        width = posterior.bodies.factor * self._model.bodies.std
+        return misfit + 2.0 * self._filter.log_spread + float(np.sum((y / width) ** 2))
+
+    def _told_change(self, constants: Array) -> Array:
+        return self._model.filtered(constants) - self._model.filtered(self.constants)
 
     def _goal(self) -> Array:
-        """(p,) constants to go to from where the filter was linearized.
-
-        Levenberg's damping in the metric of the prior: all is told with a variance by which the
-        shift of an unknown is `LINEAR` standard deviations, which is one as the iteration settles
-        (Yamashita and Fukushima, Computing Suppl. 15 (2001) 239).
-        """
+        """(p,) constants to go to from where the filter was linearized; damped, see `Curve`."""
         assert self._prior is not None
+        if self._model.is_minimal:
+            return self.posterior().mean
         factor = self._filter.information.factor
         asked = float(np.sum(factor[:, -1] ** 2)) / len(factor)
         factor = factor / max(1.0, np.sqrt(asked) / LINEAR)
@@ -237,18 +296,27 @@ class MaximumLikelihood:
         """(p,) constants a share of the way from some to a goal that is linear about them."""
         step, y = share * (goal - constants), self._model.y
         out = constants + step
-        out[y] = self._model.bodies.stepped(constants[y], step[y])
+        if not self._model.is_minimal:
+            out[y] = self._model.bodies.stepped(constants[y], step[y])
         return out
 
-    def _shift_asked(self, posterior: MomentumPosterior) -> Array:
+    def _shift_asked(self) -> Array:
         """(2,) largest shift of momenta and nuisances, and of bodies, in standard deviations."""
+        posterior = self.posterior()
         shift = np.abs(posterior.mean - self.constants) / np.sqrt(np.diag(posterior.covariance))
         y = self._model.y
         return np.array([np.max(np.delete(shift, y)), np.max(shift[y], initial=1e-300)])
 
-    def _shift(self, constants: Array) -> None:
-        self._filter.shift_constants(constants - self.constants)
-        self.constants = constants
+    def _move_on(self) -> None:
+        """Go on about the best constants where nothing that was told depends on that.
+
+        Where bodies were told, stretches about different ones would disagree, and what no motion
+        tells would seem told (Huang, Mourikis and Roumeliotis, IJRR 29 (2010) 502).
+        """
+        if self._model.is_minimal:
+            mean = self.posterior().mean
+            self._filter.shift_constants(self._told_change(mean))
+            self.constants = mean
 
 
 def _beyond(residuals: Array) -> float:

@@ -8,9 +8,10 @@ import numpy as np
 import scipy
 
 from ..estimation.filters.momentum_process import MomentumModel
+from ..inference.curved_posterior import curved_posterior
 from ..inference.scaled_prior import ScaledPosterior, scaled_posterior
 from ..inference.square_root import ordered
-from ..types import Array
+from ..types import Array, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,6 +23,7 @@ class MomentumPosterior:
         bodies: The part of the bodies, about the robot file's values.
         prior_std: (p,) standard deviations of the prior; those of bodies by the data's scale.
         rank: Number of directions that the data tell better than the prior does.
+        is_settled: Whether the bodies were found.
     """
 
     mean: Array
@@ -29,6 +31,7 @@ class MomentumPosterior:
     bodies: ScaledPosterior
     prior_std: Array
     rank: int
+    is_settled: bool = True
 
 
 def posterior_of(
@@ -38,6 +41,7 @@ def posterior_of(
     prior_std: Array,
     *,
     is_expected: bool = False,
+    scale: float | None = None,
 ) -> MomentumPosterior:
     """Combine what data told with the prior of the bodies.
 
@@ -45,21 +49,30 @@ def posterior_of(
 
     Args:
         model: The constants.
-        factor: (p, p + 1) square-root information of their errors, the bodies' prior not
-            included, all others' included.
+        factor: (g, g + 1) square-root information of the errors of the filter's constants, the
+            bodies' prior not included, all others' included.
         about: (p,) constants that the errors count from.
         prior_std: (p,) of the others' priors.
         is_expected: See `scaled_posterior`.
+        scale: Factor of the bodies' prior, where it is not sought.
     """
-    y, others = np.arange(model.size)[model.y], np.delete(np.arange(model.size), model.y)
-    own, across, right, root, values = ordered(factor, others, y)
-    right_of_y, wide = values + root @ about[y], model.bodies.std
-    bodies = scaled_posterior(root, right_of_y, wide, is_expected=is_expected)
+    told, y = np.arange(model.filter_size)[model.filter_bodies], np.arange(model.size)[model.y]
+    own, across, right, root, values = ordered(factor, np.setdiff1d(_all(factor), told), told)
+    start, wide, is_settled = about[y], model.bodies.std, True
+    if model.is_minimal:
+        found = curved_posterior(model, root, values, wide, start, scale)
+        slopes, bodies, is_settled = found
+    else:
+        right_of_y = values + root @ start
+        bodies = scaled_posterior(root, right_of_y, wide, is_expected=is_expected, factor=scale)
+        slopes = np.eye(len(y))
+    others = np.setdiff1d(np.arange(model.size), y)
     mean, covariance = np.empty(model.size), np.empty((model.size, model.size))
     mean[y] = bodies.mean
-    step = scipy.linalg.solve_triangular(own, right - across @ (bodies.mean - about[y]))
+    shift = model.told_of(bodies.mean) - model.told_of(start)
+    step = scipy.linalg.solve_triangular(own, right - across @ shift)
     mean[others] = about[others] + step
-    follow = -scipy.linalg.solve_triangular(own, across)
+    follow = -scipy.linalg.solve_triangular(own, across @ slopes)
     free = scipy.linalg.solve_triangular(own, np.eye(len(others)))
     covariance[np.ix_(y, y)] = bodies.covariance
     covariance[np.ix_(others, y)] = follow @ bodies.covariance
@@ -67,5 +80,10 @@ def posterior_of(
     covariance[np.ix_(others, others)] = follow @ bodies.covariance @ follow.T + free @ free.T
     std = prior_std.copy()
     std[y] = np.sqrt(bodies.prior_variance)
-    told = std[others] > np.sqrt(2.0) * np.sqrt(np.diag(covariance)[others])
-    return MomentumPosterior(mean, covariance, bodies, std, bodies.rank + int(np.sum(told)))
+    told_better = std[others] > np.sqrt(2.0) * np.sqrt(np.diag(covariance)[others])
+    rank = bodies.rank + int(np.sum(told_better))
+    return MomentumPosterior(mean, covariance, bodies, std, rank, is_settled)
+
+
+def _all(factor: Array) -> IntArray:
+    return np.arange(factor.shape[1] - 1)

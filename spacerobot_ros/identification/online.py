@@ -23,7 +23,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import IdentificationError
-from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.time_base import LONGEST_GAP
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
@@ -31,7 +30,7 @@ from ..recording.buffer import SampleBuffer
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
-from .maximum_likelihood import Known
+from .maximum_likelihood import Known, model_of
 from .misfit import Misfit
 from .outliers import LONGEST_PAUSE, first_pause
 from .saved_knowledge import Knowledge
@@ -63,7 +62,7 @@ class OnlineIdentifier:
     def __init__(self, robot: Robot, settings: IdentifierSettings) -> None:
         self._settings = settings
         self._lag = max(_LAG, settings.lateness)
-        self.model = MomentumModel(robot, settings.structure, settings.nuisances)
+        self.model = model_of(robot, settings)
         self._joints = robot.joints[: self.model.n]
         self.reset()
 
@@ -74,7 +73,7 @@ class OnlineIdentifier:
     def begin_segment(self) -> None:
         """Take what comes now as another run of the same robot, whatever its stamps."""
         self.samples = SampleBuffer(self._joints, LONGEST_GAP, LONGEST_GAP)
-        self._begin(-np.inf, self._known_of(3, self.model.y.stop))
+        self._begin(-np.inf, self._known_of(3, self.model.filter_bodies.stop))
 
     def copy(self) -> OnlineIdentifier:
         """What `reset`, `begin_segment` or `go_on` may change while a thread solves this one."""
@@ -184,7 +183,7 @@ class OnlineIdentifier:
         record, tail = (each.between(-np.inf, before) for each in (record, tail))
         with suppress(IdentificationError):
             self._solve(record, before, (tail, count))
-        self._begin(0.5 * (before + after), self._known_of(0, self.model.y.stop))
+        self._begin(0.5 * (before + after), self._known_of(0, self.model.filter_bodies.stop))
         return self._use(until_ns)
 
     def _solve(self, record: Record, end: float, newest: Screened) -> Estimate:
@@ -200,7 +199,7 @@ class OnlineIdentifier:
             segment.misfit = Misfit(*segment.likelihood.misfit)
             return self._conclude(end)
         except _FAILURES as error:
-            self._begin(end, self._known_of(0, self.model.y.stop))
+            self._begin(end, self._known_of(0, self.model.filter_bodies.stop))
             raise _unusable(f'samples up to {end:.6g} s', error) from error
 
     def _settled(self, record: Record) -> float:
@@ -218,7 +217,7 @@ class OnlineIdentifier:
             new = {s: int(np.sum(t > before.done)) for s, t in zip(_WORDS, times, strict=True)}
             before.left_out = before.left_out + Counter(new)
         if misfit.contradicted > 1:
-            self._known = self._known_of(3, self.model.y.stop)
+            self._known = self._known_of(3, self.model.filter_bodies.stop)
         if self._last is not None and (self._known is None or misfit.is_lasting):
             doubted = replace(self._last.estimate, valid=False, reason=doubt)
             self._last = replace(self._last, estimate=doubted)

@@ -53,7 +53,7 @@ def save(path: Path, knowledge: Knowledge, now_ns: int) -> None:
         ConfigurationError: it can not be written.
     """
     model = knowledge.model
-    robot = knowledge.known.of(slice(3, model.y.stop))
+    robot = knowledge.known.of(slice(3, model.filter_bodies.stop))
     content = {
         **{name: getattr(robot, name).tolist() for name in _NUMBERS},
         **{name: getattr(knowledge.estimate, name) for name in _KEPT},
@@ -61,7 +61,7 @@ def save(path: Path, knowledge: Knowledge, now_ns: int) -> None:
     write_checked(path, VERSION, _fingerprint(model), content, now_ns)
 
 
-_NUMBERS = ('origin', 'factor', 'values', 'best')
+_NUMBERS = ('best', 'factor', 'values')
 
 
 def load(path: Path, now_ns: int, model: MomentumModel) -> Knowledge:
@@ -74,25 +74,25 @@ def load(path: Path, now_ns: int, model: MomentumModel) -> Knowledge:
 
 
 def _widened(model: MomentumModel, content: dict[str, Any], seconds: float) -> Knowledge:
-    part = slice(3, model.y.stop)
+    part = slice(3, model.filter_bodies.stop)
     saved = Known(part, *(np.array(content[name], dtype=float) for name in _NUMBERS))
     size = part.stop - part.start
     shapes = [getattr(saved, name).shape for name in _NUMBERS]
-    if shapes != [(size,), (size, size), (size,), (size,)]:
+    if shapes != [(model.size,), (size, size), (size,)]:
         raise ValueError(f'{shapes} numbers for {size} constants')
-    known = _less_sure(saved, np.abs(saved.best[: model.n_aam]) * run_down(seconds))
-    constants = model.prior()
-    constants[part] = known.origin
+    known = _less_sure(saved, np.abs(saved.best[model.aam]) * run_down(seconds))
     std = np.ones(model.size)
-    factor = np.eye(model.size, model.size + 1)
+    factor = np.eye(model.filter_size, model.filter_size + 1)
     factor[part, part], factor[part, -1] = known.factor, known.values
-    values = estimated_values(model, posterior_of(model, factor, constants, std))
+    posterior = posterior_of(model, factor, known.best, std)
+    values = estimated_values(model, posterior)
     estimate = Estimate(
         method='online',
         valid=True,
         reason='',
         notes=(f'from a file saved {seconds:.0f} s before',),
         unknowns=model.size,
+        prior_factor=posterior.bodies.factor,
         **{name: content[name] for name in _KEPT if name != 'unexcited'},
         unexcited=tuple(content['unexcited']),
         **{**values, 'nuisances': ()},
@@ -103,13 +103,13 @@ def _widened(model: MomentumModel, content: dict[str, Any], seconds: float) -> K
 
 def _less_sure(known: Known, lost: Array) -> Known:
     """The same where the first k constants may have changed meanwhile by `lost` (k,), one std."""
-    size, k = len(known.origin), int(np.count_nonzero(lost))
+    size, k = len(known.values), int(np.count_nonzero(lost))
     changed = np.flatnonzero(lost)
     rows = np.zeros((size + k, k + size + 1))
     rows[:size, :k], rows[:size, k:-1] = known.factor[:, changed], known.factor
     rows[:size, -1], rows[size:, :k] = known.values, np.diag(1.0 / lost[changed])
     left = marginal(rows, np.arange(k, k + size))
-    return Known(known.part, known.origin, left[:, :-1], left[:, -1], known.best)
+    return Known(known.part, known.best, left[:, :-1], left[:, -1])
 
 
 def _fingerprint(model: MomentumModel) -> str:

@@ -150,7 +150,7 @@ class Segment:
         faults, record = contradictions(record), record.between(-np.inf, end)
         stretch = prepare(record, self._noise, self._holds(record))
         self.likelihood.solve(stretch)
-        self._rerun_constants = self.likelihood.constants
+        self._rerun_constants = self.likelihood.posterior().mean
         samples = self._past.source.samples + len(record.joint_time)
         self.source = Source(samples, 0, notes, faults)
         self.left_out = self._past.left_out + count(until=end)
@@ -172,7 +172,7 @@ class Segment:
 
     def _is_whole(self, end: float) -> bool:
         """Whether the buffer holds the whole segment up to a time [s], few enough to run again."""
-        most = min(_LARGEST, _COST // self._model.size**2)
+        most = min(_LARGEST, _COST // self._model.filter_size**2)
         few = all(len(s.stamps) <= most for s in self._samples.streams.values())
         return self._is_kept and few and end - max(self.start, 0.0) <= self._settings.buffer
 
@@ -180,9 +180,9 @@ class Segment:
         """Whether the linearization of what was run through is no longer good enough."""
         if not self.likelihood.is_converged or end >= self._next_rerun:
             return True
-        moved = np.abs(self.likelihood.constants - self._rerun_constants)
-        std = np.sqrt(np.diag(self.likelihood.posterior().covariance))
-        return bool(np.any(moved > MOVED * std))
+        posterior = self.likelihood.posterior()
+        moved = np.abs(posterior.mean - self._rerun_constants)
+        return bool(np.any(moved > MOVED * np.sqrt(np.diag(posterior.covariance))))
 
     def _holds(self, record: Record) -> Holds:
         if self._first_joints is None:

@@ -52,7 +52,8 @@ def finding_of(likelihood: MaximumLikelihood, method: str) -> Finding:
     """What maximum likelihood has found so far."""
     posterior, (squares, rows) = likelihood.posterior(), likelihood.misfit
     chi2 = squares / max(rows - posterior.rank, 1)
-    doubt = '' if likelihood.is_converged else 'the iteration has not converged'
+    is_done = likelihood.is_converged and posterior.is_settled
+    doubt = '' if is_done else 'the iteration has not converged'
     return Finding(method, posterior, chi2, likelihood.joint_share, doubt)
 
 

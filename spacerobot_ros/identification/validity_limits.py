@@ -40,13 +40,17 @@ CONTRACTION = 3.0
 """By how much the share of a shift that a pass leaves may exceed the one before: in ten flights of
 the servicer shares were 0.002 to 0.04 at first and fell later, in one they rose threefold."""
 
+NEAR = 30.0
+"""Shift of the bodies that the last pass asked for, in standard deviations, up to which the rates
+that conserve momentum are better than the measured ones; momenta are linear, right after it."""
+
 MOST_PASSES = 20
 """Passes of the iteration; flights of two to seven joints settle in two to four where the file is
 right, in five to twelve where bodies are off by a third."""
 
-LINEAR = 10.0
-"""Root mean square shift of the unknowns, in standard deviations, up to which a step is taken as
-the linear model has it. Of 11 hard flights 1 to 1000 settle in as many passes or more."""
+MOST_MINIMAL = 8
+"""Joints up to which the filter tells minimal parameters, (n + 2)(2n + 3) of them, and not bodies,
+ten each: with eight joints a pass takes 2.5 times as long, and fewer are needed."""
 
 BACKTRACK = 0.25
 """Share of a step that is tried after one that made the constants less probable."""

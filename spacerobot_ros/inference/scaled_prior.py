@@ -50,7 +50,12 @@ class ScaledPosterior:
 
 
 def scaled_posterior(
-    root: Array, values: Array, std: Array, *, is_expected: bool = False
+    root: Array,
+    values: Array,
+    std: Array,
+    *,
+    is_expected: bool = False,
+    factor: float | None = None,
 ) -> ScaledPosterior:
     """Combine data with a prior about zero.
 
@@ -60,17 +65,21 @@ def scaled_posterior(
         std: (m,) standard deviations of the prior at factor one, positive.
         is_expected: Whether the right-hand side is that of data without noise, for a covariance
             as data with noise have it in the mean: b_i^2 is then one larger.
+        factor: Of the prior, where it is not sought.
     """
     left, singular, right = np.linalg.svd(root * std)
     told = left.T @ values
     if is_expected:
         told = np.copysign(np.hypot(told, 1.0), told)
     log_s = np.linspace(-np.log(LARGEST), np.log(LARGEST), _NODES)
+    if factor is not None:
+        log_s = np.log([factor])
     variance = np.exp(2.0 * log_s)[:, None]
     strength = 1.0 + variance * singular**2
     log_z = -0.5 * np.sum(told**2 / strength + np.log(strength), axis=1)
     log_z -= 0.5 * (log_s / _SPREAD) ** 2
     weight = np.exp(log_z - np.max(log_z))
+    weight[[0, -1]] *= 0.5  # of the trapezoidal rule
     weight /= np.sum(weight)
     means = variance * singular * told / strength
     mean = weight @ means

@@ -72,7 +72,7 @@ class Oracle:
     def momentum(self, q, qd, omega, x):
         omega = np.broadcast_to(omega, (len(q), 3))
         states = Kinematics(np.zeros(len(q)), q, qd, omega, Rotation.identity(len(q)))
-        return minimal_regressor(self.robot, self.minimal, states) @ x
+        return minimal_regressor(self.minimal, states) @ x
 
     def link(self, q):
         still = np.zeros((len(q), 6 + self.n))

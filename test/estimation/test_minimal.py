@@ -71,7 +71,7 @@ def check_momentum_of(robot, structure, rng):
     """The set has as many parameters as its regressor has rank, and tells the momentum."""
     found = minimal_set(robot, structure)
     motion = random_motion(rng, robot.n_joints, 2 * len(found))
-    regressor = minimal_regressor(robot, found, motion)
+    regressor = minimal_regressor(found, motion)
     unit = regressor.reshape(-1, len(found)) / np.linalg.norm(regressor, axis=(0, 1))
     assert np.linalg.cond(unit) < 1e4  # 10 to 100; as large as 1e16 with one too many
     want = momenta(robot, motion)
@@ -137,7 +137,7 @@ def test_thirty_joints_in_a_row(rng):
     found, motion = minimal_set(robot, 'generic'), random_motion(rng, 30, 3)
     assert len(found) == 32 * 63
     got, want = (
-        minimal_regressor(robot, found, motion) @ found.of_robot(robot),
+        minimal_regressor(found, motion) @ found.of_robot(robot),
         momenta(robot, motion),
     )
     np.testing.assert_allclose(got, want, rtol=0, atol=1e-11 * np.max(np.abs(want)))

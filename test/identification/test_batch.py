@@ -132,7 +132,7 @@ def test_unknown_method_is_refused(record):
 
 def test_robots_that_a_method_can_not_have_are_refused(record, rng):
     parts = random_tree(rng, [0, 1, 2], prismatic=(3,))
-    with pytest.raises(ConfigurationError, match="joint 'j_link_3'.*slides.*use method `ml`$"):
+    with pytest.raises(ConfigurationError, match=r"joint 'j_link_3'.*slides.*use method `ml`$"):
         identify(record, robot_of(parts), SETTINGS, 'ls')
     with pytest.raises(ConfigurationError, match='free base'):
         identify(record, robot_of(random_tree(rng, [0, 1, 2]), base='fixed'), SETTINGS)

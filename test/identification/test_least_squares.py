@@ -1,4 +1,4 @@
-"""The published method: exact without noise, biased with noise, and refused where it can not be."""
+"""The published method: exact without noise, biased with it, and refused where it can not be."""
 
 from __future__ import annotations
 
@@ -74,14 +74,14 @@ def test_equals_plain_least_squares():
     assert np.isnan(estimate.prior_factor)
 
 
-@pytest.mark.parametrize(('motion', 'rank'), [('still', 9), ('last_joint_only', 21)])
-def test_directions_that_are_not_excited_are_named(motion, rank):
+@pytest.mark.parametrize('motion', ['still', 'last_joint_only'])
+def test_directions_that_are_not_excited_are_named(motion):
     record = measure(simulate('zyx', 20.0, motion), 1, attitude_every=1)
     estimate = solve('zyx', record)
     assert not estimate.valid
     assert 'directions are not excited yet' in estimate.reason
     assert 0 < len(estimate.unexcited) == 22 - estimate.rank
-    assert estimate.rank <= rank  # one rigid body has six inertias and the sum of the wheels
+    assert estimate.chi2_per_dof == pytest.approx(1.0, abs=0.25)
     names = {*estimate.parameter_names, *(f'h_link_3_{a}' for a in 'xyz')}
     assert {word for text in estimate.unexcited for word in text.split()[1::2]} <= names
 

@@ -38,25 +38,25 @@ H = np.linalg.norm(H_TARGET)
 
 
 def test_ends_where_the_batch_ends():
-    run, data, estimates = half_minute()
-    batch = identify(data, servicer('zyx', prior=WRONG), IdentifierSettings())
+    run, _, estimates = half_minute()
     online = estimates[-1]
     assert online.valid
-    # the batch uses the last half second and its own splines, and projects onto physical bodies
-    assert np.max(np.abs(online.aam - batch.aam) / online.std[:3]) < 2.5
-    np.testing.assert_allclose(online.std[:3], batch.std[:3], rtol=0.5, atol=0)
     error, std = errors_of(online, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
     assert 0.9 <= online.chi2_per_dof <= 1.1
 
 
-def test_ends_on_physical_bodies():
-    _, data, estimates = half_minute()
-    linear = feed(identifier(manifold='linear'), data, period=5.0)[-1]
-    assert any('over physical bodies' in note for note in estimates[-1].notes)
-    assert not any('physical' in note for note in linear.notes)
-    assert np.all(estimates[-1].std <= 1.001 * linear.std)
-    assert np.max(np.abs(estimates[-1].aam - linear.aam) / linear.std[:3]) < 3.0
+@pytest.mark.parametrize('until', [10, 16, 24])
+@pytest.mark.parametrize(('prior', 'apart'), [(1.0, 0.1), (WRONG, 0.25)])
+def test_is_the_batch_up_to_its_stamp(prior, apart, until):
+    # about a wrong file the rows of early stretches stay linearized further away
+    data = measure(simulate('zyx', 30.0), 0)
+    settings, robot = IdentifierSettings(structure='symmetric'), servicer('zyx', prior=prior)
+    online = feed(OnlineIdentifier(robot, settings), data.between(-1.0, until), 1.0)[-1]
+    batch = identify(data.between(-1.0, (online.stamp_ns - ORIGIN_NS) * 1e-9), robot, settings)
+    assert online.samples == batch.samples == 100 * until - 49
+    assert np.max(np.abs(online.aam - batch.aam) / batch.std[:3]) < apart
+    np.testing.assert_allclose(online.std[:3], batch.std[:3], rtol=0.05, atol=0)
 
 
 def test_becomes_valid_soon_and_better():
@@ -91,15 +91,16 @@ def test_early_estimates_say_what_is_missing():
     assert estimates[0].reason.startswith('only 0.')
     assert '4 s are needed' in estimates[0].reason
     assert all(bool(e.reason) != e.valid for e in estimates)
-    assert estimates[-1].unexcited == ()
-    assert estimates[-1].rank == 22
+    assert set(estimates[-1].unexcited) <= {'base_link: mass'}
+    assert 22 <= estimates[-1].rank < estimates[-1].unknowns == 32
 
 
 def test_nothing_measured_yet():
     estimate = identifier().solve()
     assert not estimate.valid
     assert estimate.reason == 'no joint states and no gyro and no attitude yet'
-    assert estimate.unexcited == ('every direction',)
+    assert estimate.unexcited == ('everything',)
+    assert set(estimate.sources) == {'file'}
     estimate.check()
     online = identifier()
     online.add_rate(5, np.zeros(3))
@@ -107,45 +108,29 @@ def test_nothing_measured_yet():
 
 
 @cache
-def poorly_excited(motion):
+def poorly_excited(motion, prior=1.0):
     """Run and estimates of a motion that can not tell everything, solved once a second."""
-    run = simulate('zyx', 12.0, motion)
-    return run, feed(identifier(), measure(run, 0))
-
-
-def test_resting_arm_leaves_directions_that_are_named():
-    _, estimates = poorly_excited('still')
-    last = estimates[-1]
-    assert not any(e.valid for e in estimates)
-    assert last.rank < last.unknowns == 22
-    assert len(last.unexcited) == 22 - last.rank
-    assert 'directions are not excited yet' in last.reason
-    # the relative placement of the links can't be seen
-    assert any('Q' in text for text in last.unexcited)
-
-
-@pytest.mark.parametrize('motion', ['still', 'last_joint_only'])
-def test_unexcited_motion_is_not_confidently_wrong(motion):
-    run, estimates = poorly_excited(motion)
-    error, std = errors_of(estimates[-1], truth_of(run))
-    assert np.max(np.abs(error / std)) <= 5.0
+    run, settings = simulate('zyx', 12.0, motion), IdentifierSettings()
+    return run, feed(OnlineIdentifier(servicer('zyx', prior=prior), settings), measure(run, 0))
 
 
 def test_resting_arm_is_one_rigid_body():
-    # Six inertias of the whole and the sum of the wheels are all that a rigid body can tell.
+    # Six inertias of the whole and the sum of the wheels are all that a rigid body can tell; the
+    # file's bodies and its own wheels tell the rest.
     last = poorly_excited('still')[1][-1]
-    assert last.rank <= 9
+    assert last.unexcited[-1].startswith('link_')
+    assert 'link_1, link_2: mass, centre of mass, inertia' in last.unexcited
+    assert last.rank <= 3 + 9 + 4
+    assert np.max(last.std[:3]) > 5.0 * np.max(poorly_excited('last_joint_only')[1][-1].std[:3])
 
 
-def test_one_moving_joint_is_not_enough():
-    last = poorly_excited('last_joint_only')[1][-1]
-    assert not last.valid
-    assert 0 < len(last.unexcited) == 22 - last.rank
-    names = set(last.parameter_names) | {f'h_link_3_{a}' for a in 'xyz'}
-    for text in last.unexcited:
-        words = text.split()[1::2]
-        assert words, text
-        assert set(words) <= names
+@pytest.mark.parametrize('prior', [1.0, WRONG])
+@pytest.mark.parametrize('motion', ['still', 'last_joint_only'])
+def test_unexcited_motion_is_not_confidently_wrong(motion, prior):
+    run, estimates = poorly_excited(motion, prior)
+    error, std = errors_of(estimates[-1], truth_of(run, 'generic'))
+    assert np.max(np.abs(error / std)) <= 5.0
+    assert estimates[-1].valid or prior == WRONG
 
 
 def test_noise_levels_that_are_not_stated_are_said():
@@ -157,12 +142,9 @@ def test_noise_levels_that_are_not_stated_are_said():
     assert 0.85 <= estimates[-1].chi2_per_dof <= 1.15
 
 
-def test_fixed_base_and_sliding_joints_are_refused(rng):
+def test_a_fixed_base_is_refused(rng):
     with pytest.raises(ConfigurationError, match='free base'):
         OnlineIdentifier(robot_of(random_tree(rng, [0]), base='fixed'), IdentifierSettings())
-    robot = robot_of(random_tree(rng, [0], prismatic=(1,)))
-    with pytest.raises(ConfigurationError, match='revolute'):
-        OnlineIdentifier(robot, IdentifierSettings())
 
 
 def test_reset_forgets_everything():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 from pathlib import Path
 
@@ -62,19 +64,29 @@ def test_another_segment_keeps_what_is_known_of_the_robot():
 
 def test_what_was_saved_is_known_again(tmp_path):
     run, path = simulate('zyx', 20.0), tmp_path / 'known.json'
-    data, online = measure(run, 7), identifier(manifold='linear')
+    data, online = measure(run, 7), identifier()
     assert online.knowledge is None
     known = feed(online, data.between(-1.0, 10.0))[-1]
     save(path, online.knowledge, 0)
-    soon, later = identifier(manifold='linear'), identifier(manifold='linear')
+    soon, later = identifier(), identifier()
     soon.go_on(load(path, 0, soon.model))
     assert soon.knowledge is None  # it is saved already, and would pass for younger
     later.go_on(load(path, 100 * 10**9, later.model))
     assert_never_confidently_wrong([soon.solve(), later.solve()], run)
     assert np.all(later.solve().std[:3] > 2.0)  # wheels may run down in 1/0.003 s
     np.testing.assert_allclose(soon.solve().std, known.std, rtol=1e-6, atol=0)
+    for name in ('aam', 'parameters', 'covariance'):
+        want = getattr(known, name)
+        np.testing.assert_allclose(
+            getattr(soon.solve(), name), want, rtol=0, atol=1e-6 * np.max(np.abs(want))
+        )
+    assert soon.solve().sources == known.sources
+    assert soon.solve().prior_factor == pytest.approx(known.prior_factor, rel=1e-6)
+    tomorrow = load(path, 86_400 * 10**9, soon.model).estimate
+    assert np.all(tomorrow.std[:3] > np.abs(known.aam))  # wheels may stand still by then
+    np.testing.assert_allclose(tomorrow.std[3:], known.std[3:], rtol=0.1, atol=0)
     part = data.between(10.0, 20.0)
-    estimates, alone = feed(soon, part), feed(identifier(manifold='linear'), part)[-1]
+    estimates, alone = feed(soon, part), feed(identifier(), part)[-1]
     assert all(e.valid for e in estimates)
     assert_never_confidently_wrong(estimates, run)
     assert np.all(estimates[-1].std[:3] < 0.9 * alone.std[:3])
@@ -123,3 +135,17 @@ def test_a_torn_file_is_refused_and_the_one_before_used(tmp_path):
     (tmp_path / 'known.json.before').unlink()
     with pytest.raises(RecordingError, match=r'known.json: (is damaged|its check sum)'):
         load(path, 0, online.model)
+
+
+def test_a_file_of_before_is_refused_in_one_line(tmp_path):
+    online, path = identifier(), tmp_path / 'known.json'
+    feed(online, measure(simulate('zyx', 9.0), 7))
+    save(path, online.knowledge, 0)
+    text = json.loads(path.read_text(encoding='utf-8'))['content']
+    older = text.replace('"version": 2', '"version": 1')
+    assert older != text
+    whole = {'sum': hashlib.sha256(older.encode()).hexdigest(), 'content': older}
+    path.write_text(json.dumps(whole), encoding='utf-8')
+    with pytest.raises(RecordingError, match='is of version 1, not 2') as refusal:
+        load(path, 0, online.model)
+    assert '\n' not in str(refusal.value)

@@ -135,23 +135,29 @@ class MomentumFilter:
 
     def __init__(self, model: MomentumModel) -> None:
         self._model = model
-        self.information = SquareRootInformation(model.size)
+        self.information = SquareRootInformation(model.filter_size)
         self.log_spread = 0.0
         self._last: tuple[float, scipy.spatial.transform.Rotation] | None = None
         self._covariance = np.zeros((0, 0))
         # Mean by 1 and constants; joints count from zero between stretches.
-        self._mean = np.zeros((3 + 4 * model.n, 1 + model.size))
+        self._mean = np.zeros((3 + 4 * model.n, 1 + model.filter_size))
 
     def run(
-        self, stretch: Stretch, constants: Array, rows: list[tuple[Array, Array]] | None = None
+        self,
+        stretch: Stretch,
+        constants: Array,
+        rows: list[tuple[Array, Array]] | None = None,
+        *,
+        is_near: bool = True,
     ) -> Array:
         """Process a stretch, linearized about constants; a later one begins at the last's end.
 
         Args:
             stretch: The stretch.
             constants: (p,).
-            rows: Takes columns (r, p) and values (r,) of the rows that the information gets; None:
+            rows: Takes columns (r, g) and values (r,) of the rows that the information gets; None:
                 they are not kept.
+            is_near: See `MomentumModel.linearize`.
 
         Returns:
             (R,) values of the rows.
@@ -163,7 +169,8 @@ class MomentumFilter:
             self._mean[3:, 0] -= joints[0]
         misread, sensors = stretch.misreadings(self._model, constants)
         for part in stretch.parts:
-            rate = self._model.linearize(stretch.kinematics.part(part.times), constants)
+            motion = stretch.kinematics.part(part.times)
+            rate = self._model.linearize(motion, constants, is_near=is_near)
             found = self._run_part(stretch, part, rate, (misread, sensors))
             values.append(found[1])
             if rows is not None:
@@ -180,7 +187,7 @@ class MomentumFilter:
         drives = np.concatenate([rate.offset[..., None], rate.constants], axis=2)
         measured = _less_at_gyro(stretch, part, drives)
         measured[:, 0] += stretch.deviations[part.rows] - misread
-        measured[:, self._model.other.start + 1 :] -= by_nuisances
+        measured[:, self._model.filter_other.start + 1 :] -= by_nuisances
         gains = gains_of(space, self._covariance)
         rows = whiten(space, gains, self._mean, drives, defects, measured)
         self._covariance = gains.end

@@ -12,7 +12,12 @@ rate w_ref + D^-1 e that conserves momentum: taken at w_ref, whose noise e is ma
 be noise that agrees with the data. The reference comes from the data (splines), not from the
 constants, so wrong constants do not bend it.
 
-Symbols: N times, n joints, m coordinates, p = 3 + 3 n_links + m + nuisances constants.
+The filter's constants have y, or the minimal parameters x(y), in which momentum is linear: what is
+told of x stays right wherever the bodies turn out to be. There are more of them, so arms of many
+joints have y.
+
+Symbols: N times, n joints, m coordinates, p = 3 + 3 n_links + m + nuisances constants; of the
+filter g are as many with x, or y, in place of y.
 """
 
 from __future__ import annotations
@@ -30,6 +35,7 @@ from ...model.robot import Robot
 from ...types import Array
 from ..trajectory.reference import Kinematics, ReferenceTrajectory
 from ..unknowns.body_coordinates import BodyCoordinates
+from ..unknowns.minimal import minimal_regressor, minimal_set
 from ..unknowns.nuisances import Nuisances
 from ..unknowns.torque_hold import held_jerk
 
@@ -41,7 +47,7 @@ class RateErrorModel:
     Args:
         offset: (N, 3) [rad/s].
         state: (N, 3, 3 + 2 n) by z = [dphi; q - q_ref; q' - q'_ref].
-        constants: (N, 3, p) by the errors of [h_W; AAM; y; nuisances].
+        constants: (N, 3, g) by the errors of the filter's constants.
     """
 
     offset: Array
@@ -56,18 +62,28 @@ class MomentumModel:
         robot: Free-floating robot.
         structure: Of its bodies, `generic` or `symmetric` (`BodyCoordinates`).
         nuisances: Ids of further unknowns (see `Nuisances`).
+        is_minimal: Whether the filter's constants have minimal parameters in place of bodies.
 
     Attributes:
         bodies: Coordinates of the bodies.
         size: Number p of constants, in the order [h_W; AAM; y; nuisances].
         aam: Their slice of wheel momentum. y: Their slice of bodies.
         other: Their slice of nuisances.
+        filter_size: Number g of the filter's constants, in the same order.
+        filter_bodies: Their slice of bodies. filter_other: Their slice of nuisances.
 
     Raises:
         ConfigurationError: fixed base.
     """
 
-    def __init__(self, robot: Robot, structure: str, nuisances: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        structure: str,
+        nuisances: tuple[str, ...] = (),
+        *,
+        is_minimal: bool = False,
+    ) -> None:
         check_momentum(robot)
         self.robot, self.structure = robot, structure
         self.bodies = BodyCoordinates(robot, structure)
@@ -81,6 +97,35 @@ class MomentumModel:
         self.y = slice(self.aam.stop, self.aam.stop + self.bodies.size)
         self.size = self.y.stop + self.nuisances.size
         self.other = slice(self.y.stop, self.size)
+        self._minimal = minimal_set(robot, structure) if is_minimal else None
+        count = self.bodies.size if self._minimal is None else len(self._minimal)
+        self.filter_bodies = slice(self.y.start, self.y.start + count)
+        self.filter_size = self.filter_bodies.stop + self.nuisances.size
+        self.filter_other = slice(self.filter_bodies.stop, self.filter_size)
+
+    @property
+    def is_minimal(self) -> bool:
+        """Whether the filter's constants have minimal parameters in place of bodies."""
+        return self._minimal is not None
+
+    def filtered(self, constants: Array) -> Array:
+        """(g,) the filter's constants for constants (p,)."""
+        bodies = self.told_of(constants[self.y])
+        return np.concatenate([constants[: self.y.start], bodies, constants[self.other]])
+
+    def told_of(self, y: Array) -> Array:
+        """(k,) what the filter tells of bodies: minimal parameters, or the coordinates (m,)."""
+        return y if self._minimal is None else self._minimal.of_bodies(*self.bodies.bodies(y))
+
+    def told_slopes(self, y: Array) -> Array:
+        """(k, m) derivatives of `told_of`."""
+        if self._minimal is None:
+            return np.eye(len(y))
+        return self.bodies.derivatives(self._minimal.of_bodies, y)
+
+    def stepped(self, y: Array, step: Array) -> Array:
+        """(m,) coordinates after a step (m,), see `BodyCoordinates.stepped`."""
+        return self.bodies.stepped(y, step)
 
     def prior(self) -> Array:
         """(p,) constants that the robot file believes in; the total momentum is left zero."""
@@ -100,13 +145,18 @@ class MomentumModel:
             (N, 3) R^T h_W - A u - h0 - sum R_b h_b in the base frame, and (N, 3, p) its
             derivatives by the constants.
         """
-        return self._balance(motion, self._moving(motion, constants), constants)
+        moving = self._moving(motion, constants)
+        missing, by_momenta = self._by_momenta(motion, moving, constants)
+        columns = np.zeros((len(missing), 3, self.size))
+        columns[..., : self.y.start] = by_momenta
+        columns[..., self.y] = -self._by_bodies(moving, constants)
+        return missing, columns
 
     def total_momentum(self, motion: Kinematics, constants: Array) -> Array:
         """(3,) mean of h_W along a motion that all other constants imply [N m s]."""
         others = constants.copy()
         others[:3] = 0.0
-        missing, _ = self.balance(motion, others)
+        missing, _ = self._by_momenta(motion, self._moving(motion, others), others)
         return np.asarray(np.mean(motion.rotation.apply(-missing), axis=0))
 
     def joint_share(self, motion: Kinematics, constants: Array) -> float:
@@ -121,19 +171,38 @@ class MomentumModel:
         """(3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
         return held_jerk(self.robot_at(constants), trajectory)
 
-    def linearize(self, reference: Kinematics, constants: Array) -> RateErrorModel:
-        """Body-rate error of the reference, about given constants (p,)."""
+    def linearize(
+        self, reference: Kinematics, constants: Array, *, is_near: bool = True
+    ) -> RateErrorModel:
+        """Body-rate error of the reference, about given constants (p,).
+
+        Args:
+            reference: N times.
+            constants: (p,).
+            is_near: Whether they are near enough for the rates that conserve momentum with them;
+                otherwise E and V are those at the measured rates.
+        """
         moving = self._moving(reference, constants)
-        missing, columns = self._balance(reference, moving, constants)
+        missing, by_momenta = self._by_momenta(reference, moving, constants)
+        columns = np.zeros((len(missing), 3, self.filter_size))
+        columns[..., : self.y.start] = by_momenta
         added, by_aam = self._imbalance(reference, constants, columns)
         missing += added + by_aam @ constants[self.aam]
         inverse = np.linalg.inv(moving.inertia[:, :, :3])
         offset = np.einsum('nab,nb->na', inverse, missing)
-        moving = self._moving(replace(reference, omega=reference.omega + offset), constants)
-        columns[..., self.y] = -self._by_bodies(moving, constants)
+        right = reference
+        if is_near:
+            right = replace(reference, omega=reference.omega + offset)
+            moving = self._moving(right, constants)
+        if self._minimal is None:
+            columns[..., self.filter_bodies] = -self._by_bodies(moving, constants)
+        else:
+            columns[..., self.filter_bodies] = -minimal_regressor(self._minimal, right)
         columns[..., self.aam] += by_aam
-        external = self.other.start + np.flatnonzero(self.nuisances.is_external)
-        total = columns[..., :3] @ constants[:3] + columns[..., external] @ constants[external]
+        external = np.flatnonzero(self.nuisances.is_external)
+        by_external = columns[..., self.filter_other.start + external]
+        total = columns[..., :3] @ constants[:3]
+        total += by_external @ constants[self.other.start + external]
         state = np.empty((len(offset), 3, 3 + 2 * self.n))
         # R^T h_W turns with the attitude, the wheels with their links, the rest with D and Dq.
         state[..., :3] = skew(total)
@@ -151,15 +220,15 @@ class MomentumModel:
         tree['inertial'] = self.bodies.rows(constants[self.y])[tree['number']]
         return tree
 
-    def _balance(
+    def _by_momenta(
         self, motion: Kinematics, moving: AngularMomentum, constants: Array
     ) -> tuple[Array, Array]:
-        columns = np.zeros((len(motion.time), 3, self.size))
+        """Momentum that is missing (N, 3), and its derivatives by [h_W; AAM] alone."""
+        columns = np.empty((len(motion.time), 3, self.y.start))
         columns[..., :3] = np.swapaxes(motion.matrices, 1, 2)
         for i, (body, rotation) in enumerate(self._wheels):
             columns[..., 3 + 3 * i : 6 + 3 * i] = -moving.rotations[:, body] @ rotation
-        columns[..., self.y] = -self._by_bodies(moving, constants)
-        momenta = columns[..., : self.y.start] @ constants[: self.y.start]
+        momenta = columns @ constants[: self.y.start]
         return momenta - moving.momentum - self._h0, columns
 
     def _by_bodies(self, moving: AngularMomentum, constants: Array) -> Array:
@@ -185,7 +254,7 @@ class MomentumModel:
         if not nuisances.acts_on_momentum:
             return np.zeros((len(columns), 3)), by_aam
         aam = constants[self.aam]
-        columns[..., self.other] = nuisances.imbalance(values, reference, aam)[1]
+        columns[..., self.filter_other] = nuisances.imbalance(values, reference, aam)[1]
         rest = nuisances.imbalance(values, reference, np.zeros(self.n_aam))[0]
         for i, unit in enumerate(np.eye(self.n_aam)):
             by_aam[..., i] = nuisances.imbalance(values, reference, unit)[0] - rest

@@ -83,7 +83,7 @@ class MinimalSet:
         return self.tree.matrix(parameters if expansion is None else expansion @ parameters)
 
 
-def minimal_regressor(robot: Robot, minimal: MinimalSet, motion: Kinematics) -> Array:
+def minimal_regressor(minimal: MinimalSet, motion: Kinematics) -> Array:
     """(N, 3, k) regressor Y of the angular momentum without the robot's wheels: h_B = Y x."""
     u = np.hstack([motion.omega, motion.qd])
     return _regressor(minimal.tree, motion.q, u, minimal.expansion)

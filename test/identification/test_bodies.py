@@ -1,19 +1,17 @@
-"""Projection onto physical bodies, and the robot written back, against simulated truth."""
+"""Bodies as unknowns: physical whatever their coordinates, and the robot found, against truth."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.identification import changed, errors_of, measure, servicer, simulate, truth_of
-from support.models import H_TARGET
+from support.identification import changed, measure, servicer, simulate
+from support.models import H_TARGET, random_tree, robot_of
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
-from spacerobot_ros.estimation.unknowns.minimal import minimal_set
+from spacerobot_ros.estimation.unknowns.body_coordinates import BodyCoordinates
 from spacerobot_ros.identification.batch import identify, identify_robot
-from spacerobot_ros.identification.physical import BodyParameters, project
 from spacerobot_ros.model.rigid_body import check_inertia
 from spacerobot_ros.model.settings import IdentifierSettings
 from spacerobot_ros.model.writer import urdf_text, write_robot_file
@@ -38,40 +36,13 @@ def found(run, believed):
     return identify_robot(measure(run, 3), believed, GENERIC)
 
 
-def test_bodies_sharpen_the_estimate_and_stay_honest(run, believed, found):
-    linear = identify(measure(run, 3), believed, replace(GENERIC, manifold='linear'))
-    truth = truth_of(run, 'generic')
-    error, std = errors_of(found.estimate, truth)
-    # 45 numbers of a generic arm come from bodies of 30 dimensions: the worst AAM gains twice.
-    assert np.max(found.estimate.std[:3]) < 0.6 * np.max(linear.std[:3])
-    assert np.max(np.abs(error[3:6] / std[3:6])) <= 4.0
-
-
-def test_a_body_that_can_not_be_is_named():
-    """Inertia of the last link against the triangle inequality, as exact constants say it."""
-    robot = servicer('zyx')
-    model = MomentumModel(robot, minimal_set(robot, 'symmetric'))
-    pi = model.tree.parameters()
-    place = model.tree.names.index('J3xx')
-    impossible = np.array([5.0, 100.0, 300.0])  # of link 3: 300 > 5 + 100
-    pi[[place, place + 3, place + 5]] += impossible - np.diag(robot.bodies[3].inertia)
-    constants = np.concatenate([np.ones(3), H_TARGET, model.minimal.regrouping @ pi])
-    factor = np.diag(1.0 / np.maximum(1e-3 * np.abs(constants), 1e-2))
-    found = project(model, IdentifierSettings(), constants, factor)
-    assert 'link_3' in found.contradiction
-    assert 'base_link' not in found.contradiction
-    fits = model.minimal.regrouping @ model.tree.parameters()
-    constants[model.x] = fits
-    assert not project(model, IdentifierSettings(), constants, factor).contradiction
-
-
 def test_bodies_are_physical(found):
     for body in found.robot.bodies:
         check_inertia(body.mass, body.inertia, body.name)
 
 
 def test_dynamics_of_the_bodies_are_those_of_the_truth(run, found, rng):
-    truth = Dynamics(servicer('zyx').with_target_momentum(np.array([42.0, 49.0, 41.0])))
+    truth = Dynamics(servicer('zyx').with_target_momentum(H_TARGET))
     rebuilt = Dynamics(found.robot)
     for _ in range(20):
         q, qd, omega = rng.uniform(-1, 1, 3), 0.3 * rng.normal(size=3), 0.1 * rng.normal(size=3)
@@ -90,14 +61,49 @@ def test_wrong_structure_is_reported_not_averaged_away():
     assert not estimate.valid
 
 
-@pytest.mark.parametrize('structure', ['generic', 'symmetric'])
+STRUCTURES = pytest.mark.parametrize('structure', ['generic', 'symmetric'])
+
+
+@STRUCTURES
 def test_coordinates_start_at_the_robot_file(structure):
     robot = servicer('zyx')
-    bodies = BodyParameters(robot, structure)
+    bodies = BodyCoordinates(robot, structure)
     rebuilt = bodies.robot(np.zeros(bodies.size))
     np.testing.assert_allclose(
         rebuilt.inertial_parameters, robot.inertial_parameters, rtol=1e-12, atol=1e-9
     )
+
+
+@STRUCTURES
+@pytest.mark.parametrize('size', [0.1, 1.0, 3.0])
+def test_bodies_are_physical_at_any_coordinates(structure, size, rng):
+    robot = servicer('zyx')
+    bodies = BodyCoordinates(robot, structure)
+    for _ in range(20):
+        y = size * rng.standard_normal(bodies.size)
+        found = bodies.robot(y)
+        for body, known in zip(found.bodies, robot.bodies, strict=True):
+            check_inertia(body.mass, body.inertia, body.name)
+            if structure == 'symmetric':  # what is zero in the URDF stays there
+                assert not np.any(body.inertia[known.inertia == 0.0])
+        if size < 1.0:  # flatter ones are kept a little inside the boundary
+            np.testing.assert_allclose(bodies.coordinates(found), y, rtol=0, atol=1e-6)
+
+
+@STRUCTURES
+def test_slopes_are_those_of_the_inertial_parameters(structure, rng):
+    robot = robot_of(random_tree(rng, [0, 1, 1], prismatic=(2,)))
+    bodies = BodyCoordinates(robot, structure)
+    y, step = 0.2 * rng.standard_normal(bodies.size), 1e-6
+    slopes = bodies.slopes(y)
+    rows, columns = np.nonzero(bodies.free)
+    for i, (body, column) in enumerate(zip(rows, columns, strict=True)):
+        change = step * (np.arange(bodies.size) == i)
+        ahead, behind = (bodies.robot(y + s * change).inertial_parameters for s in (1.0, -1.0))
+        want = (ahead - behind) / (2.0 * step)
+        assert not np.any(np.delete(want, body, axis=0))
+        # differences of either side, of numbers of ten
+        np.testing.assert_allclose(slopes[body, :, column], want[body], rtol=1e-6, atol=1e-6)
 
 
 def test_written_robot_loads_as_it_was(tmp_path, found, believed):
